@@ -1,0 +1,7 @@
+//! Non-line-of-sight reconstruction on Vulkan compute.
+
+pub mod capture;
+pub mod error;
+pub mod maps;
+
+pub use error::{Error, Kind, Result};
