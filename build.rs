@@ -1,5 +1,104 @@
+//! Compiles every kernel variant of the table below to SPIR-V and writes, for the crate to include:
+//! the words, what each kernel binds (name, slot, access), its specialization constants, and the Rust side
+//! of the structs that host and kernels share. The output depends on the sources alone.
 extern crate shaderc_link;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+#[path = "glsl/shared.rs"]
+mod shared;
+#[path = "glsl/spirv.rs"]
+mod spirv;
+
+/// (variant, source in glsl/, macros). A variant is a module of its own only where it needs other
+/// extensions; every other choice is a specialization constant.
+const KERNELS: &[(&str, &str, &[&str])] = &[
+    ("arguments", "arguments.comp", &[]),
+    ("backward", "backward.comp", &[]),
+    ("compact_count", "compact_count.comp", &[]),
+    ("compact_scan", "compact_scan.comp", &[]),
+    ("compact_scatter", "compact_scatter.comp", &[]),
+    ("dilate", "dilate.comp", &[]),
+    ("double_domain", "double_domain.comp", &[]),
+    ("double_raw", "double_raw.comp", &[]),
+    ("extract", "extract.comp", &[]),
+    ("finish", "finish.comp", &[]),
+    ("forward_cas", "forward.comp", &["ACCUMULATE_CAS"]),
+    ("forward_fixed32", "forward.comp", &["ACCUMULATE_FIXED32"]),
+    ("forward_fixed64", "forward.comp", &["ACCUMULATE_FIXED64"]),
+    ("forward_float", "forward.comp", &["ACCUMULATE_FLOAT"]),
+    ("forward_owned", "forward.comp", &["ACCUMULATE_OWNED"]),
+    ("gaussian", "gaussian.comp", &[]),
+    ("initialise", "initialise.comp", &[]),
+    ("noise", "noise.comp", &[]),
+    ("residual", "residual.comp", &[]),
+    ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
+    ("sample", "sample.comp", &[]),
+    ("threshold", "threshold.comp", &[]),
+    ("update", "update.comp", &[]),
+];
+
 fn main() {
-    let c = shaderc::Compiler::new();
-    println!("cargo:warning={}", c.is_ok());
+    println!("cargo:rerun-if-changed=glsl");
+    println!("cargo:rerun-if-changed=build.rs");
+    let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
+    let compiler = shaderc::Compiler::new().unwrap_or_else(|e| {
+        panic!("shaderc does not start ({e}). On Debian: apt-get install libshaderc-dev; elsewhere cmake, git, python3 and a C++ compiler let the shaderc crate build itself")
+    });
+
+    let mut rust = String::from("// Written by build.rs.\n\n");
+    rust.push_str(&shared::rust());
+    rust.push_str("pub static KERNELS: &[KernelCode] = &[\n");
+    for (name, source, macros) in KERNELS {
+        let words = compile(&compiler, source, macros);
+        let file = out.join(format!("{name}.spv"));
+        let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        fs::write(&file, bytes).expect("OUT_DIR is writable");
+        let module = spirv::reflect(&words);
+        let _ = write!(rust, "    KernelCode {{\n        name: \"{name}\",\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[\n");
+        for b in &module.bindings {
+            let _ = writeln!(
+                rust,
+                "            Binding {{ name: \"{}\", slot: {}, uniform: {}, reads: {}, writes: {} }},",
+                b.name, b.slot, b.uniform, b.reads, b.writes
+            );
+        }
+        rust.push_str("        ],\n        constants: &[\n");
+        for c in &module.constants {
+            let _ = writeln!(rust, "            Constant {{ name: \"{}\", id: {} }},", c.name, c.id);
+        }
+        rust.push_str("        ],\n    },\n");
+    }
+    rust.push_str("];\n");
+    fs::write(out.join("kernels.rs"), rust).expect("OUT_DIR is writable");
+}
+
+fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u32> {
+    let mut options = shaderc::CompileOptions::new().expect("shaderc gives options");
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
+    options.set_target_spirv(shaderc::SpirvVersion::V1_5);
+    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    // Names of blocks and constants: the host binds by name.
+    options.set_generate_debug_info();
+    options.set_warnings_as_errors();
+    for m in macros {
+        options.add_macro_definition(m, Some("1"));
+    }
+    options.set_include_callback(|wanted, _, from, _| {
+        let content = if wanted == "shared.glsl" {
+            shared::glsl()
+        } else {
+            let path = Path::new("glsl/include").join(wanted);
+            fs::read_to_string(&path).map_err(|e| format!("{from} includes {}: {e}", path.display()))?
+        };
+        Ok(shaderc::ResolvedInclude { resolved_name: wanted.to_string(), content })
+    });
+    let path = Path::new("glsl").join(source);
+    let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let artifact = compiler
+        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, &path.to_string_lossy(), "main", Some(&options))
+        .unwrap_or_else(|e| panic!("{source} {macros:?}: {e}"));
+    artifact.as_binary().to_vec()
 }

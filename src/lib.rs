@@ -5,3 +5,6 @@ pub mod error;
 pub mod maps;
 
 pub use error::{Error, Kind, Result};
+
+pub mod gpu;
+pub mod transport;

@@ -1,0 +1,42 @@
+// One invocation turns the counts into indirect dispatch arguments, so the host never reads a count back.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+layout(local_size_x = 1) in;
+layout(constant_id = 10) const uint OWNED = 0u;    // forward: one dispatch per chunk of voxels, or one in all
+layout(constant_id = 11) const uint LANES = 64u;   // forward: pairs of a workgroup
+layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels of a workgroup
+layout(constant_id = 13) const uint VOXELS = 64u;  // backward: voxels of a workgroup
+layout(constant_id = 14) const uint FORWARD_SETS = 1u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) writeonly buffer Arguments { uint arguments[]; };
+
+void write(uint triple, uint x, uint y) {
+    arguments[3u * triple] = x;
+    arguments[3u * triple + 1u] = y;
+    arguments[3u * triple + 2u] = 1u;
+}
+
+// n workgroups, going on along y after GROUPS_X.
+void write_groups(uint triple, uint n) {
+    write(triple, min(n, GROUPS_X), n == 0u ? 0u : (n + GROUPS_X - 1u) / GROUPS_X);
+}
+
+uint parts(uint n, uint size) { return n / size + (n % size == 0u ? 0u : 1u); }
+
+void main() {
+    uint voxels = counts[COUNT_ACTIVE];
+    write_groups(ARGUMENTS_SAMPLE, parts(voxels, WORKGROUP));
+    write_groups(ARGUMENTS_BACKWARD, parts(voxels, VOXELS));
+    write_groups(ARGUMENTS_UPDATE, parts(counts[COUNT_TOUCHED], WORKGROUP));
+    uint tiles = parts(scene.pairs, LANES);
+    if (OWNED == 0u) {
+        uint chunks = parts(voxels, CHUNK);
+        write(ARGUMENTS_FORWARD, chunks == 0u ? 0u : tiles, chunks);
+    } else {
+        for (uint i = 0u; i < FORWARD_SETS; ++i) {
+            uint here = i * CHUNK < voxels ? tiles : 0u;
+            write(ARGUMENTS_FORWARD + i, here, here == 0u ? 0u : 1u);
+        }
+    }
+}

@@ -1,0 +1,71 @@
+// Gradient by gathering. A lane owns one active voxel and walks the pairs, reading the one or two bins of
+// each that the voxel reached: no atomics, the sums stay in registers. VOXELS lanes of a workgroup are
+// neighbours in brick order, so they read neighbouring bins of the same histogram; SLICES lanes share a voxel
+// where there are too few voxels to fill the device, and are summed in a fixed order at the end.
+// Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize ends
+// here, the adjoint of the interpolation is update.comp's.
+// EXACT = 0 leaves the falloff out of the gradient, as the paper does: the exact gradient of the objective
+// weighted by the falloff.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "surface.glsl"
+#include "transport.glsl"
+layout(local_size_x_id = 10, local_size_y_id = 11) in;
+layout(constant_id = 10) const uint VOXELS = 64u;
+layout(constant_id = 11) const uint SLICES = 1u;
+layout(constant_id = 12) const uint SPLIT = 1u;
+layout(constant_id = 13) const uint EXACT = 0u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 6) readonly buffer SampleNormals { vec4 sample_normals[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]; };
+layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
+
+shared vec4 parts[VOXELS * SLICES];
+
+float gathered(uint row, int bin) {
+    return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint slice = gl_LocalInvocationID.y;
+    uint slot = group_index() * VOXELS + lane;
+    bool owned = slot < counts[COUNT_ACTIVE];
+    vec4 s = owned ? sample_points[slot] : vec4(0.0);
+    vec4 n = owned ? sample_normals[slot] : vec4(0.0);
+    vec4 sum = vec4(0.0); // d/d albedo, d/d normal without the factor albedo
+    uint last = min(push.first + PAIR_CHUNK, scene.pairs);
+    for (uint pair = push.first + slice; owned && pair < last; pair += SLICES) {
+        Kernel k = confocal_kernel(wall[pair].xyz, s.xyz, n.xyz);
+        uint row = pair * scene.bins;
+        float r;
+        if (SPLIT != 0u) {
+            float centre = k.bin - 0.5;
+            float low = floor(centre);
+            r = mix(gathered(row, int(low)), gathered(row, int(low) + 1), centre - low);
+        } else {
+            r = gathered(row, int(floor(k.bin)));
+        }
+        if (EXACT != 0u) r *= k.falloff;
+        if (k.cosine > 0.0) sum += r * vec4(k.cosine, k.toward);
+    }
+    if (SLICES > 1u) {
+        parts[slice * VOXELS + lane] = sum;
+        barrier();
+        if (slice == 0u) {
+            for (uint i = 1u; i < SLICES; ++i) sum += parts[i * VOXELS + lane];
+        }
+    }
+    if (slice != 0u || !owned) return;
+    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += gradient[slot];
+    if ((push.flags & BACKWARD_FINISH) != 0u) {
+        float albedo = s.w;
+        vec4 g = vec4(sum.x + scene.l1_scale * sign(albedo), sum.yzw * albedo);
+        sum = through_surface(g, albedo, n.xyz, n.w);
+    }
+    gradient[slot] = sum;
+}

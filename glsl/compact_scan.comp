@@ -1,0 +1,36 @@
+// Compaction, step 2 of 3: exclusive prefix sum of the bricks' counts in place, and the total. One workgroup:
+// each lane sums a contiguous run of bricks, the runs are scanned in shared memory, each lane writes its run.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 256) in;
+layout(constant_id = 10) const uint TOTAL = 0u; // which of `counts` gets the total
+layout(std430, set = 0, binding = 1) buffer BrickOffsets { uint brick_offsets[]; };
+layout(std430, set = 0, binding = 2) buffer Counts { uint counts[]; };
+
+shared uint runs[256];
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint length = (brick_count() + 255u) / 256u;
+    uint begin = min(lane * length, brick_count());
+    uint end = min(begin + length, brick_count());
+    uint sum = 0u;
+    for (uint i = begin; i < end; ++i) sum += brick_offsets[i];
+    runs[lane] = sum;
+    barrier();
+    for (uint stride = 1u; stride < 256u; stride <<= 1) {
+        uint before = lane >= stride ? runs[lane - stride] : 0u;
+        barrier();
+        runs[lane] += before;
+        barrier();
+    }
+    uint offset = runs[lane] - sum;
+    for (uint i = begin; i < end; ++i) {
+        uint count = brick_offsets[i];
+        brick_offsets[i] = offset;
+        offset += count;
+    }
+    if (lane == 255u) counts[TOTAL] = runs[255];
+}

@@ -1,0 +1,52 @@
+// Lateral maps from the volume: one invocation owns one column (x, y) and walks z for the brightest active
+// voxel. Writes (albedo, depth of that voxel, depth refined, 1 if anything) and (normal, 0). The refined depth
+// is the albedo's centroid over the voxels within REACH of the brightest one.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "surface.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint REACH = 2u;
+layout(std430, set = 0, binding = 1) readonly buffer Raw { vec4 raw[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Mask { uint mask[]; };
+layout(std430, set = 0, binding = 3) writeonly buffer Columns { vec4 columns[]; };
+
+// Albedo of an active voxel, 0 elsewhere and below zero.
+float albedo_at(uvec3 c) {
+    uint index = voxel_index(c);
+    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? max(raw[index].x, 0.0) : 0.0;
+}
+
+void main() {
+    uint column = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (column >= scene.grid_x * scene.grid_y) return;
+    uvec3 c = uvec3(column / scene.grid_y, column % scene.grid_y, 0u);
+    float best = 0.0;
+    uint depth = 0u;
+    for (uint z = scene.near_z; z < scene.grid_z; ++z) {
+        float a = albedo_at(uvec3(c.xy, z));
+        if (a > best) {
+            best = a;
+            depth = z;
+        }
+    }
+    if (best == 0.0) {
+        columns[2u * column] = vec4(0.0);
+        columns[2u * column + 1u] = vec4(0.0);
+        return;
+    }
+    float weight = 0.0;
+    float moment = 0.0;
+    uint last = min(depth + REACH, scene.grid_z - 1u);
+    for (uint z = depth - min(depth, REACH); z <= last; ++z) {
+        float a = albedo_at(uvec3(c.xy, z));
+        weight += a;
+        moment += a * (float(z) - float(depth));
+    }
+    c.z = depth;
+    float centre = position(vec3(c)).z;
+    vec3 u = toward_wall(raw[voxel_index(c)].yzw);
+    columns[2u * column] = vec4(best, centre, centre + moment / weight * scene.pitch_z, 1.0);
+    columns[2u * column + 1u] = vec4(u / safe_length(u), 0.0);
+}

@@ -1,0 +1,60 @@
+// Renders transients. A workgroup owns a tile of LANES consecutive pairs and a chunk of consecutive active
+// voxels; a lane owns one pair and walks the chunk, so lanes of a workgroup never add to the same bin and all
+// read the same voxel at once (one broadcast load). Other workgroups share the pair: hence accumulate().
+// In the OWNED variant the chunk is the whole dispatch, so a histogram belongs to one lane and a plain add
+// does. Chunks stay below the 65,535 loop turns after which lavapipe gives up silently.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#ifdef ACCUMULATE_FLOAT
+#extension GL_EXT_shader_atomic_float : require
+#endif
+#ifdef ACCUMULATE_FIXED64
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_atomic_int64 : require
+#endif
+#include "shared.glsl"
+#include "grid.glsl"
+#include "transport.glsl"
+layout(local_size_x_id = 10) in;
+layout(constant_id = 10) const uint LANES = 64u;
+layout(constant_id = 11) const uint CHUNK = 256u;
+layout(constant_id = 12) const uint SPLIT = 1u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
+layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
+
+#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+#include "fixed.glsl"
+float fixed_scale;
+#endif
+#include "accumulate.glsl"
+
+void main() {
+    uint pair = gl_WorkGroupID.x * LANES + gl_LocalInvocationID.x;
+    if (pair >= scene.pairs) return;
+    uint voxels = counts[COUNT_ACTIVE];
+    uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
+    uint end = min(begin + CHUNK, voxels);
+#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+    fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
+#endif
+    vec3 point = wall[pair].xyz;
+    uint row = pair * scene.bins;
+    for (uint slot = begin; slot < end; ++slot) {
+        vec4 s = sample_points[slot];
+        Kernel k = confocal_kernel(point, s.xyz, sample_normals[slot].xyz);
+        float value = s.w * max(k.cosine, 0.0) * k.falloff;
+        if (SPLIT != 0u) {
+            float centre = k.bin - 0.5;
+            float low = floor(centre);
+            float share = centre - low;
+            int bin = int(low);
+            if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value * (1.0 - share));
+            if (bin >= -1 && bin + 1 < int(scene.bins)) accumulate(row + uint(bin + 1), value * share);
+        } else {
+            int bin = int(floor(k.bin));
+            if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
+        }
+    }
+}

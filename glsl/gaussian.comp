@@ -1,0 +1,53 @@
+// One axis of the separable Gaussian over the volume; one invocation owns one voxel and reads its
+// 2 RADIUS + 1 neighbours along AXIS, zero beyond the grid. The first pass reads the raw albedo of active
+// voxels instead of a volume, the last one keeps the maximum, so smoothing costs three passes and no copies.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint AXIS = 0u;
+layout(constant_id = 11) const uint FIRST = 1u;
+layout(constant_id = 12) const uint LAST = 0u;
+layout(std430, set = 0, binding = 1) readonly buffer Taps { float taps[]; }; // [0] = radius, then weights 0..radius
+layout(std430, set = 0, binding = 2) readonly buffer Raw { vec4 raw[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Mask { uint mask[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Source { float source[]; };
+layout(std430, set = 0, binding = 5) writeonly buffer Target { float smoothed[]; };
+layout(std430, set = 0, binding = 6) buffer Counts { uint counts[]; };
+
+shared float peaks[WORKGROUP];
+
+float value_at(uvec3 c) {
+    uint index = voxel_index(c);
+    if (FIRST == 0u) return source[index];
+    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? raw[index].x : 0.0;
+}
+
+void main() {
+    uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    float sum = 0.0;
+    if (index < brick_count() * 512u) {
+        uvec3 c = voxel_at(index);
+        if (in_grid(c)) {
+            int radius = int(taps[0]);
+            int here = int(c[AXIS]);
+            int last = int(grid_size()[AXIS]) - 1;
+            for (int i = max(here - radius, 0); i <= min(here + radius, last); ++i) {
+                uvec3 n = c;
+                n[AXIS] = uint(i);
+                sum += taps[1 + abs(i - here)] * value_at(n);
+            }
+        }
+        smoothed[index] = sum;
+    }
+    if (LAST == 0u) return;
+    uint lane = gl_LocalInvocationID.x;
+    peaks[lane] = max(sum, 0.0);
+    barrier();
+    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
+        if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
+        barrier();
+    }
+    if (lane == 0u) atomicMax(counts[COUNT_PEAK_SMOOTH], floatBitsToUint(peaks[0]));
+}

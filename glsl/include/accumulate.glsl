@@ -1,0 +1,52 @@
+// One interface, accumulate(index, value), over five ways to add to the histograms. Needs the macro of one.
+//
+//   FLOAT    native fp32 atomic add.
+//   CAS      compare and swap on the bits: anywhere, slow where lanes collide.
+//   FIXED64  64-bit integer atomic add of a scaled value: any order gives the same bits.
+//   FIXED32  the same sum by two 32-bit atomics with a carry, for devices without 64-bit atomics.
+//   OWNED    plain add: the dispatch gives each histogram to one invocation.
+
+#if defined(ACCUMULATE_FLOAT)
+layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
+void accumulate(uint index, float value) { atomicAdd(histograms[index], value); }
+
+#elif defined(ACCUMULATE_OWNED)
+layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
+void accumulate(uint index, float value) { histograms[index] += value; }
+
+#elif defined(ACCUMULATE_CAS)
+layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
+void accumulate(uint index, float value) {
+    uint seen = histograms[index];
+    // Bounded by the number of colliding adders, each of which wins once.
+    for (;;) {
+        uint old = atomicCompSwap(histograms[index], seen, floatBitsToUint(uintBitsToFloat(seen) + value));
+        if (old == seen) break;
+        seen = old;
+    }
+}
+
+#elif defined(ACCUMULATE_FIXED64)
+layout(std430, set = 0, binding = 4) buffer Histograms { int64_t histograms[]; };
+void accumulate(uint index, float value) {
+    if (value != 0.0) atomicAdd(histograms[index], int64_t(value * fixed_scale));
+}
+
+#elif defined(ACCUMULATE_FIXED32)
+layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
+void accumulate(uint index, float value) {
+    if (value == 0.0) return;
+    // Magnitude first: both words are then exact in fp32, and truncation is toward zero as in int64_t().
+    float magnitude = trunc(abs(value) * fixed_scale);
+    float upper = floor(magnitude * (1.0 / 4294967296.0));
+    uint hi = uint(upper);
+    uint lo = uint(magnitude - upper * 4294967296.0);
+    if (value < 0.0) {
+        lo = ~lo + 1u;
+        hi = ~hi + (lo == 0u ? 1u : 0u);
+    }
+    uint before = atomicAdd(histograms[2u * index], lo);
+    hi += before + lo < before ? 1u : 0u;
+    if (hi != 0u) atomicAdd(histograms[2u * index + 1u], hi);
+}
+#endif

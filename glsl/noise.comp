@@ -1,0 +1,47 @@
+// Learns the noise term from the residual. A workgroup owns one pair: PER_HISTOGRAM sums the pair's residual
+// over its bins for one weight, otherwise every bin has a weight and invocations stride over them.
+// State is (weight, first moment, second moment), 12 bytes.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint PER_HISTOGRAM = 0u;
+layout(std430, set = 0, binding = 1) readonly buffer Residual { float residual[]; };
+layout(std430, set = 0, binding = 2) buffer NoiseState { float noise_state[]; };
+
+shared float sums[WORKGROUP];
+
+// residual is dLoss / d accumulated = dLoss / d rendered * render_scale.
+void learn(uint at, float gradient_of_sum) {
+    float s = 1.0 / (1.0 + exp(-noise_state[at]));
+    float gradient = gradient_of_sum / scene.render_scale * scene.noise_span * s * (1.0 - s);
+    float m = mix(gradient, noise_state[at + 1u], scene.beta1);
+    float v = mix(gradient * gradient, noise_state[at + 2u], scene.beta2);
+    float step = float(push.step);
+    float m_hat = m / (1.0 - pow(scene.beta1, step));
+    float v_hat = v / (1.0 - pow(scene.beta2, step));
+    noise_state[at] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    noise_state[at + 1u] = m;
+    noise_state[at + 2u] = v;
+}
+
+void main() {
+    uint pair = group_index();
+    if (pair >= scene.pairs) return;
+    uint lane = gl_LocalInvocationID.x;
+    uint row = pair * scene.bins;
+    float sum = 0.0;
+    for (uint bin = lane; bin < scene.bins; bin += WORKGROUP) {
+        if (PER_HISTOGRAM != 0u) sum += residual[row + bin];
+        else learn(3u * (row + bin), residual[row + bin]);
+    }
+    if (PER_HISTOGRAM == 0u) return;
+    sums[lane] = sum;
+    barrier();
+    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
+        if (lane < stride) sums[lane] += sums[lane + stride];
+        barrier();
+    }
+    if (lane == 0u) learn(3u * pair, sums[0]);
+}

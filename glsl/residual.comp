@@ -1,0 +1,69 @@
+// One invocation owns one bin: turns the accumulated sum into the rendered value, adds the noise term,
+// compares with the measurement, writes what the backward kernel gathers (dLoss / d accumulated value) and
+// leaves the sum at zero for the next iteration, so no pass over the histograms is spent on clearing.
+// The squared differences are summed in a fixed order: here per workgroup, in finish.comp over workgroups.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint NOISE = 0u; // 0 none, 1 a weight per bin, 2 a weight per histogram
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
+layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
+#ifdef ACCUMULATE_FIXED
+#include "fixed.glsl"
+layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
+#else
+layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
+#endif
+layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { float loss_partials[]; };
+layout(std430, set = 0, binding = 6) readonly buffer NoiseState { float noise_state[]; };
+
+shared float sums[WORKGROUP];
+
+#ifdef ACCUMULATE_FIXED
+float accumulated(uint index) {
+    uvec2 v = histograms[index];
+    bool negative = (v.y & 0x80000000u) != 0u;
+    if (negative) {
+        v = uvec2(~v.x + 1u, ~v.y);
+        if (v.x == 0u) v.y += 1u;
+    }
+    int e = fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, counts[COUNT_ACTIVE]);
+    float magnitude = ldexp(float(v.y) * 4294967296.0 + float(v.x), -e);
+    return negative ? -magnitude : magnitude;
+}
+#define ZERO uvec2(0u)
+#else
+float accumulated(uint index) { return histograms[index]; }
+#define ZERO 0.0
+#endif
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint group = group_index();
+    uint index = group * WORKGROUP + lane;
+    float squared = 0.0;
+    if (index < scene.pairs * scene.bins) {
+        float rendered = accumulated(index) * scene.render_scale;
+        histograms[index] = ZERO;
+        float open = 1.0;
+        if (NOISE != 0u) {
+            float w = noise_state[3u * (NOISE == 1u ? index : index / scene.bins)];
+            rendered += scene.noise_base + scene.noise_span / (1.0 + exp(-w));
+            open = rendered > 0.0 ? 1.0 : 0.0;
+            rendered = max(rendered, 0.0);
+        }
+        float difference = rendered - measured[index];
+        squared = difference * difference;
+        residual[index] = 2.0 * scene.loss_scale * scene.render_scale * open * difference;
+    }
+    sums[lane] = squared;
+    barrier();
+    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
+        if (lane < stride) sums[lane] += sums[lane + stride];
+        barrier();
+    }
+    if (lane == 0u) loss_partials[group] = sums[0];
+}

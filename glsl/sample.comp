@@ -1,0 +1,68 @@
+// One invocation owns one active voxel: draws its point, interpolates the raw variables there and writes the
+// surface element that every pair will see. Done once per voxel and iteration, so that the forward and
+// backward kernels read two vec4 instead of eight voxels. The workgroup sums |albedo| for the L1 term in a
+// fixed order and keeps the largest for the fixed-point scale.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+layout(constant_id = 10) const uint CONTINUOUS = 1u;
+#include "grid.glsl"
+#include "random.glsl"
+#include "sampling.glsl"
+#include "surface.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Raw { vec4 raw[]; };
+layout(std430, set = 0, binding = 4) writeonly buffer SamplePoints { vec4 sample_points[]; };    // xyz, albedo
+layout(std430, set = 0, binding = 5) writeonly buffer SampleNormals { vec4 sample_normals[]; }; // unit normal, its length before
+layout(std430, set = 0, binding = 6) writeonly buffer L1Partials { float l1_partials[]; };
+
+shared float sums[WORKGROUP];
+shared float peaks[WORKGROUP];
+
+vec4 interpolate(vec3 g) {
+    uvec3 last = grid_size() - 1u;
+    uvec3 c0 = min(uvec3(g), last);
+    uvec3 c1 = min(c0 + 1u, last);
+    vec3 f = g - vec3(c0);
+    vec4 s00 = mix(raw[voxel_index(c0)], raw[voxel_index(uvec3(c1.x, c0.yz))], f.x);
+    vec4 s10 = mix(raw[voxel_index(uvec3(c0.x, c1.y, c0.z))], raw[voxel_index(uvec3(c1.xy, c0.z))], f.x);
+    vec4 s01 = mix(raw[voxel_index(uvec3(c0.xy, c1.z))], raw[voxel_index(uvec3(c1.x, c0.y, c1.z))], f.x);
+    vec4 s11 = mix(raw[voxel_index(uvec3(c0.x, c1.yz))], raw[voxel_index(c1)], f.x);
+    return mix(mix(s00, s10, f.y), mix(s01, s11, f.y), f.z);
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint group = group_index();
+    uint slot = group * WORKGROUP + lane;
+    float magnitude = 0.0;
+    if (slot < counts[COUNT_ACTIVE]) {
+        uint index = active_voxels[slot];
+        uvec3 c = voxel_at(index);
+        vec3 g = sample_point(c, index);
+        vec4 v = CONTINUOUS == 0u ? raw[index] : interpolate(g);
+        float albedo = elu(v.x);
+        vec3 u = toward_wall(v.yzw);
+        float length_u = safe_length(u);
+        sample_points[slot] = vec4(position(g), albedo);
+        sample_normals[slot] = vec4(u / length_u, length_u);
+        magnitude = abs(albedo);
+    }
+    sums[lane] = magnitude;
+    peaks[lane] = magnitude;
+    barrier();
+    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
+        if (lane < stride) {
+            sums[lane] += sums[lane + stride];
+            peaks[lane] = max(peaks[lane], peaks[lane + stride]);
+        }
+        barrier();
+    }
+    if (lane == 0u) {
+        l1_partials[group] = sums[0];
+        // Bits of nonnegative floats order as the floats do.
+        atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(peaks[0]));
+    }
+}

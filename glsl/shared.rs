@@ -1,0 +1,108 @@
+//! The structs and numbers that host and kernels share, in one place; both sides are written from here.
+//! Members are 32-bit scalars only, so std140, std430 and `repr(C)` agree on every offset.
+
+/// What every kernel may know of the scene at one lateral resolution.
+const SCENE: &[(&str, &str, &str)] = &[
+    ("grid_x", "uint", "voxels along x"),
+    ("grid_y", "uint", "voxels along y"),
+    ("grid_z", "uint", "voxels along z"),
+    ("bricks_x", "uint", "bricks of 8 voxels along x"),
+    ("bricks_y", "uint", "bricks along y"),
+    ("bricks_z", "uint", "bricks along z"),
+    ("near_z", "uint", "first z index that may be active"),
+    ("pairs", "uint", "laser-sensor pairs P"),
+    ("bins", "uint", "gated bins T"),
+    ("seed", "uint", "of the random samples"),
+    ("origin_x", "float", "centre of voxel (0, 0, 0), metres"),
+    ("origin_y", "float", ""),
+    ("origin_z", "float", ""),
+    ("pitch_x", "float", "voxel size, metres"),
+    ("pitch_y", "float", ""),
+    ("pitch_z", "float", ""),
+    ("t_start", "float", "leading edge of bin 0, metres of path"),
+    ("bins_per_metre", "float", "1 / bin width"),
+    ("reference", "float", "length that scales r in the falloff, metres"),
+    ("nearest", "float", "a sample nearer to a wall point than this gives nothing, metres"),
+    ("render_scale", "float", "rendered value per accumulated value"),
+    ("loss_scale", "float", "1 / (P T)"),
+    ("l1_scale", "float", "alpha / voxels"),
+    ("noise_base", "float", "b * peak"),
+    ("noise_span", "float", "lambda * peak"),
+    ("learning_rate", "float", "Adam"),
+    ("beta1", "float", ""),
+    ("beta2", "float", ""),
+    ("epsilon", "float", ""),
+    ("keep_above", "float", "domain reduction: share of the smoothed maximum"),
+    ("kernel_bound", "float", "no pair's kernel is larger than this"),
+];
+
+/// What changes from dispatch to dispatch.
+const PUSH: &[(&str, &str, &str)] = &[
+    ("iteration", "uint", "of the whole solve, from 0"),
+    ("step", "uint", "of the optimiser since its restart, from 1"),
+    ("first", "uint", "first voxel chunk, pair or set of a split dispatch"),
+    ("flags", "uint", "kernel by kernel"),
+];
+
+/// Numbers both sides use.
+const NUMBERS: &[(&str, u32, &str)] = &[
+    ("GROUPS_X", 32768, "groups along x before a dispatch goes on along y"),
+    ("WORKGROUP", 64, "invocations of a kernel without a size of its own"),
+    ("OWNED_CHUNK", 32768, "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe"),
+    ("PAIR_CHUNK", 32768, "pairs per dispatch of the backward kernel, for the same reason"),
+    ("COUNT_ACTIVE", 0, "index in `counts`: active voxels"),
+    ("COUNT_TOUCHED", 1, "index in `counts`: voxels that a sample may read"),
+    ("COUNT_PEAK_ALBEDO", 2, "index in `counts`: bits of the largest |albedo| of this iteration"),
+    ("COUNT_PEAK_SMOOTH", 3, "index in `counts`: bits of the largest smoothed albedo"),
+    ("COUNTS", 4, "length of `counts`"),
+    ("ARGUMENTS_SAMPLE", 0, "index in `arguments`, in triples"),
+    ("ARGUMENTS_BACKWARD", 1, ""),
+    ("ARGUMENTS_UPDATE", 2, ""),
+    ("ARGUMENTS_FORWARD", 3, "first of the forward triples: one, or one per owned chunk"),
+    ("TRACE_DATA", 0, "index in a row of `trace`: data loss"),
+    ("TRACE_L1", 1, "index in a row of `trace`: sum of |albedo|"),
+    ("TRACE_ACTIVE", 2, "index in a row of `trace`: active voxels (uint)"),
+    ("TRACE_PEAK", 3, "index in a row of `trace`: largest |albedo|"),
+    ("TRACE_ROW", 4, "length of a row of `trace`"),
+    ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the dispatch before"),
+    ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),
+];
+
+pub fn glsl() -> String {
+    let mut text = String::new();
+    for (name, value, _) in NUMBERS {
+        text += &format!("const uint {name} = {value}u;\n");
+    }
+    text += "layout(std140, set = 0, binding = 0) uniform Scene {\n";
+    for (name, kind, _) in SCENE {
+        text += &format!("    {kind} {name};\n");
+    }
+    text += "} scene;\nlayout(push_constant) uniform Push {\n";
+    for (name, kind, _) in PUSH {
+        text += &format!("    {kind} {name};\n");
+    }
+    text + "} push;\n"
+}
+
+pub fn rust() -> String {
+    let mut text = String::new();
+    for (name, value, about) in NUMBERS {
+        let about = if about.is_empty() { "see the one above" } else { about };
+        text += &format!("/// {about}\npub const {name}: u32 = {value};\n");
+    }
+    for (title, about, fields) in [
+        ("SceneData", "What every kernel may know of the scene at one lateral resolution.", SCENE),
+        ("Push", "What changes from dispatch to dispatch.", PUSH),
+    ] {
+        text += &format!(
+            "\n/// {about}\n#[repr(C)]\n#[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]\npub struct {title} {{\n"
+        );
+        for (name, kind, about) in fields {
+            let kind = if *kind == "uint" { "u32" } else { "f32" };
+            let about = if about.is_empty() { "see the one above" } else { about };
+            text += &format!("    /// {about}\n    pub {name}: {kind},\n");
+        }
+        text += "}\n";
+    }
+    text + "\n"
+}

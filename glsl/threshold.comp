@@ -1,0 +1,24 @@
+// Domain reduction: one invocation owns one word of the mask, 32 voxels. Active afterwards is what lies above
+// the given share of the smoothed maximum and not nearer than allowed; whether it was active before does not
+// matter (the smoothing lets the domain grow back a little, as in the paper).
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) readonly buffer Source { float source[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 3) writeonly buffer Mask { uint mask[]; };
+
+void main() {
+    uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (at >= brick_count() * 16u) return;
+    float above = scene.keep_above * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
+    uint word = 0u;
+    for (uint i = 0u; i < 32u; ++i) {
+        uint index = at * 32u + i;
+        uvec3 c = voxel_at(index);
+        if (in_grid(c) && c.z >= scene.near_z && source[index] > above) word |= 1u << i;
+    }
+    mask[at] = word;
+}

@@ -1,0 +1,53 @@
+// Adjoint of the interpolation and Adam in one pass. One invocation owns one touched voxel (active, or a
+// neighbour of one): it gathers from the samples of the 27 voxels around it, whose points it draws anew from
+// their counters, so nothing is scattered and no atomics are needed. Adam: Kingma & Ba 2015, with its bias
+// correction counted from the last restart.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+layout(constant_id = 10) const uint CONTINUOUS = 1u;
+#include "grid.glsl"
+#include "random.glsl"
+#include "sampling.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer TouchedVoxels { uint touched_voxels[]; };
+layout(std430, set = 0, binding = 3) readonly buffer SlotOf { uint slot_of[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Gradient { vec4 gradient[]; };
+layout(std430, set = 0, binding = 5) buffer Raw { vec4 raw[]; };
+layout(std430, set = 0, binding = 6) buffer MomentFirst { vec4 moment_first[]; };
+layout(std430, set = 0, binding = 7) buffer MomentSecond { vec4 moment_second[]; };
+
+vec4 gathered(uvec3 c) {
+    vec4 sum = vec4(0.0);
+    ivec3 low = max(ivec3(c) - 1, ivec3(0));
+    ivec3 high = min(ivec3(c) + 1, ivec3(grid_size()) - 1);
+    for (int z = low.z; z <= high.z; ++z) {
+        for (int y = low.y; y <= high.y; ++y) {
+            for (int x = low.x; x <= high.x; ++x) {
+                uvec3 neighbour = uvec3(x, y, z);
+                uint index = voxel_index(neighbour);
+                uint slot = slot_of[index];
+                if (slot == NOWHERE) continue;
+                vec3 near = max(1.0 - abs(sample_point(neighbour, index) - vec3(c)), 0.0);
+                sum += near.x * near.y * near.z * gradient[slot];
+            }
+        }
+    }
+    return sum;
+}
+
+void main() {
+    uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (at >= counts[COUNT_TOUCHED]) return;
+    uint index = touched_voxels[at];
+    vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(index)) : gradient[slot_of[index]];
+    vec4 m = mix(g, moment_first[index], scene.beta1);
+    vec4 v = mix(g * g, moment_second[index], scene.beta2);
+    float step = float(push.step);
+    vec4 m_hat = m / (1.0 - pow(scene.beta1, step));
+    vec4 v_hat = v / (1.0 - pow(scene.beta2, step));
+    raw[index] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    moment_first[index] = m;
+    moment_second[index] = v;
+}

@@ -1,0 +1,264 @@
+//! Choosing and opening a device.
+
+use std::sync::Arc;
+
+use ash::{ext, vk};
+
+use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
+use crate::{Error, Result};
+
+/// How to open a device.
+#[derive(Debug, Clone, Default)]
+pub struct GpuOptions {
+    /// Index in [`super::devices`], or part of a name in any case; otherwise the best kind there is.
+    pub device: Option<String>,
+    /// Turn on the Khronos validation layer with synchronisation checks.
+    pub validation: bool,
+    /// Time every command by itself, at the price of running them one by one.
+    pub timings: bool,
+}
+
+/// Optional ways to add to memory that a device offers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accumulations {
+    /// fp32 atomic add on buffers.
+    pub float: bool,
+    /// 64-bit integer atomic add on buffers.
+    pub int64: bool,
+}
+
+/// Limits that plans are made against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Largest binding of one buffer in bytes.
+    pub storage_range: u64,
+    pub workgroup_invocations: u32,
+    pub shared_memory: u32,
+    pub groups: [u32; 3],
+    pub subgroup: u32,
+}
+
+/// An opened device with one compute queue.
+pub struct Gpu {
+    pub info: DeviceInfo,
+    pub accumulations: Accumulations,
+    pub limits: Limits,
+    pub(super) timings: bool,
+    /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
+    pub(super) tick: f64,
+    pub(super) queue: vk::Queue,
+    pub(super) family: u32,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) has_budget: bool,
+    names: Option<ext::debug_utils::Device>,
+    pub(super) device: Arc<OwnedDevice>,
+    pub(super) instance: Arc<Instance>,
+}
+
+/// A logical device that destroys itself, after everything made from it.
+pub(super) struct OwnedDevice {
+    pub raw: ash::Device,
+    // The instance must outlive its device.
+    _instance: Arc<Instance>,
+}
+
+impl Drop for OwnedDevice {
+    fn drop(&mut self) {
+        // SAFETY: the last owner is gone, so nothing made from this device is left.
+        unsafe {
+            let _ = self.raw.device_wait_idle();
+            self.raw.destroy_device(None);
+        }
+    }
+}
+
+impl Gpu {
+    /// Opens the device that `options` name, or the best one. Errors: no loader, no device, no device of that
+    /// name, a required feature missing; each says what to do.
+    pub fn open(options: &GpuOptions) -> Result<Gpu> {
+        let instance = Arc::new(Instance::new(options.validation)?);
+        let all = instance.list();
+        let (physical, info) = choose(&all, options.device.as_deref())?;
+        let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+        if properties.api_version < vk::API_VERSION_1_2 {
+            return Err(Error::device(
+                format!("{} offers Vulkan {}, 1.2 is needed", info.name, version_text(properties.api_version)),
+                "update its driver, or choose another device with --device (`thirdbounce devices` lists them)",
+            ));
+        }
+        let (family, has_timestamps) = compute_family(&instance, physical, &info)?;
+
+        // SAFETY (whole function): handles come from the live instance; chained structs live until the call.
+        let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut offered = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
+        let has_atomic_float = offers(ext::shader_atomic_float::NAME);
+        if has_atomic_float {
+            offered = offered.push_next(&mut atomic_float);
+        }
+        unsafe { instance.raw.get_physical_device_features2(physical, &mut offered) };
+        let int64_shader = offered.features.shader_int64 == vk::TRUE;
+        let float = has_atomic_float && atomic_float.shader_buffer_float32_atomic_add == vk::TRUE;
+        let int64 = int64_shader && v12.shader_buffer_int64_atomics == vk::TRUE;
+        if v12.timeline_semaphore != vk::TRUE {
+            return Err(Error::device(
+                format!("{} has no timeline semaphores, which are needed", info.name),
+                "update its driver, or choose another device with --device",
+            ));
+        }
+
+        let has_budget = offers(ext::memory_budget::NAME);
+        let mut wanted = Vec::new();
+        if float {
+            wanted.push(ext::shader_atomic_float::NAME.as_ptr());
+        }
+        if has_budget {
+            wanted.push(ext::memory_budget::NAME.as_ptr());
+        }
+        let mut use_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
+            .shader_buffer_float32_atomics(true)
+            .shader_buffer_float32_atomic_add(true);
+        let mut use_v12 =
+            vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).shader_buffer_int64_atomics(int64);
+        let use_features = vk::PhysicalDeviceFeatures::default().shader_int64(int64);
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let mut create = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&wanted)
+            .enabled_features(&use_features)
+            .push_next(&mut use_v12);
+        if float {
+            create = create.push_next(&mut use_float);
+        }
+        let raw = unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
+            Error::device(
+                format!("{} does not open ({e})", info.name),
+                "another program may hold it, or its driver is broken; try another with --device",
+            )
+        })?;
+        let queue = unsafe { raw.get_device_queue(family, 0) };
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut p2 = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut p2) };
+        let l = properties.limits;
+        let names = instance.debug_names.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
+        Ok(Gpu {
+            info,
+            accumulations: Accumulations { float, int64 },
+            limits: Limits {
+                storage_range: u64::from(l.max_storage_buffer_range),
+                workgroup_invocations: l.max_compute_work_group_invocations,
+                shared_memory: l.max_compute_shared_memory_size,
+                groups: l.max_compute_work_group_count,
+                subgroup: subgroup.subgroup_size,
+            },
+            timings: options.timings,
+            tick: if has_timestamps { f64::from(l.timestamp_period) } else { 0.0 },
+            queue,
+            family,
+            physical,
+            has_budget,
+            names,
+            device: Arc::new(OwnedDevice { raw, _instance: instance.clone() }),
+            instance,
+        })
+    }
+
+    /// What the validation layer has said since the device was opened; empty without validation.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.instance.messages.lock().map(|m| m.clone()).unwrap_or_default()
+    }
+
+    /// Bytes still free for this process on the device's largest heap, as the driver tells it.
+    pub fn free_memory(&self) -> u64 {
+        if !self.has_budget {
+            return self.info.memory;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the extension is enabled on this device.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        let heaps = memory.memory_properties;
+        (0..heaps.memory_heap_count as usize)
+            .filter(|i| heaps.memory_heaps[*i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+            .map(|i| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]))
+            .max()
+            .unwrap_or(self.info.memory)
+    }
+
+    /// Gives a Vulkan object the name that the plan uses, for validation messages, RenderDoc and Nsight.
+    pub(super) fn name<T: vk::Handle>(&self, object: T, name: &str) {
+        let Some(names) = &self.names else { return };
+        let Ok(text) = std::ffi::CString::new(name) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&text);
+        // SAFETY: the object belongs to this device. A name that is not taken changes nothing.
+        let _ = unsafe { names.set_debug_utils_object_name(&info) };
+    }
+
+    pub(super) fn raw(&self) -> &ash::Device {
+        &self.device.raw
+    }
+
+    /// A failed call in the words of a user: device lost, out of memory, or the code.
+    pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
+        let name = &self.info.name;
+        match result {
+            vk::Result::ERROR_DEVICE_LOST => Error::device(
+                format!("{name} was lost while {doing}"),
+                "its driver was reset, often by a time limit for displays: try a smaller --lateral, or another --device",
+            ),
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::memory(
+                format!("{name} ran out of memory while {doing}"),
+                "close other programs that use it, or use a smaller --lateral or a larger --depth-pitch",
+            ),
+            other => Error::device(
+                format!("{name} failed while {doing} ({other})"),
+                "update its driver, or choose another device with --device",
+            ),
+        }
+    }
+}
+
+fn choose(
+    all: &[(vk::PhysicalDevice, DeviceInfo)],
+    wanted: Option<&str>,
+) -> Result<(vk::PhysicalDevice, DeviceInfo)> {
+    let list = || all.iter().map(|(_, d)| format!("{}: {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
+    let found = match wanted {
+        _ if all.is_empty() => {
+            return Err(Error::device(
+                "no Vulkan device on this machine",
+                "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver",
+            ));
+        }
+        // The sort is stable: among devices of a kind the loader's order stands.
+        None => all.iter().min_by_key(|(_, d)| if d.kind == DeviceKind::Other { 9 } else { d.kind as u32 }),
+        Some(text) => match text.parse::<usize>() {
+            Ok(index) => all.get(index),
+            Err(_) => all.iter().find(|(_, d)| d.name.to_lowercase().contains(&text.to_lowercase())),
+        },
+    };
+    found.cloned().ok_or_else(|| {
+        Error::options(
+            format!("no device is called {:?}", wanted.unwrap_or_default()),
+            format!("give --device an index or part of a name out of: {}", list()),
+        )
+    })
+}
+
+/// A queue family that computes, one without graphics preferred, and whether it has timestamps.
+fn compute_family(instance: &Instance, physical: vk::PhysicalDevice, info: &DeviceInfo) -> Result<(u32, bool)> {
+    // SAFETY: the handle comes from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    (0u32..)
+        .zip(&families)
+        .filter(|(_, f)| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.queue_count > 0)
+        .min_by_key(|(_, f)| f.queue_flags.contains(vk::QueueFlags::GRAPHICS))
+        .map(|(i, f)| (i, f.timestamp_valid_bits > 0))
+        .ok_or_else(|| {
+            Error::device(format!("{} has no compute queue", info.name), "choose another device with --device")
+        })
+}

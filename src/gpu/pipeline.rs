@@ -1,0 +1,170 @@
+//! Pipelines from compiled kernels, and the descriptor sets that bind buffers to them.
+
+use std::collections::HashMap;
+
+use ash::vk;
+
+use super::{Arena, Binding, Gpu, KernelCode};
+use crate::{Error, Result};
+
+pub(super) struct Pipeline {
+    pub handle: vk::Pipeline,
+    pub layout: vk::PipelineLayout,
+    set_layout: vk::DescriptorSetLayout,
+    module: vk::ShaderModule,
+    pub bindings: &'static [Binding],
+}
+
+/// Push constants are four words for every kernel.
+pub(super) const PUSH_BYTES: u32 = 16;
+
+impl Pipeline {
+    pub fn new(gpu: &Gpu, name: &str, code: &KernelCode, constants: &[(&str, u32)]) -> Result<Pipeline> {
+        let device = gpu.raw();
+        let doing = format!("making kernel `{name}`");
+        let failed = |e| gpu.failed(&doing, e);
+        let slots: Vec<_> = code
+            .bindings
+            .iter()
+            .map(|b| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(b.slot)
+                    .descriptor_type(descriptor_type(b))
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        // Every constant the caller names must exist: a misspelt one would silently keep its default.
+        let mut entries = Vec::new();
+        let mut data = Vec::new();
+        for (constant, value) in constants {
+            let known = code.constants.iter().find(|c| c.name == *constant);
+            let known = known.unwrap_or_else(|| panic!("kernel `{}` has no constant {constant}", code.name));
+            entries.push(
+                vk::SpecializationMapEntry::default().constant_id(known.id).offset(data.len() as u32).size(4),
+            );
+            data.extend_from_slice(&value.to_le_bytes());
+        }
+        let words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv))
+            .map_err(|e| Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew"))?;
+
+        let mut made = Pipeline {
+            handle: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            module: vk::ShaderModule::null(),
+            bindings: code.bindings,
+        };
+        // SAFETY: all structs live through their call; on an error what was made is destroyed below.
+        let result = unsafe {
+            (|| {
+                let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
+                made.set_layout = device.create_descriptor_set_layout(&info, None)?;
+                let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
+                let layouts = [made.set_layout];
+                let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts).push_constant_ranges(&push);
+                made.layout = device.create_pipeline_layout(&info, None)?;
+                made.module = device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)?;
+                let special = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+                let stage = vk::PipelineShaderStageCreateInfo::default()
+                    .stage(vk::ShaderStageFlags::COMPUTE)
+                    .module(made.module)
+                    .name(c"main")
+                    .specialization_info(&special);
+                let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout)];
+                let made_pipelines = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+                made.handle = made_pipelines.map_err(|(_, e)| e)?[0];
+                Ok(())
+            })()
+        };
+        if let Err(e) = result {
+            made.destroy(gpu);
+            return Err(failed(e));
+        }
+        gpu.name(made.handle, name);
+        Ok(made)
+    }
+
+    pub fn destroy(&self, gpu: &Gpu) {
+        let device = gpu.raw();
+        // SAFETY: the executor waits for the device first; null handles are allowed.
+        unsafe {
+            device.destroy_pipeline(self.handle, None);
+            device.destroy_shader_module(self.module, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+/// Descriptor sets by kernel and buffers, made on first use and kept.
+pub(super) struct DescriptorSets {
+    pools: Vec<vk::DescriptorPool>,
+    made: HashMap<(vk::Pipeline, Vec<vk::Buffer>), vk::DescriptorSet>,
+}
+
+const SETS_PER_POOL: u32 = 64;
+
+impl DescriptorSets {
+    pub fn new() -> DescriptorSets {
+        DescriptorSets { pools: vec![], made: HashMap::new() }
+    }
+
+    pub fn get(
+        &mut self,
+        gpu: &Gpu,
+        arena: &Arena<'_>,
+        pipeline: &Pipeline,
+        buffers: &[&str],
+    ) -> Result<vk::DescriptorSet> {
+        let handles: Vec<_> = buffers.iter().map(|b| arena.get(b).handle).collect();
+        let key = (pipeline.handle, handles);
+        if let Some(set) = self.made.get(&key) {
+            return Ok(*set);
+        }
+        let failed = |e| gpu.failed("binding buffers", e);
+        let device = gpu.raw();
+        if self.made.len().is_multiple_of(SETS_PER_POOL as usize) {
+            let size = |ty, n| vk::DescriptorPoolSize::default().ty(ty).descriptor_count(n);
+            let sizes = [
+                size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * 12),
+                size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL),
+            ];
+            let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
+            // SAFETY: the device is alive; pools are destroyed with the executor.
+            self.pools.push(unsafe { device.create_descriptor_pool(&info, None) }.map_err(failed)?);
+        }
+        let layouts = [pipeline.set_layout];
+        let pool = *self.pools.last().expect("made above");
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: pool, layout and buffers are alive as long as the executor.
+        let set = unsafe { device.allocate_descriptor_sets(&info) }.map_err(failed)?[0];
+        let infos: Vec<_> = key.1.iter().map(|b| [vk::DescriptorBufferInfo::default().buffer(*b).range(vk::WHOLE_SIZE)]).collect();
+        let writes: Vec<_> = pipeline
+            .bindings
+            .iter()
+            .zip(&infos)
+            .map(|(b, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(b.slot)
+                    .descriptor_type(descriptor_type(b))
+                    .buffer_info(info)
+            })
+            .collect();
+        unsafe { device.update_descriptor_sets(&writes, &[]) };
+        self.made.insert(key, set);
+        Ok(set)
+    }
+
+    pub fn destroy(&mut self, gpu: &Gpu) {
+        for pool in self.pools.drain(..) {
+            // SAFETY: the executor waits for the device first.
+            unsafe { gpu.raw().destroy_descriptor_pool(pool, None) };
+        }
+    }
+}
+
+fn descriptor_type(b: &Binding) -> vk::DescriptorType {
+    if b.uniform { vk::DescriptorType::UNIFORM_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
+}

@@ -1,0 +1,111 @@
+//! A schedule: what the device does, as plain data over named kernels and buffers.
+
+use std::fmt;
+
+/// How many workgroups.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Size {
+    Groups([u32; 3]),
+    /// Read from a buffer by the device: (buffer, byte offset of three counts).
+    Indirect(&'static str, u64),
+}
+
+/// One step.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Command {
+    Dispatch {
+        /// Name under which the kernel was added to the executor.
+        kernel: &'static str,
+        size: Size,
+        /// Blocks that do not bind the buffer of their own name: (block, buffer).
+        bind: Vec<(&'static str, &'static str)>,
+        push: [u32; 4],
+    },
+    Copy { from: &'static str, from_offset: u64, to: &'static str, to_offset: u64, bytes: u64 },
+    Fill { buffer: &'static str, offset: u64, bytes: u64, value: u32 },
+}
+
+/// A list of commands in order. Barriers are not in it: the executor derives them from what each reads and
+/// writes.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Schedule {
+    pub commands: Vec<Command>,
+}
+
+impl Schedule {
+    pub fn dispatch(&mut self, kernel: &'static str, groups: [u32; 3]) -> &mut Command {
+        self.push(Command::Dispatch { kernel, size: Size::Groups(groups), bind: vec![], push: [0; 4] })
+    }
+
+    pub fn indirect(&mut self, kernel: &'static str, buffer: &'static str, offset: u64) -> &mut Command {
+        self.push(Command::Dispatch { kernel, size: Size::Indirect(buffer, offset), bind: vec![], push: [0; 4] })
+    }
+
+    pub fn copy(&mut self, from: &'static str, to: &'static str, bytes: u64) {
+        self.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
+    }
+
+    pub fn fill(&mut self, buffer: &'static str, bytes: u64, value: u32) {
+        self.push(Command::Fill { buffer, offset: 0, bytes, value });
+    }
+
+    pub fn extend(&mut self, other: Schedule) {
+        self.commands.extend(other.commands);
+    }
+
+    fn push(&mut self, command: Command) -> &mut Command {
+        self.commands.push(command);
+        self.commands.last_mut().expect("just pushed")
+    }
+}
+
+impl Command {
+    /// Binds `block` to another buffer than the one of its name. For dispatches.
+    pub fn bind(&mut self, block: &'static str, buffer: &'static str) -> &mut Command {
+        if let Command::Dispatch { bind, .. } = self {
+            bind.push((block, buffer));
+        }
+        self
+    }
+
+    /// Sets the push constants. For dispatches.
+    pub fn with(&mut self, values: impl bytemuck::Pod) -> &mut Command {
+        if let Command::Dispatch { push, .. } = self {
+            *push = bytemuck::cast(values);
+        }
+        self
+    }
+
+    /// Kernel name, or "copy" or "fill".
+    pub fn name(&self) -> &'static str {
+        match self {
+            Command::Dispatch { kernel, .. } => kernel,
+            Command::Copy { .. } => "copy",
+            Command::Fill { .. } => "fill",
+        }
+    }
+}
+
+/// One line per command: what a person reads to see the whole iteration on one screen.
+impl fmt::Display for Schedule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for c in &self.commands {
+            match c {
+                Command::Dispatch { kernel, size, bind, push } => {
+                    write!(f, "{kernel}")?;
+                    match size {
+                        Size::Groups([x, y, z]) => write!(f, " {x}x{y}x{z}")?,
+                        Size::Indirect(buffer, offset) => write!(f, " by {buffer}+{offset}")?,
+                    }
+                    for (block, buffer) in bind {
+                        write!(f, " {block}={buffer}")?;
+                    }
+                    writeln!(f, " {push:?}")?;
+                }
+                Command::Copy { from, to, bytes, .. } => writeln!(f, "copy {from} -> {to} {bytes}")?,
+                Command::Fill { buffer, bytes, value, .. } => writeln!(f, "fill {buffer} {bytes} {value:#x}")?,
+            }
+        }
+        Ok(())
+    }
+}

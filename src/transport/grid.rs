@@ -1,0 +1,171 @@
+//! The hidden volume's voxel grid and its storage order.
+
+use glam::{DVec3, dvec3};
+
+use crate::{Error, Result};
+
+/// Voxels of a brick: 8 × 8 × 8.
+pub const BRICK_VOXELS: usize = 512;
+
+/// The box that is reconstructed, in metres, outer faces of its voxels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volume {
+    pub min: DVec3,
+    pub max: DVec3,
+}
+
+/// A regular grid of voxels addressed by their centres.
+///
+/// Storage is brick by brick (x fastest among bricks), Morton order inside a brick, as in
+/// `glsl/include/grid.glsl`; the last bricks may overhang the grid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// Voxels along x, y, z.
+    pub n: [usize; 3],
+    /// Centre of voxel (0, 0, 0) in metres.
+    pub origin: DVec3,
+    /// Voxel size in metres.
+    pub pitch: DVec3,
+}
+
+impl Grid {
+    /// A grid of `lateral` × `lateral` voxels over the volume's x and y, and as many of `depth_pitch` along z
+    /// as its depth takes, their centres at whole multiples of the pitch (as in the paper, where depth
+    /// k · pitch is voxel k).
+    ///
+    /// Errors: an empty or non-finite volume, no lateral voxels, a pitch that is not positive, more voxels
+    /// than 32-bit indices reach.
+    pub fn new(volume: Volume, lateral: usize, depth_pitch: f64) -> Result<Grid> {
+        let size = volume.max - volume.min;
+        if !(size.is_finite() && size.min_element() > 0.0 && volume.min.is_finite()) {
+            return Err(Error::options(
+                format!("the hidden volume is empty: from {} to {} m", volume.min, volume.max),
+                "check --gate and the wall's size against the capture (`thirdbounce info`)",
+            ));
+        }
+        if lateral == 0 || !(depth_pitch.is_finite() && depth_pitch > 0.0) {
+            return Err(Error::options(
+                format!("a grid of {lateral} lateral voxels with a depth pitch of {depth_pitch} m"),
+                "give --lateral at least 1 and --depth-pitch a positive length in metres",
+            ));
+        }
+        let first = (volume.min.z / depth_pitch - 1e-6).ceil().max(0.0);
+        let last = (volume.max.z / depth_pitch + 1e-6).floor().max(first);
+        let deep = last - first + 1.0;
+        let bricks = (lateral.div_ceil(8) as f64).powi(2) * (deep / 8.0).ceil();
+        if bricks * BRICK_VOXELS as f64 > f64::from(1 << 30) {
+            return Err(Error::memory(
+                format!("a grid of {lateral} x {lateral} x {deep} voxels is beyond 2^30"),
+                "use a smaller --lateral or a larger --depth-pitch",
+            ));
+        }
+        let pitch = dvec3(size.x / lateral as f64, size.y / lateral as f64, depth_pitch);
+        let origin = dvec3(volume.min.x + 0.5 * pitch.x, volume.min.y + 0.5 * pitch.y, first * depth_pitch);
+        Ok(Grid { n: [lateral, lateral, deep as usize], origin, pitch })
+    }
+
+    /// The same box at `1 / factor` of the lateral resolution, a divisor of it.
+    pub fn coarser(&self, factor: usize) -> Grid {
+        let f = factor as f64;
+        let n = [self.n[0] / factor, self.n[1] / factor, self.n[2]];
+        let pitch = dvec3(self.pitch.x * f, self.pitch.y * f, self.pitch.z);
+        let corner = self.origin - 0.5 * self.pitch;
+        Grid { n, origin: corner + 0.5 * pitch, pitch }
+    }
+
+    pub fn bricks(&self) -> [usize; 3] {
+        self.n.map(|n| n.div_ceil(8))
+    }
+
+    /// Voxels of the grid.
+    pub fn voxels(&self) -> usize {
+        self.n.iter().product()
+    }
+
+    /// Voxels of the storage, overhang included.
+    pub fn storage(&self) -> usize {
+        self.bricks().iter().product::<usize>() * BRICK_VOXELS
+    }
+
+    pub fn contains(&self, c: [usize; 3]) -> bool {
+        (0..3).all(|a| c[a] < self.n[a])
+    }
+
+    /// Storage index of voxel `c`.
+    pub fn index(&self, c: [usize; 3]) -> usize {
+        let b = self.bricks();
+        let brick = ((c[2] / 8) * b[1] + c[1] / 8) * b[0] + c[0] / 8;
+        brick * BRICK_VOXELS + (spread(c[0] % 8) | spread(c[1] % 8) << 1 | spread(c[2] % 8) << 2)
+    }
+
+    /// Voxel of a storage index; may lie outside the grid in an overhanging brick.
+    pub fn voxel(&self, index: usize) -> [usize; 3] {
+        let b = self.bricks();
+        let (brick, inside) = (index / BRICK_VOXELS, index % BRICK_VOXELS);
+        let at = [brick % b[0], brick / b[0] % b[1], brick / (b[0] * b[1])];
+        std::array::from_fn(|a| at[a] * 8 + gather(inside >> a))
+    }
+
+    /// Metres of a position counted in voxels.
+    pub fn position(&self, g: DVec3) -> DVec3 {
+        self.origin + g * self.pitch
+    }
+
+    /// (xmin, xmax, ymin, ymax) in metres, outer faces.
+    pub fn extent(&self) -> [f64; 4] {
+        let low = self.origin - 0.5 * self.pitch;
+        [low.x, low.x + self.pitch.x * self.n[0] as f64, low.y, low.y + self.pitch.y * self.n[1] as f64]
+    }
+
+    /// (zmin, zmax) in metres, outer faces.
+    pub fn depth_range(&self) -> [f64; 2] {
+        let low = self.origin.z - 0.5 * self.pitch.z;
+        [low, low + self.pitch.z * self.n[2] as f64]
+    }
+}
+
+fn spread(v: usize) -> usize {
+    (v & 1) | (v & 2) << 2 | (v & 4) << 4
+}
+
+fn gather(v: usize) -> usize {
+    (v & 1) | v >> 2 & 2 | v >> 4 & 4
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn storage_holds_every_voxel_once_and_neighbours_close() {
+        let volume = Volume { min: dvec3(-1.0, -0.5, 0.3), max: dvec3(1.0, 0.5, 0.52) };
+        let grid = Grid::new(volume, 10, 0.02).unwrap();
+        assert_eq!(grid.n, [10, 10, 12]);
+        let mut seen = vec![false; grid.storage()];
+        for i in 0..grid.storage() {
+            let c = grid.voxel(i);
+            assert_eq!(grid.index(c), i);
+            assert!(!std::mem::replace(&mut seen[i], true));
+        }
+        assert_eq!((0..grid.storage()).filter(|i| grid.contains(grid.voxel(*i))).count(), grid.voxels());
+        assert_eq!(grid.index([1, 0, 0]), 1);
+        assert_eq!(grid.index([0, 1, 0]), 2);
+        assert_eq!(grid.index([0, 0, 1]), 4);
+        assert_eq!(grid.index([8, 0, 0]), 512);
+    }
+
+    #[test]
+    fn centres_lie_at_multiples_of_the_depth_pitch_and_coarser_grids_cover_the_same_box() {
+        let volume = Volume { min: dvec3(-1.0, -1.0, 0.2), max: dvec3(1.0, 1.0, 1.0) };
+        let grid = Grid::new(volume, 64, 0.006).unwrap();
+        let z = grid.position(dvec3(0.0, 0.0, 66.0)).z;
+        assert!((z / 0.006 - (z / 0.006).round()).abs() < 1e-9);
+        let coarse = grid.coarser(4);
+        assert_eq!(coarse.n[..2], [16, 16]);
+        assert_eq!(coarse.extent(), grid.extent());
+        assert!((coarse.extent()[0] + 1.0).abs() < 1e-12);
+        assert!(Grid::new(Volume { min: volume.max, max: volume.min }, 8, 0.1).is_err());
+        assert!(Grid::new(volume, 8, f64::NAN).is_err());
+        assert!(Grid::new(volume, 1 << 20, 1e-6).is_err());
+    }
+}

@@ -1,0 +1,9 @@
+//! The light-transport model: the hidden volume's grid, the numbers that kernels need of a scene, and the
+//! compiled kernels.
+
+mod grid;
+pub mod kernels;
+mod model;
+
+pub use grid::{BRICK_VOXELS, Grid, Volume};
+pub use model::{Binning, Gradient, Model, Sampling};

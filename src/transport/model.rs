@@ -1,0 +1,159 @@
+//! The numbers of a scene that kernels and their twins need.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::Grid;
+use super::kernels::SceneData;
+use crate::capture::Capture;
+
+/// Where the sample of a voxel lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sampling {
+    /// A new point within half a voxel of the centre every iteration, interpolated (the paper).
+    Continuous,
+    /// The voxel's centre (the paper's ablation).
+    Fixed,
+}
+
+/// How a contribution enters the bins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Binning {
+    /// All into the bin that its path falls in (the paper).
+    Nearest,
+    /// Shared linearly by the two bins whose centres bracket its path.
+    Linear,
+}
+
+/// Which gradient the backward kernel gathers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Gradient {
+    /// Without the distance falloff (the paper): that of the objective weighted by the falloff.
+    Published,
+    /// Of the objective as it stands.
+    Exact,
+}
+
+/// Everything that does not depend on the lateral resolution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Wall points of confocal pairs in metres.
+    pub wall: Vec<DVec3>,
+    pub bins: usize,
+    pub bin_width: f64,
+    pub t_start: f64,
+    /// Measured histograms after scaling, `[pair * bins + bin]`.
+    pub measured: Vec<f32>,
+    /// The measurement's peak after scaling.
+    pub peak: f64,
+    /// Counts per unit of `measured`.
+    pub counts_per_unit: f64,
+    /// Length that scales r in the falloff, in metres: a quarter of the longest gated path.
+    pub reference: f64,
+    /// Nothing nearer than this to the wall plane z = 0 is ever active, in metres.
+    pub min_depth: f64,
+    pub sampling: Sampling,
+    pub binning: Binning,
+    pub gradient: Gradient,
+    pub l1: f64,
+    /// Constant and learnt part of the noise term, relative to the peak; zero without one.
+    pub noise: [f64; 2],
+    pub learning_rate: f64,
+    pub betas: [f64; 2],
+    pub epsilon: f64,
+    pub keep_above: f64,
+    pub seed: u32,
+}
+
+/// The renderer multiplies by (lateral pitch)² and this (METHOD: the paper's constant).
+const RENDER_FACTOR: f64 = 2.0;
+
+impl Model {
+    /// Scales a confocal capture to the given peak and takes the paper's defaults for the rest.
+    pub fn new(capture: &Capture, peak: f64) -> Model {
+        let largest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
+        let scale = peak / f64::from(largest);
+        Model {
+            wall: capture.sensor.clone(),
+            bins: capture.bins,
+            bin_width: capture.bin_width,
+            t_start: capture.t_start,
+            measured: capture.histograms.iter().map(|h| (f64::from(*h) * scale) as f32).collect(),
+            peak,
+            counts_per_unit: 1.0 / scale,
+            reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),
+            min_depth: 0.2,
+            sampling: Sampling::Continuous,
+            binning: Binning::Nearest,
+            gradient: Gradient::Published,
+            l1: 0.001,
+            noise: [0.0; 2],
+            learning_rate: 1.0,
+            betas: [0.9, 0.999],
+            epsilon: 1e-8,
+            keep_above: 0.05,
+            seed: 0,
+        }
+    }
+
+    pub fn pairs(&self) -> usize {
+        self.wall.len()
+    }
+
+    /// First z index of `grid` that may be active.
+    pub fn near_z(&self, grid: &Grid) -> usize {
+        ((self.min_depth - grid.origin.z) / grid.pitch.z - 1e-6).ceil().max(0.0) as usize
+    }
+
+    /// A sample nearer to a wall point than this contributes nothing: a quarter of the smallest voxel side.
+    pub fn nearest(&self, grid: &Grid) -> f64 {
+        0.25 * grid.pitch.min_element()
+    }
+
+    /// The constants of `grid`'s kernels.
+    pub fn scene(&self, grid: &Grid) -> SceneData {
+        let bricks = grid.bricks();
+        // A sample strays half a voxel from its centre; what is nearer than `nearest` is dropped.
+        let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
+        let far_wall = self.wall.iter().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
+        let closest = (near - far_wall).max(self.nearest(grid));
+        let elements = (self.pairs() * self.bins) as f64;
+        SceneData {
+            grid_x: grid.n[0] as u32,
+            grid_y: grid.n[1] as u32,
+            grid_z: grid.n[2] as u32,
+            bricks_x: bricks[0] as u32,
+            bricks_y: bricks[1] as u32,
+            bricks_z: bricks[2] as u32,
+            near_z: self.near_z(grid) as u32,
+            pairs: self.pairs() as u32,
+            bins: self.bins as u32,
+            seed: self.seed,
+            origin_x: grid.origin.x as f32,
+            origin_y: grid.origin.y as f32,
+            origin_z: grid.origin.z as f32,
+            pitch_x: grid.pitch.x as f32,
+            pitch_y: grid.pitch.y as f32,
+            pitch_z: grid.pitch.z as f32,
+            t_start: self.t_start as f32,
+            bins_per_metre: (1.0 / self.bin_width) as f32,
+            reference: self.reference as f32,
+            nearest: self.nearest(grid) as f32,
+            render_scale: (grid.pitch.x * grid.pitch.y * RENDER_FACTOR) as f32,
+            loss_scale: (1.0 / elements) as f32,
+            l1_scale: (self.l1 / grid.voxels() as f64) as f32,
+            noise_base: (self.noise[0] * self.peak) as f32,
+            noise_span: (self.noise[1] * self.peak) as f32,
+            learning_rate: self.learning_rate as f32,
+            beta1: self.betas[0] as f32,
+            beta2: self.betas[1] as f32,
+            epsilon: self.epsilon as f32,
+            keep_above: self.keep_above as f32,
+            // A little above, against rounding in the kernel.
+            kernel_bound: (1.001 * (self.reference / closest).powi(4)) as f32,
+        }
+    }
+}
