@@ -3,6 +3,7 @@
 
 mod grid;
 pub mod kernels;
+pub mod twin;
 mod model;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};

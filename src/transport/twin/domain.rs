@@ -1,0 +1,133 @@
+use super::render::toward_wall;
+use super::{Raw, Twin, random3};
+use crate::transport::Grid;
+
+/// The first volume and domain: albedo uniform in [0, `span`), normals zero; active is what is not too near.
+pub fn initialise(twin: &Twin, span: f64) -> (Vec<Raw>, Vec<bool>) {
+    let near = twin.model.near_z(twin.grid);
+    let storage = 0..twin.grid.storage();
+    let raw = storage.clone().map(|i| [span * random3(i as u32, 0, 0, twin.model.seed)[0], 0.0, 0.0, 0.0]).collect();
+    let c = storage.map(|i| twin.grid.voxel(i));
+    (raw, c.map(|c| twin.grid.contains(c) && c[2] >= near).collect())
+}
+
+/// Weights 0..=radius of a Gaussian of `sigma` voxels cut off at `truncate` sigmas, summing to 1 over both
+/// sides.
+pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
+    let radius = (truncate * sigma + 0.5) as usize;
+    let half: Vec<f64> = (0..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
+    let sum = half[0] + 2.0 * half[1..].iter().sum::<f64>();
+    half.into_iter().map(|w| w / sum).collect()
+}
+
+/// The separable Gaussian of the active albedo, zero outside the grid.
+pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<f64> {
+    let grid = twin.grid;
+    let mut volume: Vec<f64> = raw.iter().zip(active).map(|(r, a)| if *a { r[0] } else { 0.0 }).collect();
+    for axis in 0..3 {
+        let source = volume.clone();
+        for (i, v) in volume.iter_mut().enumerate() {
+            let c = grid.voxel(i);
+            *v = 0.0;
+            if !grid.contains(c) {
+                continue;
+            }
+            for at in c[axis].saturating_sub(taps.len() - 1)..(c[axis] + taps.len()).min(grid.n[axis]) {
+                let mut n = c;
+                n[axis] = at;
+                *v += taps[at.abs_diff(c[axis])] * source[grid.index(n)];
+            }
+        }
+    }
+    volume
+}
+
+/// The domain after a reduction: above the given share of the maximum, and not too near.
+pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {
+    let above = twin.model.keep_above * smooth.iter().fold(0.0f64, |a, b| a.max(*b));
+    let near = twin.model.near_z(twin.grid);
+    let keep = |(i, v): (usize, &f64)| {
+        let c = twin.grid.voxel(i);
+        twin.grid.contains(c) && c[2] >= near && *v > above
+    };
+    smooth.iter().enumerate().map(keep).collect()
+}
+
+/// Active voxels and their 26 neighbours.
+pub fn dilate(grid: &Grid, active: &[bool]) -> Vec<bool> {
+    let mut touched = active.to_vec();
+    for i in (0..active.len()).filter(|i| active[*i]) {
+        let c = grid.voxel(i);
+        for z in c[2].saturating_sub(1)..(c[2] + 2).min(grid.n[2]) {
+            for y in c[1].saturating_sub(1)..(c[1] + 2).min(grid.n[1]) {
+                for x in c[0].saturating_sub(1)..(c[0] + 2).min(grid.n[0]) {
+                    touched[grid.index([x, y, z])] = true;
+                }
+            }
+        }
+    }
+    touched
+}
+
+/// Indices of what is set, in storage order.
+pub fn compact(mask: &[bool]) -> Vec<u32> {
+    (0..mask.len() as u32).filter(|i| mask[*i as usize]).collect()
+}
+
+/// Raw variables at twice the lateral resolution: trilinear, cell-centred, clamped at the edges.
+pub fn double_raw(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
+    let mut doubled = vec![[0.0; 4]; fine.storage()];
+    for (i, value) in doubled.iter_mut().enumerate() {
+        let c = fine.voxel(i);
+        if !fine.contains(c) {
+            continue;
+        }
+        let parents = [0, 1].map(|a| {
+            let at = ((c[a] as f64 + 0.5) / 2.0 - 0.5).clamp(0.0, coarse.n[a] as f64 - 1.0);
+            let low = at.floor() as usize;
+            [(low, 1.0 - at.fract()), ((low + 1).min(coarse.n[a] - 1), at.fract())]
+        });
+        for (x, wx) in parents[0] {
+            for (y, wy) in parents[1] {
+                let from = raw[coarse.index([x, y, c[2]])];
+                for k in 0..4 {
+                    value[k] += wx * wy * from[k];
+                }
+            }
+        }
+    }
+    doubled
+}
+
+/// The domain at twice the lateral resolution: active where the parent was.
+pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
+    let child = |c: [usize; 3]| fine.contains(c) && active[coarse.index([c[0] / 2, c[1] / 2, c[2]])];
+    (0..fine.storage()).map(|i| child(fine.voxel(i))).collect()
+}
+
+/// Per column `ix * ny + iy`: albedo, depth of the brightest active voxel, depth refined by the centroid
+/// within `reach` voxels, normal. None where nothing is above zero.
+pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<Option<(f64, f64, f64, [f64; 3])>> {
+    let grid = twin.grid;
+    let albedo = |c: [usize; 3]| if active[grid.index(c)] { raw[grid.index(c)][0].max(0.0) } else { 0.0 };
+    let mut maps = vec![];
+    for x in 0..grid.n[0] {
+        for y in 0..grid.n[1] {
+            let mut best = (0.0, 0);
+            for z in twin.model.near_z(grid)..grid.n[2] {
+                if albedo([x, y, z]) > best.0 {
+                    best = (albedo([x, y, z]), z);
+                }
+            }
+            maps.push((best.0 > 0.0).then(|| {
+                let depth = |z: f64| grid.origin.z + z * grid.pitch.z;
+                let around = best.1.saturating_sub(reach)..=(best.1 + reach).min(grid.n[2] - 1);
+                let sum: f64 = around.clone().map(|z| albedo([x, y, z])).sum();
+                let moment: f64 = around.map(|z| z as f64 * albedo([x, y, z])).sum();
+                let u = toward_wall(raw[grid.index([x, y, best.1])]).normalize_or_zero();
+                (best.0, depth(best.1 as f64), depth(moment / sum), u.to_array())
+            }));
+        }
+    }
+    maps
+}

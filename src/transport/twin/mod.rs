@@ -1,0 +1,26 @@
+//! The kernels in float64 on the CPU, one function per kernel and of its name. They are what the kernels are
+//! tested against, written for clarity, not speed.
+//!
+//! State lies in the grid's storage order ([`Grid::index`]); lists are storage indices in that order.
+
+mod domain;
+mod optimise;
+mod random;
+mod render;
+
+pub use domain::{compact, dilate, double_domain, double_raw, extract, gaussian, initialise, taps, threshold};
+pub use optimise::{noise, update};
+pub use random::random3;
+pub use render::{Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective};
+
+use super::{Grid, Model};
+
+/// A scene at one lateral resolution.
+#[derive(Debug, Clone, Copy)]
+pub struct Twin<'a> {
+    pub model: &'a Model,
+    pub grid: &'a Grid,
+}
+
+/// Raw variables of a voxel: albedo a and normal q, before ELU and tanh.
+pub type Raw = [f64; 4];

@@ -1,0 +1,211 @@
+use glam::{DVec3, dvec3};
+
+use super::{Raw, Twin, random3};
+use crate::transport::{Binning, Gradient, Sampling};
+
+/// A surface element: what a voxel's sample shows to every pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    pub point: DVec3,
+    pub albedo: f64,
+    pub normal: DVec3,
+    /// Length of the normal before it was normalised.
+    pub length: f64,
+}
+
+const BASE_NORMAL: DVec3 = dvec3(0.0, 0.0, -1.0);
+
+/// Where the sample of voxel `index` lies, counted in voxels.
+pub fn sample_point(twin: &Twin, index: u32, iteration: u32) -> DVec3 {
+    let c = twin.grid.voxel(index as usize).map(|c| c as f64);
+    let centre = DVec3::from_array(c);
+    if twin.model.sampling == Sampling::Fixed {
+        return centre;
+    }
+    let shift = DVec3::from_array(random3(index, iteration, 1, twin.model.seed)) - 0.5;
+    let last = DVec3::from_array(twin.grid.n.map(|n| n as f64 - 1.0));
+    (centre + shift).clamp(DVec3::ZERO, last)
+}
+
+/// Samples of the active voxels.
+pub fn sample(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw]) -> Vec<Sample> {
+    active
+        .iter()
+        .map(|index| {
+            let g = sample_point(twin, *index, iteration);
+            let mut v = [0.0; 4];
+            for (corner, weight) in corners(twin, g) {
+                for k in 0..4 {
+                    v[k] += weight * raw[corner][k];
+                }
+            }
+            let u = toward_wall(v);
+            let length = u.length().max(1e-12);
+            Sample { point: twin.grid.position(g), albedo: elu(v[0]), normal: u / length, length }
+        })
+        .collect()
+}
+
+/// The (up to eight) voxels that are interpolated at `g`, with their weights.
+fn corners(twin: &Twin, g: DVec3) -> Vec<(usize, f64)> {
+    let mut all = vec![];
+    let base = g.floor();
+    for corner in 0..8 {
+        let step = DVec3::from_array([0, 1, 2].map(|a| f64::from(corner >> a & 1)));
+        let at = base + step;
+        let near = (1.0 - (g - at).abs()).max(DVec3::ZERO);
+        let weight = near.x * near.y * near.z;
+        let c = at.to_array().map(|v| v as usize);
+        if weight > 0.0 && twin.grid.contains(c) {
+            all.push((twin.grid.index(c), weight));
+        }
+    }
+    all
+}
+
+fn elu(a: f64) -> f64 {
+    if a > 0.0 { a } else { a.exp() - 1.0 }
+}
+
+pub(super) fn toward_wall(v: Raw) -> DVec3 {
+    dvec3(v[1], v[2], v[3]).clamp(DVec3::splat(-10.0), DVec3::splat(10.0)).map(f64::tanh) + BASE_NORMAL
+}
+
+struct Kernel {
+    toward: DVec3,
+    cosine: f64,
+    falloff: f64,
+    bin: f64,
+}
+
+/// The cosine model for a confocal pair (METHOD: value = ρ max(0, n·ω) (reference / r)⁴ at path 2r).
+fn confocal_kernel(twin: &Twin, wall: DVec3, s: &Sample) -> Kernel {
+    let d = wall - s.point;
+    let r = d.length();
+    if r < twin.model.nearest(twin.grid) || r == 0.0 {
+        let bin = -twin.model.t_start / twin.model.bin_width;
+        return Kernel { toward: DVec3::ZERO, cosine: 0.0, falloff: 0.0, bin };
+    }
+    let toward = d / r;
+    Kernel {
+        toward,
+        cosine: s.normal.dot(toward),
+        falloff: (twin.model.reference / r).powi(4),
+        bin: (2.0 * r - twin.model.t_start) / twin.model.bin_width,
+    }
+}
+
+/// The bins that a path at `position` (in bins from the leading edge of bin 0) adds to, with their shares.
+fn shares(twin: &Twin, position: f64) -> impl Iterator<Item = (usize, f64)> {
+    let both = match twin.model.binning {
+        Binning::Nearest => [(position.floor(), 1.0), (-1.0, 0.0)],
+        Binning::Linear => {
+            let centre = position - 0.5;
+            let low = centre.floor();
+            [(low, 1.0 - (centre - low)), (low + 1.0, centre - low)]
+        }
+    };
+    let bins = twin.model.bins as f64;
+    both.into_iter().filter(move |(b, w)| *b >= 0.0 && *b < bins && *w > 0.0).map(|(b, w)| (b as usize, w))
+}
+
+/// Accumulated histograms of the samples, `[pair * bins + bin]`, before the render scale.
+pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
+    let bins = twin.model.bins;
+    let mut sums = vec![0.0; twin.model.pairs() * bins];
+    for (pair, wall) in twin.model.wall.iter().enumerate() {
+        for s in samples {
+            let k = confocal_kernel(twin, *wall, s);
+            let value = s.albedo * k.cosine.max(0.0) * k.falloff;
+            for (bin, share) in shares(twin, k.bin) {
+                sums[pair * bins + bin] += value * share;
+            }
+        }
+    }
+    sums
+}
+
+/// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are the noise
+/// term's, one per bin or one per histogram; empty without one.
+pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>, f64) {
+    let m = twin.model;
+    let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), accumulated.len() as f64);
+    let mut loss = 0.0;
+    let gradient = accumulated
+        .iter()
+        .enumerate()
+        .map(|(i, sum)| {
+            let mut rendered = sum * render;
+            let mut open = 1.0;
+            if !weights.is_empty() {
+                let w = weights[if weights.len() == accumulated.len() { i } else { i / m.bins }];
+                rendered += m.peak * (m.noise[0] + m.noise[1] / (1.0 + (-w).exp()));
+                open = if rendered > 0.0 { 1.0 } else { 0.0 };
+                rendered = rendered.max(0.0);
+            }
+            let difference = rendered - f64::from(m.measured[i]);
+            loss += difference * difference / elements;
+            2.0 / elements * render * open * difference
+        })
+        .collect();
+    (gradient, loss)
+}
+
+/// dLoss / d(raw variables at the sample), one per sample.
+pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
+    let m = twin.model;
+    samples
+        .iter()
+        .map(|s| {
+            let mut albedo = m.l1 / twin.grid.voxels() as f64 * if s.albedo == 0.0 { 0.0 } else { s.albedo.signum() };
+            let mut normal = DVec3::ZERO;
+            for (pair, wall) in m.wall.iter().enumerate() {
+                let k = confocal_kernel(twin, *wall, s);
+                if k.cosine <= 0.0 {
+                    continue;
+                }
+                let mut r: f64 = shares(twin, k.bin).map(|(b, w)| w * residual[pair * m.bins + b]).sum();
+                if m.gradient == Gradient::Exact {
+                    r *= k.falloff;
+                }
+                albedo += r * k.cosine;
+                normal += r * s.albedo * k.toward;
+            }
+            let slope = if s.albedo > 0.0 { 1.0 } else { s.albedo + 1.0 };
+            let tanh = s.normal * s.length - BASE_NORMAL;
+            let across = (normal - s.normal * s.normal.dot(normal)) / s.length * (1.0 - tanh * tanh).max(DVec3::ZERO);
+            [albedo * slope, across.x, across.y, across.z]
+        })
+        .collect()
+}
+
+/// Sum of |albedo| over the samples, the trace's L1 column.
+pub fn finish(samples: &[Sample]) -> f64 {
+    samples.iter().map(|s| s.albedo.abs()).sum()
+}
+
+/// The loss that the solver minimises: mean squared error plus α Σ|albedo| / voxels.
+pub fn objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw], weights: &[f64]) -> f64 {
+    let samples = sample(twin, iteration, active, raw);
+    let (_, loss) = residual(twin, &forward(twin, &samples), weights);
+    loss + twin.model.l1 / twin.grid.voxels() as f64 * finish(&samples)
+}
+
+/// The same with every bin's squared difference weighted by (t / (2 reference))⁴, t the bin's centre: the
+/// objective whose exact gradient is the published, falloff-free one (METHOD, section 4).
+pub fn weighted_objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw]) -> f64 {
+    let m = twin.model;
+    let samples = sample(twin, iteration, active, raw);
+    let accumulated = forward(twin, &samples);
+    let render = f64::from(m.scene(twin.grid).render_scale);
+    let data: f64 = accumulated
+        .iter()
+        .enumerate()
+        .map(|(i, sum)| {
+            let t = m.t_start + ((i % m.bins) as f64 + 0.5) * m.bin_width;
+            let difference = sum * render - f64::from(m.measured[i]);
+            (t / (2.0 * m.reference)).powi(4) * difference * difference
+        })
+        .sum();
+    data / accumulated.len() as f64 + m.l1 / twin.grid.voxels() as f64 * finish(&samples)
+}
