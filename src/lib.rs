@@ -2,6 +2,7 @@
 
 pub mod capture;
 pub mod error;
+pub mod export;
 pub mod maps;
 
 pub use error::{Error, Kind, Result};

@@ -4,6 +4,16 @@
 //! histogram counts the inner path laser point → hidden point → sensor point. Bin b of width Δ collects
 //! path lengths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 
+pub mod check;
+pub mod formats;
+pub mod gate;
+pub mod scan;
+pub mod summary;
+
+pub use formats::{read, write};
+pub use gate::{AutoGate, Gate, auto_gate};
+pub use summary::Summary;
+
 use glam::DVec3;
 
 /// Transient histograms of pairs of wall points, all arrays of one length `P` (pairs).

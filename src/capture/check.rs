@@ -1,0 +1,156 @@
+//! Checks of a capture: one clear error for the first thing that is wrong.
+
+use glam::DVec3;
+
+use super::Capture;
+use crate::error::{Error, Result};
+
+impl Capture {
+    /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, counts,
+    /// and that there is any signal at all.
+    ///
+    /// # Errors
+    /// `Kind::Input`, naming the first offending field with its pair, bin and value.
+    pub fn check(&self) -> Result<()> {
+        self.check_lengths()?;
+        if !(self.bin_width.is_finite() && self.bin_width > 0.0) {
+            return Err(Error::input(
+                format!("the bin width is {} m", self.bin_width),
+                "give a positive bin width in metres of path (seconds times 299792458)",
+            ));
+        }
+        if !self.t_start.is_finite() {
+            return Err(Error::input(
+                format!("the start of bin 0 is {} m", self.t_start),
+                "give the leading edge of bin 0 in metres of path, 0 if unknown",
+            ));
+        }
+        if self.t_end() <= 0.0 {
+            return Err(Error::input(
+                format!("all bins lie before path 0: they end at {} m", self.t_end()),
+                "check t_start and whether the outer legs were removed twice",
+            ));
+        }
+        check_points("laser", &self.laser)?;
+        check_points("sensor", &self.sensor)?;
+        check_normals("laser", self.laser_normal.as_deref())?;
+        check_normals("sensor", self.sensor_normal.as_deref())?;
+        self.check_counts()
+    }
+
+    /// Trailing edge of the last bin, in metres of path.
+    pub fn t_end(&self) -> f64 {
+        self.t_start + self.bins as f64 * self.bin_width
+    }
+
+    /// Number of pairs P.
+    pub fn pair_count(&self) -> usize {
+        self.laser.len()
+    }
+
+    /// Says where a pair stands in the scan, for error messages.
+    fn pair_place(&self, pair: usize) -> String {
+        let ny = self.scan[1].max(1);
+        format!("pair {pair} (ix {}, iy {})", pair / ny, pair % ny)
+    }
+
+    fn check_lengths(&self) -> Result<()> {
+        let pairs = self.laser.len();
+        if pairs == 0 {
+            return Err(Error::input("the capture has no pair", "give at least one laser and sensor point"));
+        }
+        if self.bins == 0 {
+            return Err(Error::input("the capture has no bin", "give histograms of at least one bin"));
+        }
+        if self.scan[0].checked_mul(self.scan[1]) != Some(pairs) {
+            return Err(Error::input(
+                format!("the scan is {} x {} but there are {pairs} pairs", self.scan[0], self.scan[1]),
+                "give one laser and one sensor point per scan position",
+            ));
+        }
+        let lengths = [
+            ("sensor points", Some(self.sensor.len())),
+            ("laser normals", self.laser_normal.as_ref().map(Vec::len)),
+            ("sensor normals", self.sensor_normal.as_ref().map(Vec::len)),
+        ];
+        for (what, length) in lengths {
+            if let Some(length) = length.filter(|&l| l != pairs) {
+                return Err(Error::input(
+                    format!("{length} {what} for {pairs} laser points"),
+                    "all arrays of a capture hold one entry per pair",
+                ));
+            }
+        }
+        if pairs.checked_mul(self.bins) != Some(self.histograms.len()) {
+            return Err(Error::input(
+                format!("{} counts for {pairs} pairs of {} bins", self.histograms.len(), self.bins),
+                "the histograms hold pairs x bins values, bin by bin within a pair",
+            ));
+        }
+        Ok(())
+    }
+
+    fn check_counts(&self) -> Result<()> {
+        let mut signal = false;
+        for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
+            // One cheap pass over good data; the index is only looked for when something is wrong.
+            let (good, sum) =
+                histogram.iter().fold((true, 0.0f64), |(g, s), &v| (g & (v >= 0.0), s + f64::from(v)));
+            if !good || !sum.is_finite() {
+                let bin = histogram.iter().position(|v| !v.is_finite() || *v < 0.0).unwrap_or(0);
+                let value = histogram[bin];
+                return Err(Error::input(
+                    format!("{}, bin {bin}: the count is {value}", self.pair_place(pair)),
+                    if value < 0.0 {
+                        "counts cannot be negative: subtract no background, or clamp at 0"
+                    } else {
+                        "counts must be finite: set unknown bins to 0 or drop the pair"
+                    },
+                ));
+            }
+            signal |= sum > 0.0;
+        }
+        if !signal {
+            return Err(Error::input(
+                format!(
+                    "there is no signal: all {} counts between {:.4} m and {:.4} m of path are zero",
+                    self.histograms.len(),
+                    self.t_start,
+                    self.t_end()
+                ),
+                "check the gate, or that the right file was given",
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn check_points(side: &str, points: &[DVec3]) -> Result<()> {
+    match points.iter().position(|p| !p.is_finite()) {
+        None => Ok(()),
+        Some(pair) => Err(Error::input(
+            format!("pair {pair}: the {side} point is {}", points[pair]),
+            "wall points must be finite, in metres; drop pairs without a known point",
+        )),
+    }
+}
+
+fn check_normals(side: &str, normals: Option<&[DVec3]>) -> Result<()> {
+    let normals = normals.unwrap_or(&[]);
+    // NaN must fail too, hence the negated comparison.
+    let bad = normals.iter().position(|n| {
+        let off = (n.length() - 1.0).abs();
+        off.is_nan() || off > 1e-3
+    });
+    match bad {
+        None => Ok(()),
+        Some(pair) => Err(Error::input(
+            format!(
+                "pair {pair}: the {side} normal is {} of length {}",
+                normals[pair],
+                normals[pair].length()
+            ),
+            "wall normals must be of unit length; leave them out if they are unknown",
+        )),
+    }
+}

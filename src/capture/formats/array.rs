@@ -1,0 +1,269 @@
+//! An n-dimensional array as it stands in an npy file: shape, element type, bytes.
+
+use crate::error::{Error, Result};
+
+/// Element types that numpy writes for numbers and truth values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Element {
+    Bool,
+    U8,
+    U16,
+    U32,
+    U64,
+    I8,
+    I16,
+    I32,
+    I64,
+    F32,
+    F64,
+}
+
+impl Element {
+    const ALL: [(Element, &'static str, usize); 11] = [
+        (Element::Bool, "b1", 1),
+        (Element::U8, "u1", 1),
+        (Element::U16, "u2", 2),
+        (Element::U32, "u4", 4),
+        (Element::U64, "u8", 8),
+        (Element::I8, "i1", 1),
+        (Element::I16, "i2", 2),
+        (Element::I32, "i4", 4),
+        (Element::I64, "i8", 8),
+        (Element::F32, "f4", 4),
+        (Element::F64, "f8", 8),
+    ];
+
+    fn entry(self) -> (Element, &'static str, usize) {
+        Self::ALL.into_iter().find(|e| e.0 == self).unwrap_or(Self::ALL[0])
+    }
+
+    /// Bytes per element.
+    pub fn size(self) -> usize {
+        self.entry().2
+    }
+
+    /// Whether it counts (integers and truth values).
+    pub fn is_integer(self) -> bool {
+        !matches!(self, Element::F32 | Element::F64)
+    }
+}
+
+/// An array: `bytes` holds `shape.product()` elements, in C order unless `fortran`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Array {
+    pub shape: Vec<usize>,
+    pub element: Element,
+    pub big_endian: bool,
+    pub fortran: bool,
+    pub bytes: Vec<u8>,
+}
+
+macro_rules! from_slice {
+    ($name:ident, $type:ty, $element:ident) => {
+        /// A C-order array of the given shape; `values` holds `shape.product()` elements.
+        pub fn $name(shape: &[usize], values: &[$type]) -> Array {
+            debug_assert_eq!(shape.iter().product::<usize>(), values.len());
+            let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            Array {
+                shape: shape.to_vec(),
+                element: Element::$element,
+                big_endian: false,
+                fortran: false,
+                bytes,
+            }
+        }
+    };
+}
+
+impl Array {
+    from_slice!(from_f32, f32, F32);
+    from_slice!(from_f64, f64, F64);
+    from_slice!(from_u16, u16, U16);
+    from_slice!(from_u32, u32, U32);
+
+    /// A C-order array of truth values.
+    pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {
+        let bytes = values.iter().map(|&v| u8::from(v)).collect();
+        Array { shape: shape.to_vec(), element: Element::Bool, big_endian: false, fortran: false, bytes }
+    }
+
+    /// Number of elements.
+    pub fn count(&self) -> usize {
+        self.bytes.len() / self.element.size()
+    }
+
+    /// All elements in C order, as float64 (64-bit integers above 2^53 are rounded).
+    pub fn to_f64(&self) -> Vec<f64> {
+        self.convert(|v| v)
+    }
+
+    /// All elements in C order, as float32 (integers above 2^24 are rounded).
+    pub fn to_f32(&self) -> Vec<f32> {
+        self.convert(|v| v as f32)
+    }
+
+    /// All elements in C order, true where not zero.
+    pub fn to_bool(&self) -> Vec<bool> {
+        self.convert(|v| v != 0.0)
+    }
+
+    fn convert<T>(&self, to: impl Fn(f64) -> T) -> Vec<T> {
+        macro_rules! decode {
+            ($type:ty) => {{
+                const SIZE: usize = size_of::<$type>();
+                let element = |chunk: &[u8]| {
+                    let mut bytes = [0u8; SIZE];
+                    bytes.copy_from_slice(chunk);
+                    if self.big_endian {
+                        <$type>::from_be_bytes(bytes)
+                    } else {
+                        <$type>::from_le_bytes(bytes)
+                    }
+                };
+                if self.fortran && self.shape.len() > 1 {
+                    self.c_order()
+                        .map(|i| to(element(&self.bytes[i * SIZE..(i + 1) * SIZE]) as f64))
+                        .collect()
+                } else {
+                    self.bytes.chunks_exact(SIZE).map(|c| to(element(c) as f64)).collect()
+                }
+            }};
+        }
+        match self.element {
+            Element::Bool | Element::U8 => decode!(u8),
+            Element::U16 => decode!(u16),
+            Element::U32 => decode!(u32),
+            Element::U64 => decode!(u64),
+            Element::I8 => decode!(i8),
+            Element::I16 => decode!(i16),
+            Element::I32 => decode!(i32),
+            Element::I64 => decode!(i64),
+            Element::F32 => decode!(f32),
+            Element::F64 => decode!(f64),
+        }
+    }
+
+    /// Positions in the Fortran-ordered bytes, walked in C order.
+    fn c_order(&self) -> impl Iterator<Item = usize> + '_ {
+        let mut strides = vec![1usize; self.shape.len()];
+        for axis in 1..self.shape.len() {
+            strides[axis] = strides[axis - 1] * self.shape[axis - 1];
+        }
+        let mut index = vec![0usize; self.shape.len()];
+        let mut at = 0usize;
+        (0..self.count()).map(move |_| {
+            let here = at;
+            for axis in (0..index.len()).rev() {
+                index[axis] += 1;
+                at += strides[axis];
+                if index[axis] < self.shape[axis] {
+                    break;
+                }
+                at -= strides[axis] * index[axis];
+                index[axis] = 0;
+            }
+            here
+        })
+    }
+
+    /// Reads the contents of an npy file (versions 1 to 3).
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is no npy file, holds something other than numbers, or is not as long as its
+    /// header says.
+    pub fn parse(npy: &[u8]) -> Result<Array> {
+        let wrong =
+            |what: String| Error::input(what, "write the array anew with numpy.savez, as plain numbers");
+        if npy.len() < 10 || &npy[..6] != b"\x93NUMPY" {
+            return Err(wrong("not an npy array (its first bytes are wrong)".into()));
+        }
+        let (start, length): (usize, usize) = match npy[6] {
+            1 => (10, usize::from(u16::from_le_bytes([npy[8], npy[9]]))),
+            2 | 3 if npy.len() >= 12 => (12, u32::from_le_bytes([npy[8], npy[9], npy[10], npy[11]]) as usize),
+            version => return Err(wrong(format!("npy version {version} is not known"))),
+        };
+        let header = start
+            .checked_add(length)
+            .and_then(|end| npy.get(start..end))
+            .ok_or_else(|| wrong("the npy header is cut short".into()))?;
+        let header = std::str::from_utf8(header).map_err(|_| wrong("the npy header is not text".into()))?;
+        let (element, big_endian) = descr(header)
+            .ok_or_else(|| wrong(format!("the element type is not a plain number: {}", header.trim())))?;
+        let (fortran, shape) = layout(header)
+            .ok_or_else(|| wrong(format!("the npy header cannot be read: {}", header.trim())))?;
+        let bytes = &npy[start + length..];
+        let wanted = shape.iter().try_fold(element.size(), |n, &d| n.checked_mul(d));
+        if wanted != Some(bytes.len()) {
+            return Err(wrong(format!("shape {shape:?} does not fit {} bytes of data", bytes.len())));
+        }
+        Ok(Array { shape, element, big_endian, fortran, bytes: bytes.to_vec() })
+    }
+
+    /// The contents of an npy file (version 1).
+    pub fn to_npy(&self) -> Vec<u8> {
+        let (_, code, size) = self.element.entry();
+        let order = match (size, self.big_endian) {
+            (1, _) => '|',
+            (_, true) => '>',
+            (_, false) => '<',
+        };
+        let dims: Vec<String> = self.shape.iter().map(|d| format!("{d},")).collect();
+        let fortran = if self.fortran { "True" } else { "False" };
+        let dict = format!(
+            "{{'descr': '{order}{code}', 'fortran_order': {fortran}, 'shape': ({}), }}",
+            dims.join(" ")
+        );
+        let padding = 63 - (10 + dict.len()) % 64;
+        let header = format!("{dict}{}\n", " ".repeat(padding));
+        let mut npy = Vec::with_capacity(10 + header.len() + self.bytes.len());
+        npy.extend_from_slice(b"\x93NUMPY\x01\x00");
+        npy.extend_from_slice(&(header.len() as u16).to_le_bytes());
+        npy.extend_from_slice(header.as_bytes());
+        npy.extend_from_slice(&self.bytes);
+        npy
+    }
+}
+
+/// What follows `'key':` in the header's Python dictionary.
+fn value<'a>(header: &'a str, key: &str) -> Option<&'a str> {
+    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
+    let after = quoted.iter().find_map(|q| header.find(q).map(|at| &header[at + q.len()..]))?;
+    after.trim_start().strip_prefix(':').map(str::trim_start)
+}
+
+fn descr(header: &str) -> Option<(Element, bool)> {
+    let text = value(header, "descr")?;
+    let quote = text.chars().next().filter(|c| matches!(c, '\'' | '"'))?;
+    let text = text[1..].split(quote).next()?;
+    let (order, code) = (text.get(..1)?, text.get(1..)?);
+    let element = Element::ALL.into_iter().find(|e| e.1 == code)?.0;
+    matches!(order, "<" | ">" | "|" | "=").then_some((element, order == ">"))
+}
+
+fn layout(header: &str) -> Option<(bool, Vec<usize>)> {
+    let fortran = match value(header, "fortran_order")? {
+        text if text.starts_with("True") => true,
+        text if text.starts_with("False") => false,
+        _ => return None,
+    };
+    let shape = value(header, "shape")?.strip_prefix('(')?.split(')').next()?;
+    let dims = shape.split(',').map(str::trim).filter(|d| !d.is_empty());
+    let dims = dims.map(|d| d.trim_end_matches('L').parse().ok()).collect::<Option<Vec<usize>>>()?;
+    Some((fortran, dims))
+}
+
+/// `rows` x `columns` values turned into `columns` x `rows`, in tiles that stay in the cache.
+pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+    const TILE: usize = 32;
+    let mut out = vec![0.0; values.len()];
+    for r0 in (0..rows).step_by(TILE) {
+        for c0 in (0..columns).step_by(TILE) {
+            for r in r0..(r0 + TILE).min(rows) {
+                for c in c0..(c0 + TILE).min(columns) {
+                    out[c * rows + r] = values[r * columns + c];
+                }
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,325 @@
+//! y-tal HDF5 captures.
+//!
+//! `H` in one of the layouts of `H_format` (1 = T_Sx_Sy, 2 = T_Lx_Ly_Sx_Sy, 3 = T_Si, 4 = T_Li_Si);
+//! `{laser,sensor}_grid_xyz` are the wall points, `{laser,sensor}_grid_normals` their normals,
+//! `{laser,sensor}_xyz` the **devices**; `delta_t` and `t_start` in metres of path. A missing value is an
+//! empty dataspace. If `t_accounts_first_and_last_bounces`, the legs between devices and wall are removed.
+//!
+//! Layouts 1 and 3 pair the laser points with the sensor points one by one when there are as many (confocal),
+//! or share a single one. Layouts 2 and 4 hold every combination: the scan becomes (laser points, sensor
+//! points), pair `l * S + s`, unless one side is a single point.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use glam::DVec3;
+use rust_hdf5::types::HBool;
+use rust_hdf5::{DatatypeMessage, H5Dataset, H5File, Hdf5Error};
+
+use super::array::transpose;
+use super::{compact, largest_count, legs, per_pair, triples};
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+use crate::export::atomic;
+
+/// No filter of HDF5 in use shrinks data more than this.
+const MOST_DEFLATED: u64 = 1100;
+
+/// Reads a capture without checking its values; see [`super::read`].
+///
+/// # Errors
+/// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths
+/// that include the outer legs without telling where the devices are.
+pub fn read(path: &Path) -> Result<Capture> {
+    // Damaged files make the HDF5 reader panic at times; that is a damaged file, not our end.
+    catch_unwind(AssertUnwindSafe(|| read_file(path)))
+        .unwrap_or_else(|_| Err(damaged("its inner structure makes no sense")))
+}
+
+fn damaged(e: impl std::fmt::Display) -> Error {
+    Error::input(
+        format!("the HDF5 file cannot be read: {e}"),
+        "the file is damaged or cut short: fetch it anew",
+    )
+}
+
+/// An open file and how many bytes it has, to judge the sizes that its datasets claim.
+struct Source {
+    file: H5File,
+    bytes: u64,
+}
+
+fn read_file(path: &Path) -> Result<Capture> {
+    let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
+    let file = H5File::options().no_locking().open(path).map_err(damaged)?;
+    let source = Source { file, bytes };
+    let (shape, h, integer_counts) = source.histograms()?;
+    let format = match source.number("H_format")? {
+        Some(format) => format as i64,
+        None if shape.len() == 3 => 1,
+        None => 0,
+    };
+    let (laser_shape, laser) =
+        source.vectors("laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
+    let (sensor_shape, sensor) =
+        source.vectors("sensor_grid_xyz")?.ok_or_else(|| source.missing("sensor_grid_xyz"))?;
+    let (l, s) = (laser.len(), sensor.len());
+    let (scan, exhaustive) = match (format, &shape[..]) {
+        (1, &[_, x, y]) => ([x, y], false),
+        (2, &[_, lx, ly, sx, sy]) if lx * ly == 1 => ([sx, sy], true),
+        (2, &[_, lx, ly, sx, sy]) if sx * sy == 1 => ([lx, ly], true),
+        (2, &[_, lx, ly, sx, sy]) => ([lx * ly, sx * sy], true),
+        (3, &[_, n]) => (grid_of(n, &[&sensor_shape, &laser_shape]), false),
+        (4, &[_, 1, n]) => (grid_of(n, &[&sensor_shape]), true),
+        (4, &[_, n, 1]) => (grid_of(n, &[&laser_shape]), true),
+        (4, &[_, li, si]) => ([li, si], true),
+        _ => {
+            return Err(Error::input(
+                format!("H has shape {shape:?} and H_format {format}, which do not go together"),
+                "known are 1 (T, Sx, Sy), 2 (T, Lx, Ly, Sx, Sy), 3 (T, Si) and 4 (T, Li, Si)",
+            ));
+        }
+    };
+    let pairs = scan[0] * scan[1];
+    if exhaustive && l.checked_mul(s) != Some(pairs) {
+        return Err(Error::input(
+            format!("H has shape {shape:?} for {l} laser and {s} sensor points"),
+            "H must hold one histogram for every combination of laser and sensor point",
+        ));
+    }
+    let spread = |what: &str, side: Side, given: Vec<DVec3>| match (exhaustive, side) {
+        (false, _) => per_pair(what, given, pairs),
+        (true, Side::Laser) => {
+            let given = per_pair(what, given, l)?;
+            Ok(given.iter().flat_map(|&p| std::iter::repeat_n(p, s)).collect())
+        }
+        (true, Side::Sensor) => {
+            let given = per_pair(what, given, s)?;
+            Ok((0..l).flat_map(|_| given.iter().copied()).collect())
+        }
+    };
+    let normals = |what: &str, side| -> Result<Option<Vec<DVec3>>> {
+        let Some((_, given)) = source.vectors(what)? else { return Ok(None) };
+        let unit = |n: DVec3| if (n.length() - 1.0).abs() < 1e-4 { n.normalize() } else { n };
+        spread(what, side, given.into_iter().map(unit).collect()).map(Some)
+    };
+    let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
+    let sensor = spread("sensor_grid_xyz", Side::Sensor, sensor)?;
+    let capture = Capture {
+        name: String::new(),
+        scan,
+        laser_normal: normals("laser_grid_normals", Side::Laser)?,
+        sensor_normal: normals("sensor_grid_normals", Side::Sensor)?,
+        laser,
+        sensor,
+        bins: shape[0],
+        bin_width: source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?,
+        t_start: source.number("t_start")?.unwrap_or(0.0),
+        histograms: transpose(&h, shape[0], pairs),
+        integer_counts,
+    };
+    if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
+        return Ok(capture);
+    }
+    capture.check()?;
+    let legs = outer_legs(&source, &capture)?;
+    legs::remove(&capture, &legs)
+}
+
+#[derive(Clone, Copy)]
+enum Side {
+    Laser,
+    Sensor,
+}
+
+/// The scan of `n` points in a row: the X, Y of the first grid that has as many points, else a row.
+fn grid_of(n: usize, shapes: &[&[usize]]) -> [usize; 2] {
+    let grid = shapes.iter().find_map(|shape| match shape {
+        &&[x, y, 3] if x * y == n => Some([x, y]),
+        _ => None,
+    });
+    grid.unwrap_or([n, 1])
+}
+
+fn outer_legs(source: &Source, capture: &Capture) -> Result<Vec<f64>> {
+    let device = |name: &str| -> Result<DVec3> {
+        match source.vectors(name)?.map(|(_, points)| points) {
+            Some(points) if points.len() == 1 => Ok(points[0]),
+            _ => Err(Error::input(
+                format!(
+                    "the paths include the legs between devices and wall, but {name} does not say where one is"
+                ),
+                "store the device's position (x, y, z in metres), or remove the legs and clear \
+                 t_accounts_first_and_last_bounces",
+            )),
+        }
+    };
+    let (laser, sensor) = (device("laser_xyz")?, device("sensor_xyz")?);
+    let pairs = capture.laser.iter().zip(&capture.sensor);
+    Ok(pairs.map(|(l, s)| laser.distance(*l) + sensor.distance(*s)).collect())
+}
+
+impl Source {
+    fn missing(&self, name: &str) -> Error {
+        let mut there = self.file.dataset_names();
+        there.sort();
+        let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
+        Error::input(
+            format!("there is no dataset {name}, or it is empty (the file holds {there})"),
+            "a y-tal capture needs H, H_format, delta_t, laser_grid_xyz and sensor_grid_xyz",
+        )
+    }
+
+    /// The dataset, `None` if it is missing or has an empty dataspace.
+    fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
+        let dataset = match self.file.dataset(name) {
+            Ok(dataset) => dataset,
+            Err(Hdf5Error::NotFound(_)) => return Ok(None),
+            Err(e) => return Err(damaged(e).at(format!("dataset {name}"))),
+        };
+        if dataset.is_null() || dataset.shape().contains(&0) {
+            return Ok(None);
+        }
+        let size =
+            dataset.shape().iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
+        match size {
+            Some(size) if size / MOST_DEFLATED <= self.bytes => Ok(Some(dataset)),
+            _ => Err(Error::input(
+                format!(
+                    "dataset {name} claims shape {:?} in a file of {} bytes",
+                    dataset.shape(),
+                    self.bytes
+                ),
+                "the file is damaged or malicious: fetch or write it anew",
+            )),
+        }
+    }
+
+    /// `H` as float32 in C order, and whether it was stored as integers.
+    fn histograms(&self) -> Result<(Vec<usize>, Vec<f32>, bool)> {
+        let dataset = self.dataset("H")?.ok_or_else(|| self.missing("H"))?;
+        let wrong = |e: Hdf5Error| damaged(e).at("dataset H");
+        let float = matches!(dataset.datatype().map_err(wrong)?, DatatypeMessage::FloatingPoint { .. });
+        let values: Vec<f32> = match (float, dataset.element_size()) {
+            (true, 8) => {
+                dataset.read_numeric_as::<f64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
+            }
+            (true, _) => dataset.read_numeric_as::<f32>().map_err(wrong)?,
+            (false, _) => {
+                dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
+            }
+        };
+        let shape = dataset.shape();
+        if shape.iter().product::<usize>() != values.len() {
+            return Err(damaged(format!("H holds {} values for shape {shape:?}", values.len())));
+        }
+        Ok((shape, values, !float))
+    }
+
+    /// All numbers of a small dataset in float64; truth values and enums as their number.
+    fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
+        let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+        let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
+        let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
+            DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,
+            DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
+                dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f64).collect()
+            }
+            _ if dataset.element_size() == 1 => {
+                dataset.read_raw_bytes().map_err(wrong)?.into_iter().map(f64::from).collect()
+            }
+            other => {
+                return Err(Error::input(
+                    format!("dataset {name} is of type {other}, not a number"),
+                    format!("store {name} as plain numbers"),
+                ));
+            }
+        };
+        Ok((!values.is_empty()).then(|| (dataset.shape(), values)))
+    }
+
+    /// A dataset of a single number.
+    fn number(&self, name: &str) -> Result<Option<f64>> {
+        match self.numbers(name)? {
+            None => Ok(None),
+            Some((_, values)) if values.len() == 1 => Ok(Some(values[0])),
+            Some((shape, _)) => Err(Error::input(
+                format!("{name} has shape {shape:?}, not a single number"),
+                format!("store {name} as a scalar"),
+            )),
+        }
+    }
+
+    fn vectors(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<DVec3>)>> {
+        let Some((shape, values)) = self.numbers(name)? else { return Ok(None) };
+        let vectors = triples(name, &shape, &values)?;
+        Ok(Some((shape, vectors)))
+    }
+}
+
+/// Writes a capture in layout 1 (T, X, Y), with the inner path only and unknown devices. A side of a single
+/// point is stored as [1, 1, 3]. The file appears whole or not at all.
+///
+/// # Errors
+/// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
+pub fn write(capture: &Capture, path: &Path) -> Result<()> {
+    capture.check()?;
+    atomic::replace(path, |temporary| {
+        write_file(capture, temporary).map_err(|e| {
+            Error::output(format!("{}: cannot be written: {e}", path.display()), "check path and disk")
+        })
+    })
+}
+
+fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Error> {
+    let file = H5File::create(path)?;
+    let [nx, ny] = capture.scan;
+    let shape = [capture.bins, nx, ny];
+    let chunk = [capture.bins.min(64), nx.min(16), ny.min(16)];
+    let h = transpose(&capture.histograms, capture.pair_count(), capture.bins);
+    match largest_count(&h).filter(|&largest| capture.integer_counts && largest < 4_294_967_296.0) {
+        Some(_) => {
+            let counts: Vec<u32> = h.iter().map(|&v| v as u32).collect();
+            file.new_dataset::<u32>()
+                .shape(shape)
+                .chunk(&chunk)
+                .shuffle_deflate(6)
+                .create("H")?
+                .write_raw(&counts)?;
+        }
+        None => {
+            file.new_dataset::<f32>()
+                .shape(shape)
+                .chunk(&chunk)
+                .shuffle_deflate(6)
+                .create("H")?
+                .write_raw(&h)?;
+        }
+    }
+    let vectors = |name: &str, given: Option<&Vec<DVec3>>| match given {
+        None => file.new_dataset::<f64>().null().create(name).map(|_| ()),
+        Some(given) => {
+            let (shape, values) = compact(given, capture.scan, &[1, 1, 3]);
+            file.new_dataset::<f64>().shape(shape).create(name)?.write_raw(&values)
+        }
+    };
+    vectors("laser_grid_xyz", Some(&capture.laser))?;
+    vectors("sensor_grid_xyz", Some(&capture.sensor))?;
+    vectors("laser_grid_normals", capture.laser_normal.as_ref())?;
+    vectors("sensor_grid_normals", capture.sensor_normal.as_ref())?;
+    for unknown in ["laser_xyz", "sensor_xyz", "volume_format"] {
+        file.new_dataset::<f64>().null().create(unknown)?;
+    }
+    // H_format T_Sx_Sy; grid format X_Y_3.
+    for (name, value) in [("H_format", 1), ("laser_grid_format", 2), ("sensor_grid_format", 2)] {
+        file.new_dataset::<i32>().shape([1]).create(name)?.write_raw(&[value])?;
+    }
+    file.new_dataset::<f64>().scalar().create("delta_t")?.write_raw(&[capture.bin_width])?;
+    file.new_dataset::<f64>().scalar().create("t_start")?.write_raw(&[capture.t_start])?;
+    file.new_dataset::<HBool>()
+        .scalar()
+        .create("t_accounts_first_and_last_bounces")?
+        .write_raw(&[HBool::from(false)])?;
+    file.write_vlen_strings("scene_info", &[&format!("name: {:?}\nsource: thirdbounce\n", capture.name)])?;
+    file.close()
+}

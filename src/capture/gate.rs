@@ -1,0 +1,176 @@
+//! Time gates: the part of the path range that is used, given by the user or found automatically.
+
+use super::Capture;
+use crate::error::{Error, Result};
+
+/// A range of path lengths in metres, open ends infinite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gate {
+    pub from: f64,
+    pub to: f64,
+}
+
+/// A gate that was found in the data, and a sentence for people that says why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AutoGate {
+    pub gate: Gate,
+    pub reason: String,
+}
+
+impl Gate {
+    /// Reads `FROM:TO` in metres of path; either end may be left out.
+    ///
+    /// # Errors
+    /// `Kind::Options` if it is not two numbers (or none) around a colon, or if it holds nothing.
+    pub fn parse(text: &str) -> Result<Gate> {
+        let mend = "write FROM:TO in metres of path, as 0.8:2.4, 0.8: or :2.4";
+        let wrong = |what: String| Error::options(format!("gate {text:?}: {what}"), mend);
+        let (from, to) = text.split_once(':').ok_or_else(|| wrong("there is no colon".into()))?;
+        let number = |part: &str, open: f64| match part.trim() {
+            "" => Ok(open),
+            part => match part.parse::<f64>() {
+                Ok(value) if value.is_finite() => Ok(value),
+                _ => Err(wrong(format!("{part:?} is not a length in metres"))),
+            },
+        };
+        let gate = Gate { from: number(from, f64::NEG_INFINITY)?, to: number(to, f64::INFINITY)? };
+        if gate.from >= gate.to {
+            return Err(wrong("it ends before it begins".into()));
+        }
+        Ok(gate)
+    }
+}
+
+impl std::fmt::Display for Gate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.from.is_finite() {
+            write!(f, "{}", self.from)?;
+        }
+        write!(f, ":")?;
+        if self.to.is_finite() {
+            write!(f, "{}", self.to)?;
+        }
+        Ok(())
+    }
+}
+
+impl Capture {
+    /// The capture cropped to the bins that the gate touches; a bin partly inside is kept. `t_start` moves.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the gate is empty, not a number, or touches no bin.
+    pub fn gated(&self, gate: Gate) -> Result<Capture> {
+        // NaN ends are refused here too.
+        if gate.from.partial_cmp(&gate.to) != Some(std::cmp::Ordering::Less) {
+            return Err(Error::options(
+                format!("the gate from {} m to {} m holds nothing", gate.from, gate.to),
+                "give a range of path lengths in metres that begins before it ends",
+            ));
+        }
+        // A gate end within a millionth of a bin edge means that edge.
+        let bin = |t: f64| (t - self.t_start) / self.bin_width;
+        let first = (bin(gate.from) + 1e-6).floor().max(0.0);
+        let last = (bin(gate.to) - 1e-6).ceil().min(self.bins as f64);
+        if first >= last {
+            return Err(Error::options(
+                format!(
+                    "the gate {gate} lies outside the recorded paths, {:.4} m to {:.4} m",
+                    self.t_start,
+                    self.t_end()
+                ),
+                "give a gate in metres of path length (twice the depth) that overlaps them",
+            ));
+        }
+        let (first, last) = (first as usize, last as usize);
+        let histograms =
+            self.histograms.chunks_exact(self.bins).flat_map(|h| &h[first..last]).copied().collect();
+        Ok(Capture {
+            bins: last - first,
+            t_start: self.t_start + first as f64 * self.bin_width,
+            histograms,
+            name: self.name.clone(),
+            laser: self.laser.clone(),
+            sensor: self.sensor.clone(),
+            laser_normal: self.laser_normal.clone(),
+            sensor_normal: self.sensor_normal.clone(),
+            ..*self
+        })
+    }
+}
+
+/// The direct peak must come before this share of the longest path.
+const NEAR_ZERO: f64 = 0.05;
+/// ... in the same bin (to one beside it) for at least this share of the pairs with signal.
+const SAME_BIN: f64 = 0.9;
+/// ... be this many times stronger than anything behind the valley.
+const STRONGER: f64 = 5.0;
+/// ... and the signal behind must rise this many times above the valley between them.
+const VALLEY: f64 = 4.0;
+/// The gate opens where the direct light has decayed to this share of the strongest bin behind the valley.
+const RESIDUE: f64 = 0.03;
+
+/// Looks for residue of the first bounce: a strong peak near path 0, in the same bin for nearly all pairs,
+/// well separated from the indirect signal. Returns a gate that leaves it out, or `None` without one.
+pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
+    let bins = capture.bins;
+    let mut peaks: Vec<usize> = capture.histograms.chunks_exact(bins).filter_map(peak_bin).collect();
+    if peaks.is_empty() || bins < 8 {
+        return None;
+    }
+    peaks.sort_unstable();
+    let peak = peaks[peaks.len() / 2];
+    let together = peaks.iter().filter(|&&b| b.abs_diff(peak) <= 1).count();
+    let peak_path = capture.t_start + (peak as f64 + 0.5) * capture.bin_width;
+    if (together as f64) < SAME_BIN * peaks.len() as f64 || peak_path.abs() > NEAR_ZERO * capture.t_end() {
+        return None;
+    }
+    let mean = smooth_mean(capture);
+    // The valley: the lowest bin so far, once the mean has risen clearly above it again.
+    let mut valley = peak;
+    let rises = |valley: usize, b: usize| mean[b] > 0.0 && mean[b] >= VALLEY * mean[valley];
+    let mut risen = false;
+    for b in peak..bins {
+        if mean[b] < mean[valley] {
+            valley = b;
+        } else if b > valley && rises(valley, b) {
+            risen = true;
+            break;
+        }
+    }
+    let indirect = mean[valley..].iter().copied().fold(0.0, f64::max);
+    if !risen || mean[peak] < STRONGER * indirect {
+        return None;
+    }
+    let open = (peak..valley).find(|&b| mean[b] <= RESIDUE * indirect).unwrap_or(valley);
+    let from = capture.t_start + open as f64 * capture.bin_width;
+    let reason = format!(
+        "direct light: {:.0} % of the pairs peak within a bin of path {:.3} m, {:.0} times above the signal \
+         behind it; paths below {from:.3} m are left out",
+        100.0 * together as f64 / peaks.len() as f64,
+        peak_path,
+        mean[peak] / indirect
+    );
+    Some(AutoGate { gate: Gate { from, to: f64::INFINITY }, reason })
+}
+
+/// The strongest bin, `None` without signal.
+fn peak_bin(histogram: &[f32]) -> Option<usize> {
+    let best = (0..histogram.len()).reduce(|a, b| if histogram[b] > histogram[a] { b } else { a })?;
+    (histogram[best] > 0.0).then_some(best)
+}
+
+/// The mean histogram over all pairs, averaged over five bins so that single photons do not make valleys.
+fn smooth_mean(capture: &Capture) -> Vec<f64> {
+    let mut mean = vec![0.0f64; capture.bins];
+    for histogram in capture.histograms.chunks_exact(capture.bins) {
+        for (m, &v) in mean.iter_mut().zip(histogram) {
+            *m += f64::from(v) / capture.pair_count() as f64;
+        }
+    }
+    (0..mean.len())
+        .map(|b| {
+            let window = &mean[b.saturating_sub(2)..(b + 3).min(mean.len())];
+            window.iter().sum::<f64>() / window.len() as f64
+        })
+        .collect()
+}

@@ -1,0 +1,134 @@
+//! What a capture holds, for people and for reports.
+
+use serde::{Deserialize, Serialize};
+
+use super::Capture;
+
+/// Speed of light in metres per picosecond.
+const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
+
+/// A capture in figures. Lengths are metres of path unless said otherwise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    pub name: String,
+    /// Scan points along x and y.
+    pub scan: [usize; 2],
+    pub pairs: usize,
+    pub bins: usize,
+    /// Bin width in metres of path, and the same as light travel time in picoseconds.
+    pub bin_width_m: f64,
+    pub bin_width_ps: f64,
+    pub t_start_m: f64,
+    pub t_end_m: f64,
+    pub confocal: bool,
+    pub planar: bool,
+    /// (xmin, xmax, ymin, ymax) of the scanned part of the wall in metres, outer cell edges.
+    pub wall_extent_m: [f64; 4],
+    /// First and last bin with signal in any pair, `None` without signal.
+    pub signal_bins: Option<[usize; 2]>,
+    /// Largest count, where it is.
+    pub peak: f64,
+    pub peak_bin: usize,
+    pub peak_pair: usize,
+    /// Sum of all counts.
+    pub total: f64,
+    /// Pairs with any signal.
+    pub pairs_with_signal: usize,
+    pub integer_counts: bool,
+    pub laser_normals: bool,
+    pub sensor_normals: bool,
+}
+
+impl Summary {
+    /// The summary of a capture whose array lengths agree.
+    pub fn of(capture: &Capture) -> Summary {
+        let mut first = usize::MAX;
+        let (mut last, mut total, mut lit) = (0, 0.0, 0);
+        let (mut peak, mut peak_bin, mut peak_pair) = (0.0f32, 0, 0);
+        for (pair, histogram) in capture.histograms.chunks_exact(capture.bins.max(1)).enumerate() {
+            let before = total;
+            for (bin, &count) in histogram.iter().enumerate().filter(|(_, c)| **c > 0.0) {
+                first = first.min(bin);
+                last = last.max(bin);
+                total += f64::from(count);
+                if count > peak {
+                    (peak, peak_bin, peak_pair) = (count, bin, pair);
+                }
+            }
+            lit += usize::from(total > before);
+        }
+        Summary {
+            name: capture.name.clone(),
+            scan: capture.scan,
+            pairs: capture.pair_count(),
+            bins: capture.bins,
+            bin_width_m: capture.bin_width,
+            bin_width_ps: capture.bin_width / METRES_PER_PICOSECOND,
+            t_start_m: capture.t_start,
+            t_end_m: capture.t_end(),
+            confocal: capture.is_confocal(),
+            planar: capture.is_planar(),
+            wall_extent_m: capture.wall_extent(),
+            signal_bins: (lit > 0).then_some([first, last]),
+            peak: f64::from(peak),
+            peak_bin,
+            peak_pair,
+            total,
+            pairs_with_signal: lit,
+            integer_counts: capture.integer_counts,
+            laser_normals: capture.laser_normal.is_some(),
+            sensor_normals: capture.sensor_normal.is_some(),
+        }
+    }
+}
+
+impl Capture {
+    /// What the capture holds, in figures.
+    pub fn summary(&self) -> Summary {
+        Summary::of(self)
+    }
+}
+
+impl std::fmt::Display for Summary {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let path = |bin: f64| self.t_start_m + bin * self.bin_width_m;
+        let kind = if self.confocal { "confocal" } else { "not confocal" };
+        let wall = if self.planar { "planar" } else { "not planar" };
+        writeln!(f, "capture   {}", self.name)?;
+        writeln!(f, "scan      {} x {} = {} pairs, {kind}", self.scan[0], self.scan[1], self.pairs)?;
+        let [x0, x1, y0, y1] = self.wall_extent_m;
+        writeln!(f, "wall      x {x0:.4} to {x1:.4} m, y {y0:.4} to {y1:.4} m, {wall}")?;
+        let normals = match (self.laser_normals, self.sensor_normals) {
+            (true, true) => "given",
+            (true, false) => "given for the laser points only",
+            (false, true) => "given for the sensor points only",
+            (false, false) => "not given, taken as (0, 0, 1)",
+        };
+        writeln!(f, "normals   {normals}")?;
+        writeln!(f, "bins      {} of {:.6} m ({:.2} ps)", self.bins, self.bin_width_m, self.bin_width_ps)?;
+        writeln!(f, "path      {:.4} to {:.4} m", self.t_start_m, self.t_end_m)?;
+        match self.signal_bins {
+            Some([a, b]) => writeln!(
+                f,
+                "signal    bins {a} to {b}, path {:.4} to {:.4} m, in {} pairs",
+                path(a as f64),
+                path(b as f64 + 1.0),
+                self.pairs_with_signal
+            )?,
+            None => writeln!(f, "signal    none")?,
+        }
+        let ny = self.scan[1].max(1);
+        writeln!(
+            f,
+            "peak      {} in bin {} ({:.4} m), pair {} (ix {}, iy {})",
+            self.peak,
+            self.peak_bin,
+            path(self.peak_bin as f64 + 0.5),
+            self.peak_pair,
+            self.peak_pair / ny,
+            self.peak_pair % ny
+        )?;
+        let counts = if self.integer_counts { "whole counts" } else { "real numbers" };
+        write!(f, "total     {} ({counts})", self.total)
+    }
+}

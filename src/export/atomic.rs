@@ -1,0 +1,89 @@
+//! Files that appear whole or not at all.
+
+use std::fs;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::error::{Error, Result};
+
+/// Writes `bytes` to `path`: first under a temporary name in the same folder, then renamed over it. Missing
+/// folders are made. On any error nothing is left behind and an older file of that name stays as it was.
+///
+/// # Errors
+/// `Kind::Output` naming the path and what to do.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, |temporary| {
+        let mut file = fs::File::create(temporary).map_err(|e| cannot(path, &e))?;
+        file.write_all(bytes).map_err(|e| cannot(path, &e))
+    })
+}
+
+/// As [`write()`], for writers that want a path: `fill` writes the file at the path it is given.
+///
+/// # Errors
+/// `Kind::Output` naming the path, or the error of `fill`.
+pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let Some(name) = path.file_name() else {
+        return Err(Error::output(format!("{}: not a file name", path.display()), "give the name of a file"));
+    };
+    if path.is_dir() {
+        return Err(Error::output(format!("{}: is a folder", path.display()), "give the name of a file"));
+    }
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    create_dir(folder)?;
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let temporary =
+        Temporary(folder.join(format!(".{}.{}.{number}.part", name.to_string_lossy(), std::process::id())));
+    fill(&temporary.0)?;
+    let file = fs::OpenOptions::new().write(true).open(&temporary.0).map_err(|e| cannot(path, &e))?;
+    file.sync_all().map_err(|e| cannot(path, &e))?;
+    drop(file);
+    fs::rename(&temporary.0, path).map_err(|e| cannot(path, &e))
+}
+
+/// Makes a folder and those above it, if missing.
+///
+/// # Errors
+/// `Kind::Output` if something else stands there or it may not be made.
+pub fn create_dir(folder: &Path) -> Result<()> {
+    if folder.exists() && !folder.is_dir() {
+        return Err(Error::output(
+            format!("{}: is a file, not a folder", folder.display()),
+            "choose another folder for the results, or move that file away",
+        ));
+    }
+    fs::create_dir_all(folder).map_err(|e| cannot(folder, &e))
+}
+
+/// A file that goes away with this value; after a rename there is nothing left to remove.
+struct Temporary(PathBuf);
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // Nothing to do about a failure here: the error that led here is already on its way.
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+/// The error for a failed write, with advice by its cause.
+pub(crate) fn cannot(path: &Path, e: &std::io::Error) -> Error {
+    let mend = match e.kind() {
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            "choose a folder that you may write to"
+        }
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            "the disk is full: free some space or write elsewhere"
+        }
+        ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
+            "a part of the path is a file: choose another path"
+        }
+        ErrorKind::InvalidFilename => "choose a shorter or simpler name",
+        _ => "check the path and the disk",
+    };
+    Error::output(format!("{}: cannot be written: {e}", path.display()), mend)
+}
