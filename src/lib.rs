@@ -3,5 +3,6 @@
 pub mod capture;
 pub mod error;
 pub mod maps;
+pub mod simulate;
 
 pub use error::{Error, Kind, Result};
