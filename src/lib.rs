@@ -3,9 +3,9 @@
 pub mod capture;
 pub mod error;
 pub mod export;
+pub mod gpu;
 pub mod maps;
+pub mod simulate;
+pub mod transport;
 
 pub use error::{Error, Kind, Result};
-
-pub mod gpu;
-pub mod transport;

@@ -1,0 +1,80 @@
+//! The scenes that can be named.
+
+use super::{Mesh, Object, Placement, Scene, figure, letter, load_mesh, mesh_file, rectangle, sphere, torus};
+use crate::{Error, Result};
+use glam::{DVec3, dvec3};
+use std::path::Path;
+
+/// Name and description of each built-in scene.
+pub const KNOWN: &[(&str, &str)] = &[
+    ("letter-X", "a flat letter A-Z, 0.6 m high, at z = 0.6 m (also letter:X)"),
+    (
+        "letters-XY",
+        "two or three flat letters side by side, each 0.15 m farther, from z = 0.6 m (also letters:XY)",
+    ),
+    ("plane", "a square of 0.5 m facing the wall at z = 0.7 m"),
+    ("sphere", "a sphere of radius 0.2 m at z = 0.7 m"),
+    ("spheres", "two spheres of radius 0.14 m at z = 0.72 and 1.00 m"),
+    ("torus", "a tilted torus of radius 0.2 m at z = 0.7 m"),
+    ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
+];
+
+pub fn named(spec: &str) -> Result<Scene> {
+    let name = spec.trim();
+    if mesh_file::is_mesh_path(Path::new(name)) {
+        return from_file(Path::new(name));
+    }
+    let lower = name.to_ascii_lowercase();
+    let after = |stem: &str| lower.strip_prefix(stem).and_then(|rest| rest.strip_prefix(['-', ':']));
+    let meshes = if let Some(text) = after("letters").or_else(|| after("letter")) {
+        letters(text)?
+    } else {
+        match lower.as_str() {
+            "plane" => vec![rectangle(dvec3(0.0, 0.0, 0.7), DVec3::Y * 0.25, DVec3::X * 0.25)],
+            "sphere" => vec![sphere(dvec3(0.0, 0.0, 0.7), 0.2)],
+            "spheres" => vec![sphere(dvec3(-0.18, 0.10, 0.72), 0.14), sphere(dvec3(0.20, -0.12, 1.00), 0.14)],
+            "torus" => vec![torus(dvec3(0.0, 0.0, 0.7), dvec3(0.25, 0.45, -1.0), 0.2, 0.07)],
+            "figure" => figure(dvec3(0.0, 0.0, 0.7), 0.85),
+            _ => return Err(unknown(spec)),
+        }
+    };
+    Ok(Scene::new(lower.replace(':', "-"), objects(meshes)))
+}
+
+fn objects(meshes: Vec<Mesh>) -> Vec<Object> {
+    meshes.into_iter().map(|mesh| Object { mesh, albedo: 1.0 }).collect()
+}
+
+fn letters(text: &str) -> Result<Vec<Mesh>> {
+    let count = text.chars().count();
+    if count == 0 || count > 3 {
+        return Err(Error::options(
+            format!("{text:?} is not one to three letters"),
+            "name the scene letter-Z, letters-SU or the like",
+        ));
+    }
+    // One letter fills most of a 1 m wall's width; several share it.
+    let (height, pitch) = [(0.6, 0.0), (0.45, 0.46), (0.34, 0.33)][count - 1];
+    let place = |i: usize| dvec3((i as f64 - 0.5 * (count - 1) as f64) * pitch, 0.0, 0.6 + 0.15 * i as f64);
+    text.chars().enumerate().map(|(i, name)| letter(name, place(i), height)).collect()
+}
+
+fn from_file(path: &Path) -> Result<Scene> {
+    let placement = Placement {
+        fit: Some(0.6),
+        rotate: [0.0, 180.0, 0.0],
+        translate: dvec3(0.0, 0.0, 0.8),
+        ..Placement::default()
+    };
+    let mesh = load_mesh(path)?.placed(&placement)?;
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    Ok(Scene::new(stem, objects(vec![mesh])))
+}
+
+fn unknown(spec: &str) -> Error {
+    let names: Vec<&str> = KNOWN.iter().map(|(name, _)| *name).collect();
+    Error::options(
+        format!("there is no scene named {spec:?}"),
+        format!("choose one of {}, or the path of a .obj or .ply mesh", names.join(", ")),
+    )
+}

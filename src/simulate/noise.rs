@@ -1,0 +1,86 @@
+//! Photon noise.
+
+use crate::capture::Capture;
+use crate::{Error, Result};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Poisson};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+
+/// Most photons or dark counts per bin: integers stay exact in the capture's single precision.
+const MOST_COUNTS: f64 = 1e7;
+
+/// Mean dark counts of every bin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Dark {
+    /// A fraction of the photons expected in the strongest bin.
+    Fraction(f64),
+    /// Counts per bin.
+    Counts(f64),
+}
+
+/// The capture as photon counts: scaled so that its strongest bin expects `photons` counts, dark counts
+/// added, drawn from Poisson distributions. The same seed gives the same counts on any number of threads.
+///
+/// # Errors
+/// Photons or dark counts out of range, or a capture without signal or with values that are negative or
+/// not finite.
+pub fn photon_noise(capture: &Capture, photons: f64, dark: Dark, seed: u64) -> Result<Capture> {
+    check(Some(photons), dark)?;
+    let values = &capture.histograms;
+    if let Some(i) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
+        return Err(Error::input(
+            format!("bin {} of pair {} holds {}", i % capture.bins, i / capture.bins, values[i]),
+            "photon noise needs expected values that are finite and not negative",
+        ));
+    }
+    let peak = values.iter().fold(0f32, |a, &b| a.max(b)) as f64;
+    if peak == 0.0 {
+        return Err(Error::input(
+            format!("the capture {:?} is all zero: there is no strongest bin to scale", capture.name),
+            "let the bins cover the scene (more bins, another start) and let the scene face the wall",
+        ));
+    }
+    let background = match dark {
+        Dark::Fraction(fraction) => fraction * photons,
+        Dark::Counts(counts) => counts,
+    };
+    let scale = photons / peak;
+    let mut noisy = capture.clone();
+    noisy.integer_counts = true;
+    noisy.histograms.par_chunks_mut(capture.bins).enumerate().for_each(|(pair, histogram)| {
+        let stream = (pair as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut rng = Pcg64::seed_from_u64(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ stream);
+        for value in histogram {
+            let mean = *value as f64 * scale + background;
+            // A mean of 0 has no distribution: no photons.
+            *value = Poisson::new(mean).map_or(0.0, |counts| counts.sample(&mut rng) as f32);
+        }
+    });
+    Ok(noisy)
+}
+
+/// Checks the ranges of photons and dark counts.
+pub(super) fn check(photons: Option<f64>, dark: Dark) -> Result<()> {
+    let (amount, means) = match dark {
+        Dark::Fraction(f) => (f, f * photons.unwrap_or(0.0)),
+        Dark::Counts(c) => (c, c),
+    };
+    if !(amount >= 0.0 && means <= MOST_COUNTS) {
+        return Err(Error::options(
+            format!("the dark counts are {dark:?}"),
+            format!("give dark counts of 0 to {MOST_COUNTS:.0} per bin, or a fraction of the photons"),
+        ));
+    }
+    match photons {
+        Some(photons) if !(photons > 0.0 && photons <= MOST_COUNTS) => Err(Error::options(
+            format!("the strongest bin is to expect {photons} photons"),
+            format!("give a number of photons above 0 and up to {MOST_COUNTS:.0}"),
+        )),
+        None if amount > 0.0 => Err(Error::options(
+            "dark counts are set, but no photons",
+            "set the photons expected in the strongest bin, too; without them values are not counts",
+        )),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,271 @@
+//! Renders transient histograms by area sampling with true visibility.
+
+use super::elements::{Element, elements};
+use super::visibility::Surfaces;
+use super::{Pairs, Reflectance, Scene, photon_noise};
+use crate::capture::Capture;
+use crate::{Error, Result};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// How long to sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RenderOptions {
+    /// Wanted noise: RMS error over RMS value of the histogram bins, e.g. 0.01.
+    pub noise: f64,
+    /// Most surface samples to use, seen from every pair.
+    pub max_samples: usize,
+    /// Seed of the samples (the photon noise has its own, [`Scene::seed`]).
+    pub seed: u64,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        RenderOptions { noise: 0.01, max_samples: 1 << 20, seed: 0 }
+    }
+}
+
+/// A rendered capture and how good it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rendering {
+    pub capture: Capture,
+    /// Achieved noise: RMS error over RMS value, from the difference of two independent halves of the
+    /// samples. Photon noise is not part of it.
+    pub noise: f64,
+    /// Surface samples used, both halves together.
+    pub samples: usize,
+    /// Whether `noise` is within the wanted bound; false if `max_samples` came first.
+    pub converged: bool,
+}
+
+/// Renders the scene's confocal scan and adds its photon noise, if it has any.
+///
+/// # Errors
+/// Those of [`render`] and [`photon_noise`].
+pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
+    let mut rendering = render(scene, options)?;
+    if let Some(photons) = scene.photons {
+        rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.seed)?;
+    }
+    Ok(rendering)
+}
+
+/// Renders the scene's confocal scan, without photon noise; see [`render_pairs`].
+///
+/// # Errors
+/// A scene that [`Scene::check`] refuses, or options out of range.
+pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
+    scene.check()?;
+    render_pairs(scene, &scene.pairs(), options)
+}
+
+/// Renders the histograms of any pairs of wall points (the scene's `wall` and `scan` are not used).
+///
+/// A surface element at x with albedo ρ, normal n and area A adds ρ·A·g / (r_l² r_s²) at path r_l + r_s,
+/// where it is seen from both wall points; g = max(0, n·ω) toward the scanned side for
+/// [`Reflectance::Cosine`], and max(0, n·ω_l) max(0, n·ω_s) max(0, -m_l·ω_l) max(0, -m_s·ω_s) with the
+/// wall normals m for [`Reflectance::Lambertian`]. Surfaces are one-sided and opaque. Each element's light
+/// is spread over the path lengths between its corners. What falls outside the bins is dropped.
+///
+/// Samples are doubled until the noise is within `options.noise` or `options.max_samples` is reached. The
+/// result depends on the seed, not on the number of threads.
+///
+/// # Errors
+/// A scene that [`Scene::check`] refuses, pairs that [`Pairs::check`] refuses, or options out of range.
+pub fn render_pairs(scene: &Scene, pairs: &Pairs, options: &RenderOptions) -> Result<Rendering> {
+    scene.check()?;
+    pairs.check()?;
+    check(options)?;
+    let renderer = Renderer {
+        scene,
+        pairs,
+        surfaces: Surfaces::new(scene),
+        bins: scene.bin_count(),
+        confocal: pairs.is_confocal(),
+        sensor_scans: pairs.sensor_scans(),
+    };
+    let count = pairs.laser.len();
+    // The number of samples is found on a few pairs; then all pairs must meet the bound.
+    let few: Vec<usize> = (0..count).step_by(count.div_ceil(PILOT_PAIRS)).collect();
+    let all: Vec<usize> = (0..count).collect();
+    let mut wanted = FIRST_SAMPLES.min(options.max_samples / 8).max(1);
+    let mut halves = renderer.halves(wanted, options.seed);
+    let mut pilot = true;
+    loop {
+        let (noise, histograms) = renderer.render(&halves, if pilot { &few } else { &all });
+        let samples = halves[0].len() + halves[1].len();
+        let good = noise <= if pilot { PILOT_MARGIN * options.noise } else { options.noise };
+        if !good {
+            let next = renderer.halves(2 * wanted, options.seed);
+            if next[0].len() + next[1].len() <= options.max_samples {
+                (wanted, halves) = (2 * wanted, next);
+                continue;
+            }
+        }
+        if pilot {
+            pilot = false;
+            continue;
+        }
+        let capture = renderer.capture(histograms);
+        return Ok(Rendering { capture, noise, samples, converged: good });
+    }
+}
+
+const PILOT_PAIRS: usize = 48;
+const PILOT_MARGIN: f64 = 0.95;
+const FIRST_SAMPLES: usize = 512;
+
+fn check(options: &RenderOptions) -> Result<()> {
+    if !(options.noise.is_finite() && options.noise > 0.0) {
+        return Err(Error::options(
+            format!("the wanted noise is {}", options.noise),
+            "give a noise above 0, such as 0.01 for 1 %",
+        ));
+    }
+    if options.max_samples == 0 {
+        return Err(Error::options("no surface samples are allowed", "allow at least some thousand samples"));
+    }
+    Ok(())
+}
+
+struct Renderer<'a> {
+    scene: &'a Scene,
+    pairs: &'a Pairs,
+    surfaces: Surfaces,
+    bins: usize,
+    confocal: bool,
+    sensor_scans: bool,
+}
+
+impl Renderer<'_> {
+    /// Two independent sets of samples. They cut the surfaces differently, so that their difference shows
+    /// the error of the cutting, too.
+    fn halves(&self, count: usize, seed: u64) -> [Vec<Element>; 2] {
+        [(count, 1), (count + count / 3, 2)].map(|(count, half)| {
+            elements(self.scene, count, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half))
+        })
+    }
+
+    /// Histograms `[pair * bins + bin]` of the given pairs, the mean of both halves, and their noise.
+    fn render(&self, halves: &[Vec<Element>; 2], which: &[usize]) -> (f64, Vec<f32>) {
+        let bins = self.bins;
+        let mut histograms = vec![0f32; which.len() * bins];
+        let sums: Vec<[f64; 2]> = histograms
+            .par_chunks_mut(bins)
+            .zip(which)
+            .map(|(histogram, &pair)| {
+                let [a, b] = [0, 1].map(|half| self.histogram(&halves[half], pair));
+                let mut sums = [0.0; 2];
+                for (bin, (a, b)) in a.iter().zip(&b).enumerate() {
+                    let mean = 0.5 * (a + b);
+                    histogram[bin] = mean as f32;
+                    sums[0] += (0.5 * (a - b)).powi(2);
+                    sums[1] += mean * mean;
+                }
+                sums
+            })
+            .collect();
+        let [error, value] = sums.iter().fold([0.0; 2], |[e, v], s| [e + s[0], v + s[1]]);
+        (if value > 0.0 { (error / value).sqrt() } else { 0.0 }, histograms)
+    }
+
+    fn histogram(&self, elements: &[Element], pair: usize) -> Vec<f64> {
+        let mut histogram = vec![0.0; self.bins];
+        let (laser, sensor) = (self.pairs.laser[pair], self.pairs.sensor[pair]);
+        let normal = |normals: &Option<Vec<DVec3>>| normals.as_ref().map_or(DVec3::Z, |n| n[pair]);
+        let wall = [normal(&self.pairs.laser_normal), normal(&self.pairs.sensor_normal)];
+        let (width, start) = (self.scene.bin_width, self.scene.t_start);
+        for e in elements {
+            let (to_l, to_s) = (laser - e.point, sensor - e.point);
+            if to_l.dot(e.facing) <= 0.0 || to_s.dot(e.facing) <= 0.0 {
+                continue;
+            }
+            let value = e.weight * self.transport(e.normal, to_l, to_s, wall);
+            // Also false for NaN: an element on a wall point.
+            if !(value > 0.0 && value.is_finite()) {
+                continue;
+            }
+            let path = e.corners.map(|c| {
+                let r = c.distance(laser);
+                (r + if self.confocal { r } else { c.distance(sensor) } - start) / width
+            });
+            let (from, to) = (path[0].min(path[1]).min(path[2]), path[0].max(path[1]).max(path[2]));
+            if to < 0.0 || from >= self.bins as f64 {
+                continue;
+            }
+            let seen = |from: DVec3| self.surfaces.visible(e.point, e.facing, e.object, from);
+            if seen(laser) && (self.confocal || seen(sensor)) {
+                deposit(&mut histogram, path, value);
+            }
+        }
+        histogram
+    }
+
+    /// g / (r_l² r_s²) for the vectors from the surface point to laser and sensor point.
+    fn transport(&self, n: DVec3, to_l: DVec3, to_s: DVec3, wall: [DVec3; 2]) -> f64 {
+        let (l2, s2) = (to_l.length_squared(), to_s.length_squared());
+        let falloff = 1.0 / (l2 * s2);
+        match self.scene.reflectance {
+            Reflectance::Cosine if self.sensor_scans => n.dot(to_s).max(0.0) / s2.sqrt() * falloff,
+            Reflectance::Cosine => n.dot(to_l).max(0.0) / l2.sqrt() * falloff,
+            Reflectance::Lambertian => {
+                let surface = n.dot(to_l).max(0.0) * n.dot(to_s).max(0.0);
+                let relay = (-wall[0].dot(to_l)).max(0.0) * (-wall[1].dot(to_s)).max(0.0);
+                surface * relay * falloff * falloff
+            }
+        }
+    }
+
+    fn capture(&self, histograms: Vec<f32>) -> Capture {
+        Capture {
+            name: self.scene.name.clone(),
+            scan: self.pairs.scan,
+            laser: self.pairs.laser.clone(),
+            sensor: self.pairs.sensor.clone(),
+            laser_normal: self.pairs.laser_normal.clone(),
+            sensor_normal: self.pairs.sensor_normal.clone(),
+            bins: self.bins,
+            bin_width: self.scene.bin_width,
+            t_start: self.scene.t_start,
+            histograms,
+            integer_counts: false,
+        }
+    }
+}
+
+/// Adds `value` to the bins as a flat triangle's area spreads over path length: `path` holds the corners'
+/// paths in units of bins. The part outside the histogram is dropped.
+fn deposit(histogram: &mut [f64], mut path: [f64; 3], value: f64) {
+    path.sort_by(f64::total_cmp);
+    let [a, b, c] = path;
+    let (first, last) = (a.floor(), c.floor());
+    if first == last || c - a < 1e-9 {
+        if let Some(bin) = index(first, histogram.len()) {
+            histogram[bin] += value;
+        }
+        return;
+    }
+    // The share of the triangle's area with a path below t.
+    let below = |t: f64| {
+        if t <= a {
+            0.0
+        } else if t < b {
+            (t - a).powi(2) / ((b - a) * (c - a))
+        } else if t < c {
+            1.0 - (c - t).powi(2) / ((c - b) * (c - a))
+        } else {
+            1.0
+        }
+    };
+    let mut before = below(first.max(0.0));
+    let (from, to) = (first.max(0.0) as usize, (last as usize).min(histogram.len() - 1));
+    for (bin, slot) in histogram.iter_mut().enumerate().take(to + 1).skip(from) {
+        let after = below(bin as f64 + 1.0);
+        *slot += value * (after - before);
+        before = after;
+    }
+}
+
+fn index(bin: f64, bins: usize) -> Option<usize> {
+    (bin >= 0.0 && bin < bins as f64).then_some(bin as usize)
+}

@@ -1,0 +1,201 @@
+//! What to simulate: objects, wall, scan, bins, reflectance, noise.
+
+use super::{Dark, Mesh, Pairs, builtin};
+use crate::{Error, Kind, Result};
+use glam::DVec3;
+
+/// Largest capture that is rendered: 2³² histogram values (16 GiB).
+const MOST_VALUES: f64 = 4_294_967_296.0;
+
+/// How surfaces reflect; the formulas stand at [`super::render_pairs`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reflectance {
+    /// One cosine, at the hidden surface.
+    Cosine,
+    /// Cosines at the hidden surface and at the wall, towards laser and sensor.
+    Lambertian,
+}
+
+/// A mesh with one albedo.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Object {
+    pub mesh: Mesh,
+    /// Albedo, 0 or above; 1 for the built-in scenes.
+    pub albedo: f64,
+}
+
+/// A hidden scene and how it is measured. All fields may be changed after [`Scene::named`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// A short name for people.
+    pub name: String,
+    /// Hidden objects at z > 0, in metres.
+    pub objects: Vec<Object>,
+    /// Side of the square wall in metres: it covers ±wall/2 in x and y at z = 0.
+    pub wall: f64,
+    /// Scan points per side, at the centres of scan × scan cells of the wall.
+    pub scan: usize,
+    /// Bin width in metres of path.
+    pub bin_width: f64,
+    /// Number of bins; `None`: enough for every path of the scene, a multiple of 32.
+    pub bins: Option<usize>,
+    /// Leading edge of bin 0 in metres of path.
+    pub t_start: f64,
+    pub reflectance: Reflectance,
+    /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
+    pub photons: Option<f64>,
+    /// Dark counts added to every bin; needs `photons`.
+    pub dark: Dark,
+    /// Seed of the photon noise.
+    pub seed: u64,
+}
+
+impl Scene {
+    /// A scene of the given objects with the usual setting: a wall of 1 m, 32 × 32 points, bins of 6 mm
+    /// from path 0, cosine, no noise.
+    pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {
+        Scene {
+            name: name.into(),
+            objects,
+            wall: 1.0,
+            scan: 32,
+            bin_width: 0.006,
+            bins: None,
+            t_start: 0.0,
+            reflectance: Reflectance::Cosine,
+            photons: None,
+            dark: Dark::Counts(0.0),
+            seed: 0,
+        }
+    }
+
+    /// The scene that `spec` names: a built-in scene (see [`Scene::known`]) or the path of a .obj or .ply
+    /// mesh, which is fitted to 0.6 m, turned so that its +z side faces the wall, and centred at z = 0.8 m.
+    ///
+    /// # Errors
+    /// An unknown name (the error lists the known ones) or a mesh that cannot be used.
+    pub fn named(spec: &str) -> Result<Scene> {
+        builtin::named(spec)
+    }
+
+    /// The built-in scenes: name and a line about each.
+    pub fn known() -> &'static [(&'static str, &'static str)] {
+        builtin::KNOWN
+    }
+
+    /// Gives every object this albedo.
+    pub fn set_albedo(&mut self, albedo: f64) {
+        self.objects.iter_mut().for_each(|o| o.albedo = albedo);
+    }
+
+    /// The number of bins of the capture: `bins`, or enough for the confocal scan of the wall.
+    pub fn bin_count(&self) -> usize {
+        self.bins.unwrap_or_else(|| {
+            let half = 0.5 * self.wall;
+            let wall = [(-half, -half), (half, -half), (-half, half), (half, half)];
+            let corners = self.objects.iter().flat_map(|o| o.mesh.triangles.iter().flatten());
+            // The farthest point of a triangle from any wall point is a corner from a wall corner.
+            let far = corners
+                .flat_map(|p| wall.map(|(x, y)| p.distance(DVec3::new(x, y, 0.0))))
+                .fold(0.0, f64::max);
+            let bins = ((2.0 * far - self.t_start) / self.bin_width).ceil().max(1.0);
+            (bins as usize).saturating_add(1).next_multiple_of(32)
+        })
+    }
+
+    /// The confocal pairs of the scan.
+    pub fn pairs(&self) -> Pairs {
+        Pairs::confocal(self.scan, self.wall)
+    }
+
+    /// (xmin, xmax, ymin, ymax) of the wall in metres.
+    pub fn extent(&self) -> [f64; 4] {
+        let half = 0.5 * self.wall;
+        [-half, half, -half, half]
+    }
+
+    /// Checks that the scene can be rendered.
+    ///
+    /// # Errors
+    /// Settings that are not finite or out of range, no triangles, a corner that is not finite or not in
+    /// front of the wall (z > 0), a negative albedo, dark counts without photons, or too large a capture.
+    pub fn check(&self) -> Result<()> {
+        let positive = |what: &str, value: f64, unit: &str| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(());
+            }
+            Err(Error::options(format!("the {what} is {value}"), format!("give a {what} above 0, in {unit}")))
+        };
+        positive("wall size", self.wall, "metres")?;
+        positive("bin width", self.bin_width, "metres of path")?;
+        if !self.t_start.is_finite() {
+            return Err(Error::options(
+                format!("the start of bin 0 is {}", self.t_start),
+                "give it in metres of path; 0 is the laser's arrival at the wall",
+            ));
+        }
+        if self.scan == 0 || self.bins == Some(0) {
+            return Err(Error::options(
+                format!("{} x {} scan points and {:?} bins measure nothing", self.scan, self.scan, self.bins),
+                "give at least one scan point and one bin",
+            ));
+        }
+        self.check_objects()?;
+        super::noise::check(self.photons, self.dark)?;
+        let values = (self.scan as f64).powi(2) * self.bin_count() as f64;
+        if values > MOST_VALUES {
+            return Err(Error::new(
+                Kind::Memory,
+                format!(
+                    "{0} x {0} scan points with {1} bins need {2:.0} GiB",
+                    self.scan,
+                    self.bin_count(),
+                    values / 2f64.powi(28)
+                ),
+                "scan fewer points, widen the bins or set their number",
+            ));
+        }
+        Ok(())
+    }
+
+    fn check_objects(&self) -> Result<()> {
+        if self.objects.iter().all(|o| o.mesh.triangles.is_empty()) {
+            return Err(Error::input(
+                format!("the scene {:?} has no triangles", self.name),
+                "add an object with a mesh to it",
+            ));
+        }
+        for (i, object) in self.objects.iter().enumerate() {
+            if !(object.albedo.is_finite() && object.albedo >= 0.0) {
+                return Err(Error::options(
+                    format!("object {i} has the albedo {}", object.albedo),
+                    "give an albedo of 0 or above, usually at most 1",
+                ));
+            }
+            let mesh = &object.mesh;
+            if mesh.normals.len() != mesh.triangles.len() {
+                return Err(Error::input(
+                    format!(
+                        "object {i} has {} triangles but {} normals",
+                        mesh.triangles.len(),
+                        mesh.normals.len()
+                    ),
+                    "give every triangle three unit normals",
+                ));
+            }
+            if !mesh.triangles.iter().chain(&mesh.normals).flatten().all(|p| p.is_finite()) {
+                return Err(Error::input(
+                    format!("object {i} has a vertex or normal that is not finite"),
+                    "repair the mesh",
+                ));
+            }
+            if let Some((lo, hi)) = mesh.bounds().filter(|(lo, _)| lo.z <= 0.0) {
+                return Err(Error::input(
+                    format!("object {i} spans z = {:.4} to {:.4} m, into the wall at z = 0", lo.z, hi.z),
+                    "move it to z > 0, where the hidden scene is",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
