@@ -18,7 +18,8 @@ void learn(uint at, float gradient_of_sum) {
     float gradient = gradient_of_sum / scene.render_scale * scene.noise_span * s * (1.0 - s);
     float m = mix(gradient, noise_state[at + 1u], scene.beta1);
     float v = mix(gradient * gradient, noise_state[at + 2u], scene.beta2);
-    float step = float(push.step);
+    // The noise term is not restarted with the volume's optimiser.
+    float step = float(push.iteration + 1u);
     float m_hat = m / (1.0 - pow(scene.beta1, step));
     float v_hat = v / (1.0 - pow(scene.beta2, step));
     noise_state[at] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);

@@ -6,6 +6,7 @@ pub mod export;
 pub mod gpu;
 pub mod maps;
 pub mod simulate;
+pub mod solve;
 pub mod transport;
 
 pub use error::{Error, Kind, Result};

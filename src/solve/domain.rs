@@ -1,0 +1,103 @@
+//! The active domain as schedules: the first one, its reduction, its doubling, its compacted lists.
+//!
+//! The reduction's volumes lie in `gradient` and `sample_points`, and the coarse volume of a doubling in
+//! `moment_first`: between iterations nothing lives there, so they cost no memory.
+
+use super::schedule::groups;
+use super::{Level, Plan};
+use crate::gpu::Schedule;
+use crate::transport::BRICK_VOXELS;
+use crate::transport::kernels::*;
+
+/// The first volume, the domain of all voxels that are not too near, optimiser at rest, sums at zero.
+pub fn initialise(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let bytes = |name: &str| plan.buffers.iter().find(|b| b.name == name).map_or(0, |b| b.bytes);
+    s.fill("counts", bytes("counts"), 0);
+    s.fill("histograms", bytes("histograms"), 0);
+    s.fill("noise_state", bytes("noise_state"), 0);
+    s.dispatch("initialise", groups(level.grid.storage(), WORKGROUP)).bind("scene", level.scene);
+    s.extend(compact(plan, level));
+    s
+}
+
+/// Lists, slots, counts and dispatch arguments from the mask.
+pub fn compact(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let scene = level.scene;
+    let words = level.grid.storage() / 32;
+    let bricks = level.grid.storage() / BRICK_VOXELS;
+    s.dispatch("compact_count", groups(bricks, WORKGROUP)).bind("scene", scene);
+    s.dispatch("compact_scan_active", [1, 1, 1]).bind("scene", scene);
+    s.dispatch("compact_scatter_active", groups(words, WORKGROUP)).bind("scene", scene).bind("list", "active_voxels");
+    if plan.continuous {
+        s.dispatch("dilate", groups(words, WORKGROUP)).bind("scene", scene);
+        s.dispatch("compact_count", groups(bricks, WORKGROUP)).bind("scene", scene).bind("mask", "touched_mask");
+        s.dispatch("compact_scan_touched", [1, 1, 1]).bind("scene", scene);
+        s.dispatch("compact_scatter_touched", groups(words, WORKGROUP))
+            .bind("scene", scene)
+            .bind("mask", "touched_mask")
+            .bind("list", "touched_voxels");
+    } else {
+        // Touched is active: only the count is wanted again.
+        s.dispatch("compact_count", groups(bricks, WORKGROUP)).bind("scene", scene);
+        s.dispatch("compact_scan_touched", [1, 1, 1]).bind("scene", scene);
+    }
+    s.dispatch("arguments", [1, 1, 1]).bind("scene", scene);
+    s
+}
+
+/// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
+pub fn reduce(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let scene = level.scene;
+    let (a, b) = ("gradient", "sample_points");
+    s.commands.push(crate::gpu::Command::Fill {
+        buffer: "counts",
+        offset: 4 * u64::from(COUNT_PEAK_SMOOTH),
+        bytes: 4,
+        value: 0,
+    });
+    let all = groups(level.grid.storage(), WORKGROUP);
+    s.dispatch("gaussian_x", all).bind("scene", scene).bind("source", b).bind("target", a);
+    s.dispatch("gaussian_y", all).bind("scene", scene).bind("source", a).bind("target", b);
+    s.dispatch("gaussian_z", all).bind("scene", scene).bind("source", b).bind("target", a);
+    s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP)).bind("scene", scene).bind("source", a);
+    s.extend(compact(plan, level));
+    s
+}
+
+/// Puts the optimiser at rest.
+pub fn restart(level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let bytes = level.grid.storage() as u64 * 16;
+    s.fill("moment_first", bytes, 0);
+    s.fill("moment_second", bytes, 0);
+    s
+}
+
+/// From `coarse` to `fine`, which has twice its lateral resolution; the optimiser is at rest after it.
+pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let old = coarse.grid.storage() as u64;
+    s.copy("raw", "moment_first", old * 16);
+    s.copy("mask", "touched_mask", old / 8);
+    s.dispatch("double_raw", groups(fine.grid.storage(), WORKGROUP))
+        .bind("scene", fine.scene)
+        .bind("coarse", "moment_first");
+    s.dispatch("double_domain", groups(fine.grid.storage() / 32, WORKGROUP))
+        .bind("scene", fine.scene)
+        .bind("coarse_mask", "touched_mask");
+    s.extend(restart(fine));
+    s.extend(compact(plan, fine));
+    s
+}
+
+/// The maps of `level`, in `columns_host`.
+pub fn extract(level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let columns = level.grid.n[0] * level.grid.n[1];
+    s.dispatch("extract", groups(columns, WORKGROUP)).bind("scene", level.scene);
+    s.copy("columns", "columns_host", columns as u64 * 32);
+    s
+}

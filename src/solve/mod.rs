@@ -1,0 +1,18 @@
+//! Solvers: what is minimised over which voxels, in what order, as schedules that the device runs.
+//!
+//! [`paper`] is the ECCV 2024 solver; [`Plan`] is what a job needs of the device, made before anything is
+//! allocated.
+
+mod domain;
+mod extent;
+mod options;
+pub mod paper;
+mod plan;
+mod schedule;
+
+pub use domain::{compact, double, extract, initialise, reduce, restart};
+pub use extent::default_volume;
+pub use options::{Accumulation, NoiseTerm, PaperOptions, Preset};
+pub use paper::{Progress, Reconstruction, TracePoint};
+pub use plan::{Level, Plan, Tuning};
+pub use schedule::iteration;

@@ -1,0 +1,44 @@
+//! One iteration of the paper's solver as data.
+
+use super::{Level, NoiseTerm, Plan};
+use crate::gpu::Schedule;
+use crate::transport::kernels::*;
+
+/// Sample, forward, residual, (noise,) backward, update, finish: iteration `iteration` of the solve (from 0),
+/// `step` of the optimiser since its restart (from 1).
+pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Schedule {
+    let mut s = Schedule::default();
+    let push = Push { iteration, step, first: 0, flags: 0 };
+    let arguments = |triple: u32| 12 * u64::from(triple);
+    s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
+    for set in 0..plan.forward_sets(level) {
+        s.indirect("forward", "arguments", arguments(ARGUMENTS_FORWARD + set))
+            .bind("scene", level.scene)
+            .with(Push { first: set, ..push });
+    }
+    s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene).with(push);
+    if plan.noise != NoiseTerm::Off {
+        s.dispatch("noise", groups(plan.pairs, 1)).bind("scene", level.scene).with(push);
+    }
+    let pairs = plan.pairs as u32;
+    for first in (0..pairs).step_by(PAIR_CHUNK as usize) {
+        let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
+        let end = if pairs - first <= PAIR_CHUNK { BACKWARD_FINISH } else { 0 };
+        s.indirect("backward", "arguments", arguments(ARGUMENTS_BACKWARD))
+            .bind("scene", level.scene)
+            .with(Push { first, flags: more | end, ..push });
+    }
+    let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
+    update.bind("scene", level.scene).with(push);
+    if !plan.continuous {
+        update.bind("touched_voxels", "active_voxels");
+    }
+    s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
+    s
+}
+
+/// Workgroups for `n` invocations in groups of `size`, going on along y after [`GROUPS_X`].
+pub(super) fn groups(n: usize, size: u32) -> [u32; 3] {
+    let count = n.div_ceil(size as usize) as u32;
+    [count.min(GROUPS_X), count.div_ceil(GROUPS_X).max(1), 1]
+}
