@@ -5,6 +5,7 @@ pub mod error;
 pub mod export;
 pub mod gpu;
 pub mod maps;
+pub mod measure;
 pub mod simulate;
 pub mod solve;
 pub mod transport;

@@ -3,6 +3,8 @@
 //! All maps are stored `[ix * ny + iy]`, ix along +x, iy along +y; a pixel is a cell of the extent, its
 //! value belongs to the cell's centre. NaN = nothing there.
 
+use crate::error::{Error, Result};
+
 /// Reconstructed maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
@@ -33,4 +35,115 @@ pub struct Truth {
     /// Unit normal there, towards the wall; NaN = miss.
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
+}
+
+impl Maps {
+    /// The share of the 99.9th percentile above which a pixel counts as surface, unless another is given.
+    pub const MASK_FRACTION: f64 = 0.2;
+
+    /// Which pixels are surface: albedo above `fraction` of its 99.9th percentile (of its maximum where that
+    /// percentile is zero) and above zero. NaN is never surface.
+    pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {
+        let threshold = (fraction * f64::from(Maps::white(albedo))) as f32;
+        albedo.iter().map(|&a| a > threshold && a > 0.0).collect()
+    }
+
+    /// The albedo that counts as white: the 99.9th percentile, or the maximum where that is zero (less than a
+    /// thousandth of the pixels lit), or 0 if nothing is lit.
+    pub fn white(albedo: &[f32]) -> f32 {
+        match percentile(albedo, 99.9) {
+            Some(white) if white > 0.0 => white,
+            _ => albedo.iter().copied().filter(|a| a.is_finite()).fold(0.0, f32::max),
+        }
+    }
+
+    /// Sets `mask` and `mask_fraction` from the albedo.
+    pub fn set_mask(&mut self, fraction: f64) {
+        self.mask = Maps::mask_of(&self.albedo, fraction);
+        self.mask_fraction = fraction;
+    }
+
+    /// Checks that all arrays hold nx * ny values and that the extent is one.
+    ///
+    /// # Errors
+    /// `Kind::Input` naming the array that does not fit.
+    pub fn check(&self) -> Result<()> {
+        let lengths = [
+            ("albedo", self.albedo.len()),
+            ("depth", self.depth.len()),
+            ("normal", self.normal.len()),
+            ("mask", self.mask.len()),
+        ];
+        check_grid([self.nx, self.ny], self.extent, &lengths)
+    }
+
+    /// The pixel whose cell holds (x, y), `None` outside the extent. Its centre is the nearest one.
+    pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {
+        let cell = |v: f64, low: f64, high: f64, n: usize| {
+            let at = (v - low) / (high - low) * n as f64;
+            (at >= 0.0 && at < n as f64).then_some(at as usize)
+        };
+        let [x0, x1, y0, y1] = self.extent;
+        Some(cell(x, x0, x1, self.nx)? * self.ny + cell(y, y0, y1, self.ny)?)
+    }
+
+    /// Centre (x, y) of a pixel in metres.
+    pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {
+        centre([self.nx, self.ny], self.extent, ix, iy)
+    }
+}
+
+impl Truth {
+    /// Checks that all arrays hold nx * ny values and that the extent is one.
+    ///
+    /// # Errors
+    /// `Kind::Input` naming the array that does not fit.
+    pub fn check(&self) -> Result<()> {
+        let lengths =
+            [("gt_depth", self.depth.len()), ("gt_normal", self.normal.len()), ("gt_mask", self.mask.len())];
+        check_grid([self.nx, self.ny], self.extent, &lengths)
+    }
+
+    /// Centre (x, y) of a pixel in metres.
+    pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {
+        centre([self.nx, self.ny], self.extent, ix, iy)
+    }
+}
+
+/// The `p`th percentile (0 to 100) of the values that are not NaN, interpolated linearly between ranks as
+/// numpy does; `None` if there are none.
+pub fn percentile(values: &[f32], p: f64) -> Option<f32> {
+    let mut sorted: Vec<f32> = values.iter().copied().filter(|v| !v.is_nan()).collect();
+    if sorted.is_empty() {
+        return None;
+    }
+    sorted.sort_unstable_by(f32::total_cmp);
+    let rank = (p / 100.0).clamp(0.0, 1.0) * (sorted.len() - 1) as f64;
+    let (low, high) = (sorted[rank.floor() as usize], sorted[rank.ceil() as usize]);
+    let part = rank - rank.floor();
+    Some(if part == 0.0 { low } else { (f64::from(low) * (1.0 - part) + f64::from(high) * part) as f32 })
+}
+
+fn centre([nx, ny]: [usize; 2], [x0, x1, y0, y1]: [f64; 4], ix: usize, iy: usize) -> [f64; 2] {
+    [x0 + (ix as f64 + 0.5) * (x1 - x0) / nx as f64, y0 + (iy as f64 + 0.5) * (y1 - y0) / ny as f64]
+}
+
+fn check_grid([nx, ny]: [usize; 2], extent: [f64; 4], lengths: &[(&str, usize)]) -> Result<()> {
+    let [x0, x1, y0, y1] = extent;
+    if !extent.iter().all(|v| v.is_finite()) || x0 >= x1 || y0 >= y1 {
+        return Err(Error::input(
+            format!("the extent {extent:?} is not (xmin, xmax, ymin, ymax)"),
+            "give the outer edges of the map in metres",
+        ));
+    }
+    if nx == 0 || ny == 0 {
+        return Err(Error::input(format!("the maps are {nx} x {ny}"), "maps need at least one pixel"));
+    }
+    match lengths.iter().find(|(_, length)| nx.checked_mul(ny) != Some(*length)) {
+        None => Ok(()),
+        Some((name, length)) => Err(Error::input(
+            format!("{name} holds {length} values for {nx} x {ny} pixels"),
+            "all maps hold one value per pixel, [ix, iy]",
+        )),
+    }
 }

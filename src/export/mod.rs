@@ -2,3 +2,39 @@
 //! results give equal bytes.
 
 pub mod atomic;
+pub mod exr;
+pub mod npz;
+pub mod picture;
+pub mod ply;
+pub mod png;
+pub mod report;
+pub mod volume;
+
+use std::path::{Path, PathBuf};
+
+use crate::error::Result;
+use crate::maps::Maps;
+
+/// Writes the maps in every form into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
+/// `depth.png`, `normal.png`, `points.ply`. Returns the paths.
+///
+/// # Errors
+/// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
+pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
+    type Writer = fn(&Path, &Maps) -> Result<()>;
+    let writers: [(&str, Writer); 6] = [
+        ("maps.npz", npz::write_maps),
+        ("maps.exr", exr::write),
+        ("albedo.png", png::write_albedo),
+        ("depth.png", png::write_depth),
+        ("normal.png", png::write_normal),
+        ("points.ply", ply::write),
+    ];
+    let mut written = Vec::new();
+    for (name, write) in writers {
+        let path = folder.join(name);
+        write(&path, maps)?;
+        written.push(path);
+    }
+    Ok(written)
+}

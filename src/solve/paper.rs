@@ -104,16 +104,24 @@ impl<'g> Job<'g> {
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
         plan.add_kernels(&mut executor)?;
+        let mut job = Job { plan, model, executor };
+        job.upload()?;
+        Ok(job)
+    }
+
+    /// Fills the buffers that hold the capture and the constants.
+    pub fn upload(&mut self) -> Result<()> {
+        let Job { plan, model, executor } = self;
         let wall: Vec<f32> = model.wall.iter().flat_map(|w| [w.x as f32, w.y as f32, w.z as f32, 0.0]).collect();
-        upload(&mut executor, "wall", bytemuck::cast_slice(&wall))?;
-        upload(&mut executor, "measured", bytemuck::cast_slice(&model.measured))?;
+        upload(executor, "wall", bytemuck::cast_slice(&wall))?;
+        upload(executor, "measured", bytemuck::cast_slice(&model.measured))?;
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
-        upload(&mut executor, "taps", bytemuck::cast_slice(&taps))?;
+        upload(executor, "taps", bytemuck::cast_slice(&taps))?;
         for level in &plan.levels {
-            upload(&mut executor, level.scene, bytemuck::bytes_of(&model.scene(&level.grid)))?;
+            upload(executor, level.scene, bytemuck::bytes_of(&model.scene(&level.grid)))?;
         }
-        Ok(Job { plan, model, executor })
+        Ok(())
     }
 }
 

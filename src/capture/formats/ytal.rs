@@ -14,7 +14,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use rust_hdf5::types::HBool;
-use rust_hdf5::{DatatypeMessage, H5Dataset, H5File, Hdf5Error};
+use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
 
 use super::array::transpose;
 use super::{compact, largest_count, legs, per_pair, triples};
@@ -225,8 +225,8 @@ impl Source {
             DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
                 dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f64).collect()
             }
-            _ if dataset.element_size() == 1 => {
-                dataset.read_raw_bytes().map_err(wrong)?.into_iter().map(f64::from).collect()
+            DatatypeMessage::Enum { base, .. } => {
+                enum_values(&base, &dataset.read_raw_bytes().map_err(wrong)?)
             }
             other => {
                 return Err(Error::input(
@@ -255,6 +255,19 @@ impl Source {
         let vectors = triples(name, &shape, &values)?;
         Ok(Some((shape, vectors)))
     }
+}
+
+/// The numbers behind an enum's raw elements (truth values are an enum of one byte).
+fn enum_values(base: &DatatypeMessage, raw: &[u8]) -> Vec<f64> {
+    let DatatypeMessage::FixedPoint { size, byte_order, .. } = base else { return Vec::new() };
+    let value = |element: &[u8]| {
+        let digit = |n: u64, byte: &u8| (n << 8) | u64::from(*byte);
+        match byte_order {
+            ByteOrder::LittleEndian => element.iter().rev().fold(0, digit) as f64,
+            ByteOrder::BigEndian => element.iter().fold(0, digit) as f64,
+        }
+    };
+    raw.chunks_exact((*size as usize).clamp(1, 8)).map(value).collect()
 }
 
 /// Writes a capture in layout 1 (T, X, Y), with the inner path only and unknown devices. A side of a single
@@ -320,6 +333,11 @@ fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Err
         .scalar()
         .create("t_accounts_first_and_last_bounces")?
         .write_raw(&[HBool::from(false)])?;
-    file.write_vlen_strings("scene_info", &[&format!("name: {:?}\nsource: thirdbounce\n", capture.name)])?;
+    let info = format!("name: {:?}\nsource: thirdbounce\n", capture.name);
+    file.new_dataset::<u8>()
+        .datatype(DatatypeMessage::fixed_string(info.len() as u32))
+        .scalar()
+        .create("scene_info")?
+        .write_raw_bytes(info.as_bytes())?;
     file.close()
 }

@@ -1,0 +1,53 @@
+//! Maps as an OpenEXR picture.
+//!
+//! One part with named layers, the way viewers and compositing programs know them (`layer.channel`):
+//! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
+//! `Y` for viewers without layers. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
+//! column the smallest x. The attributes `xmin`, `xmax`, `ymin`, `ymax` hold the extent in metres.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec,
+    Text, WritableImage,
+};
+
+use super::{atomic, picture};
+use crate::error::{Error, Result};
+use crate::maps::Maps;
+
+/// Writes the maps.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    let rows = picture::rows(maps);
+    let channel = |name: &str, value: &dyn Fn(usize) -> f32| {
+        AnyChannel::new(name, FlatSamples::F32(rows.iter().map(|&p| value(p)).collect()))
+    };
+    let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = [
+        channel("Y", &|p| maps.albedo[p]),
+        channel("albedo.Y", &|p| maps.albedo[p]),
+        channel("depth.Z", &|p| maps.depth[p]),
+        channel("normal.X", &|p| maps.normal[p][0]),
+        channel("normal.Y", &|p| maps.normal[p][1]),
+        channel("normal.Z", &|p| maps.normal[p][2]),
+    ]
+    .into_iter()
+    .collect();
+    let mut attributes = LayerAttributes::named("maps");
+    attributes.software_name = Some(Text::from("thirdbounce"));
+    for (name, value) in ["xmin", "xmax", "ymin", "ymax"].into_iter().zip(maps.extent) {
+        attributes.other.insert(Text::from(name), AttributeValue::F64(value));
+    }
+    let layer =
+        Layer::new((maps.nx, maps.ny), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels));
+    let mut bytes = Cursor::new(Vec::new());
+    // One thread: the order of blocks, and so the bytes, must not depend on timing.
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|e| {
+        Error::output(format!("{}: cannot be packed as EXR: {e}", path.display()), "free some memory")
+    })?;
+    atomic::write(path, &bytes.into_inner())
+}

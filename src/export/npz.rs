@@ -1,0 +1,130 @@
+//! Maps and truth as npz files.
+
+use std::path::Path;
+
+use super::atomic;
+use crate::capture::formats::archive::{Npz, npz_bytes};
+use crate::capture::formats::array::Array;
+use crate::error::{Error, Result};
+use crate::maps::{Maps, Truth};
+
+const MAPS: &str = "albedo, depth, normal, mask and extent, as reconstruct writes them";
+const TRUTH: &str = "gt_depth [nx, ny], gt_normal [nx, ny, 3], gt_mask [nx, ny] and gt_extent";
+
+/// Writes `albedo`, `depth` [nx, ny] and `normal` [nx, ny, 3] as float32 (NaN = nothing there), `mask`
+/// [nx, ny] as bool, `extent` (xmin, xmax, ymin, ymax) and the scalar `mask_fraction` as float64.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    let shape = [maps.nx, maps.ny];
+    let bytes = npz_bytes(&[
+        ("albedo", Array::from_f32(&shape, &maps.albedo)),
+        ("depth", Array::from_f32(&shape, &maps.depth)),
+        ("normal", Array::from_f32(&[maps.nx, maps.ny, 3], maps.normal.as_flattened())),
+        ("mask", Array::from_bool(&shape, &maps.mask)),
+        ("extent", Array::from_f64(&[4], &maps.extent)),
+        ("mask_fraction", Array::from_f64(&[], &[maps.mask_fraction])),
+    ])?;
+    atomic::write(path, &bytes)
+}
+
+/// Reads maps back. A missing `mask` or `mask_fraction` is made from the albedo.
+///
+/// # Errors
+/// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.
+pub fn read_maps(path: &Path) -> Result<Maps> {
+    let read = || -> Result<Maps> {
+        let mut npz = Npz::open(path)?;
+        let (shape, albedo) = plane(&mut npz, "albedo", MAPS)?;
+        let fraction = npz.scalar("mask_fraction")?.unwrap_or(Maps::MASK_FRACTION);
+        let mask = match npz.get("mask")? {
+            Some(mask) => mask.to_bool(),
+            None => Maps::mask_of(&albedo, fraction),
+        };
+        let maps = Maps {
+            nx: shape[0],
+            ny: shape[1],
+            extent: extent(&mut npz, "extent", MAPS)?,
+            albedo,
+            depth: plane(&mut npz, "depth", MAPS)?.1,
+            normal: vectors(&npz.require("normal", MAPS)?, "normal")?,
+            mask,
+            mask_fraction: fraction,
+        };
+        maps.check().map(|()| maps)
+    };
+    read().map_err(|e| e.at(path.display()))
+}
+
+/// Writes truth: `gt_depth` [nx, ny] and `gt_normal` [nx, ny, 3] as float32 (NaN = miss), `gt_mask` as bool,
+/// `gt_extent` as float64.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {
+    truth.check()?;
+    let shape = [truth.nx, truth.ny];
+    let bytes = npz_bytes(&[
+        ("gt_depth", Array::from_f32(&shape, &truth.depth)),
+        ("gt_normal", Array::from_f32(&[truth.nx, truth.ny, 3], truth.normal.as_flattened())),
+        ("gt_mask", Array::from_bool(&shape, &truth.mask)),
+        ("gt_extent", Array::from_f64(&[4], &truth.extent)),
+    ])?;
+    atomic::write(path, &bytes)
+}
+
+/// Reads truth. A missing `gt_mask` is where the depth is not NaN; missing normals are all NaN.
+///
+/// # Errors
+/// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.
+pub fn read_truth(path: &Path) -> Result<Truth> {
+    let read = || -> Result<Truth> {
+        let mut npz = Npz::open(path)?;
+        let (shape, depth) = plane(&mut npz, "gt_depth", TRUTH)?;
+        let mask = match npz.get("gt_mask")? {
+            Some(mask) => mask.to_bool(),
+            None => depth.iter().map(|d| d.is_finite()).collect(),
+        };
+        let normal = match npz.get("gt_normal")? {
+            Some(normal) => vectors(&normal, "gt_normal")?,
+            None => vec![[f32::NAN; 3]; depth.len()],
+        };
+        let extent = extent(&mut npz, "gt_extent", TRUTH)?;
+        let truth = Truth { nx: shape[0], ny: shape[1], extent, depth, normal, mask };
+        truth.check().map(|()| truth)
+    };
+    read().map_err(|e| e.at(path.display()))
+}
+
+fn plane(npz: &mut Npz, name: &str, wanted: &str) -> Result<([usize; 2], Vec<f32>)> {
+    let array = npz.require(name, wanted)?;
+    match array.shape[..] {
+        [nx, ny] => Ok(([nx, ny], array.to_f32())),
+        _ => Err(Error::input(
+            format!("{name} has shape {:?}, not [nx, ny]", array.shape),
+            format!("wanted: {wanted}"),
+        )),
+    }
+}
+
+fn extent(npz: &mut Npz, name: &str, wanted: &str) -> Result<[f64; 4]> {
+    let array = npz.require(name, wanted)?;
+    array.to_f64().try_into().map_err(|_| {
+        Error::input(
+            format!("{name} has shape {:?}", array.shape),
+            format!("{name} holds xmin, xmax, ymin, ymax in metres"),
+        )
+    })
+}
+
+fn vectors(array: &Array, name: &str) -> Result<Vec<[f32; 3]>> {
+    if array.shape.len() != 3 || array.shape[2] != 3 {
+        return Err(Error::input(
+            format!("{name} has shape {:?}", array.shape),
+            format!("{name} holds one vector per pixel: [nx, ny, 3]"),
+        ));
+    }
+    Ok(array.to_f32().chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+}

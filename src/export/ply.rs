@@ -1,0 +1,43 @@
+//! The reconstructed surface as a point cloud in a binary PLY file.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::atomic;
+use crate::error::Result;
+use crate::maps::Maps;
+
+/// Writes one point per masked pixel with a depth, in the capture's frame in metres, little-endian:
+/// `x y z nx ny nz albedo` as float32 and the albedo once more as grey `red green blue` (white at its 99.9th
+/// percentile), which viewers show. An unknown normal is (0, 0, 0).
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    let white = Maps::white(&maps.albedo).max(f32::MIN_POSITIVE);
+    let (mut points, mut count) = (Vec::new(), 0usize);
+    for pixel in (0..maps.depth.len()).filter(|&p| maps.mask[p] && maps.depth[p].is_finite()) {
+        let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
+        let normal = maps.normal[pixel];
+        let [nx, ny, nz] = if normal.iter().all(|v| v.is_finite()) { normal } else { [0.0; 3] };
+        for value in [x as f32, y as f32, maps.depth[pixel], nx, ny, nz, maps.albedo[pixel]] {
+            points.extend_from_slice(&value.to_le_bytes());
+        }
+        points.extend_from_slice(&[(255.0 * (maps.albedo[pixel] / white).clamp(0.0, 1.0)).round() as u8; 3]);
+        count += 1;
+    }
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment thirdbounce, metres\nelement vertex {count}\n"
+    );
+    for name in ["x", "y", "z", "nx", "ny", "nz", "albedo"] {
+        let _ = writeln!(header, "property float {name}");
+    }
+    for name in ["red", "green", "blue"] {
+        let _ = writeln!(header, "property uchar {name}");
+    }
+    header.push_str("end_header\n");
+    let mut bytes = header.into_bytes();
+    bytes.extend_from_slice(&points);
+    atomic::write(path, &bytes)
+}

@@ -1,0 +1,103 @@
+//! Maps as PNG pictures for people: +x to the right, +y up, enlarged by a whole factor to about 512 pixels,
+//! dark where there is nothing.
+
+use std::path::Path;
+
+use super::atomic;
+use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement};
+use crate::error::{Error, Result};
+use crate::maps::{Maps, percentile};
+
+/// Writes the albedo in grey, linear, white at its 99.9th percentile.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    let white = Maps::white(&maps.albedo);
+    let picture = Picture::of_maps(maps, enlargement(maps), |p| {
+        let albedo = maps.albedo[p];
+        if albedo.is_nan() || white <= 0.0 {
+            return BACKGROUND;
+        }
+        [(255.0 * (albedo / white).clamp(0.0, 1.0)).round() as u8; 3]
+    });
+    write(path, &picture)
+}
+
+/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) beside a colour bar with
+/// its ends in metres. The ends are the 1st and 99th percentile of the depths shown, so that a few strays do
+/// not take the colours from the rest.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    let shown = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
+    let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shown(p)).map(|p| maps.depth[p]).collect();
+    let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
+    let (near, far) = range.map_or((0.0, 0.0), |(a, b)| (f64::from(a), f64::from(b)));
+    let share = |depth: f64| if far > near { (depth - near) / (far - near) } else { 0.0 };
+    let map = Picture::of_maps(maps, enlargement(maps), |p| {
+        if shown(p) { colour(share(f64::from(maps.depth[p]))) } else { BACKGROUND }
+    });
+    write(path, &with_bar(&map, range.map(|_| (near, far))))
+}
+
+/// Writes the normals of the masked pixels as colours: red is (n_x + 1) / 2, green (n_y + 1) / 2, blue
+/// (1 - n_z) / 2. Normals point to the wall (n_z < 0), so a surface that faces the wall is light blue, as in
+/// the normal maps of modelling programs.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    let picture = Picture::of_maps(maps, enlargement(maps), |p| {
+        let [x, y, z] = maps.normal[p];
+        if !maps.mask[p] || [x, y, z].iter().any(|v| v.is_nan()) {
+            return BACKGROUND;
+        }
+        [x, y, -z].map(|v| (255.0 * ((v + 1.0) / 2.0).clamp(0.0, 1.0)).round() as u8)
+    });
+    write(path, &picture)
+}
+
+/// The picture with a colour bar at its right: far at the top, near at the bottom.
+fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
+    const MARGIN: usize = 12;
+    const BAR: usize = 18;
+    const DOT: usize = 2;
+    let height = map.height.max(SIDE / 4);
+    let Some((near, far)) = range else { return map.clone() };
+    let labels = [format!("{far:.3} m"), format!("{near:.3} m")];
+    let text = labels.iter().map(String::len).max().unwrap_or(0) * 6 * DOT;
+    let mut picture = Picture::new(map.width + 3 * MARGIN + BAR + text, height);
+    picture.paste(map, 0, 0);
+    let (x, top, bottom) = (map.width + MARGIN, MARGIN, height - MARGIN);
+    picture.fill(x - 1, top - 1, BAR + 2, bottom - top + 2, INK);
+    for y in top..bottom {
+        picture.fill(x, y, BAR, 1, colour((bottom - 1 - y) as f64 / (bottom - top - 1) as f64));
+    }
+    picture.text(&labels[0], x + BAR + MARGIN, top, DOT);
+    picture.text(&labels[1], x + BAR + MARGIN, bottom - 7 * DOT, DOT);
+    picture
+}
+
+/// Writes a picture as an 8-bit RGB PNG.
+///
+/// # Errors
+/// `Kind::Output` if it cannot be written.
+pub fn write(path: &Path, picture: &Picture) -> Result<()> {
+    let failed = |e: png::EncodingError| {
+        Error::output(format!("{}: cannot be packed as PNG: {e}", path.display()), "use smaller maps")
+    };
+    let mut bytes = Vec::new();
+    let size = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    let mut encoder = png::Encoder::new(&mut bytes, size(picture.width), size(picture.height));
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(&picture.rgb).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    atomic::write(path, &bytes)
+}

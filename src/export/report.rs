@@ -1,0 +1,105 @@
+//! `report.json`: everything that a run did, for people and programs.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::atomic;
+use crate::capture::Summary;
+use crate::error::{Error, Result};
+use crate::measure::Metrics;
+
+/// The whole report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Version of thirdbounce.
+    pub version: String,
+    pub device: Device,
+    /// All settings as they were resolved.
+    pub settings: serde_json::Value,
+    pub capture: Summary,
+    pub plan: Plan,
+    pub trace: Vec<TraceEntry>,
+    pub totals: Totals,
+    /// Null without truth.
+    pub metrics: Option<Metrics>,
+}
+
+/// The device that did the work.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Device {
+    pub name: String,
+    pub driver: String,
+    /// "discrete", "integrated", "cpu", ...
+    pub kind: String,
+}
+
+/// What was prepared before solving.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Kernel variants chosen.
+    pub variants: Vec<String>,
+    /// What this scene does not need, and what leaving it out saved.
+    pub left_out: Vec<String>,
+    /// Bytes of each buffer by name.
+    pub buffers: BTreeMap<String, u64>,
+}
+
+/// One line of the trace.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct TraceEntry {
+    pub iteration: usize,
+    /// Wall-clock seconds since solving began.
+    pub seconds: f64,
+    /// Seconds the device was busy, null if it cannot tell.
+    pub gpu_seconds: Option<f64>,
+    /// Lateral resolution of the grid.
+    pub lateral: usize,
+    /// Active voxels, and their share of the whole grid.
+    pub active: usize,
+    pub active_ratio: f64,
+    pub loss: f64,
+    /// Stand beside the other fields when truth was given; left out without.
+    #[serde(flatten)]
+    pub metrics: Option<Metrics>,
+}
+
+/// Sums over the whole run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Totals {
+    pub load_s: f64,
+    pub solve_s: f64,
+    pub export_s: f64,
+    /// Voxel-pair interactions evaluated, and per second of solving.
+    pub pairs: f64,
+    pub pairs_per_s: f64,
+    pub peak_device_bytes: u64,
+}
+
+/// Writes the report as indented JSON.
+///
+/// # Errors
+/// `Kind::Output` if the file cannot be written.
+pub fn write(path: &Path, report: &Report) -> Result<()> {
+    let mut json = serde_json::to_string_pretty(report).map_err(|e| {
+        Error::output(format!("{}: cannot be packed as JSON: {e}", path.display()), "report this as a bug")
+    })?;
+    json.push('\n');
+    atomic::write(path, json.as_bytes())
+}
+
+/// Reads a report.
+///
+/// # Errors
+/// `Kind::Input` if the file cannot be read or is no report.
+pub fn read(path: &Path) -> Result<Report> {
+    let json = std::fs::read_to_string(path)
+        .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
+    serde_json::from_str(&json).map_err(|e| {
+        Error::input(
+            format!("{}: is no report: {e}", path.display()),
+            "give a report.json that reconstruct wrote",
+        )
+    })
+}

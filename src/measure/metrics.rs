@@ -1,0 +1,196 @@
+//! Metrics of maps against truth, at the truth's resolution.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::maps::{Maps, Truth};
+
+/// Fractions tried for `best_iou`.
+pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
+
+/// Figures of a reconstruction against truth. Lengths in metres, angles in degrees.
+///
+/// *Predicted* pixels are those whose albedo is above `fraction` of the map's 99.9th percentile and whose
+/// depth is known. *Hit* pixels are predicted and in the true mask. A figure over no pixel at all is `None`
+/// (null in JSON), never 0 or NaN.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    pub fraction: f64,
+    /// Pixels of the truth's grid that are predicted, true, and both.
+    pub predicted_pixels: usize,
+    pub true_pixels: usize,
+    pub hit_pixels: usize,
+    /// |predicted ∩ mask| / |mask|; `None` if the mask is empty.
+    pub completeness: Option<f64>,
+    /// |predicted ∩ mask| / |predicted ∪ mask|; `None` if both are empty.
+    pub iou: Option<f64>,
+    /// Over the hit pixels.
+    pub depth_mae: Option<f64>,
+    pub depth_rmse: Option<f64>,
+    /// The paper's convention: over the whole mask, a missing pixel has depth 0.
+    pub depth_mae_whole: Option<f64>,
+    pub depth_rmse_whole: Option<f64>,
+    /// Mean angle between true and found normals over the hit pixels with a normal.
+    pub normal_error_deg: Option<f64>,
+    /// The paper's figure: mean absolute error of the normals' components, over the same pixels.
+    pub normal_mae: Option<f64>,
+    /// The best IoU over [`SWEEP`] and the fraction that gave it.
+    pub best_iou: Option<f64>,
+    pub best_fraction: Option<f64>,
+    /// (fraction, IoU) over [`SWEEP`]; left out of JSON if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sweep: Vec<[f64; 2]>,
+}
+
+impl Metrics {
+    /// The same figures without the sweep, for one line of a trace.
+    pub fn brief(mut self) -> Metrics {
+        self.sweep.clear();
+        self
+    }
+}
+
+/// Measures maps against truth. The maps are looked up at the centre of each of the truth's pixels, nearest
+/// cell; the extents may differ (what lies outside the maps is not predicted, what lies outside the truth is
+/// not looked at). `fraction` of the albedo's 99.9th percentile separates surface from nothing.
+///
+/// # Errors
+/// `Kind::Options` unless `fraction` is in [0, 1); `Kind::Input` if arrays and sizes do not agree.
+pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
+    if !(0.0..1.0).contains(&fraction) {
+        return Err(Error::options(
+            format!("a mask fraction of {fraction}"),
+            format!("give a fraction of the brightest albedo from 0 to 1, usually {}", Maps::MASK_FRACTION),
+        ));
+    }
+    maps.check().map_err(|e| e.at("maps"))?;
+    truth.check().map_err(|e| e.at("truth"))?;
+    let pixels = look_up(maps, truth);
+    let white = f64::from(Maps::white(&maps.albedo));
+    let overlap = |fraction: f64| {
+        let mut overlap = Overlap::default();
+        for (pixel, &real) in pixels.iter().zip(&truth.mask) {
+            overlap.add(predicted(maps, *pixel, fraction * white).is_some(), real);
+        }
+        overlap
+    };
+    let here = overlap(fraction);
+    let sweep: Vec<[f64; 2]> =
+        SWEEP.iter().filter_map(|&fraction| overlap(fraction).iou().map(|iou| [fraction, iou])).collect();
+    let best = sweep.iter().copied().reduce(|a, b| if b[1] > a[1] { b } else { a });
+
+    let (mut hit, mut whole) = (Depths::default(), Depths::default());
+    let (mut angle, mut components) = (Mean::default(), Mean::default());
+    for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| truth.mask[*at]) {
+        let real = f64::from(truth.depth[at]);
+        let found = predicted(maps, *pixel, fraction * white);
+        whole.add(found.map_or(0.0, |p| f64::from(maps.depth[p])) - real);
+        let Some(found) = found else { continue };
+        hit.add(f64::from(maps.depth[found]) - real);
+        let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
+        if let Some(degrees) = angle_between(n, m) {
+            angle.add(degrees);
+            (0..3).for_each(|c| components.add((n[c] - m[c]).abs()));
+        }
+    }
+    Ok(Metrics {
+        fraction,
+        predicted_pixels: here.predicted,
+        true_pixels: here.real,
+        hit_pixels: here.both,
+        completeness: ratio(here.both, here.real),
+        iou: here.iou(),
+        depth_mae: hit.absolute.get(),
+        depth_rmse: hit.square.get().map(f64::sqrt),
+        depth_mae_whole: whole.absolute.get(),
+        depth_rmse_whole: whole.square.get().map(f64::sqrt),
+        normal_error_deg: angle.get(),
+        normal_mae: components.get(),
+        best_iou: best.map(|b| b[1]),
+        best_fraction: best.map(|b| b[0]),
+        sweep,
+    })
+}
+
+/// For each of the truth's pixels the pixel of the maps at its centre.
+fn look_up(maps: &Maps, truth: &Truth) -> Vec<Option<usize>> {
+    let grid = (0..truth.nx).flat_map(|ix| (0..truth.ny).map(move |iy| (ix, iy)));
+    grid.map(|(ix, iy)| {
+        let [x, y] = truth.centre(ix, iy);
+        maps.pixel_at(x, y)
+    })
+    .collect()
+}
+
+/// The maps' pixel if it counts as surface.
+fn predicted(maps: &Maps, pixel: Option<usize>, threshold: f64) -> Option<usize> {
+    pixel.filter(|&p| {
+        let albedo = maps.albedo[p];
+        // In float32 as in `Maps::mask_of`, so that both agree on pixels at the threshold.
+        albedo > threshold as f32 && albedo > 0.0 && maps.depth[p].is_finite()
+    })
+}
+
+#[derive(Default)]
+struct Overlap {
+    predicted: usize,
+    real: usize,
+    both: usize,
+}
+
+impl Overlap {
+    fn add(&mut self, predicted: bool, real: bool) {
+        self.predicted += usize::from(predicted);
+        self.real += usize::from(real);
+        self.both += usize::from(predicted && real);
+    }
+
+    fn iou(&self) -> Option<f64> {
+        ratio(self.both, self.predicted + self.real - self.both)
+    }
+}
+
+fn ratio(part: usize, whole: usize) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
+}
+
+#[derive(Default)]
+struct Depths {
+    absolute: Mean,
+    square: Mean,
+}
+
+impl Depths {
+    /// Adds an error; a truth without depth (NaN inside the mask) says nothing.
+    fn add(&mut self, error: f64) {
+        if error.is_finite() {
+            self.absolute.add(error.abs());
+            self.square.add(error * error);
+        }
+    }
+}
+
+#[derive(Default)]
+struct Mean {
+    sum: f64,
+    count: usize,
+}
+
+impl Mean {
+    fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.count += 1;
+    }
+
+    fn get(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
+}
+
+/// Angle in degrees, `None` if a vector is zero or not a number.
+fn angle_between(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
+    let (a, b) = (glam::DVec3::from(a), glam::DVec3::from(b));
+    // atan2 keeps small angles exact where acos of a rounded cosine would not.
+    let degrees = a.cross(b).length().atan2(a.dot(b)).to_degrees();
+    (a.length() > 0.0 && b.length() > 0.0 && degrees.is_finite()).then_some(degrees)
+}
