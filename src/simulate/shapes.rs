@@ -85,7 +85,7 @@ pub fn torus(centre: DVec3, axis: DVec3, ring: f64, tube: f64) -> Mesh {
 }
 
 /// A flat rectangle around `centre` with half sides `half_u` and `half_v` (perpendicular vectors in
-/// metres), facing the side from which u × v points towards the viewer.
+/// metres), facing along half_u × half_v.
 pub fn rectangle(centre: DVec3, half_u: DVec3, half_v: DVec3) -> Mesh {
     let n = half_u.cross(half_v).normalize_or_zero();
     surface(1, 1, |u, v| (centre + half_u * (2.0 * u - 1.0) + half_v * (2.0 * v - 1.0), n))
