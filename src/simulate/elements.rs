@@ -1,14 +1,17 @@
 //! Cuts the scene's surfaces into small elements, the samples of the renderer.
 //!
 //! Triangles above the wanted area are halved across their longest edge until they are small and compact;
-//! each piece is an element with one random point. Meshes finer than that are not cut: their small
-//! triangles are strung along a space-filling curve and picked evenly by area, and a pick stands for its
-//! share of the area as an equilateral triangle in the surface.
+//! each piece is an element with one random point. Triangles much smaller than that are gathered into
+//! clusters of about the wanted area.
 
 use super::Scene;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use std::f64::consts::TAU;
+
+/// Triangles of one cluster face alike: least cosine (of 30°) to the first.
+const ALIKE: f64 = 0.866;
 
 /// A small flat piece of surface.
 pub(super) struct Element {
@@ -18,7 +21,7 @@ pub(super) struct Element {
     pub corners: [DVec3; 3],
     /// Unit geometric normal: decides what the element faces.
     pub facing: DVec3,
-    /// Unit shading normal at `point`: enters the cosine.
+    /// Shading normal at `point`, or the mean over a cluster: enters the cosine.
     pub normal: DVec3,
     /// Albedo times area.
     pub weight: f64,
@@ -61,7 +64,7 @@ pub(super) fn elements(scene: &Scene, count: usize, seed: u64) -> Vec<Element> {
         let weight = scene.objects[piece.object].albedo * piece.area();
         Element { point, corners: piece.corners, facing: piece.facing, normal, weight, object: piece.object }
     }));
-    pick(scene, fine, wanted, &mut rng, &mut elements);
+    gather(scene, fine, wanted, &mut rng, &mut elements);
     elements
 }
 
@@ -92,39 +95,70 @@ fn halve(piece: Piece, wanted: f64, out: &mut Vec<Piece>) {
     }
 }
 
-/// Picks points evenly by area from triangles that are smaller than an element.
-fn pick(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out: &mut Vec<Element>) {
-    let total: f64 = fine.iter().map(Piece::area).sum();
-    if total <= 0.0 {
-        return;
+/// Gathers triangles that are smaller than an element into clusters: neighbours on a space-filling curve
+/// that face alike.
+fn gather(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out: &mut Vec<Element>) {
+    let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for p in &fine {
+        (lo, hi) = (lo.min(p.centre()), hi.max(p.centre()));
     }
-    let bounds = fine
-        .iter()
-        .flat_map(|p| p.corners)
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi): (DVec3, DVec3), p| (lo.min(p), hi.max(p)));
-    fine.sort_by_cached_key(|p| (p.object, morton(p.corners.iter().sum::<DVec3>() / 3.0, bounds)));
-    let picks = (total / wanted).ceil().max(1.0) as usize;
-    let share = total / picks as f64;
-    // Equilateral triangle of this area: distance from its centre to the corners.
-    let reach = (share * 4.0 / (3.0 * 3f64.sqrt())).sqrt();
-    let (mut passed, mut at) = (0.0, 0);
-    for i in 0..picks {
-        let target = (i as f64 + rng.random::<f64>()) * share;
-        while at + 1 < fine.len() && passed + fine[at].area() < target {
-            passed += fine[at].area();
-            at += 1;
-        }
-        let piece = &fine[at];
-        let (point, normal) = piece.random_point(rng);
-        let (u, v) = piece.facing.any_orthonormal_pair();
-        let turn = rng.random::<f64>() * std::f64::consts::TAU;
-        let corners = [0.0, 1.0, 2.0].map(|k: f64| {
-            let angle = turn + k * std::f64::consts::TAU / 3.0;
-            point + (u * angle.cos() + v * angle.sin()) * reach
-        });
-        let weight = scene.objects[piece.object].albedo * share;
-        out.push(Element { point, corners, facing: piece.facing, normal, weight, object: piece.object });
+    fine.sort_by_cached_key(|p| (p.object, side(p.facing), morton(p.centre(), lo, hi)));
+    let mut rest = &fine[..];
+    while let Some(first) = rest.first() {
+        let mut area = 0.0;
+        let joins = |p: &&Piece| {
+            area += p.area();
+            p.object == first.object
+                && p.facing.dot(first.facing) > ALIKE
+                && p.centre().distance_squared(first.centre()) < 6.0 * wanted
+                && area <= wanted
+        };
+        let count = rest.iter().take_while(joins).count().max(1);
+        let (cluster, others) = rest.split_at(count);
+        out.push(merge(cluster, scene.objects[first.object].albedo, rng));
+        rest = others;
     }
+}
+
+/// One element for a cluster: all of its area, one random point of it, its mean normal, and a triangle
+/// that has the cluster's centroid and spread.
+fn merge(cluster: &[Piece], albedo: f64, rng: &mut Pcg64) -> Element {
+    let area: f64 = cluster.iter().map(Piece::area).sum();
+    let mut left = rng.random::<f64>() * area;
+    let chosen = cluster.iter().find(|p| {
+        left -= p.area();
+        left <= 0.0
+    });
+    let chosen = chosen.unwrap_or(&cluster[0]);
+    let (point, _) = chosen.random_point(rng);
+    // Not unit where the cluster bends: its cosine is then the mean of its triangles' cosines.
+    let bent = |p: &Piece| (p.normals[0] + p.normals[1] + p.normals[2]) * (p.area() / 3.0);
+    let normal = cluster.iter().map(bent).sum::<DVec3>() / area;
+    let mean: DVec3 = cluster.iter().map(|p| p.centre() * p.area()).sum::<DVec3>() / area;
+    let facing: DVec3 = cluster.iter().map(|p| p.facing * p.area()).sum();
+    let (u, v) = facing.normalize_or(chosen.facing).any_orthonormal_pair();
+    // Second moments in the tangent plane; a triangle's are those of its corners over twelve, plus its
+    // centre's.
+    let [mut uu, mut uv, mut vv] = [0.0; 3];
+    for p in cluster {
+        let mut add = |d: DVec3, weight: f64| {
+            uu += weight * d.dot(u) * d.dot(u);
+            uv += weight * d.dot(u) * d.dot(v);
+            vv += weight * d.dot(v) * d.dot(v);
+        };
+        add(p.centre() - mean, p.area() / area);
+        p.corners.iter().for_each(|&c| add(c - p.centre(), p.area() / area / 12.0));
+    }
+    // Corners mean + a cos θ + b sin θ, θ a third of a turn apart, have the moments (a aᵀ + b bᵀ) / 8.
+    let root = (8.0 * uu).sqrt().max(1e-12);
+    let a = u * root + v * (8.0 * uv / root);
+    let b = v * (8.0 * vv - (8.0 * uv / root).powi(2)).max(0.0).sqrt();
+    let turn = rng.random::<f64>();
+    let corners = [0.0, 1.0, 2.0].map(|k| {
+        let (sin, cos) = ((turn + k / 3.0) * TAU).sin_cos();
+        mean + a * cos + b * sin
+    });
+    Element { point, corners, facing: chosen.facing, normal, weight: albedo * area, object: chosen.object }
 }
 
 impl Piece {
@@ -137,6 +171,10 @@ impl Piece {
         0.5 * (b - a).cross(c - a).length()
     }
 
+    fn centre(&self) -> DVec3 {
+        (self.corners[0] + self.corners[1] + self.corners[2]) / 3.0
+    }
+
     /// A point uniform over the triangle and the shading normal there.
     fn random_point(&self, rng: &mut Pcg64) -> (DVec3, DVec3) {
         let (s, t): (f64, f64) = (rng.random::<f64>().sqrt(), rng.random());
@@ -146,10 +184,23 @@ impl Piece {
     }
 }
 
-/// Position along a Morton curve through the box `bounds`.
-fn morton(p: DVec3, (lo, hi): (DVec3, DVec3)) -> u64 {
-    let cell =
-        ((p - lo) / (hi - lo).max(DVec3::splat(1e-12)) * 65535.0).clamp(DVec3::ZERO, DVec3::splat(65535.0));
-    let spread = |v: f64| (0..16).fold(0u64, |code, bit| code | ((v as u64 >> bit & 1) << (3 * bit)));
+/// Which of the six sides of a cube a direction points to.
+fn side(n: DVec3) -> usize {
+    let a = n.abs();
+    let axis = if a.x >= a.y && a.x >= a.z {
+        0
+    } else if a.y >= a.z {
+        1
+    } else {
+        2
+    };
+    2 * axis + usize::from(n[axis] < 0.0)
+}
+
+/// Position along a Morton curve through the box from `lo` to `hi`.
+fn morton(p: DVec3, lo: DVec3, hi: DVec3) -> u64 {
+    let top = DVec3::splat(65535.0);
+    let cell = ((p - lo) / (hi - lo).max(DVec3::splat(1e-12)) * top).clamp(DVec3::ZERO, top);
+    let spread = |v: f64| (0..16).fold(0u64, |code, bit| code | (((v as u64 >> bit) & 1) << (3 * bit)));
     spread(cell.x) | spread(cell.y) << 1 | spread(cell.z) << 2
 }

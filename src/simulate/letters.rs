@@ -9,7 +9,7 @@ use crate::{Error, Result};
 use glam::{DVec2, DVec3, dvec2};
 
 /// Stroke width, width of the box and edge of a tracing cell, all over the letter's height.
-const STROKE: f64 = 0.2;
+const STROKE: f64 = 0.18;
 const WIDTH: f64 = 0.8;
 const CELL: f64 = 1.0 / 80.0;
 /// Largest block of merged cells (a power of two).
@@ -140,7 +140,7 @@ fn strokes(name: char) -> Option<Vec<Stroke>> {
     let stem = || line(0.0, 0.0, 0.0, 1.0);
     let bar = |v: f64, to: f64| line(0.0, v, to, v);
     Some(match name {
-        'A' => vec![line(0.0, 0.0, 0.5, 1.0), line(0.5, 1.0, 1.0, 0.0), line(0.16, 0.32, 0.84, 0.32)],
+        'A' => vec![line(0.0, 0.0, 0.5, 0.99), line(0.5, 0.99, 1.0, 0.0), line(0.16, 0.32, 0.84, 0.32)],
         'B' => vec![
             stem(),
             bar(1.0, 0.6),
@@ -182,12 +182,12 @@ fn strokes(name: char) -> Option<Vec<Stroke>> {
             arc(0.5, 0.38, 0.5, 0.38, 180.0, 360.0),
             line(1.0, 0.38, 1.0, 1.0),
         ],
-        'V' => vec![line(0.0, 1.0, 0.5, 0.0), line(0.5, 0.0, 1.0, 1.0)],
+        'V' => vec![line(0.0, 1.0, 0.5, 0.01), line(0.5, 0.01, 1.0, 1.0)],
         'W' => vec![
-            line(0.0, 1.0, 0.22, 0.0),
-            line(0.22, 0.0, 0.5, 0.7),
-            line(0.5, 0.7, 0.78, 0.0),
-            line(0.78, 0.0, 1.0, 1.0),
+            line(0.0, 1.0, 0.24, 0.01),
+            line(0.24, 0.01, 0.5, 0.7),
+            line(0.5, 0.7, 0.76, 0.01),
+            line(0.76, 0.01, 1.0, 1.0),
         ],
         'X' => vec![line(0.0, 0.0, 1.0, 1.0), line(0.0, 1.0, 1.0, 0.0)],
         'Y' => vec![line(0.0, 1.0, 0.5, 0.48), line(1.0, 1.0, 0.5, 0.48), line(0.5, 0.48, 0.5, 0.0)],

@@ -138,10 +138,10 @@ struct Renderer<'a> {
 }
 
 impl Renderer<'_> {
-    /// Two independent sets of samples. They cut the surfaces differently, so that their difference shows
-    /// the error of the cutting, too.
+    /// Two independent sets of samples. One cuts the surfaces finer, so that their difference shows the
+    /// error of the cutting, too.
     fn halves(&self, count: usize, seed: u64) -> [Vec<Element>; 2] {
-        [(count, 1), (count + count / 3, 2)].map(|(count, half)| {
+        [(count, 1), (2 * count, 2)].map(|(count, half)| {
             elements(self.scene, count, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half))
         })
     }
@@ -185,10 +185,16 @@ impl Renderer<'_> {
             if !(value > 0.0 && value.is_finite()) {
                 continue;
             }
-            let path = e.corners.map(|c| {
-                let r = c.distance(laser);
-                (r + if self.confocal { r } else { c.distance(sensor) } - start) / width
-            });
+            let path = |p: DVec3| {
+                let r = p.distance(laser);
+                (r + if self.confocal { r } else { p.distance(sensor) } - start) / width
+            };
+            // Paths are convex, so the corners' mean is too long: shift them to the mean over the
+            // triangle, three quarters of the centre's path and a quarter of the corners' mean.
+            let corners = e.corners.map(path);
+            let centre = path((e.corners[0] + e.corners[1] + e.corners[2]) / 3.0);
+            let shift = 0.75 * (centre - (corners[0] + corners[1] + corners[2]) / 3.0);
+            let path = corners.map(|c| c + shift);
             let (from, to) = (path[0].min(path[1]).min(path[2]), path[0].max(path[1]).max(path[2]));
             if to < 0.0 || from >= self.bins as f64 {
                 continue;

@@ -98,8 +98,8 @@ impl Scene {
             let far = corners
                 .flat_map(|p| wall.map(|(x, y)| p.distance(DVec3::new(x, y, 0.0))))
                 .fold(0.0, f64::max);
-            let bins = ((2.0 * far - self.t_start) / self.bin_width).ceil().max(1.0);
-            (bins as usize).saturating_add(1).next_multiple_of(32)
+            let bins = ((2.0 * far - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
+            (bins as usize + 1).next_multiple_of(32)
         })
     }
 

@@ -25,14 +25,18 @@ fn on_sphere(u: f64, v: f64) -> DVec3 {
     DVec3::new(ring * turn.cos(), (PI * u).cos(), ring * turn.sin())
 }
 
-/// A sphere: centre and radius in metres. The facets stay within 0.06 % of the radius.
+/// A sphere: centre and radius in metres. The facets stay within 0.3 % of the radius.
 pub fn sphere(centre: DVec3, radius: f64) -> Mesh {
-    ellipsoid(centre, DVec3::splat(radius))
+    round(centre, DVec3::splat(radius), 48, 80)
 }
 
-/// An ellipsoid with half axes `radii` along x, y, z in metres.
+/// An ellipsoid with half axes `radii` along x, y, z in metres, coarser than [`sphere`].
 pub fn ellipsoid(centre: DVec3, radii: DVec3) -> Mesh {
-    surface(64, 96, |u, v| {
+    round(centre, radii, 24, 40)
+}
+
+fn round(centre: DVec3, radii: DVec3, rings: usize, segments: usize) -> Mesh {
+    surface(rings, segments, |u, v| {
         let n = on_sphere(u, v);
         (centre + radii * n, (n / radii).normalize())
     })
@@ -50,8 +54,8 @@ pub fn capsule(from: DVec3, from_radius: f64, to: DVec3, to_radius: f64) -> Mesh
     let (across, along) = axis.any_orthonormal_pair();
     // Normals whose axial part is above this touch the sphere at `to`, the others the one at `from`.
     let turn = ((from_radius - to_radius) / length).clamp(-1.0, 1.0).acos();
-    let rings = 16;
-    surface(2 * rings + 1, 48, |u, v| {
+    let rings = 5;
+    surface(2 * rings + 1, 28, |u, v| {
         let ring = (u * (2 * rings + 1) as f64).round() as usize;
         let (polar, centre, radius) = if ring <= rings {
             (turn * ring as f64 / rings as f64, to, to_radius)
@@ -81,7 +85,7 @@ pub fn torus(centre: DVec3, axis: DVec3, ring: f64, tube: f64) -> Mesh {
 }
 
 /// A flat rectangle around `centre` with half sides `half_u` and `half_v` (perpendicular vectors in
-/// metres), facing the side from which u × v points towards the viewer.
+/// metres), facing along half_u × half_v.
 pub fn rectangle(centre: DVec3, half_u: DVec3, half_v: DVec3) -> Mesh {
     let n = half_u.cross(half_v).normalize_or_zero();
     surface(1, 1, |u, v| (centre + half_u * (2.0 * u - 1.0) + half_v * (2.0 * v - 1.0), n))
