@@ -4,6 +4,7 @@ pub mod capture;
 pub mod error;
 pub mod export;
 pub mod gpu;
+pub mod job;
 pub mod maps;
 pub mod measure;
 pub mod simulate;

@@ -1,0 +1,45 @@
+//! `thirdbounce demo`.
+
+use std::path::PathBuf;
+
+use thirdbounce::{Result, job};
+
+use super::progress::{Meter, say};
+use super::{interrupt, print, tables};
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    out: PathBuf,
+    /// Index or part of the name of the device [default: the best kind there is]
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<String>,
+    /// No progress, errors only
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    interrupt::take_care();
+    let mut meter = Meter::new(args.quiet);
+    let mut tell = |line: &str| {
+        if !args.quiet {
+            say(line);
+        }
+    };
+    let demo = job::demo(&args.out, args.device.clone(), &mut tell, &mut |progress| meter.hear(progress));
+    meter.end();
+    let demo = demo?;
+    print(&tables::report(&demo.outcome.report));
+    print(&format!(
+        "\nEverything took {}, {} of it to simulate the capture.\n\
+         Result and truth side by side: {}\n\
+         All files, to look at or to start from: {}",
+        tables::seconds(demo.seconds),
+        tables::seconds(demo.simulate_seconds),
+        demo.overview.display(),
+        args.out.display()
+    ));
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! `thirdbounce info CAPTURE`.
+
+use thirdbounce::Result;
+use thirdbounce::job::{self, Inspection, Request};
+
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
+use super::options::PaperArgs;
+use super::{json, print, tables};
+
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    paper: PaperArgs,
+    #[command(flatten)]
+    grid: VolumeArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    args.paper.check()?;
+    let (input, memory, volume) = (args.capture.input()?, args.device.memory()?, args.grid.volume()?);
+    let mut loaded = job::load(&input)?;
+    let (preset, note, options) = args.paper.resolve(&loaded.capture);
+    loaded.notes.extend(note);
+    let request = Request {
+        preset: Some(preset),
+        depth_pitch: args.grid.depth_pitch,
+        volume,
+        memory,
+        device: args.device.device.clone(),
+        validation: args.device.validation,
+        ..Request::new(options, "")
+    };
+    let found = job::inspect(&request, &loaded)?;
+    print(&if args.json { json(&found)? } else { text(&found) });
+    Ok(())
+}
+
+fn text(found: &Inspection) -> String {
+    let [nx, ny, nz] = found.grid;
+    let mm = found.voxel.map(|m| format!("{:.2}", 1000.0 * m)).join(" x ");
+    let b = &found.volume;
+    let mut out = format!("{}\n", found.capture);
+    found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
+    out += &format!(
+        "\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n\
+         box       x {:.4} to {:.4} m, y {:.4} to {:.4} m, z {:.4} to {:.4} m\n",
+        b[0], b[1], b[2], b[3], b[4], b[5]
+    );
+    if let Some(device) = &found.device {
+        out += &format!("device    {} ({})\n", device.name, device.kind);
+    }
+    found.problems.iter().for_each(|problem| out += &format!("problem   {problem}\n"));
+    let Some(plan) = &found.plan else { return out };
+    let levels: Vec<_> = plan.levels.iter().map(|n| n.to_string()).collect();
+    out += &format!("levels    {} lateral voxels\n", levels.join(", "));
+    out += &format!("adding    {}\n", job::plain(&plan.accumulation));
+    out += &format!("left out  {}\n", plan.left_out.join("\n          "));
+    out += &format!(
+        "memory    {} on the device and for copies to and from it:\n",
+        tables::bytes(plan.total_bytes)
+    );
+    let mut buffers: Vec<_> = plan.buffers.iter().collect();
+    buffers.sort_by_key(|(_, bytes)| std::cmp::Reverse(**bytes));
+    for (name, bytes) in buffers {
+        out += &format!("          {name:<18}{:>12}\n", tables::bytes(*bytes));
+    }
+    out
+}

@@ -1,0 +1,133 @@
+//! The command line: one file per verb. What a verb does stands in the library.
+
+mod convert;
+mod demo;
+mod devices;
+mod evaluate;
+mod info;
+mod input;
+mod interrupt;
+mod options;
+mod progress;
+mod reconstruct;
+mod simulate;
+mod tables;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use thirdbounce::{Error, Kind, Result};
+
+const EXAMPLES: &str = "\
+Examples:
+  thirdbounce demo
+  thirdbounce info capture.npz
+  thirdbounce reconstruct capture.npz --out result
+  thirdbounce reconstruct statue.hdf5 --stride 2 --lateral 64 --preset captured --out statue
+  thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
+  thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
+
+Lengths are metres, times are metres of path (seconds times 299792458).";
+
+/// Sees around corners: reconstructs a hidden scene from light that bounced three times.
+///
+/// Reads transient histograms captured off a relay wall and computes albedo, depth and surface normals of
+/// what the wall faces, on any Vulkan device.
+#[derive(Parser)]
+#[command(name = "thirdbounce", version, after_help = EXAMPLES, subcommand_required = true)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Simulate a scene, reconstruct it, measure the result and write pictures: under a minute.
+    Demo(demo::Args),
+    /// Tell what a capture holds, what a reconstruction would leave out, and how much memory it takes.
+    Info(info::Args),
+    /// Reconstruct a capture: maps, pictures, points and a report.
+    Reconstruct(Box<reconstruct::Args>),
+    /// Make a capture of a known scene, and its truth.
+    Simulate(simulate::Args),
+    /// Measure an earlier result against truth.
+    Evaluate(evaluate::Args),
+    /// Rewrite a capture as npz or as y-tal HDF5.
+    Convert(convert::Args),
+    /// List the Vulkan devices.
+    Devices(devices::Args),
+}
+
+/// Runs the verb that the command line names.
+pub fn main() -> ExitCode {
+    std::panic::set_hook(Box::new(|panic| {
+        let message = panic.payload_as_str().unwrap_or("no message");
+        let place = panic.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
+        progress::say(&format!("error: internal error: {message}{place}"));
+        progress::say(&format!(
+            "  this is a bug in thirdbounce {}: please report it with the command you ran",
+            env!("CARGO_PKG_VERSION")
+        ));
+    }));
+    match std::panic::catch_unwind(run) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(e)) if e.kind == Kind::Cancelled => {
+            progress::say(&format!("{}, nothing was written", e.what));
+            ExitCode::from(130)
+        }
+        Ok(Err(e)) => {
+            progress::say(&format!("error: {}", e.what));
+            progress::say(&format!("  {}", e.mend));
+            ExitCode::from(1)
+        }
+        Err(_) => ExitCode::from(101),
+    }
+}
+
+fn run() -> Result<()> {
+    let cli = match command().try_get_matches().and_then(|m| Cli::from_arg_matches(&m)) {
+        Ok(cli) => cli,
+        // Prints help, version or what is wrong, and ends with 0 or 2.
+        Err(e) => e.exit(),
+    };
+    interrupt::listen()?;
+    match cli.verb {
+        Verb::Demo(args) => demo::run(&args),
+        Verb::Info(args) => info::run(&args),
+        Verb::Reconstruct(args) => reconstruct::run(&args),
+        Verb::Simulate(args) => simulate::run(&args),
+        Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Convert(args) => convert::run(&args),
+        Verb::Devices(args) => devices::run(&args),
+    }
+}
+
+/// The command with negative numbers let through to the checks that explain what is wanted.
+fn command() -> clap::Command {
+    Cli::command().mut_subcommands(|verb| {
+        verb.mut_args(|arg| {
+            let takes = arg.get_action().takes_values() && !arg.is_positional();
+            if takes { arg.allow_negative_numbers(true) } else { arg }
+        })
+    })
+}
+
+/// Prints lines on stdout. A reader that went away (`| head`) is no error: the work is done all the same.
+fn print(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stdout().lock(), "{}", text.trim_end());
+}
+
+/// The value as indented JSON.
+fn json(value: &impl serde::Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value)
+        .map_err(|e| Error::output(format!("cannot be written as JSON: {e}"), "please report this as a bug"))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_options_hold_together() {
+        super::command().debug_assert();
+    }
+}

@@ -1,0 +1,175 @@
+//! The paper solver's options: each overrides the preset.
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde::de::DeserializeOwned;
+use thirdbounce::Result;
+use thirdbounce::capture::Capture;
+use thirdbounce::job;
+use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Preset};
+use thirdbounce::transport::{Binning, Gradient, Sampling};
+
+/// One of the words that `T` is written as in files.
+fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+    words: &'static [&'static str],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(words).try_map(|w| serde_json::from_value::<T>(serde_json::Value::String(w)))
+}
+
+#[derive(Args)]
+pub struct PaperArgs {
+    /// How to solve: paper
+    #[arg(long, value_name = "NAME", default_value = "paper", help_heading = "Solver")]
+    solver: String,
+    /// How surfaces reflect: cosine
+    #[arg(long, value_name = "NAME", default_value = "cosine", help_heading = "Solver")]
+    model: String,
+    /// The published parameters to start from [default: captured if all counts are whole, else synthetic]
+    #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
+    preset: Option<Preset>,
+    /// Lateral voxels of the final grid [default: 128]
+    #[arg(long, value_name = "N", help_heading = "Solver")]
+    lateral: Option<usize>,
+    /// [default: 1000]
+    #[arg(long, value_name = "N", help_heading = "Solver")]
+    iterations: Option<usize>,
+    /// Seed of the initial albedo and of the samples [default: 0]
+    #[arg(long, value_name = "N", help_heading = "Solver")]
+    seed: Option<u32>,
+    /// The same bits on every run of the same seed and device: fixed-point accumulation
+    #[arg(long, conflicts_with = "accumulation", help_heading = "Solver")]
+    deterministic: bool,
+    /// How contributions are added up [default: auto, the fastest of the device]
+    #[arg(long, value_name = "HOW",
+        value_parser = word::<Accumulation>(&["auto", "float", "fixed", "fixed32", "cas", "owned"]),
+        help_heading = "Solver")]
+    accumulation: Option<Accumulation>,
+
+    /// Adam's step [default: 1]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    learning_rate: Option<f64>,
+    /// [default: 0.9]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    beta1: Option<f64>,
+    /// [default: 0.999]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    beta2: Option<f64>,
+    /// [default: 1e-8]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    epsilon: Option<f64>,
+    /// Adam forgets its moments after so many iterations [default: 100]
+    #[arg(long, value_name = "N", help_heading = "Optimiser (defaults as published)")]
+    restart_every: Option<usize>,
+    /// Weight of the L1 term [default: synthetic 0.001, captured 0.8]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    l1: Option<f64>,
+    /// The measurement is scaled to this largest value [default: 10]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    peak: Option<f64>,
+    /// The albedo starts uniform in 0 to this [default: 1]
+    #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
+    initial_albedo: Option<f64>,
+
+    /// What has a learnt noise weight [default: synthetic off, captured bin]
+    #[arg(long, value_name = "WHAT", value_parser = word::<NoiseTerm>(&["off", "bin", "histogram"]),
+        help_heading = "Light transport (defaults as published)")]
+    noise: Option<NoiseTerm>,
+    /// Constant part of the noise term, relative to the peak [default: 0.05]
+    #[arg(long, value_name = "X", help_heading = "Light transport (defaults as published)")]
+    noise_base: Option<f64>,
+    /// Learnt part of the noise term, relative to the peak [default: 0.06]
+    #[arg(long, value_name = "X", help_heading = "Light transport (defaults as published)")]
+    noise_span: Option<f64>,
+    /// Where in its voxel a sample lies: anew at random every iteration, or at the centre [default: continuous]
+    #[arg(long, value_name = "HOW", value_parser = word::<Sampling>(&["continuous", "fixed"]),
+        help_heading = "Light transport (defaults as published)")]
+    sampling: Option<Sampling>,
+    /// Into the bin of its path, or shared by the two nearest [default: nearest]
+    #[arg(long, value_name = "HOW", value_parser = word::<Binning>(&["nearest", "linear"]),
+        help_heading = "Light transport (defaults as published)")]
+    binning: Option<Binning>,
+    /// Without the distance falloff as published, or exact [default: published]
+    #[arg(long, value_name = "WHICH", value_parser = word::<Gradient>(&["published", "exact"]),
+        help_heading = "Light transport (defaults as published)")]
+    gradient: Option<Gradient>,
+
+    /// Nothing nearer than this is ever active, metres [default: 0.2]
+    #[arg(long, value_name = "M", help_heading = "Domain (defaults as published)")]
+    min_depth: Option<f64>,
+    /// Start at the final resolution instead of the scan's
+    #[arg(long, help_heading = "Domain (defaults as published)")]
+    no_coarse_to_fine: bool,
+    /// Double the lateral resolution after so many iterations [default: 100]
+    #[arg(long, value_name = "N", help_heading = "Domain (defaults as published)")]
+    double_every: Option<usize>,
+    /// Keep all voxels active
+    #[arg(long, help_heading = "Domain (defaults as published)")]
+    no_reduce: bool,
+    /// Reduce the domain after so many iterations [default: 50]
+    #[arg(long, value_name = "N", help_heading = "Domain (defaults as published)")]
+    reduce_every: Option<usize>,
+    /// Keep voxels above this share of the smoothed albedo's maximum [default: 0.05]
+    #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
+    keep_above: Option<f64>,
+    /// Gaussian that smooths the albedo for that, in voxels [default: 3]
+    #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
+    smooth_sigma: Option<f64>,
+    /// Sigmas after which it is cut off [default: 4]
+    #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
+    smooth_truncate: Option<f64>,
+}
+
+impl PaperArgs {
+    /// Refuses what this version does not have, before any file is read.
+    pub fn check(&self) -> Result<()> {
+        job::check_solver(&self.solver)?;
+        job::check_model(&self.model)?;
+        // The rest does not depend on the preset in what is allowed.
+        self.over(PaperOptions::preset(Preset::Synthetic)).check()
+    }
+
+    /// The preset for `capture`, a note if it was not given, and the options over it.
+    pub fn resolve(&self, capture: &Capture) -> (Preset, Option<String>, PaperOptions) {
+        let preset = self.preset.unwrap_or_else(|| job::preset_for(capture));
+        let note = self.preset.is_none().then(|| {
+            let counts = if capture.integer_counts { "whole numbers" } else { "not whole numbers" };
+            format!("the counts are {counts}: --preset {} is used", job::plain(&preset))
+        });
+        (preset, note, self.over(PaperOptions::preset(preset)))
+    }
+
+    fn over(&self, preset: PaperOptions) -> PaperOptions {
+        PaperOptions {
+            lateral: self.lateral.unwrap_or(preset.lateral),
+            iterations: self.iterations.unwrap_or(preset.iterations),
+            coarse_to_fine: preset.coarse_to_fine && !self.no_coarse_to_fine,
+            double_every: self.double_every.unwrap_or(preset.double_every),
+            restart_every: self.restart_every.unwrap_or(preset.restart_every),
+            reduce: preset.reduce && !self.no_reduce,
+            reduce_every: self.reduce_every.unwrap_or(preset.reduce_every),
+            keep_above: self.keep_above.unwrap_or(preset.keep_above),
+            smooth_sigma: self.smooth_sigma.unwrap_or(preset.smooth_sigma),
+            smooth_truncate: self.smooth_truncate.unwrap_or(preset.smooth_truncate),
+            min_depth: self.min_depth.unwrap_or(preset.min_depth),
+            learning_rate: self.learning_rate.unwrap_or(preset.learning_rate),
+            beta1: self.beta1.unwrap_or(preset.beta1),
+            beta2: self.beta2.unwrap_or(preset.beta2),
+            epsilon: self.epsilon.unwrap_or(preset.epsilon),
+            l1: self.l1.unwrap_or(preset.l1),
+            noise: self.noise.unwrap_or(preset.noise),
+            noise_base: self.noise_base.unwrap_or(preset.noise_base),
+            noise_span: self.noise_span.unwrap_or(preset.noise_span),
+            peak: self.peak.unwrap_or(preset.peak),
+            initial_albedo: self.initial_albedo.unwrap_or(preset.initial_albedo),
+            sampling: self.sampling.unwrap_or(preset.sampling),
+            binning: self.binning.unwrap_or(preset.binning),
+            gradient: self.gradient.unwrap_or(preset.gradient),
+            accumulation: match self.accumulation {
+                _ if self.deterministic => Accumulation::Fixed,
+                Some(given) => given,
+                None => preset.accumulation,
+            },
+            seed: self.seed.unwrap_or(preset.seed),
+        }
+    }
+}

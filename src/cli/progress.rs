@@ -1,0 +1,66 @@
+//! What is told while work goes on, on stderr: a bar on a terminal, plain lines elsewhere.
+
+use std::io::{IsTerminal, Write};
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use thirdbounce::solve::Progress;
+
+/// Plain lines come at most so often.
+const EVERY: Duration = Duration::from_secs(2);
+
+/// Writes a line on stderr. A closed stderr is no error.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+/// Shows the progress of a solve.
+pub struct Meter {
+    bar: Option<ProgressBar>,
+    quiet: bool,
+    said: Option<Instant>,
+}
+
+impl Meter {
+    pub fn new(quiet: bool) -> Meter {
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+            let style = ProgressStyle::with_template("{bar:30} {pos}/{len}  {msg}  {elapsed}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        Meter { bar, quiet, said: None }
+    }
+
+    /// Shows a point of the trace; breaks off if Ctrl-C was pressed.
+    pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
+        let p = &progress.point;
+        let last = p.iteration == progress.iterations;
+        let state =
+            format!("lateral {:<4} active {:>6.2} %  loss {:.4e}", p.lateral, 100.0 * p.active_ratio, p.loss);
+        if let Some(bar) = &self.bar {
+            bar.set_length(progress.iterations as u64);
+            bar.set_position(p.iteration as u64);
+            bar.set_message(state);
+            if last {
+                bar.finish();
+            }
+        } else if !self.quiet && (last || self.said.is_none_or(|t| t.elapsed() >= EVERY)) {
+            let width = progress.iterations.to_string().len();
+            say(&format!(
+                "iteration {:>width$}/{}  {state}  {:.1} s",
+                p.iteration, progress.iterations, p.seconds
+            ));
+            self.said = Some(Instant::now());
+        }
+        super::interrupt::asked()
+    }
+
+    /// Leaves the bar as it stands, so that what follows gets a line of its own.
+    pub fn end(&self) {
+        if let Some(bar) = self.bar.as_ref().filter(|bar| !bar.is_finished()) {
+            bar.abandon();
+        }
+    }
+}

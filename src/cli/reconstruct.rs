@@ -1,0 +1,80 @@
+//! `thirdbounce reconstruct CAPTURE --out DIR`.
+
+use std::path::PathBuf;
+
+use thirdbounce::Result;
+use thirdbounce::job::{self, Request};
+use thirdbounce::maps::Maps;
+
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
+use super::options::PaperArgs;
+use super::progress::{Meter, say};
+use super::{interrupt, print, tables};
+
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, report.json
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Write the volume too, as npz or HDF5 by its ending
+    #[arg(long, value_name = "FILE")]
+    volume: Option<PathBuf>,
+    /// Measure the result against this truth
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// A pixel is surface above this share of the brightest albedo
+    #[arg(long, value_name = "X", default_value_t = Maps::MASK_FRACTION)]
+    mask_fraction: f64,
+    /// Print the time per kernel at the end; runs the kernels one by one
+    #[arg(long)]
+    timings: bool,
+    /// No progress and no notes, errors only
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    paper: PaperArgs,
+    #[command(flatten)]
+    grid: VolumeArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    args.paper.check()?;
+    let (input, memory, volume) = (args.capture.input()?, args.device.memory()?, args.grid.volume()?);
+    let mut loaded = job::load(&input)?;
+    let (preset, note, options) = args.paper.resolve(&loaded.capture);
+    loaded.notes.extend(note);
+    if !args.quiet {
+        loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    let request = Request {
+        preset: Some(preset),
+        options,
+        depth_pitch: args.grid.depth_pitch,
+        volume,
+        memory,
+        device: args.device.device.clone(),
+        validation: args.device.validation,
+        timings: args.timings,
+        truth: args.truth.clone(),
+        mask_fraction: args.mask_fraction,
+        out: args.out.clone(),
+        volume_file: args.volume.clone(),
+    };
+    interrupt::take_care();
+    let mut meter = Meter::new(args.quiet);
+    let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));
+    meter.end();
+    let outcome = outcome?;
+    outcome.validation.iter().for_each(|message| say(&format!("validation: {message}")));
+    print(&tables::report(&outcome.report));
+    if args.timings {
+        print(&format!("\n{}", tables::kernels(&outcome.kernels)));
+    }
+    let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
+    print(&format!("wrote     {}", files.join("\n          ")));
+    Ok(())
+}

@@ -1,0 +1,103 @@
+//! Figures as lines for people.
+
+use thirdbounce::export::report::Report;
+use thirdbounce::gpu::KernelTime;
+use thirdbounce::measure::Metrics;
+
+/// What a run came to.
+pub fn report(report: &Report) -> String {
+    let t = &report.totals;
+    let mut out = String::new();
+    let grid =
+        report.settings["grid"].as_array().map(|g| g.iter().map(|n| n.to_string()).collect::<Vec<_>>());
+    let line = |out: &mut String, name: &str, text: String| *out += &format!("{name:<10}{text}\n");
+    line(&mut out, "grid", format!("{} voxels", grid.unwrap_or_default().join(" x ")));
+    line(&mut out, "device", format!("{} ({})", report.device.name, report.device.kind));
+    line(
+        &mut out,
+        "time",
+        format!(
+            "solved in {}, load {}, export {}",
+            seconds(t.solve_s),
+            seconds(t.load_s),
+            seconds(t.export_s)
+        ),
+    );
+    line(
+        &mut out,
+        "work",
+        format!("{:.3e} voxel-pair evaluations, {:.3e} per second", t.pairs, t.pairs_per_s),
+    );
+    line(&mut out, "memory", format!("{} on the device", bytes(t.peak_device_bytes)));
+    if let Some(last) = report.trace.last() {
+        line(
+            &mut out,
+            "end",
+            format!(
+                "iteration {}, loss {:.4e}, {} of the grid's voxels active ({:.2} %)",
+                last.iteration,
+                last.loss,
+                last.active,
+                100.0 * last.active_ratio
+            ),
+        );
+    }
+    if let Some(metrics) = &report.metrics {
+        out += &self::metrics(metrics);
+    }
+    out
+}
+
+/// Figures against truth.
+pub fn metrics(m: &Metrics) -> String {
+    let share = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3}"));
+    let mm = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.2} mm", 1000.0 * v));
+    let degrees = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.1} degrees"));
+    let best = match (m.best_iou, m.best_fraction) {
+        (Some(iou), Some(fraction)) => format!("; best {iou:.3} at mask fraction {fraction}"),
+        _ => String::new(),
+    };
+    format!(
+        "surface   IoU {}, completeness {} at mask fraction {}{best}\n\
+         depth     MAE {}, RMSE {} over {} pixels; paper's convention {}, {}\n\
+         normals   {}, mean absolute error of components {}\n",
+        share(m.iou),
+        share(m.completeness),
+        m.fraction,
+        mm(m.depth_mae),
+        mm(m.depth_rmse),
+        m.hit_pixels,
+        mm(m.depth_mae_whole),
+        mm(m.depth_rmse_whole),
+        degrees(m.normal_error_deg),
+        share(m.normal_mae),
+    )
+}
+
+/// Time per kernel, the longest first.
+pub fn kernels(times: &[(&'static str, KernelTime)]) -> String {
+    let total: f64 = times.iter().map(|(_, t)| t.seconds).sum();
+    let mut sorted = times.to_vec();
+    sorted.sort_by(|a, b| b.1.seconds.total_cmp(&a.1.seconds));
+    let mut out =
+        format!("{:<26}{:>8}{:>12}{:>12}{:>8}\n", "kernel", "calls", "seconds", "us a call", "share");
+    for (name, t) in sorted {
+        let each = 1e6 * t.seconds / t.calls.max(1) as f64;
+        let share = 100.0 * t.seconds / total.max(1e-12);
+        out += &format!("{name:<26}{:>8}{:>12.4}{each:>12.1}{share:>6.1} %\n", t.calls, t.seconds);
+    }
+    out + &format!("{:<26}{:>8}{total:>12.4}\n", "all", "")
+}
+
+pub fn seconds(s: f64) -> String {
+    if s < 1.0 { format!("{:.0} ms", 1000.0 * s) } else { format!("{s:.1} s") }
+}
+
+pub fn bytes(n: u64) -> String {
+    match n {
+        0..1024 => format!("{n} B"),
+        1024..1_048_576 => format!("{:.1} KiB", n as f64 / 1024.0),
+        1_048_576..1_073_741_824 => format!("{:.1} MiB", n as f64 / 1_048_576.0),
+        _ => format!("{:.2} GiB", n as f64 / 1_073_741_824.0),
+    }
+}

@@ -1,0 +1,68 @@
+//! The whole way on a scene of its own: simulate, reconstruct, measure, picture.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::{Input, Outcome, Request, load, overview, places, run};
+use crate::Result;
+use crate::capture;
+use crate::export;
+use crate::simulate::{RenderOptions, Scene, simulate, truth};
+use crate::solve::{PaperOptions, Preset, Progress};
+use crate::transport::Volume;
+
+/// What the demo made.
+#[derive(Debug, Clone)]
+pub struct Demo {
+    pub outcome: Outcome,
+    pub simulate_seconds: f64,
+    /// Everything together.
+    pub seconds: f64,
+    /// Result and truth side by side.
+    pub overview: PathBuf,
+}
+
+/// Simulates a scene, reconstructs it into `out` and writes `capture.npz`, `truth.npz` and `overview.png`
+/// beside the results. `say` is told what happens next.
+///
+/// # Errors
+/// A place that cannot be written, or no device; see [`run`].
+pub fn demo(
+    out: &Path,
+    device: Option<String>,
+    say: &mut dyn FnMut(&str),
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Demo> {
+    let start = Instant::now();
+    places::check_results(out)?;
+    let mut scene = Scene::named("figure")?;
+    scene.scan = 32;
+    scene.bin_width = 0.01;
+    say("simulating a hidden figure, scanned at 32 x 32 points of a 1 m wall");
+    let rendering = simulate(&scene, &RenderOptions { noise: 0.01, ..RenderOptions::default() })?;
+    let real = truth(&scene, 128)?;
+    let (capture_file, truth_file) = (out.join("capture.npz"), out.join("truth.npz"));
+    capture::write(&rendering.capture, &capture_file)?;
+    export::npz::write_truth(&truth_file, &real)?;
+    let simulate_seconds = start.elapsed().as_secs_f64();
+
+    say("reconstructing it from the third bounce alone");
+    let loaded = load(&Input { path: capture_file, ..Input::default() })?;
+    let options = PaperOptions {
+        lateral: 64,
+        iterations: 200,
+        double_every: 100,
+        ..PaperOptions::preset(Preset::Synthetic)
+    };
+    let mut request = Request::new(options, out);
+    request.preset = Some(Preset::Synthetic);
+    request.device = device;
+    request.truth = Some(truth_file);
+    let [x0, x1, y0, y1] = loaded.capture.wall_extent();
+    request.volume = Some(Volume { min: glam::dvec3(x0, y0, 0.4), max: glam::dvec3(x1, y1, 1.0) });
+    let outcome = run(&request, &loaded, hear)?;
+    let path = out.join("overview.png");
+    overview::write(&path, &outcome.maps, &real)?;
+    Ok(Demo { outcome, simulate_seconds, seconds: start.elapsed().as_secs_f64(), overview: path })
+}

@@ -1,0 +1,111 @@
+//! What a run would do, without doing it.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Loaded, Request, box_of};
+use crate::capture::Summary;
+use crate::gpu::{Accumulations, DeviceInfo, DeviceKind, Limits};
+use crate::solve::{Accumulation, PaperOptions, Plan, Preset, paper};
+use crate::{Error, Kind, Result};
+
+/// A capture, the grid it would be reconstructed on, and what that takes.
+#[derive(Debug, Clone, Serialize)]
+pub struct Inspection {
+    pub capture: Summary,
+    /// What was done to the capture.
+    pub notes: Vec<String>,
+    pub preset: Option<Preset>,
+    pub options: PaperOptions,
+    /// Voxels along x, y, z.
+    pub grid: [usize; 3],
+    /// Voxel size in metres.
+    pub voxel: [f64; 3],
+    /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres.
+    #[serde(rename = "box")]
+    pub volume: Vec<f64>,
+    /// What would do the work; null if there is no device.
+    pub device: Option<DeviceInfo>,
+    /// Null if the paper's solver cannot take this capture.
+    pub plan: Option<Planned>,
+    /// Why there is no device or no plan.
+    pub problems: Vec<String>,
+}
+
+/// What the solver would need of the device.
+#[derive(Debug, Clone, Serialize)]
+pub struct Planned {
+    /// Lateral resolutions, coarse to fine.
+    pub levels: Vec<usize>,
+    pub accumulation: Accumulation,
+    pub left_out: Vec<String>,
+    pub variants: Vec<String>,
+    pub buffers: BTreeMap<String, u64>,
+    pub total_bytes: u64,
+}
+
+/// Tells what [`super::run`] would do with these. Without a device it plans for a usual GPU and says so.
+///
+/// # Errors
+/// Options that make no sense, a device that was named and is not there. A capture that the solver does not
+/// take is no error but a problem of the inspection.
+pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
+    request.options.check()?;
+    let capture = &loaded.capture;
+    let grid = request.grid(capture)?;
+    let mut problems = Vec::new();
+    let device = match request.open() {
+        Ok(gpu) => Some((gpu.info.clone(), gpu.accumulations, gpu.limits)),
+        Err(e) if e.kind == Kind::Device && request.device.is_none() => {
+            problems.push(format!("{}: {}. The plan is for a usual GPU.", e.what, e.mend));
+            None
+        }
+        Err(e) => return Err(e),
+    };
+    let (kind, offered, limits) =
+        device.as_ref().map_or_else(usual_gpu, |(info, offered, limits)| (info.kind, *offered, *limits));
+    let plan = paper::model(capture, &request.options).and_then(|model| {
+        let volume = request.volume_file.is_some();
+        Plan::new(&model, grid, capture.scan, &request.options, kind, offered, &limits, volume)
+    });
+    let plan = match plan {
+        Ok(plan) => Some(plan),
+        Err(Error { kind: Kind::Input, what, .. }) => {
+            problems.push(what);
+            None
+        }
+        Err(e) => return Err(e),
+    };
+    Ok(Inspection {
+        capture: capture.summary(),
+        notes: loaded.notes.clone(),
+        preset: request.preset,
+        options: request.options.clone(),
+        grid: grid.n,
+        voxel: grid.pitch.to_array(),
+        volume: box_of(&grid),
+        device: device.map(|(info, ..)| info),
+        plan: plan.map(|plan| Planned {
+            levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
+            accumulation: plan.accumulation,
+            left_out: plan.left_out.clone(),
+            variants: plan.variants(),
+            buffers: plan.bytes(),
+            total_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
+        }),
+        problems,
+    })
+}
+
+/// What most discrete GPUs offer.
+fn usual_gpu() -> (DeviceKind, Accumulations, Limits) {
+    let limits = Limits {
+        storage_range: u64::from(u32::MAX),
+        workgroup_invocations: 1024,
+        shared_memory: 48 << 10,
+        groups: [i32::MAX as u32, 65_535, 65_535],
+        subgroup: 32,
+    };
+    (DeviceKind::Discrete, Accumulations { float: true, int64: true }, limits)
+}

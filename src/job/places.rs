@@ -1,0 +1,78 @@
+//! Whether results can be written, found out before hours of work and without leaving anything behind.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use crate::export::atomic::cannot;
+use crate::{Error, Result};
+
+/// What a run writes into its folder.
+const RESULTS: [&str; 7] =
+    ["maps.npz", "maps.exr", "albedo.png", "depth.png", "normal.png", "points.ply", "report.json"];
+
+/// Whether `folder` can take the results of a run; it need not exist.
+pub fn check_results(folder: &Path) -> Result<()> {
+    check_folder(folder)?;
+    match RESULTS.iter().map(|name| folder.join(name)).find(|path| path.is_dir()) {
+        Some(path) => Err(Error::output(
+            format!("{}: is a folder where a result file goes", path.display()),
+            "choose another --out, or move that folder away",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Whether `file` can take a volume.
+pub fn check_volume(file: &Path) -> Result<()> {
+    let ending = file.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+    if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
+        return Err(Error::options(
+            format!("{}: the ending says no volume format", file.display()),
+            "name the volume's file .npz or .hdf5",
+        ));
+    }
+    check_file(file)
+}
+
+/// Whether `file` can be written; its folder need not exist.
+pub fn check_file(file: &Path) -> Result<()> {
+    if file.is_dir() {
+        return Err(Error::output(
+            format!("{}: is a folder", file.display()),
+            "give the name of a file in it",
+        ));
+    }
+    check_folder(file.parent().unwrap_or(Path::new(".")))
+}
+
+/// Writes and removes an empty file in `folder`, or in the nearest one above it that exists.
+fn check_folder(folder: &Path) -> Result<()> {
+    let mut at = folder;
+    while fs::symlink_metadata(at).is_err() {
+        match at.parent() {
+            Some(parent) => at = parent,
+            None => break,
+        }
+        if at.as_os_str().is_empty() {
+            at = Path::new(".");
+        }
+    }
+    if !at.is_dir() {
+        return Err(Error::output(
+            format!("{}: cannot hold results, {} is no folder", folder.display(), at.display()),
+            "choose another folder for the results",
+        ));
+    }
+    let probe: PathBuf = at.join(format!(".thirdbounce.{}.part", std::process::id()));
+    fs::File::create(&probe).map_err(|e| cannot(folder, &e))?;
+    fs::remove_file(&probe).map_err(|e| cannot(folder, &e))
+}
+
+/// Removes a file if there is one.
+pub fn remove(file: &Path) -> Result<()> {
+    match fs::remove_file(file) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(cannot(file, &e)),
+        _ => Ok(()),
+    }
+}

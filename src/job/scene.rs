@@ -1,0 +1,75 @@
+//! A capture of a known scene, and its truth.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::places;
+use crate::capture::{self, Summary};
+use crate::export;
+use crate::simulate::{self, RenderOptions, Scene};
+use crate::{Error, Result};
+
+/// What to simulate and where to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    pub scene: Scene,
+    pub render: RenderOptions,
+    /// The capture, .npz or .hdf5.
+    pub out: PathBuf,
+    /// The truth's file, and the pixels of its side.
+    pub truth: Option<(PathBuf, usize)>,
+}
+
+/// What a simulation made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulated {
+    pub summary: Summary,
+    /// Achieved noise, whether it is within the bound, and the samples it took.
+    pub noise: f64,
+    pub converged: bool,
+    pub samples: usize,
+    pub seconds: f64,
+    pub files: Vec<PathBuf>,
+}
+
+/// Renders the scene and writes its capture, and its truth if a file was named. `before_writing` is called
+/// when all is computed.
+///
+/// # Errors
+/// A scene or options that make no sense, files that cannot be written.
+pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<Simulated> {
+    places::check_file(&what.out)?;
+    let ending = what.out.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+    if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
+        return Err(Error::options(
+            format!("{}: the ending says no capture format", what.out.display()),
+            "name the file .npz or .hdf5 (y-tal)",
+        ));
+    }
+    if let Some((file, _)) = &what.truth {
+        places::check_file(file)?;
+        if file == &what.out {
+            return Err(Error::options("capture and truth go to the same file", "name two files"));
+        }
+    }
+    let start = Instant::now();
+    let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(&what.scene, *n)).transpose()?;
+    let rendering = simulate::simulate(&what.scene, &what.render)?;
+    rendering.capture.check()?;
+    let seconds = start.elapsed().as_secs_f64();
+    before_writing();
+    let mut files = vec![what.out.clone()];
+    capture::write(&rendering.capture, &what.out)?;
+    if let (Some((file, _)), Some(truth)) = (&what.truth, &truth) {
+        export::npz::write_truth(file, truth)?;
+        files.push(file.clone());
+    }
+    Ok(Simulated {
+        summary: rendering.capture.summary(),
+        noise: rendering.noise,
+        converged: rendering.converged,
+        samples: rendering.samples,
+        seconds,
+        files,
+    })
+}
