@@ -3,6 +3,7 @@
 //! [`load`] reads and prepares a capture, [`run`] reconstructs it and writes every result, [`inspect()`] tells
 //! what a run would do, [`demo()`] makes its own scene. Callers only gather options and show what comes back.
 
+mod account;
 pub mod demo;
 pub mod inspect;
 mod overview;
@@ -12,8 +13,6 @@ mod scene;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-use serde_json::{Value, json};
 
 use crate::capture::{self, Capture, Gate, auto_gate};
 use crate::export::{self, report};
@@ -25,6 +24,7 @@ use crate::solve::{PaperOptions, Preset, Progress, Reconstruction, default_volum
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
+pub use account::plain;
 pub use demo::{Demo, demo};
 pub use inspect::{Inspection, inspect};
 pub use scene::{Simulated, Simulation, simulate};
@@ -188,6 +188,8 @@ pub struct Outcome {
     pub kernels: Vec<(&'static str, KernelTime)>,
     /// What the validation layer said, if it was asked for.
     pub validation: Vec<String>,
+    /// What the caller may not have wanted, in sentences.
+    pub notes: Vec<String>,
     pub files: Vec<PathBuf>,
 }
 
@@ -220,7 +222,8 @@ pub fn run(
         export::volume::write(file, &export_volume(volume))?;
         files.push(file.clone());
     }
-    let mut report = report_of(request, loaded, &grid, &gpu, &solved, metrics);
+    let notes: Vec<String> = too_few_iterations(request, &solved).into_iter().collect();
+    let mut report = account::report_of(request, loaded, &grid, &gpu, &solved, metrics);
     report.totals.export_s = start.elapsed().as_secs_f64();
     report::write(&path, &report)?;
     files.push(path);
@@ -230,7 +233,20 @@ pub fn run(
         truth,
         kernels: if request.timings { solved.kernels } else { vec![] },
         validation: gpu.validation_messages(),
+        notes,
         files,
+    })
+}
+
+/// A sentence if the solve ended before its last doubling.
+fn too_few_iterations(request: &Request, solved: &Reconstruction) -> Option<String> {
+    let (reached, wanted) = (solved.maps.nx, solved.plan.finest().grid.n[0]);
+    (reached < wanted).then(|| {
+        format!(
+            "{} iterations, doubling after every {}, end at {reached} lateral voxels, not at {wanted}: give more \
+             --iterations, a smaller --double-every or --no-coarse-to-fine",
+            request.options.iterations, request.options.double_every
+        )
     })
 }
 
@@ -241,109 +257,6 @@ fn export_volume(volume: VolumeMap) -> export::volume::Volume {
         extent: [x0, x1, y0, y1, z0, z1],
         albedo: volume.albedo,
         normal: None,
-    }
-}
-
-fn report_of(
-    request: &Request,
-    loaded: &Loaded,
-    grid: &Grid,
-    gpu: &Gpu,
-    solved: &Reconstruction,
-    metrics: Option<Metrics>,
-) -> report::Report {
-    let timed = solved.trace.iter().any(|p| p.gpu_seconds > 0.0);
-    let mut trace: Vec<_> = solved
-        .trace
-        .iter()
-        .map(|p| report::TraceEntry {
-            iteration: p.iteration,
-            seconds: p.seconds,
-            gpu_seconds: timed.then_some(p.gpu_seconds),
-            lateral: p.lateral,
-            active: p.active,
-            active_ratio: p.active_ratio,
-            loss: p.loss,
-            metrics: None,
-        })
-        .collect();
-    if let Some(last) = trace.last_mut() {
-        last.metrics = metrics.clone().map(Metrics::brief);
-    }
-    report::Report {
-        version: env!("CARGO_PKG_VERSION").into(),
-        device: report::Device {
-            name: gpu.info.name.clone(),
-            driver: gpu.info.driver.clone(),
-            kind: plain(&gpu.info.kind),
-        },
-        settings: settings(request, loaded, grid, solved),
-        capture: loaded.capture.summary(),
-        plan: report::Plan {
-            variants: solved.plan.variants(),
-            left_out: solved.plan.left_out.clone(),
-            buffers: solved.plan.bytes(),
-        },
-        trace,
-        totals: report::Totals {
-            load_s: loaded.seconds,
-            solve_s: solved.solve_seconds,
-            export_s: 0.0,
-            pairs: solved.pairs as f64,
-            pairs_per_s: solved.pairs as f64 / solved.solve_seconds.max(1e-9),
-            peak_device_bytes: solved.device_bytes,
-        },
-        metrics,
-    }
-}
-
-/// All settings as they were resolved: with these the run can be made again.
-fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruction) -> Value {
-    let mut all = json!({
-        "solver": "paper",
-        "model": "cosine",
-        "preset": request.preset,
-        "capture": loaded.input.path,
-        "wall": loaded.input.wall,
-        "stride": loaded.input.stride.unwrap_or(1),
-        "gate": gate_json(loaded.gate),
-        "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
-        "grid": grid.n,
-        "voxel": grid.pitch.to_array(),
-        "depth_pitch": grid.pitch.z,
-        "box": box_of(grid),
-        "device": request.device,
-        "memory": request.memory,
-        "truth": request.truth,
-        "mask_fraction": request.mask_fraction,
-        "accumulation_used": solved.plan.accumulation,
-        "notes": loaded.notes,
-    });
-    if let (Value::Object(all), Ok(Value::Object(options))) =
-        (&mut all, serde_json::to_value(&request.options))
-    {
-        all.extend(options);
-    }
-    all
-}
-
-/// (xmin, xmax, ymin, ymax, zmin, zmax) in metres, outer faces of the voxels.
-fn box_of(grid: &Grid) -> Vec<f64> {
-    grid.extent().into_iter().chain(grid.depth_range()).collect()
-}
-
-/// `[from, to]` in metres of path, null at an open end.
-fn gate_json(gate: Option<Gate>) -> Value {
-    gate.map_or(Value::Null, |g| {
-        json!([g.from.is_finite().then_some(g.from), g.to.is_finite().then_some(g.to)])
-    })
-}
-
-/// The plain word that a value is written as in files ("cpu", "captured").
-pub fn plain(value: &impl serde::Serialize) -> String {
-    match serde_json::to_value(value) {
-        Ok(Value::String(word)) => word,
-        _ => String::new(),
     }
 }
 

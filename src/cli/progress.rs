@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use thirdbounce::solve::Progress;
 
+use super::tables::number;
+
 /// Plain lines come at most so often.
 const EVERY: Duration = Duration::from_secs(2);
 
@@ -37,8 +39,12 @@ impl Meter {
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
         let p = &progress.point;
         let last = p.iteration == progress.iterations;
-        let state =
-            format!("lateral {:<4} active {:>6.2} %  loss {:.4e}", p.lateral, 100.0 * p.active_ratio, p.loss);
+        let state = format!(
+            "lateral {:<4} active {:>6.2} %  loss {}",
+            p.lateral,
+            100.0 * p.active_ratio,
+            number(p.loss)
+        );
         if let Some(bar) = &self.bar {
             bar.set_length(progress.iterations as u64);
             bar.set_position(p.iteration as u64);

@@ -70,6 +70,9 @@ pub fn run(args: &Args) -> Result<()> {
     meter.end();
     let outcome = outcome?;
     outcome.validation.iter().for_each(|message| say(&format!("validation: {message}")));
+    if !args.quiet {
+        outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
     print(&tables::report(&outcome.report));
     if args.timings {
         print(&format!("\n{}", tables::kernels(&outcome.kernels)));

@@ -8,8 +8,9 @@ use thirdbounce::measure::Metrics;
 pub fn report(report: &Report) -> String {
     let t = &report.totals;
     let mut out = String::new();
-    let grid =
-        report.settings["grid"].as_array().map(|g| g.iter().map(|n| n.to_string()).collect::<Vec<_>>());
+    let grid = report.settings["grid_reached"]
+        .as_array()
+        .map(|g| g.iter().map(|n| n.to_string()).collect::<Vec<_>>());
     let line = |out: &mut String, name: &str, text: String| *out += &format!("{name:<10}{text}\n");
     line(&mut out, "grid", format!("{} voxels", grid.unwrap_or_default().join(" x ")));
     line(&mut out, "device", format!("{} ({})", report.device.name, report.device.kind));
@@ -34,9 +35,9 @@ pub fn report(report: &Report) -> String {
             &mut out,
             "end",
             format!(
-                "iteration {}, loss {:.4e}, {} of the grid's voxels active ({:.2} %)",
+                "iteration {}, loss {}, {} of the grid's voxels active ({:.2} %)",
                 last.iteration,
-                last.loss,
+                number(last.loss),
                 last.active,
                 100.0 * last.active_ratio
             ),
@@ -87,6 +88,15 @@ pub fn kernels(times: &[(&'static str, KernelTime)]) -> String {
         out += &format!("{name:<26}{:>8}{:>12.4}{each:>12.1}{share:>6.1} %\n", t.calls, t.seconds);
     }
     out + &format!("{:<26}{:>8}{total:>12.4}\n", "all", "")
+}
+
+/// Four figures, by powers of ten where that is shorter.
+pub fn number(v: f64) -> String {
+    if v == 0.0 || (1e-3..1e4).contains(&v.abs()) {
+        let decimals = (3.0 - v.abs().max(1e-3).log10().floor()).clamp(0.0, 6.0) as usize;
+        return format!("{v:.decimals$}");
+    }
+    format!("{v:.3e}")
 }
 
 pub fn seconds(s: f64) -> String {

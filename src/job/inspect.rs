@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Loaded, Request, box_of};
+use super::account::box_of;
+use super::{Loaded, Request};
 use crate::capture::Summary;
 use crate::gpu::{Accumulations, DeviceInfo, DeviceKind, Limits};
 use crate::solve::{Accumulation, PaperOptions, Plan, Preset, paper};

@@ -48,16 +48,10 @@ pub fn check_file(file: &Path) -> Result<()> {
 
 /// Writes and removes an empty file in `folder`, or in the nearest one above it that exists.
 fn check_folder(folder: &Path) -> Result<()> {
-    let mut at = folder;
-    while fs::symlink_metadata(at).is_err() {
-        match at.parent() {
-            Some(parent) => at = parent,
-            None => break,
-        }
-        if at.as_os_str().is_empty() {
-            at = Path::new(".");
-        }
-    }
+    // A relative path ends in nothing, which is the folder one is in.
+    let here = |at: &Path| at.as_os_str().is_empty();
+    let exists = |at: &&Path| here(at) || fs::symlink_metadata(at).is_ok();
+    let at = folder.ancestors().find(exists).filter(|at| !here(at)).unwrap_or(Path::new("."));
     if !at.is_dir() {
         return Err(Error::output(
             format!("{}: cannot hold results, {} is no folder", folder.display(), at.display()),

@@ -1,0 +1,116 @@
+//! The report of a run, with every setting as it was resolved.
+
+use serde_json::{Value, json};
+
+use super::{Loaded, Request};
+use crate::capture::Gate;
+use crate::export::report;
+use crate::gpu::Gpu;
+use crate::measure::Metrics;
+use crate::solve::Reconstruction;
+use crate::transport::Grid;
+
+/// The report, all but the time of the export.
+pub fn report_of(
+    request: &Request,
+    loaded: &Loaded,
+    grid: &Grid,
+    gpu: &Gpu,
+    solved: &Reconstruction,
+    metrics: Option<Metrics>,
+) -> report::Report {
+    let timed = solved.trace.iter().any(|p| p.gpu_seconds > 0.0);
+    let mut trace: Vec<_> = solved
+        .trace
+        .iter()
+        .map(|p| report::TraceEntry {
+            iteration: p.iteration,
+            seconds: p.seconds,
+            gpu_seconds: timed.then_some(p.gpu_seconds),
+            lateral: p.lateral,
+            active: p.active,
+            active_ratio: p.active_ratio,
+            loss: p.loss,
+            metrics: None,
+        })
+        .collect();
+    if let Some(last) = trace.last_mut() {
+        last.metrics = metrics.clone().map(Metrics::brief);
+    }
+    report::Report {
+        version: env!("CARGO_PKG_VERSION").into(),
+        device: report::Device {
+            name: gpu.info.name.clone(),
+            driver: gpu.info.driver.clone(),
+            kind: plain(&gpu.info.kind),
+        },
+        settings: settings(request, loaded, grid, solved),
+        capture: loaded.capture.summary(),
+        plan: report::Plan {
+            variants: solved.plan.variants(),
+            left_out: solved.plan.left_out.clone(),
+            buffers: solved.plan.bytes(),
+        },
+        trace,
+        totals: report::Totals {
+            load_s: loaded.seconds,
+            solve_s: solved.solve_seconds,
+            export_s: 0.0,
+            pairs: solved.pairs as f64,
+            pairs_per_s: solved.pairs as f64 / solved.solve_seconds.max(1e-9),
+            peak_device_bytes: solved.device_bytes,
+        },
+        metrics,
+    }
+}
+
+/// All settings as they were resolved: with these the run can be made again.
+fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruction) -> Value {
+    let mut all = json!({
+        "solver": "paper",
+        "model": "cosine",
+        "preset": request.preset,
+        "capture": loaded.input.path,
+        "wall": loaded.input.wall,
+        "stride": loaded.input.stride.unwrap_or(1),
+        "gate": gate_json(loaded.gate),
+        "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
+        "grid": grid.n,
+        "grid_reached": [solved.maps.nx, solved.maps.ny, grid.n[2]],
+        "voxel": grid.pitch.to_array(),
+        "depth_pitch": grid.pitch.z,
+        "box": box_of(grid),
+        "device": request.device,
+        "memory": request.memory,
+        "truth": request.truth,
+        "mask_fraction": request.mask_fraction,
+        "accumulation_used": solved.plan.accumulation,
+        "notes": loaded.notes,
+    });
+    if let (Value::Object(all), Ok(Value::Object(options))) =
+        (&mut all, serde_json::to_value(&request.options))
+    {
+        all.extend(options);
+    }
+    all
+}
+
+/// (xmin, xmax, ymin, ymax, zmin, zmax) in metres, outer faces of the voxels.
+pub fn box_of(grid: &Grid) -> Vec<f64> {
+    grid.extent().into_iter().chain(grid.depth_range()).collect()
+}
+
+/// `[from, to]` in metres of path, null at an open end.
+fn gate_json(gate: Option<Gate>) -> Value {
+    gate.map_or(Value::Null, |g| {
+        json!([g.from.is_finite().then_some(g.from), g.to.is_finite().then_some(g.to)])
+    })
+}
+
+/// The plain word that a value is written as in files ("cpu", "captured").
+pub fn plain(value: &impl serde::Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(Value::String(word)) => word,
+        _ => String::new(),
+    }
+}
