@@ -340,3 +340,27 @@ pub fn evaluate(folder: &Path, truth: &Path, mask_fraction: Option<f64>) -> Resu
     let metrics = metrics(&maps, &truth, mask_fraction.unwrap_or(maps.mask_fraction))?;
     Ok((metrics, report.map(|r| r.totals.solve_s)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_read_in_mebibytes_or_with_a_unit() {
+        let read = |text| memory_bytes(text).ok();
+        assert_eq!(read("512"), Some(512 << 20));
+        assert_eq!(read("64k"), Some(64 << 10));
+        assert_eq!(read("1.5 G"), Some(3 << 29));
+        assert_eq!(read("2GiB"), Some(2 << 30));
+        assert_eq!(read("300MB"), Some(300 << 20));
+        for wrong in ["", "G", "-1", "0", "NaN", "inf", "1e300", "3T", "1,5G", "\u{e9}"] {
+            assert_eq!(read(wrong), None, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn ordinals_end_as_spoken() {
+        let all = [1, 2, 3, 4, 11, 12, 13, 21, 102, 111].map(ordinal);
+        assert_eq!(all, ["1st", "2nd", "3rd", "4th", "11th", "12th", "13th", "21st", "102nd", "111th"]);
+    }
+}

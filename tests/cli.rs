@@ -294,6 +294,23 @@ fn a_failed_run_keeps_an_older_result_whole() {
 }
 
 #[test]
+fn paths_without_a_folder_mean_this_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_thirdbounce"));
+        let output = command.args(arguments).current_dir(folder.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    };
+    here(&["simulate", "plane", "--out", "p.hdf5", "--scan", "8", "--bin-width", "0.04", "--noise", "0.1"]);
+    let short = ["--lateral", "8", "--iterations", "2", "--quiet"];
+    here(&[&["reconstruct", "p.hdf5", "--out", "result", "--volume", "v.npz"], &short[..]].concat());
+    here(&[&["reconstruct", "p.hdf5", "--out", "."], &short[..]].concat());
+    for name in ["result/report.json", "v.npz", "report.json", "maps.npz"] {
+        assert!(folder.path().join(name).is_file(), "{name}");
+    }
+}
+
+#[test]
 fn a_reader_that_goes_away_is_no_error() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_thirdbounce"))
         .args(["info", &small().path("z.npz")])

@@ -72,7 +72,7 @@ pub fn main() -> ExitCode {
     match std::panic::catch_unwind(run) {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(e)) if e.kind == Kind::Cancelled => {
-            progress::say(&format!("{}, nothing was written", e.what));
+            progress::say(&format!("{}, no result was written", e.what));
             ExitCode::from(130)
         }
         Ok(Err(e)) => {

@@ -30,7 +30,7 @@ pub struct PaperArgs {
     /// Lateral voxels of the final grid [default: 128]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     lateral: Option<usize>,
-    /// [default: 1000]
+    /// Steps of the optimiser [default: 1000]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     iterations: Option<usize>,
     /// Seed of the initial albedo and of the samples [default: 0]
@@ -48,13 +48,13 @@ pub struct PaperArgs {
     /// Adam's step [default: 1]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     learning_rate: Option<f64>,
-    /// [default: 0.9]
+    /// Decay of Adam's first moment [default: 0.9]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     beta1: Option<f64>,
-    /// [default: 0.999]
+    /// Decay of Adam's second moment [default: 0.999]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     beta2: Option<f64>,
-    /// [default: 1e-8]
+    /// What keeps Adam from dividing by zero [default: 1e-8]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     epsilon: Option<f64>,
     /// Adam forgets its moments after so many iterations [default: 100]

@@ -12,10 +12,11 @@ const DOT: usize = 2;
 /// Height of a line of text above a panel.
 const LINE: usize = 7 * DOT + GAP / 2;
 /// Side of a panel.
-const PANEL: usize = 320;
+const PANEL: usize = 288;
 const BAR: usize = 14;
 
-/// Writes albedo, normals, depth and true depth side by side, the depths in one scale with a colour bar.
+/// Writes albedo, normals, true normals, depth and true depth side by side, the depths in one scale with a
+/// colour bar.
 pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     maps.check()?;
     truth.check()?;
@@ -31,9 +32,14 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
         let share = if white > 0.0 { maps.albedo[p] / white } else { 0.0 };
         [(255.0 * share.clamp(0.0, 1.0)).round() as u8; 3]
     });
-    let normal = panel(maps, |p| normal_colour(maps, p));
-    let panels =
-        [("albedo", albedo), ("normal", normal), ("depth", depth(maps)), ("true depth", depth(&real))];
+    let normal = |maps: &Maps| panel(maps, |p| normal_colour(maps, p));
+    let panels = [
+        ("albedo", albedo),
+        ("normal", normal(maps)),
+        ("true normal", normal(&real)),
+        ("depth", depth(maps)),
+        ("true depth", depth(&real)),
+    ];
 
     let labels = [format!("{far:.2} m"), format!("{near:.2} m")];
     let text = labels.iter().map(|l| l.len()).max().unwrap_or(0) * 6 * DOT;
