@@ -74,11 +74,12 @@ pub fn load(input: &Input) -> Result<Loaded> {
         notes.push(format!("of {x} x {y} scan points every {}, {to_x} x {to_y}, is used", ordinal(n)));
     }
     let mut gate = input.gate;
-    if gate.is_none() && !input.no_auto_gate {
-        if let Some(found) = auto_gate(&capture) {
-            notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
-            gate = Some(found.gate);
-        }
+    if gate.is_none()
+        && !input.no_auto_gate
+        && let Some(found) = auto_gate(&capture)
+    {
+        notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
+        gate = Some(found.gate);
     }
     if let Some(gate) = gate {
         capture = capture.gated(gate)?;
@@ -147,7 +148,21 @@ impl Request {
             Some(volume) => volume,
             None => default_volume(capture, self.options.min_depth)?,
         };
-        Grid::new(volume, self.options.lateral, self.depth_pitch.unwrap_or(capture.bin_width))
+        let pitch = self.depth_pitch.unwrap_or(capture.bin_width);
+        let grid = Grid::new(volume, self.options.lateral, pitch)?;
+        if grid.origin.z > volume.max.z {
+            return Err(Error::options(
+                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
+                "give a smaller --depth-pitch or a deeper --box",
+            ));
+        }
+        if volume.max.z <= self.options.min_depth {
+            return Err(Error::options(
+                format!("--box ends at a depth of {} m", volume.max.z),
+                format!("nothing nearer than --min-depth, {} m, is reconstructed", self.options.min_depth),
+            ));
+        }
+        Ok(grid)
     }
 
     fn open(&self) -> Result<Gpu> {
@@ -222,7 +237,7 @@ pub fn run(
         export::volume::write(file, &export_volume(volume))?;
         files.push(file.clone());
     }
-    let notes: Vec<String> = too_few_iterations(request, &solved).into_iter().collect();
+    let notes = notes_on(request, &solved);
     let mut report = account::report_of(request, loaded, &grid, &gpu, &solved, metrics);
     report.totals.export_s = start.elapsed().as_secs_f64();
     report::write(&path, &report)?;
@@ -238,16 +253,24 @@ pub fn run(
     })
 }
 
-/// A sentence if the solve ended before its last doubling.
-fn too_few_iterations(request: &Request, solved: &Reconstruction) -> Option<String> {
+/// What the caller may not have wanted: an end before the last doubling, an empty result.
+fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
+    let mut notes = Vec::new();
     let (reached, wanted) = (solved.maps.nx, solved.plan.finest().grid.n[0]);
-    (reached < wanted).then(|| {
-        format!(
+    if reached < wanted {
+        notes.push(format!(
             "{} iterations, doubling after every {}, end at {reached} lateral voxels, not at {wanted}: give more \
              --iterations, a smaller --double-every or --no-coarse-to-fine",
             request.options.iterations, request.options.double_every
-        )
-    })
+        ));
+    }
+    if !solved.maps.mask.contains(&true) {
+        notes.push(
+            "nothing was found: the maps are empty. Check --box and --gate against the capture (`thirdbounce info`)"
+                .into(),
+        );
+    }
+    notes
 }
 
 fn export_volume(volume: VolumeMap) -> export::volume::Volume {

@@ -245,6 +245,8 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--depth-pitch", "0"], 1, "depth pitch of 0"),
         (&[&capture, "--box", "1,2,3"], 1, "--box"),
         (&[&capture, "--box", "0,0,0,0,0,0"], 1, "hidden volume is empty"),
+        (&[&capture, "--box", "-1,1,-1,1,-3,-1"], 1, "--min-depth"),
+        (&[&capture, "--depth-pitch", "100"], 1, "no voxel of 100 m"),
         (&[&capture, "--mask-fraction", "2"], 1, "--mask-fraction is 2"),
         (&[&capture, "--memory", "1M"], 1, "--memory allows"),
         (&[&capture, "--memory", "much"], 1, "--memory is"),

@@ -45,7 +45,7 @@ enum Verb {
     /// Simulate a scene, reconstruct it, measure the result and write pictures: under a minute.
     Demo(demo::Args),
     /// Tell what a capture holds, what a reconstruction would leave out, and how much memory it takes.
-    Info(info::Args),
+    Info(Box<info::Args>),
     /// Reconstruct a capture: maps, pictures, points and a report.
     Reconstruct(Box<reconstruct::Args>),
     /// Make a capture of a known scene, and its truth.
@@ -61,7 +61,10 @@ enum Verb {
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     std::panic::set_hook(Box::new(|panic| {
-        let message = panic.payload_as_str().unwrap_or("no message");
+        let payload = panic.payload();
+        let message = payload.downcast_ref::<&str>().copied();
+        let message =
+            message.or(payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message");
         let place = panic.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
         progress::say(&format!("error: internal error: {message}{place}"));
         progress::say(&format!(

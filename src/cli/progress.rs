@@ -28,7 +28,7 @@ impl Meter {
     pub fn new(quiet: bool) -> Meter {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-            let style = ProgressStyle::with_template("{bar:30} {pos}/{len}  {msg}  {elapsed}");
+            let style = ProgressStyle::with_template("{bar:16} {pos}/{len}  {wide_msg} {elapsed}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
         });
@@ -40,7 +40,7 @@ impl Meter {
         let p = &progress.point;
         let last = p.iteration == progress.iterations;
         let state = format!(
-            "lateral {:<4} active {:>6.2} %  loss {}",
+            "lateral {:<4} active {:>6.2} %  loss {:<8}",
             p.lateral,
             100.0 * p.active_ratio,
             number(p.loss)
