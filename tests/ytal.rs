@@ -128,3 +128,19 @@ fn npz_and_ytal_twins_agree() {
         }
     }
 }
+
+#[test]
+fn a_chunk_of_absurd_size_is_refused() {
+    // The oldest form of HDF5 has no checksums: the chunk's size can be changed in the file.
+    let (_folder, path) = place("chunk.hdf5");
+    let file = rust_hdf5::H5File::options().libver(rust_hdf5::LibverBound::Earliest).create(&path).unwrap();
+    let h = file.new_dataset::<f32>().shape([9, 3, 2]).chunk(&[7, 3, 2]).deflate(6).create("H").unwrap();
+    h.write_raw(&[1.0f32; 54]).unwrap();
+    file.close().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let chunk: Vec<u8> = [7u32, 3, 2, 4].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let at = bytes.windows(16).position(|w| w == chunk).unwrap();
+    bytes[at..at + 4].copy_from_slice(&0xfff0_0000u32.to_le_bytes());
+    std::fs::write(&path, bytes).unwrap();
+    assert_error(read(&path), Kind::Input, &["dataset H claims", "4293918720"]);
+}
