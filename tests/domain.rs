@@ -1,9 +1,9 @@
 //! The active domain on the device against brute force: first volume, smoothing, threshold, lists, doubling,
 //! maps.
 
-mod common;
+mod device;
 
-use common::*;
+use device::*;
 use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::paper::Job;
 use thirdbounce::solve::{Accumulation, compact, double, extract, initialise, reduce};

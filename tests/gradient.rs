@@ -1,9 +1,9 @@
 //! Gradients against finite differences of the objective they are the gradient of, in float64; the kernels are
 //! held to the same functions in `kernels.rs`.
 
-mod common;
+mod device;
 
-use common::*;
+use device::*;
 use glam::dvec3;
 use thirdbounce::transport::twin::{self, Raw, Twin};
 use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume};

@@ -1,8 +1,8 @@
 //! Every kernel of an iteration against its float64 twin, on random input in poisoned buffers.
 
-mod common;
+mod device;
 
-use common::*;
+use device::*;
 use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{Accumulation, NoiseTerm, iteration};
 use thirdbounce::transport::kernels::*;
