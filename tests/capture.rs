@@ -199,3 +199,19 @@ fn real_captures_are_read_and_gated() {
     }
     assert!(seen > 0);
 }
+
+#[test]
+fn published_gate_is_the_half_of_the_bins_with_the_most_counts() {
+    // A bright bin 3 (in the first 15 % of 40, so dropped), signal in bins 20 to 25.
+    let c = capture([2, 2], 40, |_, b| match b {
+        3 => 1000.0,
+        20..26 => 10.0,
+        _ => 1.0,
+    });
+    let gate = thirdbounce::capture::published_gate(&c).gate;
+    let kept = c.gated(gate).unwrap();
+    assert_eq!(kept.bins, 20);
+    let first = ((kept.t_start - c.t_start) / c.bin_width).round() as usize;
+    assert!((6..=20).contains(&first), "{first}");
+    assert_eq!(kept.histograms.iter().fold(0.0f32, |a, b| a.max(*b)), 10.0);
+}

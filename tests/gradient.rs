@@ -95,7 +95,7 @@ fn exact_gradient_holds_with_the_noise_term_and_its_clamp() {
     let mut state: Vec<[f64; 3]> = weights.iter().map(|w| [*w, 0.0, 0.0]).collect();
     twin::noise(&twin, 1, &residual, &mut state);
     for i in (0..weights.len()).step_by(53) {
-        let mut at = |h: f64| {
+        let at = |h: f64| {
             let mut moved = weights.clone();
             moved[i] += h;
             twin::objective(&twin, 0, &active, &raw, &moved)
@@ -115,7 +115,7 @@ fn published_gradient_is_the_slope_of_the_falloff_weighted_objective() {
     m.t_start = 0.5;
     m.bin_width = 0.04;
     m.measured = (0..60).map(|i| (i % 7) as f32).collect();
-    // Voxel k at depth 0.27 + 0.02 k: path 0.54 + 0.04 k, the centre 0.5 + 0.04 (k + 1/2) of bin k less 0.02...
+    // Voxel k at depth 0.26 + 0.02 k: path 0.5 + 0.04 (k + 1/2), the centre of bin k.
     let grid = Grid { n: [1, 1, 40], origin: dvec3(0.0, 0.0, 0.26), pitch: dvec3(0.05, 0.05, 0.02) };
     m.wall = vec![dvec3(0.0, 0.0, 0.0)];
     let twin = Twin { model: &m, grid: &grid };
