@@ -1,10 +1,11 @@
 // One axis of the separable Gaussian over the volume; one invocation owns one voxel and reads its
-// 2 RADIUS + 1 neighbours along AXIS, zero beyond the grid. The first pass reads the raw albedo of active
-// voxels instead of a volume, the last one keeps the maximum, so smoothing costs three passes and no copies.
+// 2 RADIUS + 1 neighbours along AXIS, zero beyond the grid. The first pass reads the albedo of active
+// voxels from the raw variables, the last one keeps the maximum, so smoothing costs three passes and no copies.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
+#include "surface.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
 layout(constant_id = 11) const uint FIRST = 1u;
@@ -21,7 +22,7 @@ shared float peaks[WORKGROUP];
 float value_at(uvec3 c) {
     uint index = voxel_index(c);
     if (FIRST == 0u) return source[index];
-    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? raw[index].x : 0.0;
+    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? elu(raw[index].x) : 0.0;
 }
 
 void main() {

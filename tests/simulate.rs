@@ -212,23 +212,20 @@ fn photon_noise_has_poisson_mean_and_variance() {
     assert_ne!(pair.histograms[..bins / 2], pair.histograms[bins / 2..]);
 }
 
-/// Against a path tracer's rendering of the same spheres, where that file lies beside the repository. Its
+/// Against a path tracer's rendering of the same spheres, where THIRDBOUNCE_DATA names the folder that
+/// holds it. Its
 /// own noise is 1-3 % per bin.
 #[test]
 fn spheres_match_an_independent_renderer() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/spheres_confocal_32.npz");
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
+    let Some(folder) = std::env::var_os("THIRDBOUNCE_DATA") else {
+        println!("skipped: THIRDBOUNCE_DATA names no folder of captures");
         return;
-    }
-    let mut archive = npyz::npz::NpzArchive::open(&path).unwrap();
-    let theirs: Vec<f32> = archive.by_name("H").unwrap().unwrap().into_vec().unwrap();
+    };
+    let theirs = thirdbounce::capture::read(&Path::new(&folder).join("spheres_confocal_32.npz")).unwrap().histograms;
     let mut scene = Scene::named("spheres").unwrap();
     scene.reflectance = Reflectance::Lambertian;
     scene.bins = Some(512);
     let ours = fine(&scene, 0.01).capture;
-    // Theirs is [bin, ix, iy].
-    let theirs: Vec<f32> = (0..1024 * 512).map(|k| theirs[k % 512 * 1024 + k / 512]).collect();
     let error = distance(&ours.histograms, &theirs);
     println!("relative L2 error {error:.4}, energy ratio {:.4}", sum(&ours.histograms) / sum(&theirs));
     assert!(error < 0.06, "{error}");

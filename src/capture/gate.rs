@@ -174,3 +174,32 @@ fn smooth_mean(capture: &Capture) -> Vec<f64> {
         })
         .collect()
 }
+
+/// Share of the bins that the published gate drops at the start.
+const PUBLISHED_START: f64 = 0.15;
+
+/// The gate that the paper's code puts on real captures: the first 15 % of the bins go, and of the rest the
+/// window of half the bins that holds the most counts stays. Dark counts far behind the scene would otherwise
+/// turn into bright far voxels, beside which the scene is pruned.
+pub fn published_gate(capture: &Capture) -> AutoGate {
+    let bins = capture.bins;
+    let mut sums = vec![0.0f64; bins + 1];
+    let mut mean = vec![0.0f64; bins];
+    for histogram in capture.histograms.chunks_exact(bins) {
+        for (m, &v) in mean.iter_mut().zip(histogram) {
+            *m += f64::from(v);
+        }
+    }
+    let dropped = (bins as f64 * PUBLISHED_START) as usize;
+    for b in 0..bins {
+        sums[b + 1] = sums[b] + if b < dropped { 0.0 } else { mean[b] };
+    }
+    let length = (bins / 2).max(1);
+    let held = |s: usize| sums[s + length] - sums[s];
+    // The first of equal windows, so that the choice does not depend on the order of comparison.
+    let start = (0..=bins - length).rev().max_by(|a, b| held(*a).total_cmp(&held(*b))).unwrap_or(0).max(dropped);
+    let from = capture.t_start + start as f64 * capture.bin_width;
+    let to = capture.t_start + (start + length).min(bins) as f64 * capture.bin_width;
+    let reason = format!("the half of the bins with the most counts, paths {from:.3} to {to:.3} m, is used");
+    AutoGate { gate: Gate { from, to }, reason }
+}

@@ -11,7 +11,7 @@ pub mod scan;
 pub mod summary;
 
 pub use formats::{read, write};
-pub use gate::{AutoGate, Gate, auto_gate};
+pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use summary::Summary;
 
 use glam::DVec3;

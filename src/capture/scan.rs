@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 
 impl Capture {
     /// Keeps every `n`th scan point in x and in y (`ix % n == 0`, `iy % n == 0`), with their histograms.
+    /// Where the scan is (laser points, sensor points), every combination of both, each list is thinned.
     ///
     /// # Errors
     /// `Kind::Options` if `n` is 0.

@@ -3,14 +3,15 @@
 //! One part with named layers, the way viewers and compositing programs know them (`layer.channel`):
 //! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
 //! `Y` for viewers without layers. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
-//! column the smallest x. The attributes `xmin`, `xmax`, `ymin`, `ymax` hold the extent in metres.
+//! column the smallest x. The attribute `extent` (box2f) holds it in metres.
 
 use std::io::Cursor;
 use std::path::Path;
 
+use exr::meta::attribute::FloatRect;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec,
-    Text, WritableImage,
+    Text, Vec2, WritableImage,
 };
 
 use super::{atomic, picture};
@@ -39,9 +40,10 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     .collect();
     let mut attributes = LayerAttributes::named("maps");
     attributes.software_name = Some(Text::from("thirdbounce"));
-    for (name, value) in ["xmin", "xmax", "ymin", "ymax"].into_iter().zip(maps.extent) {
-        attributes.other.insert(Text::from(name), AttributeValue::F64(value));
-    }
+    // One attribute only: the library keeps these in a hash map, whose order differs from run to run.
+    let [x0, x1, y0, y1] = maps.extent.map(|v| v as f32);
+    let extent = FloatRect { min: Vec2(x0, y0), max: Vec2(x1, y1) };
+    attributes.other.insert(Text::from("extent"), AttributeValue::FloatRect(extent));
     let layer =
         Layer::new((maps.nx, maps.ny), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels));
     let mut bytes = Cursor::new(Vec::new());

@@ -59,6 +59,8 @@ pub struct TraceEntry {
     /// Active voxels, and their share of the whole grid.
     pub active: usize,
     pub active_ratio: f64,
+    /// Written as null where it is not finite.
+    #[serde(deserialize_with = "null_is_nan")]
     pub loss: f64,
     /// Stand beside the other fields when truth was given; left out without.
     #[serde(flatten)]
@@ -75,6 +77,10 @@ pub struct Totals {
     pub pairs: f64,
     pub pairs_per_s: f64,
     pub peak_device_bytes: u64,
+}
+
+fn null_is_nan<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {
+    Option::<f64>::deserialize(from).map(|loss| loss.unwrap_or(f64::NAN))
 }
 
 /// Writes the report as indented JSON.

@@ -4,7 +4,7 @@
 //! `moment_first`: between iterations nothing lives there, so they cost no memory.
 
 use super::schedule::groups;
-use super::{Level, Plan};
+use super::{Level, PaperOptions, Plan};
 use crate::gpu::Schedule;
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
@@ -90,6 +90,22 @@ pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
         .bind("coarse_mask", "touched_mask");
     s.extend(restart(fine));
     s.extend(compact(plan, fine));
+    s
+}
+
+/// What is due after `done` iterations, in the paper's order: reduction, then doubling (`level` moves on) or
+/// restart. Empty if nothing is.
+pub fn due(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) -> Schedule {
+    let mut s = Schedule::default();
+    if options.reduce && done.is_multiple_of(options.reduce_every) {
+        s.extend(reduce(plan, &plan.levels[*level]));
+    }
+    if done.is_multiple_of(options.double_every) && *level + 1 < plan.levels.len() {
+        s.extend(double(plan, &plan.levels[*level], &plan.levels[*level + 1]));
+        *level += 1;
+    } else if done.is_multiple_of(options.restart_every) {
+        s.extend(restart(&plan.levels[*level]));
+    }
     s
 }
 

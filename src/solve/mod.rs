@@ -10,7 +10,7 @@ pub mod paper;
 mod plan;
 mod schedule;
 
-pub use domain::{compact, double, extract, initialise, reduce, restart};
+pub use domain::{compact, double, due, extract, initialise, reduce, restart};
 pub use extent::default_volume;
 pub use options::{Accumulation, NoiseTerm, PaperOptions, Preset};
 pub use paper::{Progress, Reconstruction, TracePoint};

@@ -173,11 +173,10 @@ pub fn reconstruct(
         block.extend(iteration(&job.plan, &job.plan.levels[level], i as u32, step));
         let done = i + 1;
         let last = done == options.iterations;
-        let changes = !last && [options.reduce_every, options.restart_every, options.double_every].iter().any(|n| done.is_multiple_of(*n));
         let here = job.plan.levels[level];
-        if changes {
-            block.extend(change_domain(&job.plan, options, &mut level, done));
-        }
+        let change = if last { Schedule::default() } else { domain::due(&job.plan, options, &mut level, done) };
+        let changes = !change.commands.is_empty();
+        block.extend(change);
         if !(last || changes || done - first >= block_length(gpu, active * job.plan.pairs)) {
             continue;
         }
@@ -214,21 +213,6 @@ pub fn reconstruct(
         kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
         plan: job.plan,
     })
-}
-
-/// Reduction, doubling and restart due after `done` iterations, in the paper's order.
-fn change_domain(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) -> Schedule {
-    let mut s = Schedule::default();
-    if options.reduce && done.is_multiple_of(options.reduce_every) {
-        s.extend(domain::reduce(plan, &plan.levels[*level]));
-    }
-    if done.is_multiple_of(options.double_every) && *level + 1 < plan.levels.len() {
-        s.extend(domain::double(plan, &plan.levels[*level], &plan.levels[*level + 1]));
-        *level += 1;
-    } else if done.is_multiple_of(options.restart_every) {
-        s.extend(domain::restart(&plan.levels[*level]));
-    }
-    s
 }
 
 /// Iterations of a submission: about a fifth of a second of work, so that progress moves and cancelling is

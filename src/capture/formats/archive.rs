@@ -29,7 +29,11 @@ impl Npz {
     pub fn open(path: &Path) -> Result<Npz> {
         let file =
             File::open(path).map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path"))?;
-        let bytes = file.metadata().map_or(0, |m| m.len());
+        let meta = file.metadata();
+        if meta.as_ref().is_ok_and(std::fs::Metadata::is_dir) {
+            return Err(Error::input("is a folder, not a file", "give the npz file inside it"));
+        }
+        let bytes = meta.map_or(0, |m| m.len());
         let zip = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
         Ok(Npz { zip, bytes })
     }

@@ -111,14 +111,32 @@ fn contents(path: &Path) -> Result<Contents> {
     // HDF5 may stand behind a user block of 512, 1024, 2048 ... bytes (MATLAB v7.3: 512).
     let mut at = 0u64;
     while at + 8 <= meta.len() && at <= 1 << 20 {
-        let mut magic = [0u8; 8];
+        let mut start = Vec::new();
         file.seek(SeekFrom::Start(at)).map_err(unreadable)?;
-        if file.read_exact(&mut magic).is_ok() && magic == HDF5 {
-            return Ok(Contents::Hdf5);
+        (&mut file).take(64).read_to_end(&mut start).map_err(unreadable)?;
+        if start.starts_with(HDF5) {
+            return match hdf5_end(&start) {
+                Some(end) if end > meta.len() => Err(Error::input(
+                    format!("the HDF5 file is cut short: {} of {end} bytes", meta.len()),
+                    "the file is damaged: fetch it anew",
+                )),
+                _ => Ok(Contents::Hdf5),
+            };
         }
         at = if at == 0 { 512 } else { at * 2 };
     }
     Ok(if head.starts_with(b"MATLAB 5.0") { Contents::Matlab5 } else { Contents::Unknown })
+}
+
+/// The length of an HDF5 file as its superblock says (the reader does not look), if it can be told.
+fn hdf5_end(superblock: &[u8]) -> Option<u64> {
+    let at = match (superblock.get(8)?, superblock.get(13)?, superblock.get(9)?) {
+        (0, 8, _) => 40,
+        (1, 8, _) => 44,
+        (2 | 3, _, 8) => 28,
+        _ => return None,
+    };
+    Some(u64::from_le_bytes(superblock.get(at..at + 8)?.try_into().ok()?))
 }
 
 /// One vector per pair from `n` given ones: as they are, or a single one for all pairs.

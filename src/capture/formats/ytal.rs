@@ -180,19 +180,24 @@ impl Source {
         if dataset.is_null() || dataset.shape().contains(&0) {
             return Ok(None);
         }
-        let size =
-            dataset.shape().iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
-        match size {
-            Some(size) if size / MOST_DEFLATED <= self.bytes => Ok(Some(dataset)),
-            _ => Err(Error::input(
+        // The HDF5 reader takes memory for the sizes that a file claims, and a failed allocation ends the
+        // program: look at them first, those of chunks too.
+        let claim = |shape: &[usize]| {
+            let bytes = shape.iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
+            bytes.is_some_and(|size| size / MOST_DEFLATED <= self.bytes)
+        };
+        if !claim(&dataset.shape()) || dataset.chunk_dims().is_some_and(|chunk| !claim(&chunk)) {
+            return Err(Error::input(
                 format!(
-                    "dataset {name} claims shape {:?} in a file of {} bytes",
+                    "dataset {name} claims shape {:?}, chunks {:?}, in a file of {} bytes",
                     dataset.shape(),
+                    dataset.chunk_dims(),
                     self.bytes
                 ),
                 "the file is damaged or malicious: fetch or write it anew",
-            )),
+            ));
         }
+        Ok(Some(dataset))
     }
 
     /// `H` as float32 in C order, and whether it was stored as integers.

@@ -1,4 +1,4 @@
-use super::render::toward_wall;
+use super::render::{elu, toward_wall};
 use super::{Raw, Twin, random3};
 use crate::transport::Grid;
 
@@ -23,7 +23,7 @@ pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
 /// The separable Gaussian of the active albedo, zero outside the grid.
 pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<f64> {
     let grid = twin.grid;
-    let mut volume: Vec<f64> = raw.iter().zip(active).map(|(r, a)| if *a { r[0] } else { 0.0 }).collect();
+    let mut volume: Vec<f64> = raw.iter().zip(active).map(|(r, a)| if *a { elu(r[0]) } else { 0.0 }).collect();
     for axis in 0..3 {
         let source = volume.clone();
         for (i, v) in volume.iter_mut().enumerate() {

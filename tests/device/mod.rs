@@ -1,0 +1,234 @@
+//! What kernel tests share: a device, a random scene, buffers written and read by name.
+#![allow(dead_code)] // each test binary uses its part
+
+use glam::{DVec3, dvec3};
+use thirdbounce::gpu::{BufferPlan, Command, Gpu, GpuOptions, Place, Schedule};
+use thirdbounce::solve::paper::{Job, upload};
+use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset};
+use thirdbounce::transport::twin::{Raw, Sample, Twin};
+use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume};
+
+/// A device with validation where the layer is installed (it is after `make setup`).
+pub fn gpu() -> Gpu {
+    let open = |validation| Gpu::open(&GpuOptions { validation, ..Default::default() });
+    open(true).or_else(|_| open(false)).expect("a Vulkan device: `make setup` installs lavapipe")
+}
+
+/// Fails the test if the validation layer said anything.
+pub fn assert_valid(gpu: &Gpu) {
+    let messages = gpu.validation_messages();
+    assert!(messages.is_empty(), "validation: {}", messages.join("\n"));
+}
+
+/// Repeatable numbers for tests: PCG-XSH-RR (O'Neill 2014).
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Random {
+        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    pub fn next(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let x = (((self.0 >> 18) ^ self.0) >> 27) as u32;
+        x.rotate_right((self.0 >> 59) as u32)
+    }
+
+    /// Uniform in [a, b), representable in fp32.
+    pub fn uniform(&mut self, a: f64, b: f64) -> f64 {
+        f64::from((a + (b - a) * f64::from(self.next()) / 4_294_967_296.0) as f32)
+    }
+}
+
+/// A scan of `n` × `n` confocal points on a 1 m wall and random histograms.
+pub fn model(n: usize, bins: usize, seed: u64) -> Model {
+    let mut random = Random::new(seed);
+    let at = |i: usize| (i as f64 + 0.5) / n as f64 - 0.5;
+    let wall: Vec<DVec3> = (0..n * n).map(|i| dvec3(at(i / n), at(i % n), 0.0)).collect();
+    let measured: Vec<f32> = (0..n * n * bins).map(|_| random.uniform(0.0, 10.0) as f32).collect();
+    let bin_width = 2.4 / bins as f64;
+    Model {
+        wall,
+        bins,
+        bin_width,
+        t_start: 0.3,
+        measured,
+        peak: 10.0,
+        counts_per_unit: 1.0,
+        reference: 0.6,
+        min_depth: 0.25,
+        sampling: Sampling::Continuous,
+        binning: Binning::Linear,
+        gradient: Gradient::Published,
+        l1: 0.01,
+        noise: [0.0; 2],
+        learning_rate: 1.0,
+        betas: [0.9, 0.999],
+        epsilon: 1e-8,
+        keep_above: 0.05,
+        seed: 7,
+    }
+}
+
+/// A grid whose last bricks overhang on every axis.
+pub fn grid() -> Grid {
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.2), max: dvec3(0.5, 0.5, 1.0) };
+    Grid::new(volume, 12, 0.8 / 18.0).expect("a plain grid")
+}
+
+/// Random raw variables, fp32-representable, and a random domain of about `share` of the allowed voxels.
+pub fn state(model: &Model, grid: &Grid, share: f64, seed: u64) -> (Vec<Raw>, Vec<bool>) {
+    let mut random = Random::new(seed);
+    let raw = (0..grid.storage()).map(|_| std::array::from_fn(|_| random.uniform(-1.5, 1.5))).collect();
+    let near = model.near_z(grid);
+    let mut on = |i| grid.contains(grid.voxel(i)) && grid.voxel(i)[2] >= near && random.uniform(0.0, 1.0) < share;
+    (raw, (0..grid.storage()).map(&mut on).collect())
+}
+
+/// Options that plan what `model` says.
+pub fn options(model: &Model, grid: &Grid) -> PaperOptions {
+    PaperOptions {
+        lateral: grid.n[0],
+        iterations: 64,
+        coarse_to_fine: false,
+        min_depth: model.min_depth,
+        l1: model.l1,
+        sampling: model.sampling,
+        binning: model.binning,
+        gradient: model.gradient,
+        keep_above: model.keep_above,
+        noise: if model.noise == [0.0; 2] { NoiseTerm::Off } else { NoiseTerm::Bin },
+        seed: model.seed,
+        ..PaperOptions::preset(Preset::Synthetic)
+    }
+}
+
+/// A job whose device buffers are full of NaN bits but for what [`Job::upload`] writes.
+pub fn job<'g>(gpu: &'g Gpu, model: &Model, grid: &Grid, options: &PaperOptions) -> Job<'g> {
+    let scan = [1, model.pairs()];
+    let mut plan = Plan::for_gpu(model, *grid, scan, options, gpu, false).expect("a plan");
+    // Levels by the grid's own resolution, not the scan's: tests choose `coarse_to_fine` by the scan they give.
+    if options.coarse_to_fine {
+        plan = Plan::for_gpu(model, *grid, [1, grid.n[0] / 2], options, gpu, false).expect("a plan");
+    }
+    let largest = plan.buffers.iter().map(|b| b.bytes).max().expect("buffers");
+    plan.buffers.push(BufferPlan::new("back", largest, Place::Readback));
+    if let Some(b) = plan.buffers.iter_mut().find(|b| b.name == "upload") {
+        b.bytes = largest;
+    }
+    let mut job = Job::new(gpu, model.clone(), plan, None).expect("memory for a small scene");
+    let mut poison = Schedule::default();
+    for b in job.plan.buffers.clone() {
+        if b.place == Place::Device {
+            poison.fill(name_of(&b.name), b.bytes, 0xffff_ffff);
+        }
+    }
+    job.executor.run(&poison).expect("a fill runs");
+    job.upload().expect("uploads run");
+    job
+}
+
+/// Schedules name buffers for good; tests take them from plans.
+fn name_of(name: &str) -> &'static str {
+    Box::leak(name.to_string().into_boxed_str())
+}
+
+pub fn write<T: bytemuck::NoUninit>(job: &mut Job<'_>, buffer: &'static str, values: &[T]) {
+    upload(&mut job.executor, buffer, bytemuck::cast_slice(values)).expect("an upload runs");
+}
+
+pub fn read<T: bytemuck::Pod>(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<T> {
+    let bytes = count * size_of::<T>();
+    if bytes == 0 {
+        return vec![];
+    }
+    let mut s = Schedule::default();
+    s.commands.push(Command::Copy { from: buffer, from_offset: 0, to: "back", to_offset: 0, bytes: bytes as u64 });
+    job.executor.run(&s).expect("a copy runs");
+    bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("back")[..bytes])
+}
+
+pub fn write_raw(job: &mut Job<'_>, buffer: &'static str, raw: &[Raw]) {
+    let values: Vec<[f32; 4]> = raw.iter().map(|r| r.map(|v| v as f32)).collect();
+    write(job, buffer, &values);
+}
+
+pub fn read_raw(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<Raw> {
+    read::<[f32; 4]>(job, buffer, count).into_iter().map(|r| r.map(f64::from)).collect()
+}
+
+pub fn write_mask(job: &mut Job<'_>, buffer: &'static str, on: &[bool]) {
+    let words: Vec<u32> =
+        on.chunks(32).map(|c| c.iter().enumerate().fold(0, |w, (i, b)| w | u32::from(*b) << i)).collect();
+    write(job, buffer, &words);
+}
+
+pub fn read_mask(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<bool> {
+    let words: Vec<u32> = read(job, buffer, count / 32);
+    (0..count).map(|i| words[i / 32] >> (i % 32) & 1 == 1).collect()
+}
+
+/// Writes samples as `sample.comp` would.
+pub fn write_samples(job: &mut Job<'_>, samples: &[Sample]) {
+    let f = |v: f64| v as f32;
+    let points: Vec<[f32; 4]> =
+        samples.iter().map(|s| [f(s.point.x), f(s.point.y), f(s.point.z), f(s.albedo)]).collect();
+    let normals: Vec<[f32; 4]> =
+        samples.iter().map(|s| [f(s.normal.x), f(s.normal.y), f(s.normal.z), f(s.length)]).collect();
+    write(job, "sample_points", &points);
+    write(job, "sample_normals", &normals);
+}
+
+pub fn read_samples(job: &mut Job<'_>, count: usize) -> Vec<Sample> {
+    let points = read_raw(job, "sample_points", count);
+    let normals = read_raw(job, "sample_normals", count);
+    let sample = |(p, n): (&Raw, &Raw)| Sample {
+        point: dvec3(p[0], p[1], p[2]),
+        albedo: p[3],
+        normal: dvec3(n[0], n[1], n[2]),
+        length: n[3],
+    };
+    points.iter().zip(&normals).map(sample).collect()
+}
+
+/// Samples as the device will see them: rounded to fp32.
+pub fn rounded(samples: &[Sample]) -> Vec<Sample> {
+    let f = |v: f64| f64::from(v as f32);
+    samples
+        .iter()
+        .map(|s| Sample { point: s.point.map(f), albedo: f(s.albedo), normal: s.normal.map(f), length: f(s.length) })
+        .collect()
+}
+
+/// Samples none of whose paths comes near the edge of a bin, where fp32 and float64 may choose different ones.
+pub fn away_from_edges(twin: &Twin, samples: &[Sample]) -> Vec<Sample> {
+    let m = twin.model;
+    let clear = |s: &&Sample| {
+        m.wall.iter().all(|w| {
+            let position = (2.0 * (*w - s.point).length() - m.t_start) / m.bin_width;
+            (position - position.round()).abs() > 1e-4
+        })
+    };
+    rounded(samples).iter().filter(clear).copied().collect()
+}
+
+/// Sets the count of active voxels (and of touched ones) and the dispatch arguments that follow from it.
+pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
+    write(job, "counts", &[active as u32, active as u32, (peak_albedo as f32).to_bits(), 0]);
+    let mut s = Schedule::default();
+    let scene = job.plan.finest().scene;
+    s.dispatch("arguments", [1, 1, 1]).bind("scene", scene);
+    job.executor.run(&s).expect("a dispatch runs");
+}
+
+/// Largest difference over the largest true value.
+pub fn error(got: impl IntoIterator<Item = f64>, want: impl IntoIterator<Item = f64>) -> f64 {
+    let (got, want): (Vec<f64>, Vec<f64>) = (got.into_iter().collect(), want.into_iter().collect());
+    assert_eq!(got.len(), want.len());
+    assert!(got.iter().all(|v| v.is_finite()), "the device gave a NaN or infinity");
+    let largest = want.iter().fold(1e-300f64, |a, b| a.max(b.abs()));
+    got.iter().zip(&want).fold(0.0f64, |a, (g, w)| a.max((g - w).abs())) / largest
+}
+
+pub const ACCUMULATIONS: [Accumulation; 5] =
+    [Accumulation::Float, Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas, Accumulation::Owned];

@@ -1,0 +1,336 @@
+//! Every kernel of an iteration against its float64 twin, on random input in poisoned buffers.
+
+mod device;
+
+use device::*;
+use thirdbounce::gpu::Schedule;
+use thirdbounce::solve::{Accumulation, NoiseTerm, iteration};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::twin::{self, Twin};
+use thirdbounce::transport::{Binning, Gradient, Sampling};
+
+/// Runs the commands of one iteration whose kernel is among `names`.
+fn run(job: &mut thirdbounce::solve::paper::Job<'_>, names: &[&str], number: u32, step: u32) {
+    let mut s = iteration(&job.plan, job.plan.finest(), number, step);
+    s.commands.retain(|c| names.contains(&c.name()));
+    assert!(!s.commands.is_empty());
+    job.executor.run(&s).expect("the iteration runs");
+}
+
+#[test]
+fn sample() {
+    let gpu = gpu();
+    for sampling in [Sampling::Continuous, Sampling::Fixed] {
+        let mut model = model(3, 40, 1);
+        model.sampling = sampling;
+        let grid = grid();
+        let twin = Twin { model: &model, grid: &grid };
+        let (raw, domain) = state(&model, &grid, 0.3, 2);
+        let active = twin::compact(&domain);
+        let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+        write_raw(&mut job, "raw", &raw);
+        write(&mut job, "active_voxels", &active);
+        set_counts(&mut job, active.len(), 0.0);
+        run(&mut job, &["sample"], 5, 1);
+        let want = twin::sample(&twin, 5, &active, &raw);
+        let got = read_samples(&mut job, active.len());
+        for (g, w) in got.iter().zip(&want) {
+            assert!((g.point - w.point).length() < 1e-6, "{g:?} {w:?}");
+            assert!((g.albedo - w.albedo).abs() < 3e-6, "{g:?} {w:?}");
+            assert!((g.normal - w.normal).length() < 1e-5 && (g.length - w.length).abs() < 3e-6, "{g:?} {w:?}");
+        }
+        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let peak = got.iter().fold(0.0f64, |a, s| a.max(s.albedo.abs()));
+        assert_eq!(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]), peak as f32);
+        let partials: Vec<f32> = read(&mut job, "l1_partials", active.len().div_ceil(WORKGROUP as usize));
+        let sum: f64 = partials.iter().map(|p| f64::from(*p)).sum();
+        assert!((sum / twin::finish(&want) - 1.0).abs() < 1e-5);
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn continuous_samples_stay_within_half_a_voxel_and_cover_it() {
+    let model = model(2, 16, 1);
+    let grid = grid();
+    let twin = Twin { model: &model, grid: &grid };
+    let index = grid.index([5, 6, 7]) as u32;
+    let mut low = glam::DVec3::MAX;
+    let mut high = glam::DVec3::MIN;
+    let mut sum = glam::DVec3::ZERO;
+    for i in 0..4000 {
+        let d = twin::sample_point(&twin, index, i) - glam::dvec3(5.0, 6.0, 7.0);
+        (low, high, sum) = (low.min(d), high.max(d), sum + d);
+    }
+    assert!(low.min_element() >= -0.5 && high.max_element() < 0.5);
+    assert!(low.max_element() < -0.49 && high.min_element() > 0.49, "{low} {high}");
+    // Four standard errors of the mean of 4000 uniform numbers.
+    assert!((sum / 4000.0).abs().max_element() < 4.0 * (1.0f64 / 12.0 / 4000.0).sqrt());
+    let corner = twin::sample_point(&twin, grid.index([0, 0, 0]) as u32, 3);
+    assert!(corner.min_element() >= 0.0, "clamped to the grid");
+}
+
+#[test]
+fn forward_on_every_accumulation_path() {
+    let gpu = gpu();
+    for binning in [Binning::Linear, Binning::Nearest] {
+        let mut model = model(5, 64, 3);
+        model.binning = binning;
+        let grid = grid();
+        let twin = Twin { model: &model, grid: &grid };
+        let (raw, domain) = state(&model, &grid, 0.5, 4);
+        let active = twin::compact(&domain);
+        let samples = away_from_edges(&twin, &twin::sample(&twin, 0, &active, &raw));
+        assert!(samples.len() > 800);
+        let want = twin::forward(&twin, &samples);
+        let peak = samples.iter().fold(0.0f64, |a, s| a.max(s.albedo.abs()));
+        let mut fixed: Vec<Vec<u32>> = vec![];
+        for accumulation in ACCUMULATIONS {
+            let mut o = options(&model, &grid);
+            o.accumulation = accumulation;
+            let mut job = job(&gpu, &model, &grid, &o);
+            write_samples(&mut job, &samples);
+            set_counts(&mut job, samples.len(), peak);
+            let elements = want.len();
+            let mut zero = Schedule::default();
+            let bytes = if job.plan.fixed_point() { 8 } else { 4 } * elements as u64;
+            zero.fill("histograms", bytes, 0);
+            job.executor.run(&zero).unwrap();
+            run(&mut job, &["forward"], 0, 1);
+            let got: Vec<f64> = if job.plan.fixed_point() {
+                let words: Vec<u32> = read(&mut job, "histograms", 2 * elements);
+                let bound = model.scene(&grid).kernel_bound;
+                let exponent = fixed_exponent(peak as f32, bound, samples.len() as u32);
+                let sums = words.chunks(2).map(|w| (u64::from(w[1]) << 32 | u64::from(w[0])) as i64);
+                let got = sums.map(|s| s as f64 * 2f64.powi(-exponent)).collect();
+                fixed.push(words);
+                got
+            } else {
+                read::<f32>(&mut job, "histograms", elements).into_iter().map(f64::from).collect()
+            };
+            let e = error(got, want.iter().copied());
+            assert!(e < 2e-5, "{binning:?} {accumulation:?}: {e}");
+        }
+        assert!(fixed[0] == fixed[1], "64-bit atomics and pairs of 32-bit ones give the same bits");
+    }
+    assert_valid(&gpu);
+}
+
+/// The scale of fixed-point accumulation, as `glsl/include/fixed.glsl` has it.
+fn fixed_exponent(peak: f32, bound: f32, count: u32) -> i32 {
+    let exponent = |v: f32| if v == 0.0 { 0 } else { v.log2().floor() as i32 + 1 };
+    let bits = if count == 0 { 0 } else { 32 - count.leading_zeros() as i32 };
+    (61 - exponent(peak) - exponent(bound) - bits).clamp(-120, 120)
+}
+
+#[test]
+fn residual_with_and_without_noise_term() {
+    let gpu = gpu();
+    for noise in [NoiseTerm::Off, NoiseTerm::Bin, NoiseTerm::Histogram] {
+        for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
+            let mut model = model(4, 50, 5);
+            let grid = grid();
+            if noise != NoiseTerm::Off {
+                model.noise = [0.05, 0.06];
+            }
+            let twin = Twin { model: &model, grid: &grid };
+            let mut o = options(&model, &grid);
+            o.noise = noise;
+            o.accumulation = accumulation;
+            let mut job = job(&gpu, &model, &grid, &o);
+            let elements = model.pairs() * model.bins;
+            let mut random = Random::new(6);
+            // Sums around the measured size, negative ones among them, so that the clamp is met.
+            let render = f64::from(model.scene(&grid).render_scale);
+            let sums: Vec<f64> = (0..elements).map(|_| random.uniform(-2.0, 10.0) / render).collect();
+            let weights: Vec<f64> = (0..job.plan.noise_weights()).map(|_| random.uniform(-3.0, 3.0)).collect();
+            let state: Vec<[f32; 3]> = weights.iter().map(|w| [*w as f32, 0.0, 0.0]).collect();
+            write(&mut job, "noise_state", &state);
+            set_counts(&mut job, 900, 1.5);
+            let sums: Vec<f64> = if job.plan.fixed_point() {
+                let e = fixed_exponent(1.5, model.scene(&grid).kernel_bound, 900);
+                let fixed: Vec<i64> = sums.iter().map(|s| (s * 2f64.powi(e)) as i64).collect();
+                write(&mut job, "histograms", &fixed);
+                fixed.iter().map(|s| *s as f64 * 2f64.powi(-e)).collect()
+            } else {
+                let floats: Vec<f32> = sums.iter().map(|s| *s as f32).collect();
+                write(&mut job, "histograms", &floats);
+                floats.iter().map(|s| f64::from(*s)).collect()
+            };
+            let (want, loss) = twin::residual(&twin, &sums, &weights);
+            run(&mut job, &["residual"], 0, 1);
+            let got: Vec<f32> = read(&mut job, "residual", elements);
+            assert!(error(got.iter().map(|v| f64::from(*v)), want) < 3e-6);
+            let partials: Vec<f32> = read(&mut job, "loss_partials", elements.div_ceil(WORKGROUP as usize));
+            let sum: f64 = partials.iter().map(|v| f64::from(*v)).sum();
+            assert!((sum / elements as f64 / loss - 1.0).abs() < 1e-5);
+            let bytes = elements * if job.plan.fixed_point() { 8 } else { 4 };
+            let left: Vec<u8> = read(&mut job, "histograms", bytes);
+            assert!(left.iter().all(|b| *b == 0), "the sums are left at zero");
+        }
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn noise_learns_as_its_twin() {
+    let gpu = gpu();
+    for noise in [NoiseTerm::Bin, NoiseTerm::Histogram] {
+        let mut model = model(4, 70, 7);
+        model.noise = [0.05, 0.06];
+        let grid = grid();
+        let twin = Twin { model: &model, grid: &grid };
+        let mut o = options(&model, &grid);
+        o.noise = noise;
+        let mut job = job(&gpu, &model, &grid, &o);
+        let mut random = Random::new(8);
+        let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1e-5, 1e-5)).collect();
+        let mut want: Vec<[f64; 3]> =
+            (0..job.plan.noise_weights()).map(|_| [random.uniform(-1.0, 1.0), 0.0, 0.0]).collect();
+        let state: Vec<[f32; 3]> = want.iter().map(|s| s.map(|v| v as f32)).collect();
+        write(&mut job, "noise_state", &state);
+        let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
+        write(&mut job, "residual", &floats);
+        for step in 1..=3 {
+            run(&mut job, &["noise"], step - 1, step);
+            twin::noise(&twin, step, &residual, &mut want);
+        }
+        let got: Vec<[f32; 3]> = read(&mut job, "noise_state", want.len());
+        let e = error(got.iter().map(|s| f64::from(s[0])), want.iter().map(|s| s[0]));
+        assert!(e < 1e-4, "{noise:?}: {e}");
+        assert!(want.iter().any(|s| s[0].abs() > 1.5), "the weights moved");
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn backward_published_and_exact() {
+    let gpu = gpu();
+    for binning in [Binning::Linear, Binning::Nearest] {
+        for gradient in [Gradient::Published, Gradient::Exact] {
+            let mut model = model(5, 64, 9);
+            (model.binning, model.gradient) = (binning, gradient);
+            let grid = grid();
+            let twin = Twin { model: &model, grid: &grid };
+            let (raw, domain) = state(&model, &grid, 0.4, 10);
+            let samples = away_from_edges(&twin, &twin::sample(&twin, 0, &twin::compact(&domain), &raw));
+            let mut random = Random::new(11);
+            let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0)).collect();
+            let want = twin::backward(&twin, &samples, &residual);
+            let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+            write_samples(&mut job, &samples);
+            let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
+            write(&mut job, "residual", &floats);
+            set_counts(&mut job, samples.len(), 1.5);
+            run(&mut job, &["backward"], 0, 1);
+            let got = read_raw(&mut job, "gradient", samples.len());
+            let e = error(got.concat(), want.concat());
+            assert!(e < 2e-5, "{binning:?} {gradient:?}: {e}");
+        }
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn backward_in_slices_and_in_parts_gives_the_same_sums() {
+    let gpu = gpu();
+    let model = model(5, 64, 9);
+    let grid = grid();
+    let twin = Twin { model: &model, grid: &grid };
+    let (raw, domain) = state(&model, &grid, 0.4, 10);
+    let samples = rounded(&twin::sample(&twin, 0, &twin::compact(&domain), &raw));
+    let mut random = Random::new(11);
+    let residual: Vec<f32> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
+    let exact: Vec<f64> = residual.iter().map(|v| f64::from(*v)).collect();
+    let want = twin::backward(&twin, &samples, &exact).concat();
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    write_samples(&mut job, &samples);
+    write(&mut job, "residual", &residual);
+    let backward = KERNELS.iter().find(|k| k.name == "backward").unwrap();
+    for (voxels, slices) in [(32, 4), (8, 8), (1, 64)] {
+        let constants = [("VOXELS", voxels), ("SLICES", slices), ("SPLIT", 1), ("EXACT", 0)];
+        job.executor.add_kernel("backward", backward, &constants).unwrap();
+        let mut s = Schedule::default();
+        // Two dispatches as for many pairs: the first ones, then the rest on top of their sums.
+        let groups = (samples.len() as u32).div_ceil(voxels);
+        let scene = job.plan.finest().scene;
+        s.fill("counts", 4, samples.len() as u32);
+        s.dispatch("backward", [groups, 1, 1]).bind("scene", scene).with(Push {
+            flags: BACKWARD_FINISH,
+            ..Default::default()
+        });
+        job.executor.run(&s).unwrap();
+        let got = read_raw(&mut job, "gradient", samples.len()).concat();
+        assert!(error(got, want.iter().copied()) < 2e-5, "{voxels} x {slices}");
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn update_continuous_and_fixed() {
+    let gpu = gpu();
+    for sampling in [Sampling::Continuous, Sampling::Fixed] {
+        let mut model = model(3, 40, 12);
+        model.sampling = sampling;
+        let grid = grid();
+        let twin = Twin { model: &model, grid: &grid };
+        let (mut raw, domain) = state(&model, &grid, 0.2, 13);
+        let mut random = Random::new(14);
+        let active = twin::compact(&domain);
+        let touched = match sampling {
+            Sampling::Continuous => twin::compact(&twin::dilate(&grid, &domain)),
+            Sampling::Fixed => active.clone(),
+        };
+        let gradient: Vec<twin::Raw> =
+            active.iter().map(|_| std::array::from_fn(|_| random.uniform(-1e-4, 1e-4))).collect();
+        let mut first = vec![[0.0; 4]; grid.storage()];
+        let mut second = first.clone();
+        for i in &touched {
+            first[*i as usize] = std::array::from_fn(|_| random.uniform(-1e-4, 1e-4));
+            second[*i as usize] = std::array::from_fn(|_| random.uniform(1e-9, 1e-8));
+        }
+        let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+        let mut slots = vec![u32::MAX; grid.storage()];
+        active.iter().enumerate().for_each(|(slot, i)| slots[*i as usize] = slot as u32);
+        write_raw(&mut job, "raw", &raw);
+        write_raw(&mut job, "moment_first", &first);
+        write_raw(&mut job, "moment_second", &second);
+        write_raw(&mut job, "gradient", &gradient);
+        write(&mut job, "slot_of", &slots);
+        write(&mut job, "active_voxels", &active);
+        if sampling == Sampling::Continuous {
+            write(&mut job, "touched_voxels", &touched);
+        }
+        set_counts(&mut job, touched.len(), 1.0);
+        run(&mut job, &["update"], 4, 3);
+        twin::update(&twin, 4, 3, &active, &touched, &gradient, &mut raw, &mut first, &mut second);
+        let count = grid.storage();
+        assert!(error(read_raw(&mut job, "moment_first", count).concat(), first.concat()) < 1e-5);
+        assert!(error(read_raw(&mut job, "moment_second", count).concat(), second.concat()) < 1e-5);
+        assert!(error(read_raw(&mut job, "raw", count).concat(), raw.concat()) < 1e-5);
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn finish_sums_and_resets() {
+    let gpu = gpu();
+    let model = model(4, 50, 15);
+    let grid = grid();
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    let mut random = Random::new(16);
+    let loss: Vec<f32> = (0..(16 * 50usize).div_ceil(64)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
+    let l1: Vec<f32> = (0..777usize.div_ceil(64)).map(|_| random.uniform(0.0, 50.0) as f32).collect();
+    write(&mut job, "loss_partials", &loss);
+    write(&mut job, "l1_partials", &l1);
+    set_counts(&mut job, 777, 1.25);
+    run(&mut job, &["finish"], 2, 1);
+    let row: Vec<u32> = bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[2 * 16..3 * 16]);
+    let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>();
+    assert!((f64::from(f32::from_bits(row[0])) / (sum(&loss) / 800.0) - 1.0).abs() < 1e-6);
+    assert!((f64::from(f32::from_bits(row[1])) / sum(&l1) - 1.0).abs() < 1e-6);
+    assert_eq!((row[2], f32::from_bits(row[3])), (777, 1.25));
+    let counts: Vec<u32> = read(&mut job, "counts", 4);
+    assert_eq!(counts, [777, 777, 0, 0]);
+    assert_valid(&gpu);
+}
