@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::capture::{self, Capture, Gate, auto_gate};
+use crate::capture::{self, Capture, Gate, auto_gate, published_gate};
 use crate::export::{self, report};
 use crate::gpu::{Gpu, GpuOptions, KernelTime};
 use crate::maps::{Maps, Truth};
@@ -41,6 +41,8 @@ pub struct Input {
     pub gate: Option<Gate>,
     /// Use every path even if there seems to be direct light.
     pub no_auto_gate: bool,
+    /// The set of parameters to come; `None` takes [`preset_for`]. Captures get the published gate.
+    pub preset: Option<Preset>,
 }
 
 /// A capture that is ready to be reconstructed.
@@ -55,7 +57,8 @@ pub struct Loaded {
     pub seconds: f64,
 }
 
-/// Reads and checks a capture, then scales its wall, thins its scan and gates its bins.
+/// Reads and checks a capture, then scales its wall, thins its scan and gates its bins: as told, or without
+/// direct light and, for captured histograms, as published.
 ///
 /// # Errors
 /// Those of [`capture::read`]; a wall, stride or gate that does not fit the capture.
@@ -74,15 +77,21 @@ pub fn load(input: &Input) -> Result<Loaded> {
         notes.push(format!("of {x} x {y} scan points every {}, {to_x} x {to_y}, is used", ordinal(n)));
     }
     let mut gate = input.gate;
-    if gate.is_none()
-        && !input.no_auto_gate
-        && let Some(found) = auto_gate(&capture)
-    {
-        notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
-        gate = Some(found.gate);
-    }
     if let Some(gate) = gate {
         capture = capture.gated(gate)?;
+    } else if !input.no_auto_gate {
+        let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
+        if let Some(found) = auto_gate(&capture) {
+            notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
+            capture = capture.gated(found.gate)?;
+            gate = Some(found.gate);
+        }
+        if captured {
+            let found = published_gate(&capture);
+            notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
+            capture = capture.gated(found.gate)?;
+            gate = Some(found.gate);
+        }
     }
     capture.check().map_err(|e| e.at(input.path.display()))?;
     Ok(Loaded { input: input.clone(), capture, gate, notes, seconds: start.elapsed().as_secs_f64() })
@@ -150,16 +159,16 @@ impl Request {
         };
         let pitch = self.depth_pitch.unwrap_or(capture.bin_width);
         let grid = Grid::new(volume, self.options.lateral, pitch)?;
-        if grid.origin.z > volume.max.z {
-            return Err(Error::options(
-                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
-                "give a smaller --depth-pitch or a deeper --box",
-            ));
-        }
         if volume.max.z <= self.options.min_depth {
             return Err(Error::options(
                 format!("--box ends at a depth of {} m", volume.max.z),
                 format!("nothing nearer than --min-depth, {} m, is reconstructed", self.options.min_depth),
+            ));
+        }
+        if grid.origin.z > volume.max.z {
+            return Err(Error::options(
+                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
+                "give a smaller --depth-pitch or a deeper --box",
             ));
         }
         Ok(grid)

@@ -198,6 +198,25 @@ fn info_and_devices_tell_people_and_programs() {
 }
 
 #[test]
+fn photon_counts_bring_the_captured_set_and_its_gate() {
+    let folder = tempfile::tempdir().unwrap();
+    let counts = folder.path().join("counts.npz").display().to_string();
+    succeed(&["simulate", "plane", "--out", &counts, "--scan", "8", "--photons", "50", "--dark", "0.1"]);
+    let told = |more: &[&str]| -> Value {
+        let all = [&["info", &counts, "--lateral", "16", "--json"], more].concat();
+        serde_json::from_str(&succeed(&all)).unwrap()
+    };
+    let all_bins = told(&["--no-auto-gate"]);
+    assert_eq!((&all_bins["preset"], &all_bins["options"]["noise"]), (&"captured".into(), &"bin".into()));
+    let gated = told(&[]);
+    assert!(gated["notes"][0].as_str().is_some_and(|n| n.contains("half of the bins")), "{}", gated["notes"]);
+    assert_eq!(gated["capture"]["bins"].as_u64(), all_bins["capture"]["bins"].as_u64().map(|b| b / 2));
+    let synthetic = told(&["--preset", "synthetic"]);
+    assert_eq!(synthetic["capture"]["bins"], all_bins["capture"]["bins"]);
+    assert_eq!(synthetic["options"]["noise"], "off");
+}
+
+#[test]
 fn convert_keeps_the_capture() {
     let capture = small().path("z.npz");
     let out = tempfile::tempdir().unwrap();

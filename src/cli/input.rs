@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use thirdbounce::capture::Gate;
 use thirdbounce::job;
+use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
@@ -19,7 +20,7 @@ pub struct CaptureArgs {
     /// Use these paths only, in metres; an end may be left out (0.8:2.4, 0.8:, :2.4)
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, help_heading = "Capture")]
     pub gate: Option<String>,
-    /// Do not look for direct light to leave out
+    /// Use all paths: neither look for direct light nor, for --preset captured, for the half with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
     /// Scale the wall so that its outermost scan points are SIZE metres apart
@@ -28,13 +29,14 @@ pub struct CaptureArgs {
 }
 
 impl CaptureArgs {
-    pub fn input(&self) -> Result<job::Input> {
+    pub fn input(&self, preset: Option<Preset>) -> Result<job::Input> {
         Ok(job::Input {
             path: self.capture.clone(),
             wall: self.wall,
             stride: self.stride,
             gate: self.gate.as_deref().map(Gate::parse).transpose()?,
             no_auto_gate: self.no_auto_gate,
+            preset,
         })
     }
 }

@@ -26,7 +26,7 @@ pub struct PaperArgs {
     model: String,
     /// The published parameters to start from [default: captured if all counts are whole, else synthetic]
     #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
-    preset: Option<Preset>,
+    pub preset: Option<Preset>,
     /// Lateral voxels of the final grid [default: 128]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     lateral: Option<usize>,

@@ -43,7 +43,8 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     args.paper.check()?;
-    let (input, memory, volume) = (args.capture.input()?, args.device.memory()?, args.grid.volume()?);
+    let (input, memory, volume) =
+        (args.capture.input(args.paper.preset)?, args.device.memory()?, args.grid.volume()?);
     let mut loaded = job::load(&input)?;
     let (preset, note, options) = args.paper.resolve(&loaded.capture);
     loaded.notes.extend(note);
