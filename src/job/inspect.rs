@@ -30,7 +30,7 @@ pub struct Inspection {
     pub device: Option<DeviceInfo>,
     /// Null if the paper's solver cannot take this capture.
     pub plan: Option<Planned>,
-    /// Why there is no device or no plan.
+    /// Why there is no device or no plan, or why it would not run.
     pub problems: Vec<String>,
 }
 
@@ -78,6 +78,11 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         }
         Err(e) => return Err(e),
     };
+    let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
+    if let Some(allowed) = request.memory.filter(|allowed| *allowed < total) {
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        problems.push(format!("it needs {} MiB, --memory allows {} MiB", mib(total), mib(allowed)));
+    }
     Ok(Inspection {
         capture: capture.summary(),
         notes: loaded.notes.clone(),
@@ -93,7 +98,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
             left_out: plan.left_out.clone(),
             variants: plan.variants(),
             buffers: plan.bytes(),
-            total_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
+            total_bytes: total,
         }),
         problems,
     })
