@@ -57,7 +57,10 @@ fn main() {
         let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         fs::write(&file, bytes).expect("OUT_DIR is writable");
         let module = spirv::reflect(&words);
-        let _ = write!(rust, "    KernelCode {{\n        name: \"{name}\",\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[\n");
+        let _ = write!(
+            rust,
+            "    KernelCode {{\n        name: \"{name}\",\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[\n"
+        );
         for b in &module.bindings {
             let _ = writeln!(
                 rust,
@@ -98,7 +101,13 @@ fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u
     let path = Path::new("glsl").join(source);
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let artifact = compiler
-        .compile_into_spirv(&text, shaderc::ShaderKind::Compute, &path.to_string_lossy(), "main", Some(&options))
+        .compile_into_spirv(
+            &text,
+            shaderc::ShaderKind::Compute,
+            &path.to_string_lossy(),
+            "main",
+            Some(&options),
+        )
         .unwrap_or_else(|e| panic!("{source} {macros:?}: {e}"));
     artifact.as_binary().to_vec()
 }

@@ -25,13 +25,24 @@ fn main() {
         .unwrap_or_else(|e| panic!("{e}"));
 
     let (model, grid) = scene(side, active);
-    println!("{} ({}), {} pairs x {} active voxels", gpu.info.name, gpu.info.driver, side * side, grid.voxels());
+    println!(
+        "{} ({}), {} pairs x {} active voxels",
+        gpu.info.name,
+        gpu.info.driver,
+        side * side,
+        grid.voxels()
+    );
     println!("{:<10} {:>9} {:>14} {:>14} {:>14}", "path", "it/s", "forward", "backward", "rest of it");
-    for accumulation in
-        [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas]
-    {
-        let options = PaperOptions { accumulation, iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
-        let plan = match Plan::for_gpu(&model, grid, [side, side], &options, &gpu, false) {
+    for accumulation in [
+        Accumulation::Owned,
+        Accumulation::Float,
+        Accumulation::Fixed,
+        Accumulation::Fixed32,
+        Accumulation::Cas,
+    ] {
+        let options =
+            PaperOptions { accumulation, iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+        let plan = match Plan::new(&model, grid, [side, side], &options, &gpu.abilities(), false) {
             Ok(plan) => plan,
             Err(e) => {
                 println!("{accumulation:?}: {e}");

@@ -48,7 +48,11 @@ const PUSH: &[(&str, &str, &str)] = &[
 const NUMBERS: &[(&str, u32, &str)] = &[
     ("GROUPS_X", 32768, "groups along x before a dispatch goes on along y"),
     ("WORKGROUP", 64, "invocations of a kernel without a size of its own"),
-    ("OWNED_CHUNK", 32768, "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe"),
+    (
+        "OWNED_CHUNK",
+        32768,
+        "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe",
+    ),
     ("PAIR_CHUNK", 32768, "pairs per dispatch of the backward kernel, for the same reason"),
     ("COUNT_ACTIVE", 0, "index in `counts`: active voxels"),
     ("COUNT_TOUCHED", 1, "index in `counts`: voxels that a sample may read"),

@@ -83,8 +83,10 @@ pub fn reflect(words: &[u32]) -> Module {
         })
         .collect();
     bindings.sort_by_key(|b| b.slot);
-    let mut constants: Vec<Constant> =
-        spec_ids.iter().filter_map(|(target, id)| Some(Constant { name: names.get(target)?.clone(), id: *id })).collect();
+    let mut constants: Vec<Constant> = spec_ids
+        .iter()
+        .filter_map(|(target, id)| Some(Constant { name: names.get(target)?.clone(), id: *id }))
+        .collect();
     constants.sort_by_key(|c| c.id);
     Module { bindings, constants }
 }

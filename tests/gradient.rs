@@ -145,7 +145,9 @@ fn published_gradient_agrees_with_the_weighted_objective_to_the_width_of_a_bin()
     let weighted: Vec<f64> = residual
         .iter()
         .enumerate()
-        .map(|(i, r)| r * ((m.t_start + ((i % m.bins) as f64 + 0.5) * m.bin_width) / (2.0 * m.reference)).powi(4))
+        .map(|(i, r)| {
+            r * ((m.t_start + ((i % m.bins) as f64 + 0.5) * m.bin_width) / (2.0 * m.reference)).powi(4)
+        })
         .collect();
     let mut exact = m.clone();
     exact.gradient = Gradient::Exact;

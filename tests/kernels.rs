@@ -37,7 +37,10 @@ fn sample() {
         for (g, w) in got.iter().zip(&want) {
             assert!((g.point - w.point).length() < 1e-6, "{g:?} {w:?}");
             assert!((g.albedo - w.albedo).abs() < 3e-6, "{g:?} {w:?}");
-            assert!((g.normal - w.normal).length() < 1e-5 && (g.length - w.length).abs() < 3e-6, "{g:?} {w:?}");
+            assert!(
+                (g.normal - w.normal).length() < 1e-5 && (g.length - w.length).abs() < 3e-6,
+                "{g:?} {w:?}"
+            );
         }
         let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
         let peak = got.iter().fold(0.0f64, |a, s| a.max(s.albedo.abs()));
@@ -143,7 +146,8 @@ fn residual_with_and_without_noise_term() {
             // Sums around the measured size, negative ones among them, so that the clamp is met.
             let render = f64::from(model.scene(&grid).render_scale);
             let sums: Vec<f64> = (0..elements).map(|_| random.uniform(-2.0, 10.0) / render).collect();
-            let weights: Vec<f64> = (0..job.plan.noise_weights()).map(|_| random.uniform(-3.0, 3.0)).collect();
+            let weights: Vec<f64> =
+                (0..job.plan.noise_weights()).map(|_| random.uniform(-3.0, 3.0)).collect();
             let state: Vec<[f32; 3]> = weights.iter().map(|w| [*w as f32, 0.0, 0.0]).collect();
             write(&mut job, "noise_state", &state);
             set_counts(&mut job, 900, 1.5);
@@ -184,7 +188,8 @@ fn noise_learns_as_its_twin() {
         o.noise = noise;
         let mut job = job(&gpu, &model, &grid, &o);
         let mut random = Random::new(8);
-        let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1e-5, 1e-5)).collect();
+        let residual: Vec<f64> =
+            (0..model.pairs() * model.bins).map(|_| random.uniform(-1e-5, 1e-5)).collect();
         let mut want: Vec<[f64; 3]> =
             (0..job.plan.noise_weights()).map(|_| [random.uniform(-1.0, 1.0), 0.0, 0.0]).collect();
         let state: Vec<[f32; 3]> = want.iter().map(|s| s.map(|v| v as f32)).collect();
@@ -215,7 +220,8 @@ fn backward_published_and_exact() {
             let (raw, domain) = state(&model, &grid, 0.4, 10);
             let samples = away_from_edges(&twin, &twin::sample(&twin, 0, &twin::compact(&domain), &raw));
             let mut random = Random::new(11);
-            let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0)).collect();
+            let residual: Vec<f64> =
+                (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0)).collect();
             let want = twin::backward(&twin, &samples, &residual);
             let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
             write_samples(&mut job, &samples);
@@ -240,7 +246,8 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
     let (raw, domain) = state(&model, &grid, 0.4, 10);
     let samples = rounded(&twin::sample(&twin, 0, &twin::compact(&domain), &raw));
     let mut random = Random::new(11);
-    let residual: Vec<f32> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
+    let residual: Vec<f32> =
+        (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
     let exact: Vec<f64> = residual.iter().map(|v| f64::from(*v)).collect();
     let want = twin::backward(&twin, &samples, &exact).concat();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
@@ -255,10 +262,9 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
         let groups = (samples.len() as u32).div_ceil(voxels);
         let scene = job.plan.finest().scene;
         s.fill("counts", 4, samples.len() as u32);
-        s.dispatch("backward", [groups, 1, 1]).bind("scene", scene).with(Push {
-            flags: BACKWARD_FINISH,
-            ..Default::default()
-        });
+        s.dispatch("backward", [groups, 1, 1])
+            .bind("scene", scene)
+            .with(Push { flags: BACKWARD_FINISH, ..Default::default() });
         job.executor.run(&s).unwrap();
         let got = read_raw(&mut job, "gradient", samples.len()).concat();
         assert!(error(got, want.iter().copied()) < 2e-5, "{voxels} x {slices}");

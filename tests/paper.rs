@@ -10,7 +10,9 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::paper::{self, reconstruct};
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, default_volume, due};
+use thirdbounce::solve::{
+    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, default_volume, due,
+};
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
 
 #[test]
@@ -21,7 +23,10 @@ fn published_defaults() {
     assert_eq!((o.keep_above, o.smooth_sigma, o.smooth_truncate, o.min_depth), (0.05, 3.0, 4.0, 0.2));
     assert_eq!((o.learning_rate, o.beta1, o.beta2, o.epsilon), (1.0, 0.9, 0.999, 1e-8));
     assert_eq!((o.l1, o.noise, o.peak, o.initial_albedo), (0.001, NoiseTerm::Off, 10.0, 1.0));
-    assert_eq!((o.sampling, o.binning, o.gradient), (Sampling::Continuous, Binning::Nearest, Gradient::Published));
+    assert_eq!(
+        (o.sampling, o.binning, o.gradient),
+        (Sampling::Continuous, Binning::Nearest, Gradient::Published)
+    );
     let c = PaperOptions::preset(Preset::Captured);
     assert_eq!((c.l1, c.noise, c.noise_base, c.noise_span), (0.8, NoiseTerm::Bin, 0.05, 0.06));
     let rest = PaperOptions { l1: o.l1, noise: o.noise, ..c };
@@ -32,7 +37,8 @@ fn published_defaults() {
 fn options_that_make_no_sense_are_named() {
     let good = || PaperOptions::preset(Preset::Captured);
     assert!(good().check().is_ok());
-    let bad: [(&str, fn(&mut PaperOptions)); 10] = [
+    type Spoil = fn(&mut PaperOptions);
+    let bad: [(&str, Spoil); 10] = [
         ("--lateral", |o| o.lateral = 0),
         ("--iterations", |o| o.iterations = 0),
         ("--double-every", |o| o.double_every = 0),
@@ -77,7 +83,7 @@ fn the_order_of_events_is_the_papers() {
     let (_, capture) = letter(8);
     let o = small(1000);
     let model = paper::model(&capture, &o).unwrap();
-    let plan = Plan::for_gpu(&model, grid(&capture, &o), capture.scan, &o, &gpu, false).unwrap();
+    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     let laterals: Vec<usize> = plan.levels.iter().map(|l| l.grid.n[0]).collect();
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
     let mut level = 0;
@@ -99,7 +105,7 @@ fn the_order_of_events_is_the_papers() {
     }
     assert_eq!(level, 2);
     let o = PaperOptions { coarse_to_fine: false, reduce: false, ..o };
-    let plan = Plan::for_gpu(&model, grid(&capture, &o), capture.scan, &o, &gpu, false).unwrap();
+    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     assert_eq!(plan.levels.len(), 1);
     assert!(due(&plan, &o, &mut 0, 50).commands.is_empty());
 }
@@ -138,7 +144,10 @@ fn a_simulated_letter_end_to_end() {
     assert!(last.loss < 0.2 * first.loss && last.seconds >= first.seconds);
     assert!(result.pairs > 0 && result.solve_seconds > 0.0 && result.device_bytes > 0);
     let planned: u64 = result.plan.buffers.iter().map(|b| b.bytes).sum();
-    assert!(result.device_bytes >= planned && result.device_bytes < planned + (1 << 20), "the plan tells the memory");
+    assert!(
+        result.device_bytes >= planned && result.device_bytes < planned + (1 << 20),
+        "the plan tells the memory"
+    );
 
     // The volume agrees with the maps: the brightest voxel of a column is the map's albedo.
     let volume = result.volume.unwrap();
@@ -180,7 +189,9 @@ fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
     };
     let bits = |r: &Reconstruction| r.maps.albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     let fixed = solve(Accumulation::Fixed, 3);
-    let volume_bits = |r: &Reconstruction| r.volume.as_ref().unwrap().albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    let volume_bits = |r: &Reconstruction| {
+        r.volume.as_ref().unwrap().albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+    };
     for again in [solve(Accumulation::Fixed, 3), solve(Accumulation::Fixed32, 3)] {
         assert!(bits(&again) == bits(&fixed) && volume_bits(&again) == volume_bits(&fixed));
     }

@@ -51,7 +51,8 @@ fn a_voxel_at_a_known_distance_peaks_in_the_right_bin() {
             // The centroid of a linear split is the path itself, to rounding.
             if binning == Binning::Linear {
                 let sum: f64 = row.iter().sum();
-                let centre: f64 = row.iter().enumerate().map(|(b, v)| (b as f64 + 0.5) * v).sum::<f64>() / sum;
+                let centre: f64 =
+                    row.iter().enumerate().map(|(b, v)| (b as f64 + 0.5) * v).sum::<f64>() / sum;
                 assert!((m.t_start + centre * m.bin_width - path).abs() < 1e-3 * m.bin_width);
             }
         }
@@ -66,7 +67,8 @@ fn energy_is_conserved_inside_the_gate_and_dropped_outside() {
         let mut m = model(4, 100, 2);
         m.binning = binning;
         let g = grid();
-        let inside: Vec<Sample> = (0..50).map(|i| facing(dvec3(-0.4 + 0.016 * f64::from(i), 0.1, 0.5))).collect();
+        let inside: Vec<Sample> =
+            (0..50).map(|i| facing(dvec3(-0.4 + 0.016 * f64::from(i), 0.1, 0.5))).collect();
         let h = render(&gpu, &m, &g, &inside);
         let want = |w: &DVec3, s: &Sample| {
             let d = *w - s.point;
@@ -200,7 +202,12 @@ fn a_mirrored_scene_gives_the_mirrored_result() {
     let mut angles = vec![];
     for i in 0..a.albedo.len() {
         let j = (a.nx - 1 - i / a.ny) * a.ny + i % a.ny;
-        assert!((a.albedo[i] - b.albedo[j]).abs() < 0.01 * largest, "pixel {i}: {} {}", a.albedo[i], b.albedo[j]);
+        assert!(
+            (a.albedo[i] - b.albedo[j]).abs() < 0.01 * largest,
+            "pixel {i}: {} {}",
+            a.albedo[i],
+            b.albedo[j]
+        );
         if a.mask[i] {
             assert!((a.depth[i] - b.depth[j]).abs() < 1e-6);
             let (n, m) = (a.normal[i], b.normal[j]);

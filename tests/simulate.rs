@@ -221,7 +221,8 @@ fn spheres_match_an_independent_renderer() {
         println!("skipped: THIRDBOUNCE_DATA names no folder of captures");
         return;
     };
-    let theirs = thirdbounce::capture::read(&Path::new(&folder).join("spheres_confocal_32.npz")).unwrap().histograms;
+    let theirs =
+        thirdbounce::capture::read(&Path::new(&folder).join("spheres_confocal_32.npz")).unwrap().histograms;
     let mut scene = Scene::named("spheres").unwrap();
     scene.reflectance = Reflectance::Lambertian;
     scene.bins = Some(512);

@@ -197,7 +197,8 @@ pub fn published_gate(capture: &Capture) -> AutoGate {
     let length = (bins / 2).max(1);
     let held = |s: usize| sums[s + length] - sums[s];
     // The first of equal windows, so that the choice does not depend on the order of comparison.
-    let start = (0..=bins - length).rev().max_by(|a, b| held(*a).total_cmp(&held(*b))).unwrap_or(0).max(dropped);
+    let start =
+        (0..=bins - length).rev().max_by(|a, b| held(*a).total_cmp(&held(*b))).unwrap_or(0).max(dropped);
     let from = capture.t_start + start as f64 * capture.bin_width;
     let to = capture.t_start + (start + length).min(bins) as f64 * capture.bin_width;
     let reason = format!("the half of the bins with the most counts, paths {from:.3} to {to:.3} m, is used");

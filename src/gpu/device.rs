@@ -38,6 +38,14 @@ pub struct Limits {
     pub subgroup: u32,
 }
 
+/// What a plan must know of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Abilities {
+    pub kind: DeviceKind,
+    pub accumulations: Accumulations,
+    pub limits: Limits,
+}
+
 /// An opened device with one compute queue.
 pub struct Gpu {
     pub info: DeviceInfo,
@@ -82,14 +90,19 @@ impl Gpu {
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
         if properties.api_version < vk::API_VERSION_1_2 {
             return Err(Error::device(
-                format!("{} offers Vulkan {}, 1.2 is needed", info.name, version_text(properties.api_version)),
+                format!(
+                    "{} offers Vulkan {}, 1.2 is needed",
+                    info.name,
+                    version_text(properties.api_version)
+                ),
                 "update its driver, or choose another device with --device (`thirdbounce devices` lists them)",
             ));
         }
         let (family, has_timestamps) = compute_family(&instance, physical, &info)?;
 
         // SAFETY (whole function): handles come from the live instance; chained structs live until the call.
-        let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let extensions =
+            unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
         let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
@@ -120,11 +133,13 @@ impl Gpu {
         let mut use_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
             .shader_buffer_float32_atomics(true)
             .shader_buffer_float32_atomic_add(true);
-        let mut use_v12 =
-            vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true).shader_buffer_int64_atomics(int64);
+        let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
+            .timeline_semaphore(true)
+            .shader_buffer_int64_atomics(int64);
         let use_features = vk::PhysicalDeviceFeatures::default().shader_int64(int64);
         let priorities = [1.0];
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
         let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&wanted)
@@ -165,6 +180,10 @@ impl Gpu {
             device: Arc::new(OwnedDevice { raw, _instance: instance.clone() }),
             instance,
         })
+    }
+
+    pub fn abilities(&self) -> Abilities {
+        Abilities { kind: self.info.kind, accumulations: self.accumulations, limits: self.limits }
     }
 
     /// What the validation layer has said since the device was opened; empty without validation.
@@ -250,7 +269,11 @@ fn choose(
 }
 
 /// A queue family that computes, one without graphics preferred, and whether it has timestamps.
-fn compute_family(instance: &Instance, physical: vk::PhysicalDevice, info: &DeviceInfo) -> Result<(u32, bool)> {
+fn compute_family(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    info: &DeviceInfo,
+) -> Result<(u32, bool)> {
     // SAFETY: the handle comes from this instance.
     let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
     (0u32..)
@@ -259,6 +282,9 @@ fn compute_family(instance: &Instance, physical: vk::PhysicalDevice, info: &Devi
         .min_by_key(|(_, f)| f.queue_flags.contains(vk::QueueFlags::GRAPHICS))
         .map(|(i, f)| (i, f.timestamp_valid_bits > 0))
         .ok_or_else(|| {
-            Error::device(format!("{} has no compute queue", info.name), "choose another device with --device")
+            Error::device(
+                format!("{} has no compute queue", info.name),
+                "choose another device with --device",
+            )
         })
 }

@@ -53,7 +53,8 @@ impl<'g> Executor<'g> {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         let timeline = unsafe { device.create_semaphore(&info, None) };
-        let timeline = timeline.inspect_err(|_| unsafe { device.destroy_command_pool(pool, None) }).map_err(failed)?;
+        let timeline =
+            timeline.inspect_err(|_| unsafe { device.destroy_command_pool(pool, None) }).map_err(failed)?;
         gpu.name(timeline, "timeline");
         Ok(Executor {
             gpu,
@@ -71,7 +72,12 @@ impl<'g> Executor<'g> {
     }
 
     /// Makes kernel `name` from `code` with some specialization constants set.
-    pub fn add_kernel(&mut self, name: &'static str, code: &KernelCode, constants: &[(&str, u32)]) -> Result<()> {
+    pub fn add_kernel(
+        &mut self,
+        name: &'static str,
+        code: &KernelCode,
+        constants: &[(&str, u32)],
+    ) -> Result<()> {
         let made = Pipeline::new(self.gpu, name, code, constants)?;
         if let Some(old) = self.pipelines.insert(name, made) {
             old.destroy(self.gpu);
@@ -109,7 +115,8 @@ impl<'g> Executor<'g> {
         let values = [ticket.0];
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is alive.
-        unsafe { self.gpu.raw().wait_semaphores(&info, u64::MAX) }.map_err(|e| self.gpu.failed("computing", e))?;
+        unsafe { self.gpu.raw().wait_semaphores(&info, u64::MAX) }
+            .map_err(|e| self.gpu.failed("computing", e))?;
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
             self.read_times(&flight)?;
@@ -152,7 +159,8 @@ impl<'g> Executor<'g> {
         let count = if self.gpu.timings { schedule.commands.len() as u32 + 1 } else { 2 };
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
         // SAFETY: the device is alive; destroyed when the flight is over.
-        unsafe { self.gpu.raw().create_query_pool(&info, None) }.map_err(|e| self.gpu.failed("making timestamps", e))
+        unsafe { self.gpu.raw().create_query_pool(&info, None) }
+            .map_err(|e| self.gpu.failed("making timestamps", e))
     }
 
     fn record(&mut self, schedule: &Schedule, flight: &mut Flight) -> Result<()> {
@@ -168,7 +176,9 @@ impl<'g> Executor<'g> {
             let at = flight.spans.len() as u32 + u32::from(name.is_some());
             flight.spans.extend(name);
             // SAFETY: `at` is below the pool's size, which is one more than there can be spans.
-            unsafe { device.cmd_write_timestamp(c, vk::PipelineStageFlags::BOTTOM_OF_PIPE, flight.queries, at) };
+            unsafe {
+                device.cmd_write_timestamp(c, vk::PipelineStageFlags::BOTTOM_OF_PIPE, flight.queries, at)
+            };
         };
         // SAFETY: the command buffer is not in flight; every handle recorded lives as long as the executor.
         unsafe {
@@ -241,7 +251,10 @@ impl<'g> Executor<'g> {
                     match size {
                         Size::Groups(g) => {
                             let most = self.gpu.limits.groups;
-                            assert!((0..3).all(|i| g[i] <= most[i]), "`{kernel}`: {g:?} workgroups, at most {most:?}");
+                            assert!(
+                                (0..3).all(|i| g[i] <= most[i]),
+                                "`{kernel}`: {g:?} workgroups, at most {most:?}"
+                            );
                             device.cmd_dispatch(c, g[0], g[1], g[2]);
                         }
                         Size::Indirect(buffer, offset) => {
@@ -253,8 +266,12 @@ impl<'g> Executor<'g> {
                 }
                 Command::Copy { from, from_offset, to, to_offset, bytes } => {
                     let (a, b) = (self.arena.get(from), self.arena.get(to));
-                    assert!(from_offset + bytes <= a.bytes && to_offset + bytes <= b.bytes, "copy {from} -> {to}");
-                    let region = vk::BufferCopy { src_offset: *from_offset, dst_offset: *to_offset, size: *bytes };
+                    assert!(
+                        from_offset + bytes <= a.bytes && to_offset + bytes <= b.bytes,
+                        "copy {from} -> {to}"
+                    );
+                    let region =
+                        vk::BufferCopy { src_offset: *from_offset, dst_offset: *to_offset, size: *bytes };
                     device.cmd_copy_buffer(c, a.handle, b.handle, &[region]);
                 }
                 Command::Fill { buffer, offset, bytes, value } => {

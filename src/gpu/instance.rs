@@ -70,7 +70,8 @@ impl Instance {
             )
         })?;
         // SAFETY: the entry is alive; the same holds for every call through it below.
-        let version = unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
+        let version =
+            unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
         if version < vk::API_VERSION_1_2 {
             return Err(Error::device(
                 format!("the Vulkan loader is of version {}, 1.2 is needed", version_text(version)),
@@ -78,7 +79,8 @@ impl Instance {
             ));
         }
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
-        let debug_names = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
+        let debug_names =
+            extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
         let mut layers = Vec::new();
         if validation {
             let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
@@ -115,10 +117,12 @@ impl Instance {
             let loader = ext::debug_utils::Instance::new(&entry, &raw);
             let create = vk::DebugUtilsMessengerCreateInfoEXT::default()
                 .message_severity(
-                    vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
+                    vk::DebugUtilsMessageSeverityFlagsEXT::WARNING
+                        | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
                 )
                 .message_type(
-                    vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
+                    vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
+                        | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
                 )
                 .pfn_user_callback(Some(collect))
                 .user_data(Arc::as_ptr(&messages) as *mut c_void);
@@ -146,8 +150,11 @@ impl Instance {
         let p = properties.properties;
         let memory = unsafe { self.raw.get_physical_device_memory_properties(physical) };
         let heap = memory.memory_heaps_as_slice().iter();
-        let largest = heap.filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)).map(|h| h.size).max();
-        let text = |c: std::result::Result<&CStr, _>| c.map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let largest =
+            heap.filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)).map(|h| h.size).max();
+        let text = |c: std::result::Result<&CStr, _>| {
+            c.map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+        };
         DeviceInfo {
             index,
             name: text(p.device_name_as_c_str()),
@@ -158,7 +165,11 @@ impl Instance {
                 vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
                 _ => DeviceKind::Other,
             },
-            driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
+            driver: format!(
+                "{} {}",
+                text(driver.driver_name_as_c_str()),
+                text(driver.driver_info_as_c_str())
+            ),
             api: version_text(p.api_version),
             memory: largest.unwrap_or(0),
         }

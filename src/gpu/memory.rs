@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use ash::vk;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::vulkan::{
+    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
+};
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
 use super::Gpu;
@@ -73,7 +75,9 @@ impl<'g> Arena<'g> {
                 buffer_device_address: false,
                 allocation_sizes: AllocationSizes::new(block(false), block(true)),
             })
-            .map_err(|e| Error::memory(format!("the allocator does not start ({e})"), "update the device's driver"))?,
+            .map_err(|e| {
+                Error::memory(format!("the allocator does not start ({e})"), "update the device's driver")
+            })?,
         );
         for b in plan {
             arena.add(b)?;
@@ -145,7 +149,11 @@ impl<'g> Arena<'g> {
 
     /// The same, to write. The device must not be using the buffer.
     pub fn mapped_mut(&mut self, name: &str) -> &mut [u8] {
-        let a = self.buffers.get_mut(name).and_then(|b| b.allocation.as_mut()).and_then(Allocation::mapped_slice_mut);
+        let a = self
+            .buffers
+            .get_mut(name)
+            .and_then(|b| b.allocation.as_mut())
+            .and_then(Allocation::mapped_slice_mut);
         a.unwrap_or_else(|| panic!("buffer `{name}` is not host-visible"))
     }
 }
@@ -167,7 +175,12 @@ impl Drop for Arena<'_> {
 pub(super) fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
     if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > storage_range) {
         return Err(Error::memory(
-            format!("buffer `{}` needs {}, this device binds at most {}", b.name, size(b.bytes), size(storage_range)),
+            format!(
+                "buffer `{}` needs {}, this device binds at most {}",
+                b.name,
+                size(b.bytes),
+                size(storage_range)
+            ),
             "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
         ));
     }
@@ -180,13 +193,22 @@ pub(super) fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_use
     let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.name, size(b.bytes))).collect();
     let whose = if by_user { "--memory allows" } else { "the device has free" };
     Err(Error::memory(
-        format!("this job needs {}, {whose} {}; the largest buffers: {}", size(total), size(budget), names.join(", ")),
+        format!(
+            "this job needs {}, {whose} {}; the largest buffers: {}",
+            size(total),
+            size(budget),
+            names.join(", ")
+        ),
         "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
     ))
 }
 
 fn size(bytes: u64) -> String {
-    if bytes < 1 << 20 { format!("{} KiB", bytes.div_ceil(1 << 10)) } else { format!("{} MiB", bytes.div_ceil(1 << 20)) }
+    if bytes < 1 << 20 {
+        format!("{} KiB", bytes.div_ceil(1 << 10))
+    } else {
+        format!("{} MiB", bytes.div_ceil(1 << 20))
+    }
 }
 
 #[cfg(test)]
@@ -195,7 +217,8 @@ mod tests {
 
     #[test]
     fn a_plan_over_budget_names_its_largest_buffers() {
-        let plan = [BufferPlan::new("small", 100, Place::Device), BufferPlan::new("raw", 5 << 20, Place::Device)];
+        let plan =
+            [BufferPlan::new("small", 100, Place::Device), BufferPlan::new("raw", 5 << 20, Place::Device)];
         assert!(check(&plan, 1 << 30, 6 << 20, false).is_ok());
         let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();
         assert!(error.what.contains("`raw` 5 MiB") && error.what.contains("--memory"), "{error}");

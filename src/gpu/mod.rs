@@ -10,7 +10,7 @@ mod memory;
 mod pipeline;
 mod schedule;
 
-pub use device::{Accumulations, Gpu, GpuOptions, Limits};
+pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use instance::{DeviceInfo, DeviceKind, devices};
 pub use memory::{Arena, BufferPlan, Place};

@@ -45,8 +45,9 @@ impl Pipeline {
             );
             data.extend_from_slice(&value.to_le_bytes());
         }
-        let words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv))
-            .map_err(|e| Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew"))?;
+        let words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
+            Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew")
+        })?;
 
         let mut made = Pipeline {
             handle: vk::Pipeline::null(),
@@ -60,11 +61,15 @@ impl Pipeline {
             (|| {
                 let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
                 made.set_layout = device.create_descriptor_set_layout(&info, None)?;
-                let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
+                let push = [vk::PushConstantRange::default()
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                    .size(PUSH_BYTES)];
                 let layouts = [made.set_layout];
-                let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts).push_constant_ranges(&push);
+                let info =
+                    vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts).push_constant_ranges(&push);
                 made.layout = device.create_pipeline_layout(&info, None)?;
-                made.module = device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)?;
+                made.module =
+                    device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)?;
                 let special = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
                 let stage = vk::PipelineShaderStageCreateInfo::default()
                     .stage(vk::ShaderStageFlags::COMPUTE)
@@ -139,7 +144,11 @@ impl DescriptorSets {
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool, layout and buffers are alive as long as the executor.
         let set = unsafe { device.allocate_descriptor_sets(&info) }.map_err(failed)?[0];
-        let infos: Vec<_> = key.1.iter().map(|b| [vk::DescriptorBufferInfo::default().buffer(*b).range(vk::WHOLE_SIZE)]).collect();
+        let infos: Vec<_> = key
+            .1
+            .iter()
+            .map(|b| [vk::DescriptorBufferInfo::default().buffer(*b).range(vk::WHOLE_SIZE)])
+            .collect();
         let writes: Vec<_> = pipeline
             .bindings
             .iter()

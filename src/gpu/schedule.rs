@@ -21,8 +21,19 @@ pub enum Command {
         bind: Vec<(&'static str, &'static str)>,
         push: [u32; 4],
     },
-    Copy { from: &'static str, from_offset: u64, to: &'static str, to_offset: u64, bytes: u64 },
-    Fill { buffer: &'static str, offset: u64, bytes: u64, value: u32 },
+    Copy {
+        from: &'static str,
+        from_offset: u64,
+        to: &'static str,
+        to_offset: u64,
+        bytes: u64,
+    },
+    Fill {
+        buffer: &'static str,
+        offset: u64,
+        bytes: u64,
+        value: u32,
+    },
 }
 
 /// A list of commands in order. Barriers are not in it: the executor derives them from what each reads and
@@ -38,7 +49,12 @@ impl Schedule {
     }
 
     pub fn indirect(&mut self, kernel: &'static str, buffer: &'static str, offset: u64) -> &mut Command {
-        self.push(Command::Dispatch { kernel, size: Size::Indirect(buffer, offset), bind: vec![], push: [0; 4] })
+        self.push(Command::Dispatch {
+            kernel,
+            size: Size::Indirect(buffer, offset),
+            bind: vec![],
+            push: [0; 4],
+        })
     }
 
     pub fn copy(&mut self, from: &'static str, to: &'static str, bytes: u64) {
@@ -103,7 +119,9 @@ impl fmt::Display for Schedule {
                     writeln!(f, " {push:?}")?;
                 }
                 Command::Copy { from, to, bytes, .. } => writeln!(f, "copy {from} -> {to} {bytes}")?,
-                Command::Fill { buffer, bytes, value, .. } => writeln!(f, "fill {buffer} {bytes} {value:#x}")?,
+                Command::Fill { buffer, bytes, value, .. } => {
+                    writeln!(f, "fill {buffer} {bytes} {value:#x}")?
+                }
             }
         }
         Ok(())

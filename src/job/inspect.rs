@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::account::box_of;
 use super::{Loaded, Request};
 use crate::capture::Summary;
-use crate::gpu::{Accumulations, DeviceInfo, DeviceKind, Limits};
+use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Limits};
 use crate::solve::{Accumulation, PaperOptions, Plan, Preset, paper};
 use crate::{Error, Kind, Result};
 
@@ -57,18 +57,17 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let grid = request.grid(capture)?;
     let mut problems = Vec::new();
     let device = match request.open() {
-        Ok(gpu) => Some((gpu.info.clone(), gpu.accumulations, gpu.limits)),
+        Ok(gpu) => Some((gpu.info.clone(), gpu.abilities())),
         Err(e) if e.kind == Kind::Device && request.device.is_none() => {
             problems.push(format!("{}: {}. The plan is for a usual GPU.", e.what, e.mend));
             None
         }
         Err(e) => return Err(e),
     };
-    let (kind, offered, limits) =
-        device.as_ref().map_or_else(usual_gpu, |(info, offered, limits)| (info.kind, *offered, *limits));
+    let abilities = device.as_ref().map_or_else(usual_gpu, |(_, abilities)| *abilities);
     let plan = paper::model(capture, &request.options).and_then(|model| {
         let volume = request.volume_file.is_some();
-        Plan::new(&model, grid, capture.scan, &request.options, kind, offered, &limits, volume)
+        Plan::new(&model, grid, capture.scan, &request.options, &abilities, volume)
     });
     let plan = match plan {
         Ok(plan) => Some(plan),
@@ -105,7 +104,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 }
 
 /// What most discrete GPUs offer.
-fn usual_gpu() -> (DeviceKind, Accumulations, Limits) {
+fn usual_gpu() -> Abilities {
     let limits = Limits {
         storage_range: u64::from(u32::MAX),
         workgroup_invocations: 1024,
@@ -113,5 +112,6 @@ fn usual_gpu() -> (DeviceKind, Accumulations, Limits) {
         groups: [i32::MAX as u32, 65_535, 65_535],
         subgroup: 32,
     };
-    (DeviceKind::Discrete, Accumulations { float: true, int64: true }, limits)
+    let accumulations = Accumulations { float: true, int64: true };
+    Abilities { kind: DeviceKind::Discrete, accumulations, limits }
 }

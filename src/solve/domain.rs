@@ -29,10 +29,14 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
     let bricks = level.grid.storage() / BRICK_VOXELS;
     s.dispatch("compact_count", groups(bricks, WORKGROUP)).bind("scene", scene);
     s.dispatch("compact_scan_active", [1, 1, 1]).bind("scene", scene);
-    s.dispatch("compact_scatter_active", groups(words, WORKGROUP)).bind("scene", scene).bind("list", "active_voxels");
+    s.dispatch("compact_scatter_active", groups(words, WORKGROUP))
+        .bind("scene", scene)
+        .bind("list", "active_voxels");
     if plan.continuous {
         s.dispatch("dilate", groups(words, WORKGROUP)).bind("scene", scene);
-        s.dispatch("compact_count", groups(bricks, WORKGROUP)).bind("scene", scene).bind("mask", "touched_mask");
+        s.dispatch("compact_count", groups(bricks, WORKGROUP))
+            .bind("scene", scene)
+            .bind("mask", "touched_mask");
         s.dispatch("compact_scan_touched", [1, 1, 1]).bind("scene", scene);
         s.dispatch("compact_scatter_touched", groups(words, WORKGROUP))
             .bind("scene", scene)
@@ -62,7 +66,9 @@ pub fn reduce(plan: &Plan, level: &Level) -> Schedule {
     s.dispatch("gaussian_x", all).bind("scene", scene).bind("source", b).bind("target", a);
     s.dispatch("gaussian_y", all).bind("scene", scene).bind("source", a).bind("target", b);
     s.dispatch("gaussian_z", all).bind("scene", scene).bind("source", b).bind("target", a);
-    s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP)).bind("scene", scene).bind("source", a);
+    s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP))
+        .bind("scene", scene)
+        .bind("source", a);
     s.extend(compact(plan, level));
     s
 }

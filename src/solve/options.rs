@@ -152,7 +152,11 @@ impl PaperOptions {
             }
         }
         if self.smooth_sigma * self.smooth_truncate > 1000.0 {
-            return bad("smooth-sigma", self.smooth_sigma.to_string(), "a Gaussian that reaches at most 1000 voxels");
+            return bad(
+                "smooth-sigma",
+                self.smooth_sigma.to_string(),
+                "a Gaussian that reaches at most 1000 voxels",
+            );
         }
         let not_negative = [
             ("min-depth", self.min_depth),

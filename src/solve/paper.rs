@@ -59,9 +59,6 @@ pub struct Reconstruction {
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 
-/// A share of the albedo's 99.9th percentile above which a map pixel counts as something.
-pub const MASK_FRACTION: f64 = 0.2;
-
 /// The model that `options` make of a confocal capture.
 ///
 /// Errors: a capture that is not confocal.
@@ -72,7 +69,8 @@ pub fn model(capture: &Capture, options: &PaperOptions) -> Result<Model> {
             "give a confocal capture",
         ));
     }
-    let noise = if options.noise == NoiseTerm::Off { [0.0; 2] } else { [options.noise_base, options.noise_span] };
+    let noise =
+        if options.noise == NoiseTerm::Off { [0.0; 2] } else { [options.noise_base, options.noise_span] };
     Ok(Model {
         min_depth: options.min_depth,
         sampling: options.sampling,
@@ -112,7 +110,8 @@ impl<'g> Job<'g> {
     /// Fills the buffers that hold the capture and the constants.
     pub fn upload(&mut self) -> Result<()> {
         let Job { plan, model, executor } = self;
-        let wall: Vec<f32> = model.wall.iter().flat_map(|w| [w.x as f32, w.y as f32, w.z as f32, 0.0]).collect();
+        let wall: Vec<f32> =
+            model.wall.iter().flat_map(|w| [w.x as f32, w.y as f32, w.z as f32, 0.0]).collect();
         upload(executor, "wall", bytemuck::cast_slice(&wall))?;
         upload(executor, "measured", bytemuck::cast_slice(&model.measured))?;
         let mut taps = vec![(plan.taps.len() - 1) as f32];
@@ -158,9 +157,10 @@ pub fn reconstruct(
 ) -> Result<Reconstruction> {
     options.check()?;
     let model = model(capture, options)?;
-    let plan = Plan::for_gpu(&model, grid, capture.scan, options, gpu, with_volume)?;
+    let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;
-    let mut run = Run { start: Instant::now(), gpu_before: job.executor.gpu_seconds(), trace: vec![], pairs: 0 };
+    let mut run =
+        Run { start: Instant::now(), gpu_before: job.executor.gpu_seconds(), trace: vec![], pairs: 0 };
 
     let mut flights: VecDeque<(Ticket, usize, usize, Level)> = VecDeque::new();
     let mut block = domain::initialise(&job.plan, &job.plan.levels[0]);
@@ -174,7 +174,8 @@ pub fn reconstruct(
         let done = i + 1;
         let last = done == options.iterations;
         let here = job.plan.levels[level];
-        let change = if last { Schedule::default() } else { domain::due(&job.plan, options, &mut level, done) };
+        let change =
+            if last { Schedule::default() } else { domain::due(&job.plan, options, &mut level, done) };
         let changes = !change.commands.is_empty();
         block.extend(change);
         if !(last || changes || done - first >= block_length(gpu, active * job.plan.pairs)) {
@@ -190,7 +191,11 @@ pub fn reconstruct(
             let point = run.read(&job, from, to, &at)?;
             active = point.active;
             if hear(&Progress { point, iterations: options.iterations }).is_break() {
-                return Err(Error::new(Kind::Cancelled, format!("cancelled after {to} iterations"), "run it again"));
+                return Err(Error::new(
+                    Kind::Cancelled,
+                    format!("cancelled after {to} iterations"),
+                    "run it again",
+                ));
             }
         }
     }
@@ -275,8 +280,8 @@ fn read_maps(arena: &Arena<'_>, grid: &Grid) -> Maps {
         extent: grid.extent(),
         depth: columns.iter().map(|c| pick(c[3] > 0.0, c[1])).collect(),
         normal: columns.iter().map(|c| [c[4], c[5], c[6]].map(|v| pick(c[3] > 0.0, v))).collect(),
-        mask: Maps::mask_of(&albedo, MASK_FRACTION),
-        mask_fraction: MASK_FRACTION,
+        mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
+        mask_fraction: Maps::MASK_FRACTION,
         albedo,
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{Accumulation, NoiseTerm, PaperOptions};
-use crate::gpu::{Accumulations, BufferPlan, DeviceKind, Executor, Gpu, KernelCode, Limits, Place};
+use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind, Executor, KernelCode, Place};
 use crate::transport::kernels::*;
 use crate::transport::{BRICK_VOXELS, Binning, Gradient, Grid, Model, Sampling};
 use crate::{Error, Result};
@@ -16,7 +16,8 @@ pub struct Level {
     pub scene: &'static str,
 }
 
-const SCENES: [&str; 8] = ["scene_0", "scene_1", "scene_2", "scene_3", "scene_4", "scene_5", "scene_6", "scene_7"];
+const SCENES: [&str; 8] =
+    ["scene_0", "scene_1", "scene_2", "scene_3", "scene_4", "scene_5", "scene_6", "scene_7"];
 
 /// Workgroup and chunk sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,12 +62,10 @@ impl Plan {
         grid: Grid,
         scan: [usize; 2],
         options: &PaperOptions,
-        kind: DeviceKind,
-        offered: Accumulations,
-        limits: &Limits,
+        device: &Abilities,
         with_volume: bool,
     ) -> Result<Plan> {
-        let accumulation = choose(options.accumulation, kind, offered)?;
+        let accumulation = choose(options.accumulation, device.kind, device.accumulations)?;
         let elements = model.pairs() as u64 * model.bins as u64;
         if elements > 1 << 30 {
             return Err(Error::memory(
@@ -76,7 +75,7 @@ impl Plan {
         }
         let levels = levels(grid, scan, options)?;
         let owned = accumulation == Accumulation::Owned;
-        let cpu = kind == DeviceKind::Cpu;
+        let cpu = device.kind == DeviceKind::Cpu;
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
         let tuning = if cpu {
             Tuning { lanes: 8, chunk: if owned { OWNED_CHUNK } else { 4096 }, voxels: 64, slices: 1 }
@@ -86,7 +85,7 @@ impl Plan {
         // lavapipe stops silently after 65,535 loop turns of an invocation.
         assert!(tuning.chunk.max(OWNED_CHUNK) < 65_535 && PAIR_CHUNK / tuning.slices < 65_535);
         let chunks = grid.storage().div_ceil(tuning.chunk as usize);
-        if !owned && chunks > limits.groups[1] as usize {
+        if !owned && chunks > device.limits.groups[1] as usize {
             return Err(Error::memory(
                 format!("{} voxels are more than this device's workgroup counts reach", grid.storage()),
                 "use a smaller --lateral or a larger --depth-pitch",
@@ -111,18 +110,6 @@ impl Plan {
         plan.buffers = plan.list_buffers(with_volume);
         plan.left_out = plan.list_left_out();
         Ok(plan)
-    }
-
-    /// Plans for an opened device.
-    pub fn for_gpu(
-        model: &Model,
-        grid: Grid,
-        scan: [usize; 2],
-        options: &PaperOptions,
-        gpu: &Gpu,
-        with_volume: bool,
-    ) -> Result<Plan> {
-        Plan::new(model, grid, scan, options, gpu.info.kind, gpu.accumulations, &gpu.limits, with_volume)
     }
 
     pub fn finest(&self) -> &Level {
@@ -191,7 +178,11 @@ impl Plan {
             all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
         }
         all.push(BufferPlan::new("upload", elements * 4, Place::Upload));
-        all.push(BufferPlan::new("trace", (self.iterations * TRACE_ROW as usize * 4) as u64, Place::Readback));
+        all.push(BufferPlan::new(
+            "trace",
+            (self.iterations * TRACE_ROW as usize * 4) as u64,
+            Place::Readback,
+        ));
         all.push(BufferPlan::new("columns_host", columns, Place::Readback));
         if with_volume {
             all.push(BufferPlan::new("raw_host", voxels * 16, Place::Readback));
@@ -248,12 +239,20 @@ impl Plan {
         };
         let owned = u32::from(self.accumulation == Accumulation::Owned);
         let sets = self.forward_sets(self.finest());
-        let u = |name, code, constants: &[(&'static str, u32)]| KernelUse { name, code, constants: constants.to_vec() };
+        let u = |name, code, constants: &[(&'static str, u32)]| KernelUse {
+            name,
+            code,
+            constants: constants.to_vec(),
+        };
         let mut all = vec![
             u("initialise", "initialise", &[("ALBEDO_SPAN", self.initial_albedo.to_bits())]),
             u("sample", "sample", &[("CONTINUOUS", continuous)]),
             u("forward", forward, &[("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)]),
-            u("residual", if self.fixed_point() { "residual_fixed" } else { "residual" }, &[("NOISE", noise)]),
+            u(
+                "residual",
+                if self.fixed_point() { "residual_fixed" } else { "residual" },
+                &[("NOISE", noise)],
+            ),
             u(
                 "backward",
                 "backward",
@@ -287,7 +286,11 @@ impl Plan {
             u("extract", "extract", &[]),
         ];
         if self.noise != NoiseTerm::Off {
-            all.push(u("noise", "noise", &[("PER_HISTOGRAM", u32::from(self.noise == NoiseTerm::Histogram))]));
+            all.push(u(
+                "noise",
+                "noise",
+                &[("PER_HISTOGRAM", u32::from(self.noise == NoiseTerm::Histogram))],
+            ));
         }
         all
     }
@@ -339,7 +342,10 @@ fn levels(finest: Grid, scan: [usize; 2], options: &PaperOptions) -> Result<Vec<
     let count = factor.ilog2() as usize + 1;
     if count > SCENES.len() {
         return Err(Error::options(
-            format!("{count} levels from a scan of {} x {} to {} lateral voxels", scan[0], scan[1], finest.n[0]),
+            format!(
+                "{count} levels from a scan of {} x {} to {} lateral voxels",
+                scan[0], scan[1], finest.n[0]
+            ),
             "use a smaller --lateral, or --no-coarse-to-fine",
         ));
     }

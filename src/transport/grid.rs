@@ -142,10 +142,10 @@ mod tests {
         let grid = Grid::new(volume, 10, 0.02).unwrap();
         assert_eq!(grid.n, [10, 10, 12]);
         let mut seen = vec![false; grid.storage()];
-        for i in 0..grid.storage() {
+        for (i, seen) in seen.iter_mut().enumerate() {
             let c = grid.voxel(i);
             assert_eq!(grid.index(c), i);
-            assert!(!std::mem::replace(&mut seen[i], true));
+            assert!(!std::mem::replace(seen, true));
         }
         assert_eq!((0..grid.storage()).filter(|i| grid.contains(grid.voxel(*i))).count(), grid.voxels());
         assert_eq!(grid.index([1, 0, 0]), 1);

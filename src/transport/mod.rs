@@ -3,8 +3,8 @@
 
 mod grid;
 pub mod kernels;
-pub mod twin;
 mod model;
+pub mod twin;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
 pub use model::{Binning, Gradient, Model, Sampling};

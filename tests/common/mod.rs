@@ -1,7 +1,7 @@
 //! What several test files share.
 #![allow(dead_code)]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
 use thirdbounce::capture::Capture;

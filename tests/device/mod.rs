@@ -81,7 +81,8 @@ pub fn state(model: &Model, grid: &Grid, share: f64, seed: u64) -> (Vec<Raw>, Ve
     let mut random = Random::new(seed);
     let raw = (0..grid.storage()).map(|_| std::array::from_fn(|_| random.uniform(-1.5, 1.5))).collect();
     let near = model.near_z(grid);
-    let mut on = |i| grid.contains(grid.voxel(i)) && grid.voxel(i)[2] >= near && random.uniform(0.0, 1.0) < share;
+    let mut on =
+        |i| grid.contains(grid.voxel(i)) && grid.voxel(i)[2] >= near && random.uniform(0.0, 1.0) < share;
     (raw, (0..grid.storage()).map(&mut on).collect())
 }
 
@@ -106,10 +107,10 @@ pub fn options(model: &Model, grid: &Grid) -> PaperOptions {
 /// A job whose device buffers are full of NaN bits but for what [`Job::upload`] writes.
 pub fn job<'g>(gpu: &'g Gpu, model: &Model, grid: &Grid, options: &PaperOptions) -> Job<'g> {
     let scan = [1, model.pairs()];
-    let mut plan = Plan::for_gpu(model, *grid, scan, options, gpu, false).expect("a plan");
+    let mut plan = Plan::new(model, *grid, scan, options, &gpu.abilities(), false).expect("a plan");
     // Levels by the grid's own resolution, not the scan's: tests choose `coarse_to_fine` by the scan they give.
     if options.coarse_to_fine {
-        plan = Plan::for_gpu(model, *grid, [1, grid.n[0] / 2], options, gpu, false).expect("a plan");
+        plan = Plan::new(model, *grid, [1, grid.n[0] / 2], options, &gpu.abilities(), false).expect("a plan");
     }
     let largest = plan.buffers.iter().map(|b| b.bytes).max().expect("buffers");
     plan.buffers.push(BufferPlan::new("back", largest, Place::Readback));
@@ -143,7 +144,13 @@ pub fn read<T: bytemuck::Pod>(job: &mut Job<'_>, buffer: &'static str, count: us
         return vec![];
     }
     let mut s = Schedule::default();
-    s.commands.push(Command::Copy { from: buffer, from_offset: 0, to: "back", to_offset: 0, bytes: bytes as u64 });
+    s.commands.push(Command::Copy {
+        from: buffer,
+        from_offset: 0,
+        to: "back",
+        to_offset: 0,
+        bytes: bytes as u64,
+    });
     job.executor.run(&s).expect("a copy runs");
     bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("back")[..bytes])
 }
@@ -196,7 +203,12 @@ pub fn rounded(samples: &[Sample]) -> Vec<Sample> {
     let f = |v: f64| f64::from(v as f32);
     samples
         .iter()
-        .map(|s| Sample { point: s.point.map(f), albedo: f(s.albedo), normal: s.normal.map(f), length: f(s.length) })
+        .map(|s| Sample {
+            point: s.point.map(f),
+            albedo: f(s.albedo),
+            normal: s.normal.map(f),
+            length: f(s.length),
+        })
         .collect()
 }
 

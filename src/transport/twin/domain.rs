@@ -1,3 +1,5 @@
+use glam::DVec3;
+
 use super::render::{elu, toward_wall};
 use super::{Raw, Twin, random3};
 use crate::transport::Grid;
@@ -6,7 +8,10 @@ use crate::transport::Grid;
 pub fn initialise(twin: &Twin, span: f64) -> (Vec<Raw>, Vec<bool>) {
     let near = twin.model.near_z(twin.grid);
     let storage = 0..twin.grid.storage();
-    let raw = storage.clone().map(|i| [span * random3(i as u32, 0, 0, twin.model.seed)[0], 0.0, 0.0, 0.0]).collect();
+    let raw = storage
+        .clone()
+        .map(|i| [span * random3(i as u32, 0, 0, twin.model.seed)[0], 0.0, 0.0, 0.0])
+        .collect();
     let c = storage.map(|i| twin.grid.voxel(i));
     (raw, c.map(|c| twin.grid.contains(c) && c[2] >= near).collect())
 }
@@ -23,7 +28,8 @@ pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
 /// The separable Gaussian of the active albedo, zero outside the grid.
 pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<f64> {
     let grid = twin.grid;
-    let mut volume: Vec<f64> = raw.iter().zip(active).map(|(r, a)| if *a { elu(r[0]) } else { 0.0 }).collect();
+    let mut volume: Vec<f64> =
+        raw.iter().zip(active).map(|(r, a)| if *a { elu(r[0]) } else { 0.0 }).collect();
     for axis in 0..3 {
         let source = volume.clone();
         for (i, v) in volume.iter_mut().enumerate() {
@@ -105,9 +111,19 @@ pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
     (0..fine.storage()).map(|i| child(fine.voxel(i))).collect()
 }
 
-/// Per column `ix * ny + iy`: albedo, depth of the brightest active voxel, depth refined by the centroid
-/// within `reach` voxels, normal. None where nothing is above zero.
-pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<Option<(f64, f64, f64, [f64; 3])>> {
+/// A lateral column's surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Column {
+    pub albedo: f64,
+    /// Of the brightest active voxel, metres.
+    pub depth: f64,
+    /// Centroid of the albedo around it, metres.
+    pub refined: f64,
+    pub normal: DVec3,
+}
+
+/// The surface of every column `ix * ny + iy`, refined within `reach` voxels. None where nothing is above zero.
+pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<Option<Column>> {
     let grid = twin.grid;
     let albedo = |c: [usize; 3]| if active[grid.index(c)] { raw[grid.index(c)][0].max(0.0) } else { 0.0 };
     let mut maps = vec![];
@@ -124,8 +140,8 @@ pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<O
                 let around = best.1.saturating_sub(reach)..=(best.1 + reach).min(grid.n[2] - 1);
                 let sum: f64 = around.clone().map(|z| albedo([x, y, z])).sum();
                 let moment: f64 = around.map(|z| z as f64 * albedo([x, y, z])).sum();
-                let u = toward_wall(raw[grid.index([x, y, best.1])]).normalize_or_zero();
-                (best.0, depth(best.1 as f64), depth(moment / sum), u.to_array())
+                let normal = toward_wall(raw[grid.index([x, y, best.1])]).normalize_or_zero();
+                Column { albedo: best.0, depth: depth(best.1 as f64), refined: depth(moment / sum), normal }
             }));
         }
     }

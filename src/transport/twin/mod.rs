@@ -8,10 +8,14 @@ mod optimise;
 mod random;
 mod render;
 
-pub use domain::{compact, dilate, double_domain, double_raw, extract, gaussian, initialise, taps, threshold};
+pub use domain::{
+    compact, dilate, double_domain, double_raw, extract, gaussian, initialise, taps, threshold,
+};
 pub use optimise::{noise, update};
 pub use random::random3;
-pub use render::{Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective};
+pub use render::{
+    Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
+};
 
 use super::{Grid, Model};
 

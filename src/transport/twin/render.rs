@@ -157,7 +157,8 @@ pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
     samples
         .iter()
         .map(|s| {
-            let mut albedo = m.l1 / twin.grid.voxels() as f64 * if s.albedo == 0.0 { 0.0 } else { s.albedo.signum() };
+            let mut albedo =
+                m.l1 / twin.grid.voxels() as f64 * if s.albedo == 0.0 { 0.0 } else { s.albedo.signum() };
             let mut normal = DVec3::ZERO;
             for (pair, wall) in m.wall.iter().enumerate() {
                 let k = confocal_kernel(twin, *wall, s);
@@ -173,7 +174,8 @@ pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
             }
             let slope = if s.albedo > 0.0 { 1.0 } else { s.albedo + 1.0 };
             let tanh = s.normal * s.length - BASE_NORMAL;
-            let across = (normal - s.normal * s.normal.dot(normal)) / s.length * (1.0 - tanh * tanh).max(DVec3::ZERO);
+            let across =
+                (normal - s.normal * s.normal.dot(normal)) / s.length * (1.0 - tanh * tanh).max(DVec3::ZERO);
             [albedo * slope, across.x, across.y, across.z]
         })
         .collect()
