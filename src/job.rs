@@ -81,16 +81,14 @@ pub fn load(input: &Input) -> Result<Loaded> {
         capture = capture.gated(gate)?;
     } else if !input.no_auto_gate {
         let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
-        if let Some(found) = auto_gate(&capture) {
+        let direct = auto_gate(&capture);
+        let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
+        for found in direct.into_iter().chain(published) {
             notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
-            capture = capture.gated(found.gate)?;
             gate = Some(found.gate);
         }
-        if captured {
-            let found = published_gate(&capture);
-            notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
-            capture = capture.gated(found.gate)?;
-            gate = Some(found.gate);
+        if let Some(gate) = gate {
+            capture = capture.gated(gate)?;
         }
     }
     capture.check().map_err(|e| e.at(input.path.display()))?;

@@ -39,7 +39,7 @@ pub struct Truth {
 
 impl Maps {
     /// The share of the 99.9th percentile above which a pixel counts as surface, unless another is given.
-    pub const MASK_FRACTION: f64 = 0.2;
+    pub const MASK_FRACTION: f64 = 0.3;
 
     /// Which pixels are surface: albedo above `fraction` of its 99.9th percentile (of its maximum where that
     /// percentile is zero) and above zero. NaN is never surface.

@@ -208,10 +208,23 @@ fn published_gate_is_the_half_of_the_bins_with_the_most_counts() {
         20..26 => 10.0,
         _ => 1.0,
     });
-    let gate = thirdbounce::capture::published_gate(&c).gate;
+    let gate = thirdbounce::capture::published_gate(&c, None).gate;
     let kept = c.gated(gate).unwrap();
     assert_eq!(kept.bins, 20);
     let first = ((kept.t_start - c.t_start) / c.bin_width).round() as usize;
     assert!((6..=20).contains(&first), "{first}");
     assert_eq!(kept.histograms.iter().fold(0.0f32, |a, b| a.max(*b)), 10.0);
+}
+
+#[test]
+fn published_gate_does_not_count_direct_light() {
+    let c = capture([2, 2], 40, |_, b| match b {
+        8..12 => 100.0,
+        30..36 => 10.0,
+        _ => 0.0,
+    });
+    let with = thirdbounce::capture::published_gate(&c, Some(c.t_start + 15.0 * c.bin_width)).gate;
+    assert!(with.from > c.t_start + 12.0 * c.bin_width && with.to >= c.t_start + 35.5 * c.bin_width, "{with}");
+    let without = thirdbounce::capture::published_gate(&c, None).gate;
+    assert!(without.from < c.t_start + 9.0 * c.bin_width, "{without}");
 }

@@ -180,8 +180,9 @@ const PUBLISHED_START: f64 = 0.15;
 
 /// The gate that the paper's code puts on real captures: the first 15 % of the bins go, and of the rest the
 /// window of half the bins that holds the most counts stays. Dark counts far behind the scene would otherwise
-/// turn into bright far voxels, beside which the scene is pruned.
-pub fn published_gate(capture: &Capture) -> AutoGate {
+/// turn into bright far voxels, beside which the scene is pruned. Paths below `after` are direct light and do not
+/// count.
+pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {
     let bins = capture.bins;
     let mut sums = vec![0.0f64; bins + 1];
     let mut mean = vec![0.0f64; bins];
@@ -190,7 +191,8 @@ pub fn published_gate(capture: &Capture) -> AutoGate {
             *m += f64::from(v);
         }
     }
-    let dropped = (bins as f64 * PUBLISHED_START) as usize;
+    let direct = after.map_or(0.0, |a| ((a - capture.t_start) / capture.bin_width).ceil());
+    let dropped = ((bins as f64 * PUBLISHED_START) as usize).max(direct as usize).min(bins - 1);
     for b in 0..bins {
         sums[b + 1] = sums[b] + if b < dropped { 0.0 } else { mean[b] };
     }
