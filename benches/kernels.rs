@@ -7,7 +7,7 @@
 
 use glam::dvec3;
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::solve::paper::Job;
+use thirdbounce::solve::Job;
 use thirdbounce::solve::{Accumulation, PaperOptions, Plan, Preset, initialise, iteration};
 use thirdbounce::transport::{Grid, Model, Volume};
 

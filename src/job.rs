@@ -19,8 +19,9 @@ use crate::export::{self, report};
 use crate::gpu::{Gpu, GpuOptions, KernelTime};
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::paper::{self, VolumeMap};
-use crate::solve::{PaperOptions, Preset, Progress, Reconstruction, default_volume};
+use crate::solve::VolumeMap;
+use crate::solve::paper;
+use crate::solve::{PaperOptions, Preset, Progress, Reconstruction, Watch, default_volume};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
@@ -230,8 +231,16 @@ pub fn run(
     let grid = request.grid(&loaded.capture)?;
     let gpu = request.open()?;
     let with_volume = request.volume_file.is_some();
-    let mut solved =
-        paper::reconstruct(&gpu, &loaded.capture, grid, &request.options, request.memory, with_volume, hear)?;
+    let mut watch = Watch { hear, maps_every: None };
+    let mut solved = paper::reconstruct(
+        &gpu,
+        &loaded.capture,
+        grid,
+        &request.options,
+        request.memory,
+        with_volume,
+        &mut watch,
+    )?;
     solved.maps.set_mask(request.mask_fraction);
     let metrics = truth.as_ref().map(|t| metrics(&solved.maps, t, request.mask_fraction)).transpose()?;
 

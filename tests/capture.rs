@@ -224,7 +224,10 @@ fn published_gate_does_not_count_direct_light() {
         _ => 0.0,
     });
     let with = thirdbounce::capture::published_gate(&c, Some(c.t_start + 15.0 * c.bin_width)).gate;
-    assert!(with.from > c.t_start + 12.0 * c.bin_width && with.to >= c.t_start + 35.5 * c.bin_width, "{with}");
+    assert!(
+        with.from > c.t_start + 12.0 * c.bin_width && with.to >= c.t_start + 35.5 * c.bin_width,
+        "{with}"
+    );
     let without = thirdbounce::capture::published_gate(&c, None).gate;
     assert!(without.from < c.t_start + 9.0 * c.bin_width, "{without}");
 }

@@ -5,7 +5,7 @@ mod device;
 
 use device::*;
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::paper::Job;
+use thirdbounce::solve::Job;
 use thirdbounce::solve::{Accumulation, compact, double, extract, initialise, reduce};
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::*;

@@ -74,7 +74,16 @@ fn grid(capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Grid {
 }
 
 fn run(gpu: &Gpu, capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Reconstruction {
-    reconstruct(gpu, capture, grid(capture, o), o, None, true, &mut |_| ControlFlow::Continue(())).unwrap()
+    reconstruct(
+        gpu,
+        capture,
+        grid(capture, o),
+        o,
+        None,
+        true,
+        &mut unwatched(&mut |_| ControlFlow::Continue(())),
+    )
+    .unwrap()
 }
 
 #[test]
@@ -211,10 +220,11 @@ fn a_caller_can_break_off() {
     let (_, capture) = letter(8);
     let o = small(100);
     let mut heard = 0;
-    let result = reconstruct(&gpu, &capture, grid(&capture, &o), &o, None, false, &mut |_| {
+    let mut hear = |_: &thirdbounce::solve::Progress| {
         heard += 1;
         ControlFlow::Break(())
-    });
+    };
+    let result = reconstruct(&gpu, &capture, grid(&capture, &o), &o, None, false, &mut unwatched(&mut hear));
     assert_eq!(result.unwrap_err().kind, Kind::Cancelled);
     assert_eq!(heard, 1);
     assert_valid(&gpu);
@@ -227,7 +237,8 @@ fn what_cannot_run_is_refused_in_words() {
     let o = small(10);
     let refused = |capture: &thirdbounce::capture::Capture, o: &PaperOptions, memory| {
         let g = grid(capture, o);
-        reconstruct(&gpu, capture, g, o, memory, false, &mut |_| ControlFlow::Continue(())).unwrap_err()
+        reconstruct(&gpu, capture, g, o, memory, false, &mut unwatched(&mut |_| ControlFlow::Continue(())))
+            .unwrap_err()
     };
     let mut two_points = capture.clone();
     two_points.laser.iter_mut().for_each(|p| p.x += 0.3);

@@ -159,7 +159,17 @@ fn solve(gpu: &Gpu, capture: &Capture, lateral: usize, iterations: usize) -> Map
         ..PaperOptions::preset(Preset::Synthetic)
     };
     let grid = Grid::new(default_volume(capture, o.min_depth).unwrap(), lateral, capture.bin_width).unwrap();
-    paper::reconstruct(gpu, capture, grid, &o, None, false, &mut |_| ControlFlow::Continue(())).unwrap().maps
+    paper::reconstruct(
+        gpu,
+        capture,
+        grid,
+        &o,
+        None,
+        false,
+        &mut unwatched(&mut |_| ControlFlow::Continue(())),
+    )
+    .unwrap()
+    .maps
 }
 
 /// A plate of 15 cm in front of a 0.8 m wall.

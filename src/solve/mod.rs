@@ -4,15 +4,19 @@
 //! allocated.
 
 mod domain;
+mod drive;
 mod extent;
+mod job;
 mod options;
 pub mod paper;
 mod plan;
 mod schedule;
 
 pub use domain::{compact, double, due, extract, initialise, reduce, restart};
+pub use drive::{Progress, TracePoint, Watch};
 pub use extent::default_volume;
+pub use job::{Job, upload};
 pub use options::{Accumulation, NoiseTerm, PaperOptions, Preset};
-pub use paper::{Progress, Reconstruction, TracePoint};
+pub use paper::{Reconstruction, VolumeMap};
 pub use plan::{Level, Plan, Tuning};
 pub use schedule::iteration;

@@ -1,10 +1,12 @@
 //! What kernel tests share: a device, a random scene, buffers written and read by name.
 #![allow(dead_code)] // each test binary uses its part
 
+use std::ops::ControlFlow;
+
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{BufferPlan, Command, Gpu, GpuOptions, Place, Schedule};
-use thirdbounce::solve::paper::{Job, upload};
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset};
+use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Progress, Watch};
+use thirdbounce::solve::{Job, upload};
 use thirdbounce::transport::twin::{Raw, Sample, Twin};
 use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume};
 
@@ -231,6 +233,11 @@ pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
     let scene = job.plan.finest().scene;
     s.dispatch("arguments", [1, 1, 1]).bind("scene", scene);
     job.executor.run(&s).expect("a dispatch runs");
+}
+
+/// A watch that only hears.
+pub fn unwatched(hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Watch<'_> {
+    Watch { hear, maps_every: None }
 }
 
 /// Largest difference over the largest true value.

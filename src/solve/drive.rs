@@ -1,0 +1,197 @@
+//! Drives a solver: submits its schedule block by block, reads the trace behind, measures on the way.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use super::job::{Job, read_maps};
+use super::{Level, Plan};
+use crate::gpu::{DeviceKind, Gpu, Schedule, Ticket};
+use crate::maps::Maps;
+use crate::transport::kernels::*;
+use crate::{Error, Kind, Result};
+
+/// A point of the trace: the state after an iteration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracePoint {
+    /// Iterations done.
+    pub iteration: usize,
+    /// Seconds since solving began, without those spent on measuring.
+    pub seconds: f64,
+    /// Seconds of device time among them.
+    pub gpu_seconds: f64,
+    pub lateral: usize,
+    pub active: usize,
+    /// Active voxels over voxels of the grid at that resolution.
+    pub active_ratio: f64,
+    /// What the solver minimises.
+    pub loss: f64,
+}
+
+/// What a caller hears while the device works.
+#[derive(Debug, Clone)]
+pub struct Progress {
+    pub point: TracePoint,
+    pub iterations: usize,
+    /// The maps after that iteration, if it is one that [`Watch::maps_every`] asks for.
+    pub maps: Option<Maps>,
+}
+
+/// What a caller wants to hear.
+pub struct Watch<'w> {
+    /// Told of every point of the trace; may break off.
+    pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    /// Extract the maps after every so-manieth iteration. Neither that nor the time spent in `hear` counts.
+    pub maps_every: Option<usize>,
+}
+
+/// A solver as its driver sees it.
+pub(super) struct Steps<'s> {
+    /// Before the first iteration.
+    pub start: Schedule,
+    /// Iteration i (from 0) at a level.
+    pub iteration: &'s dyn Fn(&Plan, &Level, usize) -> Schedule,
+    /// What is due after so many iterations, before the next one; may move the level on.
+    pub due: &'s dyn Fn(&Plan, &mut usize, usize) -> Schedule,
+    /// Leaves the level's maps in `columns_host`.
+    pub extract: &'s dyn Fn(&Level) -> Schedule,
+}
+
+/// What driving yields.
+pub(super) struct Driven {
+    pub trace: Vec<TracePoint>,
+    pub maps: Maps,
+    /// The level that the last iteration ran at.
+    pub level: Level,
+    /// Active voxels times pairs, summed over iterations.
+    pub pairs: u64,
+    pub seconds: f64,
+}
+
+/// Runs `steps` for `iterations`. Two blocks are in flight, so the device never waits for the host.
+///
+/// Errors: the device's; [`Kind::Cancelled`] if the watch broke off; a loss that is not finite.
+pub(super) fn drive(
+    gpu: &Gpu,
+    job: &mut Job<'_>,
+    iterations: usize,
+    mut steps: Steps<'_>,
+    watch: &mut Watch<'_>,
+) -> Result<Driven> {
+    let gpu_before = job.executor.gpu_seconds();
+    let mut clock = Clock { start: Instant::now(), paused: Duration::ZERO };
+    let mut reader = Reader { gpu_before, trace: vec![], pairs: 0 };
+    let mut flights: VecDeque<(Ticket, std::ops::Range<usize>, Level)> = VecDeque::new();
+    let mut block = std::mem::take(&mut steps.start);
+    let (mut level, mut first) = (0, 0);
+    // Known only behind: what the last block that was heard of had active. The first domain is all there is.
+    let mut active = job.plan.levels[0].grid.voxels();
+    for i in 0..iterations {
+        if i > 0 {
+            block.extend((steps.due)(&job.plan, &mut level, i));
+        }
+        let here = job.plan.levels[level];
+        block.extend((steps.iteration)(&job.plan, &here, i));
+        let done = i + 1;
+        let last = done == iterations;
+        let measured = watch.maps_every.is_some_and(|n| done.is_multiple_of(n));
+        // A change of the level ends a block, so that all its rows belong to one.
+        let mut next = level;
+        let changes = !last && !(steps.due)(&job.plan, &mut next, done).commands.is_empty();
+        if !(last || measured || changes || done - first >= block_length(gpu, active * job.plan.pairs)) {
+            continue;
+        }
+        let ticket = job.executor.submit(&std::mem::take(&mut block))?;
+        flights.push_back((ticket, first..done, here));
+        first = done;
+        while flights.len() > if last || measured { 0 } else { 2 } {
+            let (ticket, rows, at) = flights.pop_front().expect("not empty");
+            job.executor.wait(ticket)?;
+            let point = reader.read(job, rows, &at, clock.seconds())?;
+            active = point.active;
+            let pause = Instant::now();
+            let maps = (measured && point.iteration == done).then(|| {
+                job.executor.run(&(steps.extract)(&at)).map(|()| read_maps(&job.executor.arena, &at.grid))
+            });
+            let progress = Progress { point, iterations, maps: maps.transpose()? };
+            let broken_off = (watch.hear)(&progress).is_break();
+            clock.paused += pause.elapsed();
+            if broken_off {
+                let what = format!("cancelled after {} iterations", point.iteration);
+                return Err(Error::new(Kind::Cancelled, what, "run it again"));
+            }
+        }
+    }
+    let level = job.plan.levels[level];
+    job.executor.run(&(steps.extract)(&level))?;
+    let seconds = clock.seconds();
+    let maps = read_maps(&job.executor.arena, &level.grid);
+    Ok(Driven { trace: reader.trace, maps, level, pairs: reader.pairs, seconds })
+}
+
+/// Seconds since the start, less the pauses.
+struct Clock {
+    start: Instant,
+    paused: Duration,
+}
+
+impl Clock {
+    fn seconds(&self) -> f64 {
+        self.start.elapsed().saturating_sub(self.paused).as_secs_f64()
+    }
+}
+
+/// Iterations of a submission: about a fifth of a second of work, so that progress moves and cancelling is
+/// quick, yet the device never waits for the host.
+fn block_length(gpu: &Gpu, pairs_per_iteration: usize) -> usize {
+    let rate = if gpu.info.kind == DeviceKind::Cpu { 1e8 } else { 3e10 };
+    (0.2 * rate / pairs_per_iteration.max(1) as f64).clamp(1.0, 50.0) as usize
+}
+
+struct Reader {
+    gpu_before: f64,
+    trace: Vec<TracePoint>,
+    pairs: u64,
+}
+
+impl Reader {
+    /// Reads the device's trace of some iterations, all run at `level`, and adds a point for the last.
+    fn read(
+        &mut self,
+        job: &Job<'_>,
+        iterations: std::ops::Range<usize>,
+        level: &Level,
+        seconds: f64,
+    ) -> Result<TracePoint> {
+        let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+        let voxels = level.grid.voxels();
+        let mut loss = 0.0;
+        let mut active = 0;
+        for i in iterations.clone() {
+            let row = rows[i];
+            active = row[TRACE_ACTIVE as usize] as usize;
+            let data = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
+            let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
+            loss = data + job.model.l1 * l1 / voxels as f64;
+            if !loss.is_finite() {
+                return Err(Error::new(
+                    Kind::Options,
+                    format!("the loss is {loss} at iteration {}", i + 1),
+                    "use smaller steps or weights (--learning-rate, --l1, --peak), and check the capture (`thirdbounce info`)",
+                ));
+            }
+            self.pairs += (active * job.plan.pairs) as u64;
+        }
+        let point = TracePoint {
+            iteration: iterations.end,
+            seconds,
+            gpu_seconds: job.executor.gpu_seconds() - self.gpu_before,
+            lateral: level.grid.n[0],
+            active,
+            active_ratio: active as f64 / voxels as f64,
+            loss,
+        };
+        self.trace.push(point);
+        Ok(point)
+    }
+}

@@ -1,0 +1,98 @@
+//! A job on the device: its buffers, its kernels, what is uploaded before solving and read after it.
+
+use super::Plan;
+use crate::Result;
+use crate::gpu::{Arena, Command, Executor, Gpu, Schedule};
+use crate::maps::Maps;
+use crate::transport::{Grid, Model};
+
+/// A job on the device: buffers filled, kernels made, first domain listed.
+pub struct Job<'g> {
+    pub plan: Plan,
+    pub model: Model,
+    pub executor: Executor<'g>,
+}
+
+impl<'g> Job<'g> {
+    /// Allocates and uploads. `memory` is a budget in bytes.
+    ///
+    /// Errors: those of [`Arena::new`] and of the device.
+    pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<Job<'g>> {
+        let arena = Arena::new(gpu, &plan.buffers, memory)?;
+        let mut executor = Executor::new(gpu, arena)?;
+        plan.add_kernels(&mut executor)?;
+        let mut job = Job { plan, model, executor };
+        job.upload()?;
+        Ok(job)
+    }
+
+    /// Fills the buffers that hold the capture and the constants.
+    pub fn upload(&mut self) -> Result<()> {
+        let Job { plan, model, executor } = self;
+        let wall: Vec<f32> =
+            model.wall.iter().flat_map(|w| [w.x as f32, w.y as f32, w.z as f32, 0.0]).collect();
+        upload(executor, "wall", bytemuck::cast_slice(&wall))?;
+        upload(executor, "measured", bytemuck::cast_slice(&model.measured))?;
+        let mut taps = vec![(plan.taps.len() - 1) as f32];
+        taps.extend(plan.taps.iter().map(|w| *w as f32));
+        upload(executor, "taps", bytemuck::cast_slice(&taps))?;
+        for level in &plan.levels {
+            upload(executor, level.scene, bytemuck::bytes_of(&model.scene(&level.grid)))?;
+        }
+        Ok(())
+    }
+}
+
+/// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.
+pub fn upload(executor: &mut Executor<'_>, buffer: &'static str, bytes: &[u8]) -> Result<()> {
+    let size = executor.arena.mapped("upload").len();
+    for (i, part) in bytes.chunks(size).enumerate() {
+        executor.arena.mapped_mut("upload")[..part.len()].copy_from_slice(part);
+        let mut s = Schedule::default();
+        s.commands.push(Command::Copy {
+            from: "upload",
+            from_offset: 0,
+            to: buffer,
+            to_offset: (i * size) as u64,
+            bytes: part.len() as u64,
+        });
+        executor.run(&s)?;
+    }
+    Ok(())
+}
+
+/// The maps that [`super::extract`] left in `columns_host`.
+pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid) -> Maps {
+    let columns: &[[f32; 8]] = bytemuck::cast_slice(arena.mapped("columns_host"));
+    let columns = &columns[..grid.n[0] * grid.n[1]];
+    let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
+    let albedo: Vec<f32> = columns.iter().map(|c| c[0]).collect();
+    Maps {
+        nx: grid.n[0],
+        ny: grid.n[1],
+        extent: grid.extent(),
+        depth: columns.iter().map(|c| pick(c[3] > 0.0, c[1])).collect(),
+        normal: columns.iter().map(|c| [c[4], c[5], c[6]].map(|v| pick(c[3] > 0.0, v))).collect(),
+        mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
+        mask_fraction: Maps::MASK_FRACTION,
+        albedo,
+    }
+}
+
+/// The volume whose raw variables and mask were copied to the host.
+pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid) -> super::VolumeMap {
+    let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped("raw_host"));
+    let mask: &[u32] = bytemuck::cast_slice(arena.mapped("mask_host"));
+    let mut albedo = Vec::with_capacity(grid.voxels());
+    for x in 0..grid.n[0] {
+        for y in 0..grid.n[1] {
+            for z in 0..grid.n[2] {
+                let i = grid.index([x, y, z]);
+                let a = raw[i][0];
+                let value = if a > 0.0 { a } else { a.exp_m1() };
+                albedo.push(if mask[i / 32] >> (i % 32) & 1 == 1 { value } else { 0.0 });
+            }
+        }
+    }
+    super::VolumeMap { grid: *grid, albedo }
+}
