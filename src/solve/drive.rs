@@ -55,6 +55,8 @@ pub(super) struct Steps<'s> {
     pub due: &'s dyn Fn(&Plan, &mut usize, usize) -> Schedule,
     /// Leaves the level's maps in `columns_host`.
     pub extract: &'s dyn Fn(&Level) -> Schedule,
+    /// Weight of the trace's L1 column in the loss at a level.
+    pub l1_weight: &'s dyn Fn(&Level) -> f64,
 }
 
 /// What driving yields.
@@ -107,7 +109,7 @@ pub(super) fn drive(
         while flights.len() > if last || measured { 0 } else { 2 } {
             let (ticket, rows, at) = flights.pop_front().expect("not empty");
             job.executor.wait(ticket)?;
-            let point = reader.read(job, rows, &at, clock.seconds())?;
+            let point = reader.read(job, rows, &at, (steps.l1_weight)(&at), clock.seconds())?;
             active = point.active;
             let pause = Instant::now();
             let maps = (measured && point.iteration == done).then(|| {
@@ -161,6 +163,7 @@ impl Reader {
         job: &Job<'_>,
         iterations: std::ops::Range<usize>,
         level: &Level,
+        l1_weight: f64,
         seconds: f64,
     ) -> Result<TracePoint> {
         let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
@@ -170,9 +173,9 @@ impl Reader {
         for i in iterations.clone() {
             let row = rows[i];
             active = row[TRACE_ACTIVE as usize] as usize;
-            let data = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
+            let data = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
             let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
-            loss = data + job.model.l1 * l1 / voxels as f64;
+            loss = data + l1_weight * l1;
             if !loss.is_finite() {
                 return Err(Error::new(
                     Kind::Options,
