@@ -20,12 +20,12 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use crate::Result;
 use crate::capture::{self, Capture, Gate, auto_gate, published_gate};
 use crate::export::{self, report};
 use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
 use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
-use crate::Result;
 
 pub use account::plain;
 pub use compare::{Compared, Comparison, Method, Turn, compare};

@@ -15,8 +15,9 @@ use super::{interrupt, print};
 
 const METHODS: &str = "\
 Methods:
-  A method is a solver, or solver:key=value,key=value,... with the options of reconstruct as keys, and name=...
-  for what plots and folders call it. What a method does not say is taken from the options given here.
+  A method is a solver, or solver:key=value,key=value,... with the solver options, depth-pitch and trace-every of
+  reconstruct as keys, and name=... for what plots and folders call it. What a method does not say is taken from
+  the options given here. The first method is what the others are held against.
     --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
     --method 'paper;paper:iterations=300,double-every=50'";
 
@@ -74,7 +75,7 @@ pub fn run(args: &Args) -> Result<()> {
             validation: args.device.validation,
             truth: Some(args.truth.clone()),
             mask_fraction: args.mask_fraction,
-            trace_every: Some(args.trace_every),
+            trace_every: spec.trace_every.or(Some(args.trace_every)),
             ..Request::new(solver, "")
         };
         Method { name: spec.name.clone(), spec: spec.text.clone(), request }

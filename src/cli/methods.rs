@@ -13,6 +13,7 @@ pub struct Spec {
     pub name: String,
     pub solver: SolverArgs,
     pub depth_pitch: Option<f64>,
+    pub trace_every: Option<usize>,
 }
 
 #[derive(Parser)]
@@ -22,6 +23,8 @@ struct SpecArgs {
     solver: SolverArgs,
     #[arg(long)]
     depth_pitch: Option<f64>,
+    #[arg(long)]
+    trace_every: Option<usize>,
 }
 
 /// Reads a method; `base` holds the options that all methods have unless they say otherwise.
@@ -50,5 +53,6 @@ pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
     })?;
     args.solver.check(Some(base)).map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
-    Ok(Spec { text: text.to_string(), name, solver: args.solver, depth_pitch: args.depth_pitch })
+    let SpecArgs { solver, depth_pitch, trace_every } = args;
+    Ok(Spec { text: text.to_string(), name, solver, depth_pitch, trace_every })
 }

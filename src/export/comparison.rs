@@ -20,8 +20,6 @@ pub struct Comparison {
     pub capture_file: PathBuf,
     pub truth: Option<PathBuf>,
     pub mask_fraction: f64,
-    /// Iterations between measured points; 0: measured at the end only.
-    pub trace_every: usize,
     /// How often each method ran, in turns.
     pub repeats: usize,
     pub methods: Vec<MethodReport>,
@@ -35,6 +33,8 @@ pub struct MethodReport {
     pub method: String,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
+    /// Iterations between measured points; 0: measured at the end only.
+    pub trace_every: usize,
     pub iterations: usize,
     /// Solve seconds, without load, set-up, measuring and export.
     pub seconds: f64,
@@ -118,16 +118,23 @@ impl Comparison {
              brackets their share of the whole time of `{first}`. Times are those of measured points, {}.\n",
             times(self.repeats),
             self.mask_fraction,
-            if self.trace_every == 0 {
-                "here the last one only".to_string()
-            } else {
-                format!("one after every {} iterations", self.trace_every)
-            },
+            self.steps(),
         );
         for m in self.methods.iter().filter(|m| m.name != m.method) {
             out += &format!("\n`{}` is `{}`.\n", m.name, m.method);
         }
         out
+    }
+
+    /// Which points were measured, in words.
+    fn steps(&self) -> String {
+        let mut steps: Vec<usize> = self.methods.iter().map(|m| m.trace_every).collect();
+        steps.dedup();
+        match steps[..] {
+            [0] => "here the last one only".into(),
+            [n] => format!("one after every {n} iterations"),
+            _ => "whose interval differs from method to method (trace_every in compare.json)".into(),
+        }
     }
 }
 

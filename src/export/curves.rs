@@ -20,7 +20,7 @@ const COLOURS: [[u8; 3]; 7] = [
 const WIDTH: f64 = 1200.0;
 const PANEL: [f64; 2] = [500.0, 300.0];
 const LEFT: f64 = 80.0;
-const TOP: f64 = 92.0;
+const TOP: f64 = 108.0;
 /// From a panel's corner to the next one's.
 const STEP: [f64; 2] = [585.0, 388.0];
 const LEGEND_LINE: f64 = 28.0;
@@ -55,13 +55,13 @@ const PANELS: [Panel; 4] = [
 /// Draws residual, depth error, best IoU and normal error of every method over solve time, a disc at each end,
 /// and a dashed line at the first method's final value.
 pub fn error_vs_time(comparison: &Comparison) -> Drawing {
-    let legend = LEGEND_LINE * comparison.methods.len() as f64;
+    let legend = LEGEND_LINE * (comparison.methods.len() + 1) as f64;
     let height = TOP + STEP[1] + PANEL[1] + 70.0 + legend;
     let mut drawing = Drawing::new(WIDTH as usize, height.ceil() as usize);
     let name = comparison.capture_file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into());
     drawing.title("Error against run time", [LEFT, 34.0], 16.0, Anchor::Start, INK);
     let about = format!("{name}, {} pairs, {}", comparison.capture.pairs, comparison.device.name.trim());
-    drawing.text(&shortened(&about, 130), [LEFT, 58.0], 10.5, Anchor::Start, FRAME);
+    drawing.text(&shortened(&about, 130), [LEFT, 60.0], 10.5, Anchor::Start, FRAME);
     let times = comparison.methods.iter().flat_map(|m| &m.trace).map(|e| e.seconds);
     let time = Axis::new(times, true);
     for (at, panel) in PANELS.iter().enumerate() {
@@ -79,6 +79,12 @@ pub fn error_vs_time(comparison: &Comparison) -> Drawing {
             method.iterations,
             plain(rounded(method.seconds))
         );
+        drawing.text(&text, [LEFT + 50.0, y], 11.0, Anchor::Start, INK);
+    }
+    if let Some(first) = comparison.methods.first() {
+        let y = height - 12.0 - 0.5 * LEGEND_LINE;
+        drawing.dashes(&[[LEFT, y - 5.0], [LEFT + 36.0, y - 5.0]], 1.2, FRAME);
+        let text = format!("dashed: where {} ends", shortened(&first.name, 90));
         drawing.text(&text, [LEFT + 50.0, y], 11.0, Anchor::Start, INK);
     }
     drawing

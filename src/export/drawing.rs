@@ -151,7 +151,7 @@ pub fn draw(picture: &mut Picture, shape: &Shape) {
                     Anchor::Middle => 0.5 * length,
                     Anchor::End => length,
                 };
-            let width = size * if *bold { 0.19 } else { 0.13 };
+            let width = size * if *bold { 0.17 } else { 0.125 };
             for stroke in strokes::strokes(text, *size) {
                 let points: Vec<_> = stroke.iter().map(|p| [left + p[0], at[1] + p[1]]).collect();
                 polyline(picture, &points, width, *colour);

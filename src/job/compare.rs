@@ -12,9 +12,9 @@ use crate::export::{self, curves};
 use crate::gpu::Gpu;
 use crate::maps::Truth;
 use crate::measure::{Metrics, Reach, median, reach};
-use crate::solve::Progress;
+use crate::solve::{Progress, Watch};
 use crate::transport::Grid;
-use crate::{Error, Result};
+use crate::{Error, Kind, Result};
 
 /// What a comparison writes into its folder, beside a folder for each method.
 const FILES: [&str; 4] = ["error_vs_time.png", "error_vs_time.svg", "compare.md", "compare.json"];
@@ -59,7 +59,7 @@ pub struct Compared {
     pub files: Vec<PathBuf>,
 }
 
-/// Runs every method `repeats` times, in turns, and writes `error_vs_time.png` and `.svg`, `compare.md`, each
+/// Runs every method `repeats` times, in turns and after a short warm-up, and writes `error_vs_time.png` and `.svg`, `compare.md`, each
 /// method's maps and report in a folder of its own, and last `compare.json`.
 ///
 /// # Errors
@@ -74,6 +74,9 @@ pub fn compare(
     let grids: Vec<Grid> = methods.iter().map(|m| m.request.grid(&loaded.capture)).collect::<Result<_>>()?;
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
+    for (method, grid) in methods.iter().zip(&grids) {
+        warm_up(method, loaded, &gpu, *grid).map_err(|e| e.at(format!("method {:?}", method.name)))?;
+    }
     let mut runs: Vec<Option<Runs>> = methods.iter().map(|_| None).collect();
     for number in 0..turns {
         let at = number % methods.len();
@@ -110,6 +113,18 @@ pub fn compare(
     comparison::write_json(&json, &report)?;
     files.extend([png, svg, page, json]);
     Ok(Compared { report, validation: gpu.validation_messages(), files })
+}
+
+/// Begins a solve and breaks off, so that drivers that compile at the first dispatch have done so before any
+/// time is taken, and what does not fit is found out before hours of work.
+fn warm_up(method: &Method, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
+    let mut stop = |_: &Progress| ControlFlow::Break(());
+    let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
+    let request = &method.request;
+    match request.solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
+        Err(e) if e.kind != Kind::Cancelled => Err(e),
+        _ => Ok(()),
+    }
 }
 
 /// The runs of one method.
@@ -200,6 +215,7 @@ impl Comparison {
                 name: method.name.clone(),
                 method: method.spec.clone(),
                 settings: account::settings(&method.request, loaded, grid, &run.first.solved),
+                trace_every: method.request.trace_step(),
                 iterations: last.map_or(0, |p| p.iteration),
                 seconds: median(&run.totals).unwrap_or(0.0),
                 repeats_s: run.totals.clone(),
@@ -217,7 +233,6 @@ impl Comparison {
             capture_file: loaded.input.path.clone(),
             truth: methods[0].request.truth.clone(),
             mask_fraction: methods[0].request.mask_fraction,
-            trace_every: methods[0].request.trace_step(),
             repeats: self.repeats,
             methods: methods.iter().zip(runs).zip(grids).map(report).collect(),
         }
