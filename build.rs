@@ -16,7 +16,9 @@ mod spirv;
 /// extensions; every other choice is a specialization constant.
 const KERNELS: &[(&str, &str, &[&str])] = &[
     ("arguments", "arguments.comp", &[]),
+    ("backproject", "backproject.comp", &[]),
     ("backward", "backward.comp", &[]),
+    ("bound", "bound.comp", &[]),
     ("compact_count", "compact_count.comp", &[]),
     ("compact_scan", "compact_scan.comp", &[]),
     ("compact_scatter", "compact_scatter.comp", &[]),
@@ -24,6 +26,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("double_domain", "double_domain.comp", &[]),
     ("double_raw", "double_raw.comp", &[]),
     ("extract", "extract.comp", &[]),
+    ("extrapolate", "extrapolate.comp", &[]),
+    ("filter", "filter.comp", &[]),
     ("finish", "finish.comp", &[]),
     ("forward_cas", "forward.comp", &["ACCUMULATE_CAS"]),
     ("forward_fixed32", "forward.comp", &["ACCUMULATE_FIXED32"]),
@@ -33,11 +37,15 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("gaussian", "gaussian.comp", &[]),
     ("initialise", "initialise.comp", &[]),
     ("noise", "noise.comp", &[]),
+    ("points", "points.comp", &[]),
     ("residual", "residual.comp", &[]),
     ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
     ("sample", "sample.comp", &[]),
+    ("settle", "settle.comp", &[]),
+    ("step", "step.comp", &[]),
     ("threshold", "threshold.comp", &[]),
     ("update", "update.comp", &[]),
+    ("variance", "variance.comp", &[]),
 ];
 
 fn main() {

@@ -26,9 +26,7 @@ layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
 
 shared vec4 parts[VOXELS * SLICES];
 
-float gathered(uint row, int bin) {
-    return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
-}
+#include "gather.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -37,22 +35,9 @@ void main() {
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 s = owned ? sample_points[slot] : vec4(0.0);
     vec4 n = owned ? sample_normals[slot] : vec4(0.0);
-    vec4 sum = vec4(0.0); // d/d albedo, d/d normal without the factor albedo
-    uint last = min(push.first + PAIR_CHUNK, scene.pairs);
-    for (uint pair = push.first + slice; owned && pair < last; pair += SLICES) {
-        Kernel k = confocal_kernel(wall[pair].xyz, s.xyz, n.xyz);
-        uint row = pair * scene.bins;
-        float r;
-        if (SPLIT != 0u) {
-            float centre = k.bin - 0.5;
-            float low = floor(centre);
-            r = mix(gathered(row, int(low)), gathered(row, int(low) + 1), centre - low);
-        } else {
-            r = gathered(row, int(floor(k.bin)));
-        }
-        if (EXACT != 0u) r *= k.falloff;
-        if (k.cosine > 0.0) sum += r * vec4(k.cosine, k.toward);
-    }
+    uint last = owned ? min(push.first + PAIR_CHUNK, scene.pairs) : 0u;
+    // d/d albedo, d/d normal without the factor albedo
+    vec4 sum = gather(s.xyz, n.xyz, push.first + slice, last, SLICES);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;
         barrier();

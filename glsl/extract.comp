@@ -8,6 +8,7 @@
 #include "surface.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint REACH = 2u;
+layout(constant_id = 11) const uint VECTORS = 0u; // raw variables, or vectors albedo * normal
 layout(std430, set = 0, binding = 1) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Columns { vec4 columns[]; };
@@ -15,7 +16,7 @@ layout(std430, set = 0, binding = 3) writeonly buffer Columns { vec4 columns[]; 
 // Albedo of an active voxel, 0 elsewhere and below zero.
 float albedo_at(uvec3 c) {
     uint index = voxel_index(c);
-    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? max(raw[index].x, 0.0) : 0.0;
+    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? (VECTORS != 0u ? length(raw[index].xyz) : max(raw[index].x, 0.0)) : 0.0;
 }
 
 void main() {
@@ -46,7 +47,8 @@ void main() {
     }
     c.z = depth;
     float centre = position(vec3(c)).z;
-    vec3 u = toward_wall(raw[voxel_index(c)].yzw);
+    vec4 found = raw[voxel_index(c)];
+    vec3 u = VECTORS != 0u ? found.xyz : toward_wall(found.yzw);
     columns[2u * column] = vec4(best, centre, centre + moment / weight * scene.pitch_z, 1.0);
     columns[2u * column + 1u] = vec4(u / safe_length(u), 0.0);
 }

@@ -1,36 +1,50 @@
 // One workgroup closes an iteration: sums the partial losses in a fixed order (each lane strides, then a
 // tree), writes the iteration's row of the trace that the host reads behind, and resets what the next
-// iteration maximises.
+// iteration maximises. With MOMENTUM it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle
+// 2009), restarted where the step goes against the momentum or the objective rose (O'Donoghue & Candes 2015).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
+#include "sums.glsl"
 layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint ACCELERATED = 0u;
+layout(constant_id = 11) const uint VOXELS = WORKGROUP; // voxels behind one partial sum of theirs
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer LossPartials { float loss_partials[]; };
+layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 4) writeonly buffer Trace { uint trace[]; };
-
-shared vec2 sums[WORKGROUP];
+layout(std430, set = 0, binding = 5) buffer Momentum { float momentum[]; };
+layout(std430, set = 0, binding = 6) readonly buffer AgainstPartials { float against_partials[]; };
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    vec2 sum = vec2(0.0);
+    vec4 sum = vec4(0.0);
     uint loss_groups = (scene.pairs * scene.bins + WORKGROUP - 1u) / WORKGROUP;
-    uint l1_groups = (counts[COUNT_ACTIVE] + WORKGROUP - 1u) / WORKGROUP;
-    for (uint i = lane; i < loss_groups; i += WORKGROUP) sum.x += loss_partials[i];
-    for (uint i = lane; i < l1_groups; i += WORKGROUP) sum.y += l1_partials[i];
-    sums[lane] = sum;
-    barrier();
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) sums[lane] += sums[lane + stride];
-        barrier();
+    uint voxel_groups = (counts[COUNT_ACTIVE] + VOXELS - 1u) / VOXELS;
+    for (uint i = lane; i < loss_groups; i += WORKGROUP) sum.xy += loss_partials[i];
+    for (uint i = lane; i < voxel_groups; i += WORKGROUP) {
+        sum.z += l1_partials[i];
+        if (ACCELERATED != 0u) sum.w += against_partials[i];
     }
+    sum = sum_over_group(sum);
     if (lane != 0u) return;
+    float objective = sum.x * scene.loss_scale;
     uint row = push.iteration * TRACE_ROW;
-    trace[row + TRACE_DATA] = floatBitsToUint(sums[0].x * scene.loss_scale);
-    trace[row + TRACE_L1] = floatBitsToUint(sums[0].y);
+    trace[row + TRACE_DATA] = floatBitsToUint(sum.y * scene.loss_scale);
+    trace[row + TRACE_L1] = floatBitsToUint(sum.z);
     trace[row + TRACE_ACTIVE] = counts[COUNT_ACTIVE];
     trace[row + TRACE_PEAK] = counts[COUNT_PEAK_ALBEDO];
+    trace[row + TRACE_OBJECTIVE] = floatBitsToUint(objective);
     counts[COUNT_PEAK_ALBEDO] = 0u;
+    if (ACCELERATED == 0u) return;
+    objective += sum.z;
+    float t = momentum[MOMENTUM_T];
+    bool restart = sum.w > 0.0 || objective > momentum[MOMENTUM_OBJECTIVE];
+    if (restart) momentum[MOMENTUM_RESTARTS] += 1.0;
+    float next = restart ? 1.0 : 0.5 + sqrt(0.25 + t * t);
+    momentum[MOMENTUM_BETA] = restart ? 0.0 : (t - 1.0) / next;
+    momentum[MOMENTUM_T] = next;
+    momentum[MOMENTUM_OBJECTIVE] = objective;
+    trace[row + TRACE_RESTARTS] = floatBitsToUint(momentum[MOMENTUM_RESTARTS]);
 }

@@ -8,7 +8,7 @@
 #include "surface.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
-layout(constant_id = 11) const uint FIRST = 1u;
+layout(constant_id = 11) const uint FIRST = 1u; // 0 a volume, 1 albedo of raw variables, 2 length of vectors
 layout(constant_id = 12) const uint LAST = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Taps { float taps[]; }; // [0] = radius, then weights 0..radius
 layout(std430, set = 0, binding = 2) readonly buffer Raw { vec4 raw[]; };
@@ -22,7 +22,8 @@ shared float peaks[WORKGROUP];
 float value_at(uvec3 c) {
     uint index = voxel_index(c);
     if (FIRST == 0u) return source[index];
-    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? elu(raw[index].x) : 0.0;
+    if ((mask[index >> 5] >> (index & 31u) & 1u) == 0u) return 0.0;
+    return FIRST == 1u ? elu(raw[index].x) : length(raw[index].xyz);
 }
 
 void main() {

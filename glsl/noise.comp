@@ -10,7 +10,7 @@ layout(constant_id = 10) const uint PER_HISTOGRAM = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 2) buffer NoiseState { float noise_state[]; };
 
-shared float sums[WORKGROUP];
+#include "sums.glsl"
 
 // residual is dLoss / d accumulated = dLoss / d rendered * render_scale.
 void learn(uint at, float gradient_of_sum) {
@@ -38,11 +38,6 @@ void main() {
         else learn(3u * (row + bin), residual[row + bin]);
     }
     if (PER_HISTOGRAM == 0u) return;
-    sums[lane] = sum;
-    barrier();
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) sums[lane] += sums[lane + stride];
-        barrier();
-    }
-    if (lane == 0u) learn(3u * pair, sums[0]);
+    sum = sum_over_group(vec4(sum)).x;
+    if (lane == 0u) learn(3u * pair, sum);
 }

@@ -7,7 +7,9 @@
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 10) const uint NOISE = 0u; // 0 none, 1 a weight per bin, 2 a weight per histogram
+layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
+layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
+layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with nothing, for bounds of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
@@ -17,10 +19,11 @@ layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
 #else
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 #endif
-layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { float loss_partials[]; };
+layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
 layout(std430, set = 0, binding = 6) readonly buffer NoiseState { float noise_state[]; };
 
-shared float sums[WORKGROUP];
+#include "weight.glsl"
+#include "sums.glsl"
 
 #ifdef ACCUMULATE_FIXED
 float accumulated(uint index) {
@@ -44,7 +47,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     uint group = group_index();
     uint index = group * WORKGROUP + lane;
-    float squared = 0.0;
+    vec2 squared = vec2(0.0);
     if (index < scene.pairs * scene.bins) {
         float rendered = accumulated(index) * scene.render_scale;
         histograms[index] = ZERO;
@@ -55,15 +58,11 @@ void main() {
             open = rendered > 0.0 ? 1.0 : 0.0;
             rendered = max(rendered, 0.0);
         }
-        float difference = rendered - measured[index];
-        squared = difference * difference;
-        residual[index] = 2.0 * scene.loss_scale * scene.render_scale * open * difference;
+        float difference = rendered - (MEASURE != 0u ? measured[index] : 0.0);
+        float weight = WEIGHTED != 0u ? bin_weight(index % scene.bins) : 1.0;
+        squared = difference * difference * vec2(weight, 1.0);
+        residual[index] = 2.0 * scene.loss_scale * scene.render_scale * open * weight * difference;
     }
-    sums[lane] = squared;
-    barrier();
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) sums[lane] += sums[lane + stride];
-        barrier();
-    }
-    if (lane == 0u) loss_partials[group] = sums[0];
+    vec4 sum = sum_over_group(vec4(squared, 0.0, 0.0));
+    if (lane == 0u) loss_partials[group] = sum.xy;
 }

@@ -18,7 +18,8 @@ layout(std430, set = 0, binding = 4) writeonly buffer SamplePoints { vec4 sample
 layout(std430, set = 0, binding = 5) writeonly buffer SampleNormals { vec4 sample_normals[]; }; // unit normal, its length before
 layout(std430, set = 0, binding = 6) writeonly buffer L1Partials { float l1_partials[]; };
 
-shared float sums[WORKGROUP];
+#include "sums.glsl"
+
 shared float peaks[WORKGROUP];
 
 vec4 interpolate(vec3 g) {
@@ -50,18 +51,14 @@ void main() {
         sample_normals[slot] = vec4(u / length_u, length_u);
         magnitude = abs(albedo);
     }
-    sums[lane] = magnitude;
     peaks[lane] = magnitude;
-    barrier();
+    float sum = sum_over_group(vec4(magnitude)).x;
     for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) {
-            sums[lane] += sums[lane + stride];
-            peaks[lane] = max(peaks[lane], peaks[lane + stride]);
-        }
+        if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
         barrier();
     }
     if (lane == 0u) {
-        l1_partials[group] = sums[0];
+        l1_partials[group] = sum;
         // Bits of nonnegative floats order as the floats do.
         atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(peaks[0]));
     }

@@ -32,7 +32,10 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("beta1", "float", ""),
     ("beta2", "float", ""),
     ("epsilon", "float", ""),
-    ("keep_above", "float", "domain reduction: share of the smoothed maximum"),
+    ("cone", "float", "largest |v_xy| / |v_z| of a surface vector"),
+    ("variance", "float", "photon variance per measured value"),
+    ("variance_floor", "float", "variance of an empty bin"),
+    ("noise_factor", "float", "kappa: weight of the group term in standard deviations"),
     ("kernel_bound", "float", "no pair's kernel is larger than this"),
 ];
 
@@ -67,7 +70,14 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("TRACE_L1", 1, "index in a row of `trace`: sum of |albedo|"),
     ("TRACE_ACTIVE", 2, "index in a row of `trace`: active voxels (uint)"),
     ("TRACE_PEAK", 3, "index in a row of `trace`: largest |albedo|"),
-    ("TRACE_ROW", 4, "length of a row of `trace`"),
+    ("TRACE_OBJECTIVE", 4, "index in a row of `trace`: the solver's data term, weighted where the solver weights"),
+    ("TRACE_RESTARTS", 5, "index in a row of `trace`: restarts of the momentum so far"),
+    ("TRACE_ROW", 6, "length of a row of `trace`"),
+    ("MOMENTUM_T", 0, "index in `momentum`: FISTA's t"),
+    ("MOMENTUM_BETA", 1, "index in `momentum`: extrapolation of the next iteration"),
+    ("MOMENTUM_OBJECTIVE", 2, "index in `momentum`: objective of the iteration before"),
+    ("MOMENTUM_RESTARTS", 3, "index in `momentum`: restarts so far"),
+    ("MOMENTUM", 4, "length of `momentum`"),
     ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the dispatch before"),
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),
 ];

@@ -1,6 +1,6 @@
 // Domain reduction: one invocation owns one word of the mask, 32 voxels. Active afterwards is what lies above
 // the given share of the smoothed maximum and not nearer than allowed; whether it was active before does not
-// matter (the smoothing lets the domain grow back a little, as in the paper).
+// matter (push.flags holds the share's bits; the smoothing lets the domain grow back a little, as in the paper).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -13,7 +13,7 @@ layout(std430, set = 0, binding = 3) writeonly buffer Mask { uint mask[]; };
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= brick_count() * 16u) return;
-    float above = scene.keep_above * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
+    float above = uintBitsToFloat(push.flags) * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
     uint word = 0u;
     for (uint i = 0u; i < 32u; ++i) {
         uint index = at * 32u + i;

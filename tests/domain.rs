@@ -124,7 +124,7 @@ fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
         write_raw(&mut job, "raw", &raw);
         write_mask(&mut job, "mask", &domain);
-        let schedule = reduce(&job.plan, job.plan.finest());
+        let schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
         job.executor.run(&schedule).unwrap();
         let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
         let got: Vec<f32> = read(&mut job, "gradient", grid.storage());
@@ -146,7 +146,7 @@ fn a_volume_without_light_is_pruned_to_nothing() {
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_raw(&mut job, "raw", &vec![[-0.5, 0.0, 0.0, 0.0]; grid.storage()]);
     write_mask(&mut job, "mask", &domain);
-    let schedule = reduce(&job.plan, job.plan.finest());
+    let schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
     job.executor.run(&schedule).unwrap();
     assert_lists(&mut job, &grid, &vec![false; grid.storage()], true);
     assert_valid(&gpu);

@@ -165,8 +165,10 @@ fn residual_with_and_without_noise_term() {
             run(&mut job, &["residual"], 0, 1);
             let got: Vec<f32> = read(&mut job, "residual", elements);
             assert!(error(got.iter().map(|v| f64::from(*v)), want) < 3e-6);
-            let partials: Vec<f32> = read(&mut job, "loss_partials", elements.div_ceil(WORKGROUP as usize));
-            let sum: f64 = partials.iter().map(|v| f64::from(*v)).sum();
+            let partials: Vec<[f32; 2]> =
+                read(&mut job, "loss_partials", elements.div_ceil(WORKGROUP as usize));
+            assert!(partials.iter().all(|p| p[0] == p[1]), "the paper's objective is the plain one");
+            let sum: f64 = partials.iter().map(|v| f64::from(v[1])).sum();
             assert!((sum / elements as f64 / loss - 1.0).abs() < 1e-5);
             let bytes = elements * if job.plan.fixed_point() { 8 } else { 4 };
             let left: Vec<u8> = read(&mut job, "histograms", bytes);
@@ -325,15 +327,20 @@ fn finish_sums_and_resets() {
     let grid = grid();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let mut random = Random::new(16);
-    let loss: Vec<f32> = (0..(16 * 50usize).div_ceil(64)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
+    let loss: Vec<f32> =
+        (0..2 * (16 * 50usize).div_ceil(64)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
     let l1: Vec<f32> = (0..777usize.div_ceil(64)).map(|_| random.uniform(0.0, 50.0) as f32).collect();
     write(&mut job, "loss_partials", &loss);
     write(&mut job, "l1_partials", &l1);
     set_counts(&mut job, 777, 1.25);
     run(&mut job, &["finish"], 2, 1);
-    let row: Vec<u32> = bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[2 * 16..3 * 16]);
+    let bytes = 4 * TRACE_ROW as usize;
+    let row: Vec<u32> =
+        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[2 * bytes..3 * bytes]);
     let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>();
-    assert!((f64::from(f32::from_bits(row[0])) / (sum(&loss) / 800.0) - 1.0).abs() < 1e-6);
+    let part = |k: usize| sum(&loss.iter().skip(k).step_by(2).copied().collect::<Vec<f32>>()) / 800.0;
+    assert!((f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize])) / part(0) - 1.0).abs() < 1e-6);
+    assert!((f64::from(f32::from_bits(row[0])) / part(1) - 1.0).abs() < 1e-6);
     assert!((f64::from(f32::from_bits(row[1])) / sum(&l1) - 1.0).abs() < 1e-6);
     assert_eq!((row[2], f32::from_bits(row[3])), (777, 1.25));
     let counts: Vec<u32> = read(&mut job, "counts", 4);

@@ -62,11 +62,11 @@ pub struct TraceEntry {
     /// Written as null where it is not finite.
     #[serde(deserialize_with = "null_is_nan")]
     pub loss: f64,
-    /// The data term of the loss: mean (weighted) squared difference over the bins, without regularisation.
+    /// Mean squared difference over the bins, without any solver's weights or regularisation.
     #[serde(default)]
     pub data_loss: Option<f64>,
-    /// ‖√w(Av − h)‖ / ‖√w h‖ with the solver's own weights w (the paper's: 1): the square root of `data_loss` over
-    /// that of an empty volume. Null if nothing was measured.
+    /// ‖Av − h‖ / ‖h‖, h as the solver takes it (without the background, where it takes one off): the square root
+    /// of `data_loss` over that of an empty volume. Null if nothing was measured.
     #[serde(default)]
     pub residual: Option<f64>,
     /// Stand beside the other fields when truth was given; left out without.

@@ -52,7 +52,15 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
 }
 
 /// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
-pub fn reduce(plan: &Plan, level: &Level) -> Schedule {
+pub fn reduce(plan: &Plan, level: &Level, keep_above: f64) -> Schedule {
+    let mut s = smooth(level, "gaussian_x");
+    s.extend(keep(level, keep_above));
+    s.extend(compact(plan, level));
+    s
+}
+
+/// Smooths what the kernel `first` reads into `gradient`, and its maximum into `counts`.
+pub(super) fn smooth(level: &Level, first: &'static str) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
     let (a, b) = ("gradient", "sample_points");
@@ -63,13 +71,19 @@ pub fn reduce(plan: &Plan, level: &Level) -> Schedule {
         value: 0,
     });
     let all = groups(level.grid.storage(), WORKGROUP);
-    s.dispatch("gaussian_x", all).bind("scene", scene).bind("source", b).bind("target", a);
+    s.dispatch(first, all).bind("scene", scene).bind("source", b).bind("target", a);
     s.dispatch("gaussian_y", all).bind("scene", scene).bind("source", a).bind("target", b);
     s.dispatch("gaussian_z", all).bind("scene", scene).bind("source", b).bind("target", a);
+    s
+}
+
+/// The mask of what is smoothed above a share of its maximum.
+pub(super) fn keep(level: &Level, above: f64) -> Schedule {
+    let mut s = Schedule::default();
     s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP))
-        .bind("scene", scene)
-        .bind("source", a);
-    s.extend(compact(plan, level));
+        .bind("scene", level.scene)
+        .bind("source", "gradient")
+        .with(Push { flags: (above as f32).to_bits(), ..Default::default() });
     s
 }
 
@@ -84,18 +98,24 @@ pub fn restart(level: &Level) -> Schedule {
 
 /// From `coarse` to `fine`, which has twice its lateral resolution; the optimiser is at rest after it.
 pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
+    let mut s = double_volume(plan, coarse, fine);
+    s.extend(restart(fine));
+    s.extend(compact(plan, fine));
+    s
+}
+
+/// The volume and the mask of `fine` from those of `coarse`.
+pub(super) fn double_volume(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
     let mut s = Schedule::default();
     let old = coarse.grid.storage() as u64;
-    s.copy("raw", "moment_first", old * 16);
+    s.copy("raw", plan.spare(), old * 16);
     s.copy("mask", "touched_mask", old / 8);
     s.dispatch("double_raw", groups(fine.grid.storage(), WORKGROUP))
         .bind("scene", fine.scene)
-        .bind("coarse", "moment_first");
+        .bind("coarse", plan.spare());
     s.dispatch("double_domain", groups(fine.grid.storage() / 32, WORKGROUP))
         .bind("scene", fine.scene)
         .bind("coarse_mask", "touched_mask");
-    s.extend(restart(fine));
-    s.extend(compact(plan, fine));
     s
 }
 
@@ -104,7 +124,7 @@ pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
 pub fn due(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) -> Schedule {
     let mut s = Schedule::default();
     if options.reduce && done.is_multiple_of(options.reduce_every) {
-        s.extend(reduce(plan, &plan.levels[*level]));
+        s.extend(reduce(plan, &plan.levels[*level], options.keep_above));
     }
     if done.is_multiple_of(options.double_every) && *level + 1 < plan.levels.len() {
         s.extend(double(plan, &plan.levels[*level], &plan.levels[*level + 1]));

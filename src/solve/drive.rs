@@ -26,7 +26,7 @@ pub struct TracePoint {
     pub active_ratio: f64,
     /// What the solver minimises.
     pub loss: f64,
-    /// Of it the data term: the mean over the bins of the (weighted) squared difference, without regularisation.
+    /// The mean over the bins of the squared difference, without any solver's weights or regularisation.
     pub data_loss: f64,
 }
 
@@ -61,6 +61,8 @@ pub(super) struct Steps<'s> {
     pub due: &'s dyn Fn(&Plan, &mut usize, usize) -> Schedule,
     /// Leaves the level's maps in `columns_host`.
     pub extract: &'s dyn Fn(&Level) -> Schedule,
+    /// Weight of the trace's L1 column in the loss at a level.
+    pub l1_weight: &'s dyn Fn(&Level) -> f64,
 }
 
 /// What driving yields.
@@ -120,7 +122,7 @@ pub(super) fn drive(
         }
         let (pause, gpu_pause) = (Instant::now(), job.executor.gpu_seconds());
         for (rows, at, seconds) in back {
-            let point = reader.read(job, rows, &at, seconds)?;
+            let point = reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
             active = point.active;
             let maps = (measured && point.iteration == done).then(|| {
                 job.executor.run(&(steps.extract)(&at)).map(|()| read_maps(&job.executor.arena, &at.grid))
@@ -175,6 +177,7 @@ impl Reader {
         job: &Job<'_>,
         iterations: std::ops::Range<usize>,
         level: &Level,
+        l1_weight: f64,
         [seconds, gpu_seconds]: [f64; 2],
     ) -> Result<TracePoint> {
         let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
@@ -185,8 +188,9 @@ impl Reader {
             let row = rows[i];
             active = row[TRACE_ACTIVE as usize] as usize;
             data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
+            let objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
             let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
-            loss = data_loss + job.model.l1 * l1 / voxels as f64;
+            loss = objective + l1_weight * l1;
             if !loss.is_finite() {
                 return Err(Error::new(
                     Kind::Options,

@@ -80,7 +80,7 @@ pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid) -> Maps {
 }
 
 /// The volume whose raw variables and mask were copied to the host.
-pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid) -> super::VolumeMap {
+pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, vectors: bool) -> super::VolumeMap {
     let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped("raw_host"));
     let mask: &[u32] = bytemuck::cast_slice(arena.mapped("mask_host"));
     let mut albedo = Vec::with_capacity(grid.voxels());
@@ -88,8 +88,12 @@ pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid) -> super::VolumeMap {
         for y in 0..grid.n[1] {
             for z in 0..grid.n[2] {
                 let i = grid.index([x, y, z]);
-                let a = raw[i][0];
-                let value = if a > 0.0 { a } else { a.exp_m1() };
+                let [a, b, c, _] = raw[i];
+                let value = match (vectors, a > 0.0) {
+                    (true, _) => (a * a + b * b + c * c).sqrt(),
+                    (false, true) => a,
+                    (false, false) => a.exp_m1(),
+                };
                 albedo.push(if mask[i / 32] >> (i % 32) & 1 == 1 { value } else { 0.0 });
             }
         }

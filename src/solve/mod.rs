@@ -11,6 +11,7 @@ mod options;
 pub mod paper;
 mod plan;
 mod schedule;
+pub mod vector;
 
 pub use domain::{compact, double, due, extract, initialise, reduce, restart};
 pub use drive::{Progress, TracePoint, Watch};
@@ -18,5 +19,6 @@ pub use extent::default_volume;
 pub use job::{Job, upload};
 pub use options::{Accumulation, NoiseTerm, PaperOptions, Preset};
 pub use paper::{Reconstruction, VolumeMap};
-pub use plan::{Level, Plan, Tuning};
+pub use plan::{Level, Plan, Tuning, Wanted};
 pub use schedule::iteration;
+pub use vector::VectorOptions;

@@ -1,6 +1,6 @@
 //! The solver of "Domain Reduction Strategy for Non-Line-of-Sight Imaging" (ECCV 2024).
 
-use super::drive::{Steps, TracePoint, Watch, drive};
+use super::drive::{Driven, Steps, TracePoint, Watch, drive};
 use super::job::{Job, read_volume};
 use super::{NoiseTerm, PaperOptions, Plan, domain, iteration};
 use crate::capture::Capture;
@@ -23,8 +23,7 @@ pub struct Reconstruction {
     pub maps: Maps,
     pub volume: Option<VolumeMap>,
     pub trace: Vec<TracePoint>,
-    /// The data loss of an empty volume: the mean over the bins of the (weighted) squared measurement, in the
-    /// scale of [`TracePoint::data_loss`].
+    /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
     pub empty_loss: f64,
     pub plan: Plan,
     /// Pair evaluations, forward and backward together counted once.
@@ -85,15 +84,21 @@ pub fn reconstruct(
         iteration: &|plan, level, i| iteration(plan, level, i as u32, (i % options.restart_every) as u32 + 1),
         due: &|plan, level, done| domain::due(plan, options, level, done),
         extract: &domain::extract,
+        l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
     };
     let driven = drive(gpu, &mut job, options.iterations, steps, watch)?;
+    finish(job, driven, with_volume)
+}
+
+/// What a solve yields, from what its driver left.
+pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Result<Reconstruction> {
     let volume = if with_volume {
         let storage = driven.level.grid.storage() as u64;
         let mut s = Schedule::default();
         s.copy("raw", "raw_host", storage * 16);
         s.copy("mask", "mask_host", storage / 8);
         job.executor.run(&s)?;
-        Some(read_volume(&job.executor.arena, &driven.level.grid))
+        Some(read_volume(&job.executor.arena, &driven.level.grid, job.plan.vectors))
     } else {
         None
     };

@@ -45,6 +45,8 @@ pub struct Plan {
     pub gradient: Gradient,
     pub noise: NoiseTerm,
     pub initial_albedo: f32,
+    /// The vector solver's kernels and buffers, not the paper's.
+    pub vectors: bool,
     pub tuning: Tuning,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
@@ -53,18 +55,53 @@ pub struct Plan {
     pub left_out: Vec<String>,
 }
 
+/// What a solver asks of a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted {
+    pub accumulation: Accumulation,
+    pub coarse_to_fine: bool,
+    pub iterations: usize,
+    pub sampling: Sampling,
+    pub binning: Binning,
+    pub gradient: Gradient,
+    pub noise: NoiseTerm,
+    pub initial_albedo: f64,
+    pub smooth_sigma: f64,
+    pub smooth_truncate: f64,
+    pub vectors: bool,
+}
+
+impl From<&PaperOptions> for Wanted {
+    fn from(o: &PaperOptions) -> Wanted {
+        Wanted {
+            accumulation: o.accumulation,
+            coarse_to_fine: o.coarse_to_fine,
+            iterations: o.iterations,
+            sampling: o.sampling,
+            binning: o.binning,
+            gradient: o.gradient,
+            noise: o.noise,
+            initial_albedo: o.initial_albedo,
+            smooth_sigma: o.smooth_sigma,
+            smooth_truncate: o.smooth_truncate,
+            vectors: false,
+        }
+    }
+}
+
 impl Plan {
-    /// Plans the paper's solver for `model` on `grid` (the final one) for a device of such abilities.
+    /// Plans a solver for `model` on `grid` (the final one) for a device of such abilities.
     ///
     /// Errors: an accumulation that the device does not offer, sizes beyond 32-bit indices.
     pub fn new(
         model: &Model,
         grid: Grid,
         scan: [usize; 2],
-        options: &PaperOptions,
+        wanted: impl Into<Wanted>,
         device: &Abilities,
         with_volume: bool,
     ) -> Result<Plan> {
+        let options: Wanted = wanted.into();
         let accumulation = choose(options.accumulation, device.kind, device.accumulations)?;
         let elements = model.pairs() as u64 * model.bins as u64;
         if elements > 1 << 30 {
@@ -73,7 +110,7 @@ impl Plan {
                 "use a larger --stride or a narrower --gate",
             ));
         }
-        let levels = levels(grid, scan, options)?;
+        let levels = levels(grid, scan, options.coarse_to_fine)?;
         let owned = accumulation == Accumulation::Owned;
         let cpu = device.kind == DeviceKind::Cpu;
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
@@ -102,6 +139,7 @@ impl Plan {
             gradient: options.gradient,
             noise: options.noise,
             initial_albedo: options.initial_albedo as f32,
+            vectors: options.vectors,
             tuning,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
@@ -114,6 +152,12 @@ impl Plan {
 
     pub fn finest(&self) -> &Level {
         self.levels.last().expect("a plan has a level")
+    }
+
+    /// A buffer of a volume's size that is free while the domain doubles: Adam's first moment, which is at rest
+    /// then, or the iterate before.
+    pub fn spare(&self) -> &'static str {
+        if self.vectors { "before" } else { "moment_first" }
     }
 
     pub fn fixed_point(&self) -> bool {
@@ -155,8 +199,12 @@ impl Plan {
             ("residual", elements * 4),
             ("noise_state", self.noise_weights() as u64 * 12),
             ("raw", voxels * 16),
-            ("moment_first", voxels * 16),
-            ("moment_second", voxels * 16),
+            (self.spare(), voxels * 16),
+            ("moment_second", if self.vectors { 0 } else { voxels * 16 }),
+            ("bounds", if self.vectors { voxels * 8 } else { 0 }),
+            ("hat_taps", if self.vectors { self.bins as u64 * 4 + 4 } else { 0 }),
+            ("momentum", u64::from(MOMENTUM) * 4),
+            ("against_partials", if self.vectors { voxels.div_ceil(u64::from(self.tuning.voxels)) * 4 } else { 0 }),
             ("mask", voxels / 8),
             ("touched_mask", voxels / 8),
             ("brick_offsets", voxels / BRICK_VOXELS as u64 * 4),
@@ -169,8 +217,8 @@ impl Plan {
             ("taps", (self.taps.len() + 1) as u64 * 4),
             ("counts", u64::from(COUNTS) * 4),
             ("arguments", u64::from(ARGUMENTS_FORWARD + sets) * 12),
-            ("l1_partials", voxels.div_ceil(u64::from(WORKGROUP)) * 4),
-            ("loss_partials", elements.div_ceil(u64::from(WORKGROUP)) * 4),
+            ("l1_partials", voxels.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
+            ("loss_partials", elements.div_ceil(u64::from(WORKGROUP)) * 8),
             ("columns", columns),
         ];
         let mut all: Vec<_> = device.iter().map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
@@ -198,6 +246,9 @@ impl Plan {
         ];
         if self.noise == NoiseTerm::Off {
             out.push("the noise term: its weights, their moments and its kernel".into());
+        }
+        if self.vectors {
+            out.push("the optimiser's moments: the step comes from a bound".into());
         }
         if !self.continuous {
             out.push("random sampling: interpolation, its adjoint and the list of touched voxels".into());
@@ -244,32 +295,22 @@ impl Plan {
             code,
             constants: constants.to_vec(),
         };
+        let residual = if self.fixed_point() { "residual_fixed" } else { "residual" };
+        let vectors = u32::from(self.vectors);
+        let forward_constants = [("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
+        let gather_constants = [("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact)];
+        let summed = if self.vectors { t.voxels } else { WORKGROUP };
         let mut all = vec![
-            u("initialise", "initialise", &[("ALBEDO_SPAN", self.initial_albedo.to_bits())]),
-            u("sample", "sample", &[("CONTINUOUS", continuous)]),
-            u("forward", forward, &[("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)]),
-            u(
-                "residual",
-                if self.fixed_point() { "residual_fixed" } else { "residual" },
-                &[("NOISE", noise)],
-            ),
-            u(
-                "backward",
-                "backward",
-                &[("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact)],
-            ),
-            u("update", "update", &[("CONTINUOUS", continuous)]),
-            u("finish", "finish", &[]),
-            u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 1), ("LAST", 0)]),
+            u("forward", forward, &forward_constants),
+            u("residual", residual, &[("NOISE", noise), ("WEIGHTED", vectors)]),
+            u("finish", "finish", &[("ACCELERATED", vectors), ("VOXELS", summed)]),
             u("gaussian_y", "gaussian", &[("AXIS", 1), ("FIRST", 0), ("LAST", 0)]),
             u("gaussian_z", "gaussian", &[("AXIS", 2), ("FIRST", 0), ("LAST", 1)]),
             u("threshold", "threshold", &[]),
-            u("dilate", "dilate", &[]),
             u("compact_count", "compact_count", &[]),
             u("compact_scan_active", "compact_scan", &[("TOTAL", COUNT_ACTIVE)]),
             u("compact_scan_touched", "compact_scan", &[("TOTAL", COUNT_TOUCHED)]),
             u("compact_scatter_active", "compact_scatter", &[("WRITE_SLOTS", 1)]),
-            u("compact_scatter_touched", "compact_scatter", &[("WRITE_SLOTS", 0)]),
             u(
                 "arguments",
                 "arguments",
@@ -283,8 +324,37 @@ impl Plan {
             ),
             u("double_raw", "double_raw", &[]),
             u("double_domain", "double_domain", &[]),
-            u("extract", "extract", &[]),
+            u("extract", "extract", &[("VECTORS", vectors)]),
         ];
+        if self.vectors {
+            let mut bound = forward_constants.to_vec();
+            bound.push(("ISOTROPIC", 1));
+            all.extend([
+                u("gaussian_x_volume", "gaussian", &[("AXIS", 0), ("FIRST", 0), ("LAST", 0)]),
+                u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 2), ("LAST", 0)]),
+                u("forward_bound", forward, &bound),
+                u("residual_bound", residual, &[("WEIGHTED", 1), ("MEASURE", 0)]),
+                u("bound_step", "bound", &[("SPLIT", split), ("WHAT", 0)]),
+                u("bound_noise", "bound", &[("SPLIT", split), ("WHAT", 1)]),
+                u("variance", "variance", &[]),
+                u("filter", "filter", &[]),
+                u("backproject", "backproject", &[]),
+                u("settle", "settle", &[]),
+                u("points", "points", &[]),
+                u("extrapolate", "extrapolate", &[]),
+                u("step", "step", &gather_constants),
+            ]);
+            return all;
+        }
+        all.extend([
+            u("initialise", "initialise", &[("ALBEDO_SPAN", self.initial_albedo.to_bits())]),
+            u("sample", "sample", &[("CONTINUOUS", continuous)]),
+            u("backward", "backward", &gather_constants),
+            u("update", "update", &[("CONTINUOUS", continuous)]),
+            u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 1), ("LAST", 0)]),
+            u("dilate", "dilate", &[]),
+            u("compact_scatter_touched", "compact_scatter", &[("WRITE_SLOTS", 0)]),
+        ]);
         if self.noise != NoiseTerm::Off {
             all.push(u(
                 "noise",
@@ -331,9 +401,9 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
 }
 
 /// From the scan's resolution (or more, where the final one is no power of two of it) by doubling.
-fn levels(finest: Grid, scan: [usize; 2], options: &PaperOptions) -> Result<Vec<Level>> {
+fn levels(finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Result<Vec<Level>> {
     let mut factor = 1;
-    while options.coarse_to_fine
+    while coarse_to_fine
         && finest.n[0].is_multiple_of(factor * 2)
         && finest.n[0] / (factor * 2) >= scan[0].max(scan[1])
     {

@@ -66,6 +66,12 @@ pub struct Model {
     pub epsilon: f64,
     pub keep_above: f64,
     pub seed: u32,
+    /// Vector solver: largest |v_xy| / |v_z|.
+    pub cone: f64,
+    /// Vector solver: photon variance per measured value, and of an empty bin.
+    pub variance: [f64; 2],
+    /// Vector solver: the group term in standard deviations of the gradient's photon noise.
+    pub noise_factor: f64,
 }
 
 /// The renderer multiplies by (lateral pitch)² and this (METHOD: the paper's constant).
@@ -96,6 +102,9 @@ impl Model {
             epsilon: 1e-8,
             keep_above: 0.05,
             seed: 0,
+            cone: 1.0,
+            variance: [0.0; 2],
+            noise_factor: 0.0,
         }
     }
 
@@ -151,7 +160,10 @@ impl Model {
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,
-            keep_above: self.keep_above as f32,
+            cone: self.cone as f32,
+            variance: self.variance[0] as f32,
+            variance_floor: self.variance[1] as f32,
+            noise_factor: self.noise_factor as f32,
             // A little above, against rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(4)) as f32,
         }

@@ -1,0 +1,28 @@
+// Back-projection of the filtered histograms into every voxel of the grid, with the cosine toward a surface
+// that faces the wall, and zero for negative sums: where a surface can be at all. One invocation owns one voxel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "transport.glsl"
+layout(local_size_x = 64) in;
+const uint SPLIT = 1u;
+const uint EXACT = 0u;
+layout(std430, set = 0, binding = 1) readonly buffer Wall { vec4 wall[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Residual { float residual[]; };
+layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
+
+#include "gather.glsl"
+
+void main() {
+    uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (index >= brick_count() * 512u) return;
+    uvec3 c = voxel_at(index);
+    float sum = 0.0;
+    if (in_grid(c) && c.z >= scene.near_z) {
+        uint last = min(push.first + PAIR_CHUNK, scene.pairs);
+        sum = gather(position(vec3(c)), vec3(0.0, 0.0, -1.0), push.first, last, 1u).x;
+    }
+    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += projected[index];
+    projected[index] = (push.flags & BACKWARD_FINISH) != 0u ? max(sum, 0.0) : sum;
+}

@@ -1,0 +1,39 @@
+// Bounds of the operator at every active voxel, by the same gather as a gradient, without the cosine.
+//   WHAT = 0: D = sum over pairs of falloff * residual, where the residual is the weighted rendering of the
+//             whole domain at unit albedo. As all kernels are nonnegative, diag(D) majorises the normal
+//             operator (De Pierro 1995): 1 / D is a safe step for every voxel by itself.
+//   WHAT = 1: lambda = kappa * standard deviation that the photons give this voxel's gradient: the residual
+//             holds the weighted variances, and the kernel enters squared.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "transport.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint SPLIT = 1u;
+layout(constant_id = 11) const uint WHAT = 0u;
+const uint EXACT = 1u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]; };
+layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
+
+#include "gather.glsl"
+
+void main() {
+    uint slot = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (slot >= counts[COUNT_ACTIVE]) return;
+    vec3 x = sample_points[slot].xyz;
+    uint last = min(push.first + PAIR_CHUNK, scene.pairs);
+    float sum = 0.0;
+    for (uint pair = push.first; pair < last; ++pair) {
+        Kernel k = confocal_kernel(wall[pair].xyz, x, vec3(0.0, 0.0, -1.0));
+        float r = residual_around(pair * scene.bins, k.bin) * k.falloff;
+        sum += WHAT == 0u ? r : r * k.falloff;
+    }
+    // Split dispatches add up; the square root is taken where all pairs are in.
+    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
+    if (WHAT == 1u && (push.flags & BACKWARD_FINISH) != 0u) sum = scene.noise_factor * sqrt(sum);
+    bounds[slot][WHAT] = sum;
+}

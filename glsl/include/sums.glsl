@@ -1,0 +1,14 @@
+// Sums over a workgroup of WORKGROUP lanes in a fixed order, so that they repeat bit by bit.
+
+shared vec4 sums[WORKGROUP];
+
+vec4 sum_over_group(vec4 value) {
+    uint lane = gl_LocalInvocationID.x;
+    sums[lane] = value;
+    barrier();
+    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
+        if (lane < stride) sums[lane] += sums[lane + stride];
+        barrier();
+    }
+    return sums[0];
+}

@@ -1,0 +1,92 @@
+// Backward pass and proximal gradient step in one: a lane owns one active voxel, gathers its gradient over the
+// pairs as in backward.comp, and writes the next iterate without the gradient ever leaving registers.
+//   v' = cone(shrink(y - g / D, lambda / D))
+// D majorises the operator's diagonal blocks (bound.comp), so the step never overshoots; shrink is the group
+// soft threshold on |v|, cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone |v_z|.
+// Partial sums: the group term at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "transport.glsl"
+layout(local_size_x_id = 10, local_size_y_id = 11) in;
+layout(constant_id = 10) const uint VOXELS = 64u;
+layout(constant_id = 11) const uint SLICES = 1u;
+layout(constant_id = 12) const uint SPLIT = 1u;
+layout(constant_id = 13) const uint EXACT = 1u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
+layout(std430, set = 0, binding = 5) readonly buffer Residual { float residual[]; };
+layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
+layout(std430, set = 0, binding = 7) readonly buffer ActiveVoxels { uint active_voxels[]; };
+layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda
+layout(std430, set = 0, binding = 9) buffer Raw { vec4 raw[]; };
+layout(std430, set = 0, binding = 10) buffer Before { vec4 before[]; };
+layout(std430, set = 0, binding = 11) writeonly buffer L1Partials { float l1_partials[]; };
+layout(std430, set = 0, binding = 12) writeonly buffer AgainstPartials { float against_partials[]; };
+
+shared vec4 parts[VOXELS * SLICES];
+
+#include "gather.glsl"
+
+// Nearest point of the cone v_z <= 0, |v_xy| <= cone * |v_z|.
+vec3 into_cone(vec3 v) {
+    float across = length(v.xy);
+    float along = -v.z;
+    if (across <= scene.cone * along) return v;
+    float at = (along + scene.cone * across) / (1.0 + scene.cone * scene.cone);
+    if (at <= 0.0) return vec3(0.0);
+    return vec3(v.xy * (scene.cone * at / across), -at);
+}
+
+vec3 shrink(vec3 v, float by) {
+    float size = length(v);
+    return size <= by ? vec3(0.0) : v * (1.0 - by / size);
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint slice = gl_LocalInvocationID.y;
+    uint group = group_index();
+    uint slot = group * VOXELS + lane;
+    bool owned = slot < counts[COUNT_ACTIVE];
+    vec3 y = owned ? sample_normals[slot].xyz : vec3(0.0);
+    // Nothing shines in no direction: what is zero may grow toward the wall.
+    vec3 shines = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
+    vec3 x = owned ? sample_points[slot].xyz : vec3(0.0);
+    uint last = owned ? min(push.first + PAIR_CHUNK, scene.pairs) : 0u;
+    vec4 sum = gather(x, shines, push.first + slice, last, SLICES);
+    if (SLICES > 1u) {
+        parts[slice * VOXELS + lane] = sum;
+        barrier();
+        if (slice == 0u) {
+            for (uint i = 1u; i < SLICES; ++i) sum += parts[i * VOXELS + lane];
+        }
+        barrier();
+    }
+    vec2 told = vec2(0.0);
+    if (slice == 0u && owned) {
+        if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += gradient[slot];
+        if ((push.flags & BACKWARD_FINISH) == 0u) {
+            gradient[slot] = sum;
+        } else {
+            uint index = active_voxels[slot];
+            vec2 bound = bounds[slot];
+            vec3 v = raw[index].xyz;
+            vec3 next = bound.x > 0.0 ? into_cone(shrink(y - sum.yzw / bound.x, bound.y / bound.x)) : vec3(0.0);
+            told = vec2(bound.y * length(y), bound.x * dot(y - next, next - v));
+            before[index] = vec4(v, 0.0);
+            raw[index] = vec4(next, 0.0);
+        }
+    }
+    if ((push.flags & BACKWARD_FINISH) == 0u) return;
+    if (slice == 0u) parts[lane] = vec4(told, 0.0, 0.0);
+    barrier();
+    if (lane != 0u || slice != 0u) return;
+    vec2 all = vec2(0.0);
+    for (uint i = 0u; i < VOXELS; ++i) all += parts[i].xy;
+    l1_partials[group] = all.x;
+    against_partials[group] = all.y;
+}
