@@ -175,6 +175,8 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
         (&[&with_truth[..], &["--method", "paper:colour=red"]].concat(), 1, "--colour"),
         (&[&with_truth[..], &["--method", "paper:l1=much"]].concat(), 1, "'much' for '--l1"),
         (&[&with_truth[..], &["--method", "paper;paper:l1=-2"]].concat(), 1, "--l1 is -2"),
+        (&[&with_truth[..], &["--method", "vector:l1=1"]].concat(), 1, "--l1 is no option of the vector"),
+        (&[&with_truth[..], &["--method", "paper:cone=1"]].concat(), 1, "--cone is no option of the paper"),
         (&[&with_truth[..], &["--method", "paper:sampling=wild"]].concat(), 1, "'wild'"),
         (&[&with_truth[..], &["--method", "paper:no-reduce=1"]].concat(), 1, "no-reduce"),
         (&[&with_truth[..], &["--method", ""]].concat(), 1, "--method is empty"),

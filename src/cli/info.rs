@@ -24,6 +24,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<()> {
     args.solver.check(None)?;
+    args.solver.check_fit()?;
     let (input, memory, volume) =
         (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
     let mut loaded = job::load(&input)?;

@@ -51,7 +51,10 @@ pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
         let said = e.to_string();
         wrong(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string())
     })?;
-    args.solver.check(Some(base)).map_err(|e| e.at(format!("method {text:?}")))?;
+    args.solver
+        .check_fit()
+        .and_then(|()| args.solver.check(Some(base)))
+        .map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
     let SpecArgs { solver, depth_pitch, trace_every } = args;
     Ok(Spec { text: text.to_string(), name, solver, depth_pitch, trace_every })

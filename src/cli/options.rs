@@ -1,9 +1,10 @@
-//! The paper solver's options: each overrides the preset, or what a comparison sets for all.
+//! The solvers' options: each overrides the preset or the default, or what a comparison sets for all. Those that
+//! both solvers have stand with the paper's.
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions};
+use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, VectorOptions};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// One of the words that `T` is written as in files.
@@ -108,6 +109,30 @@ pub struct PaperArgs {
 }
 
 impl PaperArgs {
+    /// The first option given that only the paper's solver has.
+    pub fn own(&self) -> Option<&'static str> {
+        let given = [
+            ("learning-rate", self.learning_rate.is_some()),
+            ("beta1", self.beta1.is_some()),
+            ("beta2", self.beta2.is_some()),
+            ("epsilon", self.epsilon.is_some()),
+            ("restart-every", self.restart_every.is_some()),
+            ("l1", self.l1.is_some()),
+            ("initial-albedo", self.initial_albedo.is_some()),
+            ("noise", self.noise.is_some()),
+            ("noise-base", self.noise_base.is_some()),
+            ("noise-span", self.noise_span.is_some()),
+            ("sampling", self.sampling.is_some()),
+            ("binning", self.binning.is_some()),
+            ("gradient", self.gradient.is_some()),
+            ("double-every", self.double_every.is_some()),
+            ("no-reduce", self.no_reduce),
+            ("smooth-sigma", self.smooth_sigma.is_some()),
+            ("smooth-truncate", self.smooth_truncate.is_some()),
+        ];
+        given.into_iter().find(|g| g.1).map(|g| g.0)
+    }
+
     /// These over others.
     pub fn over(&self, base: PaperOptions) -> PaperOptions {
         PaperOptions {
@@ -141,6 +166,67 @@ impl PaperArgs {
                 None => base.accumulation,
             },
             seed: self.seed.unwrap_or(base.seed),
+        }
+    }
+}
+
+#[derive(Args)]
+pub struct VectorArgs {
+    /// Iterations at each resolution below the last
+    #[arg(long, value_name = "N", help_heading = "Vector solver")]
+    coarse_iterations: Option<usize>,
+    /// Keep voxels above this share of the first back-projection's maximum
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    start_above: Option<f64>,
+    /// Weight of the group term in standard deviations of the gradient's photon noise
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    noise_factor: Option<f64>,
+    /// Last share of the iterations that goes without the group term
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    debias: Option<f64>,
+    /// Steepest surface: largest |n_xy| / |n_z|
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    cone: Option<f64>,
+    /// Do not take off the background that is estimated behind the signal
+    #[arg(long, help_heading = "Vector solver")]
+    no_background: bool,
+}
+
+impl VectorArgs {
+    /// The first option given that only the vector solver has.
+    pub fn own(&self) -> Option<&'static str> {
+        let given = [
+            ("coarse-iterations", self.coarse_iterations.is_some()),
+            ("start-above", self.start_above.is_some()),
+            ("noise-factor", self.noise_factor.is_some()),
+            ("debias", self.debias.is_some()),
+            ("cone", self.cone.is_some()),
+            ("no-background", self.no_background),
+        ];
+        given.into_iter().find(|g| g.1).map(|g| g.0)
+    }
+
+    /// These, and what `shared` has for this solver too, over others.
+    pub fn over(&self, shared: &PaperArgs, base: VectorOptions) -> VectorOptions {
+        VectorOptions {
+            lateral: shared.lateral.unwrap_or(base.lateral),
+            iterations: shared.iterations.unwrap_or(base.iterations),
+            coarse_to_fine: base.coarse_to_fine && !shared.no_coarse_to_fine,
+            reduce_every: shared.reduce_every.unwrap_or(base.reduce_every),
+            keep_above: shared.keep_above.unwrap_or(base.keep_above),
+            min_depth: shared.min_depth.unwrap_or(base.min_depth),
+            peak: shared.peak.unwrap_or(base.peak),
+            accumulation: match shared.accumulation {
+                _ if shared.deterministic => Accumulation::Fixed,
+                Some(given) => given,
+                None => base.accumulation,
+            },
+            coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
+            start_above: self.start_above.unwrap_or(base.start_above),
+            noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
+            debias: self.debias.unwrap_or(base.debias),
+            cone: self.cone.unwrap_or(base.cone),
+            background: base.background && !self.no_background,
         }
     }
 }

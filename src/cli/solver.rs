@@ -1,16 +1,16 @@
 //! Which solver, and every solver's options.
 
 use clap::Args;
-use thirdbounce::Result;
 use thirdbounce::capture::Capture;
 use thirdbounce::job::{self, SolverOptions};
-use thirdbounce::solve::{PaperOptions, Preset};
+use thirdbounce::solve::{PaperOptions, Preset, VectorOptions};
+use thirdbounce::{Error, Result};
 
-use super::options::{PaperArgs, word};
+use super::options::{PaperArgs, VectorArgs, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
-    /// How to solve: paper [default: paper]
+    /// How to solve: paper, vector [default: paper]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     pub solver: Option<String>,
     /// How surfaces reflect: cosine [default: cosine]
@@ -21,6 +21,8 @@ pub struct SolverArgs {
     pub preset: Option<Preset>,
     #[command(flatten)]
     paper: PaperArgs,
+    #[command(flatten)]
+    vector: VectorArgs,
 }
 
 impl SolverArgs {
@@ -33,6 +35,18 @@ impl SolverArgs {
         }
         // The rest does not depend on the preset in what is allowed.
         self.options(base, Preset::Synthetic).check()
+    }
+
+    /// Refuses options that only another solver has: to ignore them would mislead.
+    pub fn check_fit(&self) -> Result<()> {
+        let name = self.solver.as_deref().unwrap_or("paper");
+        let other = if name == "vector" { self.paper.own() } else { self.vector.own() };
+        other.map_or(Ok(()), |option| {
+            Err(Error::options(
+                format!("--{option} is no option of the {name} solver"),
+                "leave it out, or choose the other --solver (`thirdbounce reconstruct --help` lists both)",
+            ))
+        })
     }
 
     /// The preset for `capture`, a note if it was not given, and the options over it.
@@ -52,9 +66,15 @@ impl SolverArgs {
 
     /// These options over those of `base` over the preset. Every solver has its arm here.
     fn options(&self, base: Option<&SolverArgs>, preset: Preset) -> SolverOptions {
-        // Once there are more: match self.solver.as_deref().or(base's).unwrap_or(the default), one arm each.
+        let name = self.solver.as_deref().or(base.and_then(|b| b.solver.as_deref())).unwrap_or("paper");
+        // `check` has let through these two only.
+        if name == "vector" {
+            let start = VectorOptions::default();
+            let start = base.map_or(start.clone(), |b| b.vector.over(&b.paper, start));
+            return self.vector.over(&self.paper, start).into();
+        }
         let start = PaperOptions::preset(preset);
         let start = base.map_or(start.clone(), |b| b.paper.over(start));
-        SolverOptions::Paper(self.paper.over(start))
+        self.paper.over(start).into()
     }
 }

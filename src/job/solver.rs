@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
-use crate::solve::{PaperOptions, Plan, Reconstruction, Watch, paper};
+use crate::solve::{PaperOptions, Plan, Reconstruction, VectorOptions, Watch, paper, vector};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
@@ -13,6 +13,7 @@ use crate::{Error, Result};
 #[serde(untagged)]
 pub enum SolverOptions {
     Paper(PaperOptions),
+    Vector(VectorOptions),
 }
 
 impl From<PaperOptions> for SolverOptions {
@@ -21,13 +22,20 @@ impl From<PaperOptions> for SolverOptions {
     }
 }
 
+impl From<VectorOptions> for SolverOptions {
+    fn from(options: VectorOptions) -> SolverOptions {
+        SolverOptions::Vector(options)
+    }
+}
+
 impl SolverOptions {
     /// The solvers of this version, by their names on the command line.
-    pub const NAMES: &[&str] = &["paper"];
+    pub const NAMES: &[&str] = &["paper", "vector"];
 
     pub fn name(&self) -> &'static str {
         match self {
             SolverOptions::Paper(_) => "paper",
+            SolverOptions::Vector(_) => "vector",
         }
     }
 
@@ -36,6 +44,7 @@ impl SolverOptions {
     pub fn check(&self) -> Result<()> {
         match self {
             SolverOptions::Paper(o) => o.check(),
+            SolverOptions::Vector(o) => o.check(),
         }
     }
 
@@ -43,6 +52,7 @@ impl SolverOptions {
     pub fn lateral(&self) -> usize {
         match self {
             SolverOptions::Paper(o) => o.lateral,
+            SolverOptions::Vector(o) => o.lateral,
         }
     }
 
@@ -50,6 +60,7 @@ impl SolverOptions {
     pub fn iterations(&self) -> usize {
         match self {
             SolverOptions::Paper(o) => o.iterations,
+            SolverOptions::Vector(o) => o.iterations,
         }
     }
 
@@ -57,6 +68,7 @@ impl SolverOptions {
     pub fn min_depth(&self) -> f64 {
         match self {
             SolverOptions::Paper(o) => o.min_depth,
+            SolverOptions::Vector(o) => o.min_depth,
         }
     }
 
@@ -74,6 +86,10 @@ impl SolverOptions {
         match self {
             SolverOptions::Paper(o) => {
                 let model = paper::model(capture, o)?;
+                Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
+            }
+            SolverOptions::Vector(o) => {
+                let model = vector::model(capture, o)?;
                 Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
             }
         }
@@ -94,6 +110,9 @@ impl SolverOptions {
     ) -> Result<Reconstruction> {
         match self {
             SolverOptions::Paper(o) => paper::reconstruct(gpu, capture, grid, o, memory, with_volume, watch),
+            SolverOptions::Vector(o) => {
+                vector::reconstruct(gpu, capture, grid, o, memory, with_volume, watch)
+            }
         }
     }
 }
@@ -103,7 +122,7 @@ impl SolverOptions {
 /// # Errors
 /// One that is not in this version, or not known at all.
 pub fn check_solver(name: &str) -> Result<()> {
-    choice("solver", name, SolverOptions::NAMES, &["vector", "fbp", "bp", "lct", "dlct", "fk", "phasor"])
+    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
 }
 
 /// Whether a light-transport model can be had.
