@@ -176,25 +176,22 @@ impl Axis {
         }
         let decades = (self.high / self.low).log10();
         // The fewer decades, the more of their marks have labels.
-        let labelled: &[u32] = match decades {
-            d if d > 2.2 => &[1],
-            d if d > 1.2 => &[1, 2, 5],
-            d if d > 0.6 => &[1, 2, 3, 5, 7],
-            _ => &[1, 2, 3, 4, 5, 6, 7, 8, 9],
+        let labelled: &[f64] = match decades {
+            d if d > 2.2 => &[1.0],
+            d if d > 1.2 => &[1.0, 2.0, 5.0],
+            d if d > 0.8 => &[1.0, 2.0, 3.0, 5.0, 7.0],
+            _ => &[1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0],
         };
-        let first = self.low.log10().floor() as i32;
-        let last = self.high.log10().ceil() as i32;
-        let mut ticks: Vec<(f64, Option<String>)> = Vec::new();
-        for power in first..=last {
-            for m in 1..10 {
-                let v = f64::from(m) * 10f64.powi(power);
-                if within(&v) {
-                    ticks.push((v, labelled.contains(&m).then(|| plain(v))));
-                }
-            }
-        }
+        let mut marks: Vec<f64> = (1..10).map(f64::from).chain(labelled.iter().copied()).collect();
+        marks.sort_unstable_by(f64::total_cmp);
+        marks.dedup();
+        let powers = (self.low.log10().floor() as i32)..=(self.high.log10().ceil() as i32);
+        let all = powers.flat_map(|power| marks.iter().map(move |m| (*m, m * 10f64.powi(power))));
+        let label = |m: f64, v: f64| labelled.contains(&m).then(|| plain(rounded(v)));
+        let mut ticks: Vec<(f64, Option<String>)> =
+            all.filter(|(_, v)| within(v)).map(|(m, v)| (v, label(m, v))).collect();
         if ticks.iter().filter(|t| t.1.is_some()).count() < 2 {
-            // Less than a mark or two: halve the range into even parts.
+            // Hardly a mark within: even parts.
             let part = |i: u32| self.low * (self.high / self.low).powf(f64::from(i) / 4.0);
             ticks = [1, 2, 3].map(part).map(|v| (v, Some(plain(rounded(v))))).into();
         }
@@ -226,4 +223,36 @@ fn shortened(text: &str, most: usize) -> String {
         return text.into();
     }
     text.chars().take(most - 3).collect::<String>() + "..."
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_have_a_handful_of_labels_within() {
+        for (low, high, logarithmic) in [
+            (0.1, 100.0, true),
+            (0.0123, 0.0125, true),
+            (5.1, 16.3, true),
+            (1e-6, 1e6, true),
+            (3.0, 3.0, true),
+            (0.0, 1.0, false),
+            (-4.0, 7.0, false),
+            (0.5, 0.5, false),
+            (0.0, 0.0, false),
+        ] {
+            let axis = Axis::new([low, high].into_iter(), logarithmic);
+            assert!(axis.low < low.max(1e-300) && axis.high > high || low == 0.0, "{low} {high}");
+            let ticks = axis.ticks();
+            let labels: Vec<_> = ticks.iter().filter_map(|t| t.1.as_ref()).collect();
+            assert!((2..=13).contains(&labels.len()), "{low} to {high}: {labels:?}");
+            assert!(ticks.iter().all(|t| (axis.low..=axis.high).contains(&t.0)));
+        }
+        let axis = Axis::new([0.15, 90.0].into_iter(), true);
+        let labels: Vec<_> = axis.ticks().into_iter().filter_map(|t| t.1).collect();
+        assert_eq!(labels, ["1", "10", "100"]);
+        assert!(Axis::new(std::iter::empty(), true).ticks().len() > 1);
+        assert_eq!((plain(0.1), plain(10.0), plain(2.5e-7)), ("0.1".into(), "10".into(), "2e-7".into()));
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::solving::{self, Solved};
 use super::{Loaded, Request, account, places};
@@ -272,11 +272,4 @@ fn unused(name: &str, taken: &[String], between: &str) -> String {
     let free = |name: &String| !taken.iter().any(|t| t.eq_ignore_ascii_case(name));
     let numbered = (2..).map(|i| format!("{name}{between}{i}"));
     std::iter::once(name.to_string()).chain(numbered).find(free).unwrap_or_else(|| name.to_string())
-}
-
-impl Compared {
-    /// Each method's folder, in their order.
-    pub fn folders(&self) -> Vec<&Path> {
-        self.files.iter().take(self.report.methods.len()).map(PathBuf::as_path).collect()
-    }
 }
