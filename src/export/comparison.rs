@@ -49,7 +49,7 @@ pub struct MethodReport {
     pub trace: Vec<TraceEntry>,
 }
 
-/// When a method was as good as the first method is at its end.
+/// When a method was as good as the first method is at its end, each at its best mask fraction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
     pub depth_mae: Reach,
@@ -63,9 +63,9 @@ impl Comparison {
     /// The figures as a Markdown table.
     pub fn table(&self) -> String {
         let mut out = String::from(
-            "| method | iterations | time (s) | active | best IoU | depth MAE (mm) | depth RMSE (mm) | normals (°) \
+            "| method | iterations | time (s) | active | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) | normals (°) \
              | s to depth | s to normals | s to IoU | s to all three |\n\
-             |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+             |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
         );
         let whole = self.methods.first().map_or(0.0, |m| m.seconds);
         for m in &self.methods {
@@ -76,15 +76,17 @@ impl Comparison {
                 Some(s) => format!("{} ({:.3})", short(s), s / whole.max(1e-12)),
                 None => "–".to_string(),
             };
+            let best = m.metrics.at_best.unwrap_or_default();
             let cells = [
                 m.name.replace('|', "\\|"),
                 m.iterations.to_string(),
                 spread(m.seconds, &m.repeats_s),
                 format!("{:.2} %", 100.0 * m.active_ratio),
                 figure(m.metrics.best_iou, 1.0, 3),
-                figure(m.metrics.depth_mae, 1000.0, 2),
-                figure(m.metrics.depth_rmse, 1000.0, 2),
-                figure(m.metrics.normal_error_deg, 1.0, 1),
+                figure(best.completeness, 1.0, 3),
+                figure(best.depth_mae, 1000.0, 2),
+                figure(best.depth_rmse, 1000.0, 2),
+                figure(best.normal_error_deg, 1.0, 1),
                 time(&m.reach.depth_mae),
                 time(&m.reach.normal_error_deg),
                 time(&m.reach.best_iou),
@@ -112,8 +114,10 @@ impl Comparison {
         );
         out += &format!(
             "Time is solve time: without load, set-up, measuring and export. Every method ran {}, in turns; the \
-             time is the median and, in brackets, the range. Depth and normal errors are over the pixels that are \
-             surface both in truth and above {} of the brightest albedo; best IoU is over all such fractions.\n\n\
+             time is the median and, in brackets, the range. A pixel counts as \
+             surface above a fraction of the brightest albedo; for every point the fraction with the best IoU is \
+             taken, and depth and normal errors are over the pixels that are surface there and in truth. (Figures \
+             at {} stand in compare.json.)\n\n\
              *s to …*: seconds until the figure is as good as that of `{first}` at its end and stays so, and in \
              brackets their share of the whole time of `{first}`. Times are those of measured points, {}.\n",
             times(self.repeats),

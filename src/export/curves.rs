@@ -36,19 +36,19 @@ struct Panel {
 const PANELS: [Panel; 4] = [
     Panel { title: "relative residual", logarithmic: true, value: |e| e.residual },
     Panel {
-        title: "depth error, MAE (mm)",
+        title: "depth error, MAE (mm), at the best mask fraction",
         logarithmic: true,
-        value: |e| e.metrics.as_ref().and_then(|m| m.depth_mae).map(|v| 1000.0 * v),
+        value: |e| e.metrics.as_ref().and_then(|m| m.at_best?.depth_mae).map(|v| 1000.0 * v),
     },
     Panel {
-        title: "IoU of the surface (best over mask fractions)",
+        title: "IoU of the surface, at the best mask fraction",
         logarithmic: false,
         value: |e| e.metrics.as_ref().and_then(|m| m.best_iou),
     },
     Panel {
-        title: "normal error, mean (degrees)",
+        title: "normal error, mean (degrees), at the best mask fraction",
         logarithmic: false,
-        value: |e| e.metrics.as_ref().and_then(|m| m.normal_error_deg),
+        value: |e| e.metrics.as_ref().and_then(|m| m.at_best?.normal_error_deg),
     },
 ];
 

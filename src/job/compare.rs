@@ -243,7 +243,8 @@ impl Comparison {
 fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
     type Figure = fn(&Metrics) -> Option<f64>;
     // All of them the smaller the better.
-    let figures: [Figure; 3] = [|m| m.depth_mae, |m| m.normal_error_deg, |m| m.best_iou.map(|iou| -iou)];
+    let figures: [Figure; 3] =
+        [|m| m.at_best?.depth_mae, |m| m.at_best?.normal_error_deg, |m| m.best_iou.map(|iou| -iou)];
     let good = |entry: &TraceEntry, figure: Figure| {
         let found = entry.metrics.as_ref().and_then(figure);
         found.zip(figure(goal)).is_some_and(|(found, goal)| found <= goal)
@@ -253,8 +254,8 @@ fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
         reach(target, &trace)
     };
     Reached {
-        depth_mae: of(goal.depth_mae, &figures[..1]),
-        normal_error_deg: of(goal.normal_error_deg, &figures[1..2]),
+        depth_mae: of(figures[0](goal), &figures[..1]),
+        normal_error_deg: of(figures[1](goal), &figures[1..2]),
         best_iou: of(goal.best_iou, &figures[2..]),
         all: of(None, &figures),
     }
