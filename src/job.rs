@@ -1,34 +1,40 @@
 //! Whole jobs, from a capture file to result files: what stands behind the command line.
 //!
-//! [`load`] reads and prepares a capture, [`run`] reconstructs it and writes every result, [`inspect()`] tells
+//! [`load`] reads and prepares a capture, [`run`] reconstructs it and writes every result, [`compare()`] does so
+//! by several methods and sets them side by side, [`evaluate()`] measures an earlier result, [`inspect()`] tells
 //! what a run would do, [`demo()`] makes its own scene. Callers only gather options and show what comes back.
 
 mod account;
+pub mod compare;
 pub mod demo;
+mod evaluate;
 pub mod inspect;
 mod overview;
 mod places;
+mod request;
 mod scene;
+mod solver;
+mod solving;
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
+use crate::Result;
 use crate::capture::{self, Capture, Gate, auto_gate, published_gate};
 use crate::export::{self, report};
-use crate::gpu::{Gpu, GpuOptions, KernelTime};
+use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
-use crate::measure::{Metrics, metrics};
-use crate::solve::VolumeMap;
-use crate::solve::paper;
-use crate::solve::{PaperOptions, Preset, Progress, Reconstruction, Watch, default_volume};
-use crate::transport::{Grid, Volume};
-use crate::{Error, Result};
+use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
 
 pub use account::plain;
+pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
+pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect};
+pub use request::{Request, memory_bytes};
 pub use scene::{Simulated, Simulation, simulate};
+pub use solver::{SolverOptions, check_model, check_solver};
 
 /// Which capture, and what of it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -101,106 +107,6 @@ pub fn preset_for(capture: &Capture) -> Preset {
     if capture.integer_counts { Preset::Captured } else { Preset::Synthetic }
 }
 
-/// What to reconstruct, how, and where the results go. The capture comes beside it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Request {
-    /// Where `options` started from; for the report only.
-    pub preset: Option<Preset>,
-    pub options: PaperOptions,
-    /// Voxel size along z in metres; `None` takes the bin width.
-    pub depth_pitch: Option<f64>,
-    /// The box to reconstruct; `None` takes the wall's extent and the depths that the gate allows.
-    pub volume: Option<Volume>,
-    /// Most device memory to use, in bytes.
-    pub memory: Option<u64>,
-    /// Index or part of the name of the device.
-    pub device: Option<String>,
-    pub validation: bool,
-    /// Time every kernel by itself, which is slower.
-    pub timings: bool,
-    /// Truth to measure the result against.
-    pub truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo.
-    pub mask_fraction: f64,
-    /// Folder of the results.
-    pub out: PathBuf,
-    /// File for the volume, .npz or .hdf5.
-    pub volume_file: Option<PathBuf>,
-}
-
-impl Request {
-    /// A request with the given options and the defaults for the rest.
-    pub fn new(options: PaperOptions, out: impl Into<PathBuf>) -> Request {
-        Request {
-            preset: None,
-            options,
-            depth_pitch: None,
-            volume: None,
-            memory: None,
-            device: None,
-            validation: false,
-            timings: false,
-            truth: None,
-            mask_fraction: Maps::MASK_FRACTION,
-            out: out.into(),
-            volume_file: None,
-        }
-    }
-
-    /// The grid for a capture.
-    ///
-    /// # Errors
-    /// A box without voxels, or more voxels than can be counted.
-    pub fn grid(&self, capture: &Capture) -> Result<Grid> {
-        let volume = match self.volume {
-            Some(volume) => volume,
-            None => default_volume(capture, self.options.min_depth)?,
-        };
-        let pitch = self.depth_pitch.unwrap_or(capture.bin_width);
-        let grid = Grid::new(volume, self.options.lateral, pitch)?;
-        if volume.max.z <= self.options.min_depth {
-            return Err(Error::options(
-                format!("--box ends at a depth of {} m", volume.max.z),
-                format!("nothing nearer than --min-depth, {} m, is reconstructed", self.options.min_depth),
-            ));
-        }
-        if grid.origin.z > volume.max.z {
-            return Err(Error::options(
-                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
-                "give a smaller --depth-pitch or a deeper --box",
-            ));
-        }
-        Ok(grid)
-    }
-
-    fn open(&self) -> Result<Gpu> {
-        Gpu::open(&GpuOptions {
-            device: self.device.clone(),
-            validation: self.validation,
-            timings: self.timings,
-        })
-    }
-
-    /// Everything that can be known to be wrong before the work begins; yields the truth if one was named.
-    fn check(&self) -> Result<Option<Truth>> {
-        self.options.check()?;
-        if !(0.0..1.0).contains(&self.mask_fraction) {
-            return Err(Error::options(
-                format!("--mask-fraction is {}", self.mask_fraction),
-                format!(
-                    "give a share of the brightest albedo from 0 to below 1, usually {}",
-                    Maps::MASK_FRACTION
-                ),
-            ));
-        }
-        places::check_results(&self.out)?;
-        if let Some(file) = &self.volume_file {
-            places::check_volume(file)?;
-        }
-        self.truth.as_deref().map(export::npz::read_truth).transpose()
-    }
-}
-
 /// What a run yields besides its files.
 #[derive(Debug, Clone)]
 pub struct Outcome {
@@ -221,7 +127,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Bad options, an unreadable truth or a place that cannot be written before anything is computed; what
-/// [`paper::reconstruct`] finds; a file that cannot be written. Without success there is no report.
+/// [`SolverOptions::solve`] finds; a file that cannot be written. Without success there is no report.
 pub fn run(
     request: &Request,
     loaded: &Loaded,
@@ -230,39 +136,30 @@ pub fn run(
     let truth = request.check()?;
     let grid = request.grid(&loaded.capture)?;
     let gpu = request.open()?;
-    let with_volume = request.volume_file.is_some();
-    let mut watch = Watch { hear, maps_every: None };
-    let mut solved = paper::reconstruct(
-        &gpu,
-        &loaded.capture,
-        grid,
-        &request.options,
-        request.memory,
-        with_volume,
-        &mut watch,
-    )?;
-    solved.maps.set_mask(request.mask_fraction);
-    let metrics = truth.as_ref().map(|t| metrics(&solved.maps, t, request.mask_fraction)).transpose()?;
+    let mut done = solving::solve(request, loaded, &gpu, grid, truth.as_ref(), hear)?;
 
     let start = Instant::now();
     let path = request.out.join("report.json");
     // From here on an older report in this folder would stand beside files that it does not describe.
     places::remove(&path)?;
-    let mut files = export::write_maps(&request.out, &solved.maps)?;
-    if let (Some(file), Some(volume)) = (&request.volume_file, solved.volume.take()) {
+    let mut files = export::write_maps(&request.out, &done.solved.maps)?;
+    if let (Some(file), Some(volume)) = (&request.volume_file, done.solved.volume.take()) {
         export::volume::write(file, &export_volume(volume))?;
         files.push(file.clone());
     }
-    let notes = notes_on(request, &solved);
-    let mut report = account::report_of(request, loaded, &grid, &gpu, &solved, metrics);
+    for (iteration, maps) in &done.snapshots {
+        files.extend(export::write_maps(&request.snapshot_folder(*iteration), maps)?);
+    }
+    let notes = notes_on(request, &done.solved);
+    let mut report = account::report_of(request, loaded, &grid, &gpu, &done);
     report.totals.export_s = start.elapsed().as_secs_f64();
     report::write(&path, &report)?;
     files.push(path);
     Ok(Outcome {
         report,
-        maps: solved.maps,
+        maps: done.solved.maps,
         truth,
-        kernels: if request.timings { solved.kernels } else { vec![] },
+        kernels: if request.timings { done.solved.kernels } else { vec![] },
         validation: gpu.validation_messages(),
         notes,
         files,
@@ -275,9 +172,9 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
     let (reached, wanted) = (solved.maps.nx, solved.plan.finest().grid.n[0]);
     if reached < wanted {
         notes.push(format!(
-            "{} iterations, doubling after every {}, end at {reached} lateral voxels, not at {wanted}: give more \
-             --iterations, a smaller --double-every or --no-coarse-to-fine",
-            request.options.iterations, request.options.double_every
+            "{} iterations end at {reached} lateral voxels, not at {wanted}: give more --iterations, a smaller \
+             --double-every or --no-coarse-to-fine",
+            request.solver.iterations()
         ));
     }
     if !solved.maps.mask.contains(&true) {
@@ -299,61 +196,6 @@ fn export_volume(volume: VolumeMap) -> export::volume::Volume {
     }
 }
 
-/// Reads an amount of memory: MiB, or a number with K, M or G behind it.
-///
-/// # Errors
-/// Anything else.
-pub fn memory_bytes(text: &str) -> Result<u64> {
-    let wrong = || {
-        Error::options(
-            format!("--memory is {text:?}"),
-            "give MiB, or a number with K, M or G behind it, as 512, 512M or 2G",
-        )
-    };
-    let trimmed = text.trim();
-    let lower = trimmed.to_ascii_lowercase();
-    let number = lower.trim_end_matches("ib").trim_end_matches('b');
-    let (digits, unit) = match number.chars().last() {
-        Some('k') => (&number[..number.len() - 1], 10),
-        Some('m') => (&number[..number.len() - 1], 20),
-        Some('g') => (&number[..number.len() - 1], 30),
-        _ => (number, 20),
-    };
-    let value: f64 = digits.trim().parse().map_err(|_| wrong())?;
-    let bytes = value * f64::from(1u32 << unit);
-    if !(bytes.is_finite() && (1.0..9e18).contains(&bytes)) {
-        return Err(wrong());
-    }
-    Ok(bytes as u64)
-}
-
-/// Whether a solver of DESIGN's list can be had.
-///
-/// # Errors
-/// One that is not in this version, or not known at all.
-pub fn check_solver(name: &str) -> Result<()> {
-    choice("solver", name, "paper", &["vector", "fbp", "bp", "lct", "dlct", "fk", "phasor"])
-}
-
-/// Whether a light-transport model can be had.
-///
-/// # Errors
-/// One that is not in this version, or not known at all.
-pub fn check_model(name: &str) -> Result<()> {
-    choice("model", name, "cosine", &["lambertian", "retroreflective", "isotropic", "auto"])
-}
-
-fn choice(option: &str, name: &str, here: &str, later: &[&str]) -> Result<()> {
-    if name == here {
-        return Ok(());
-    }
-    let what = if later.contains(&name) { "is not in this version" } else { "is not known" };
-    Err(Error::options(
-        format!("--{option} {name} {what}"),
-        format!("use --{option} {here}, or leave it out"),
-    ))
-}
-
 fn ordinal(n: usize) -> String {
     let ending = match (n % 10, n % 100) {
         (1, r) if r != 11 => "st",
@@ -364,38 +206,9 @@ fn ordinal(n: usize) -> String {
     format!("{n}{ending}")
 }
 
-/// The maps of an earlier run against truth, with its solve seconds if it left a report.
-///
-/// # Errors
-/// Files that cannot be read, or a mask fraction out of range.
-pub fn evaluate(folder: &Path, truth: &Path, mask_fraction: Option<f64>) -> Result<(Metrics, Option<f64>)> {
-    let (file, report) = if folder.is_file() {
-        (folder.to_path_buf(), None)
-    } else {
-        (folder.join("maps.npz"), report::read(&folder.join("report.json")).ok())
-    };
-    let maps = export::npz::read_maps(&file)?;
-    let truth = export::npz::read_truth(truth)?;
-    let metrics = metrics(&maps, &truth, mask_fraction.unwrap_or(maps.mask_fraction))?;
-    Ok((metrics, report.map(|r| r.totals.solve_s)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn memory_is_read_in_mebibytes_or_with_a_unit() {
-        let read = |text| memory_bytes(text).ok();
-        assert_eq!(read("512"), Some(512 << 20));
-        assert_eq!(read("64k"), Some(64 << 10));
-        assert_eq!(read("1.5 G"), Some(3 << 29));
-        assert_eq!(read("2GiB"), Some(2 << 30));
-        assert_eq!(read("300MB"), Some(300 << 20));
-        for wrong in ["", "G", "-1", "0", "NaN", "inf", "1e300", "3T", "1,5G", "\u{e9}"] {
-            assert_eq!(read(wrong), None, "{wrong:?}");
-        }
-    }
 
     #[test]
     fn ordinals_end_as_spoken() {

@@ -249,7 +249,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--stride", "-1"], 2, "--stride"),
         (&[&capture, "--wall", "NaN"], 1, "wall of NaN"),
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
-        (&[&capture, "--solver", "vector"], 1, "not in this version"),
+        (&[&capture, "--solver", "lct"], 1, "not in this version"),
         (&[&capture, "--solver", "magic"], 1, "not known"),
         (&[&capture, "--model", "lambertian"], 1, "not in this version"),
         (&[&capture, "--preset", "best"], 2, "--preset"),

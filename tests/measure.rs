@@ -160,3 +160,22 @@ fn masks_and_percentiles() {
     assert_eq!((m.pixel_at(0.51, 0.0), m.pixel_at(f64::NAN, 0.0)), (None, None));
     assert_eq!(m.centre(0, 3), [-0.375, 0.375]);
 }
+
+#[test]
+fn a_method_whose_far_half_is_dim_is_measured_on_both_halves() {
+    // The near half is bright and right, the far half dim and 0.2 m off: at 0.3 it is not even looked at.
+    let real = truth(8, |x, _| (2..6).contains(&x), 1.0);
+    let mut found = maps(8, |x, _| (2..6).contains(&x), 1.0);
+    for pixel in 4 * 8..6 * 8 {
+        (found.albedo[pixel], found.depth[pixel]) = (0.12, 1.2);
+    }
+    let m = metrics(&found, &real, 0.3).unwrap();
+    close(m.depth_mae, 0.0);
+    close(m.completeness, 0.5);
+    let best = m.at_best.expect("a best fraction");
+    close(best.depth_mae, 0.1);
+    close(best.depth_rmse.map(|v| v * v), 0.02);
+    assert_eq!((best.hit_pixels, best.completeness, m.best_iou), (32, Some(1.0), Some(1.0)));
+    let there = metrics(&found, &real, m.best_fraction.unwrap()).unwrap();
+    assert_eq!((there.depth_mae, there.normal_error_deg), (best.depth_mae, best.normal_error_deg));
+}

@@ -16,20 +16,26 @@ pub struct Args {
     /// A pixel is surface above this share of the brightest albedo [default: as reconstructed]
     #[arg(long, value_name = "X")]
     mask_fraction: Option<f64>,
+    /// Do not draw depth_error.png into the folder
+    #[arg(long)]
+    no_pictures: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let (metrics, solve) = job::evaluate(&args.dir, &args.truth, args.mask_fraction)?;
+    let found = job::evaluate(&args.dir, &args.truth, args.mask_fraction, !args.no_pictures)?;
     if args.json {
-        print(&json(&metrics)?);
+        print(&json(&found.metrics)?);
         return Ok(());
     }
-    print(&tables::metrics(&metrics));
-    if let Some(solve) = solve {
+    print(&tables::metrics(&found.metrics));
+    if let Some(solve) = found.solve_s {
         print(&format!("time      solved in {}", tables::seconds(solve)));
+    }
+    if let Some(picture) = found.picture {
+        print(&format!("wrote     {}", picture.display()));
     }
     Ok(())
 }

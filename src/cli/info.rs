@@ -4,7 +4,7 @@ use thirdbounce::Result;
 use thirdbounce::job::{self, Inspection, Request};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
-use super::options::PaperArgs;
+use super::solver::SolverArgs;
 use super::{json, print, tables};
 
 #[derive(clap::Args)]
@@ -15,7 +15,7 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    paper: PaperArgs,
+    solver: SolverArgs,
     #[command(flatten)]
     grid: VolumeArgs,
     #[command(flatten)]
@@ -23,11 +23,12 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.paper.check()?;
+    args.solver.check(None)?;
+    args.solver.check_fit()?;
     let (input, memory, volume) =
-        (args.capture.input(args.paper.preset)?, args.device.memory()?, args.grid.volume()?);
+        (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
     let mut loaded = job::load(&input)?;
-    let (preset, note, options) = args.paper.resolve(&loaded.capture);
+    let (preset, note, solver) = args.solver.resolve(None, &loaded.capture);
     loaded.notes.extend(note);
     let request = Request {
         preset: Some(preset),
@@ -36,7 +37,7 @@ pub fn run(args: &Args) -> Result<()> {
         memory,
         device: args.device.device.clone(),
         validation: args.device.validation,
-        ..Request::new(options, "")
+        ..Request::new(solver, "")
     };
     let found = job::inspect(&request, &loaded)?;
     print(&if args.json { json(&found)? } else { text(&found) });

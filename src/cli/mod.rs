@@ -1,5 +1,6 @@
 //! The command line: one file per verb. What a verb does stands in the library.
 
+mod compare;
 mod convert;
 mod demo;
 mod devices;
@@ -7,10 +8,12 @@ mod evaluate;
 mod info;
 mod input;
 mod interrupt;
+mod methods;
 mod options;
 mod progress;
 mod reconstruct;
 mod simulate;
+mod solver;
 mod tables;
 
 use std::process::ExitCode;
@@ -26,6 +29,7 @@ Examples:
   thirdbounce reconstruct statue.hdf5 --stride 2 --lateral 64 --preset captured --out statue
   thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
   thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
+  thirdbounce compare z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
 
 Lengths are metres, times are metres of path (seconds times 299792458).";
 
@@ -52,6 +56,8 @@ enum Verb {
     Simulate(simulate::Args),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
+    /// Set methods side by side on one capture: error against run time.
+    Compare(Box<compare::Args>),
     /// Rewrite a capture as npz or as y-tal HDF5.
     Convert(convert::Args),
     /// List the Vulkan devices.
@@ -100,6 +106,7 @@ fn run() -> Result<()> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Compare(args) => compare::run(&args),
         Verb::Convert(args) => convert::run(&args),
         Verb::Devices(args) => devices::run(&args),
     }

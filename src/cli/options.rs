@@ -1,16 +1,14 @@
-//! The paper solver's options: each overrides the preset.
+//! The solvers' options: each overrides the preset or the default, or what a comparison sets for all. Those that
+//! both solvers have stand with the paper's.
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
-use thirdbounce::Result;
-use thirdbounce::capture::Capture;
-use thirdbounce::job;
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Preset};
+use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, VectorOptions};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// One of the words that `T` is written as in files.
-fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
     words: &'static [&'static str],
 ) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(words).try_map(|w| serde_json::from_value::<T>(serde_json::Value::String(w)))
@@ -18,15 +16,6 @@ fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
 
 #[derive(Args)]
 pub struct PaperArgs {
-    /// How to solve: paper
-    #[arg(long, value_name = "NAME", default_value = "paper", help_heading = "Solver")]
-    solver: String,
-    /// How surfaces reflect: cosine
-    #[arg(long, value_name = "NAME", default_value = "cosine", help_heading = "Solver")]
-    model: String,
-    /// The published parameters to start from [default: captured if all counts are whole, else synthetic]
-    #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
-    pub preset: Option<Preset>,
     /// Lateral voxels of the final grid [default: 128]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     lateral: Option<usize>,
@@ -120,56 +109,124 @@ pub struct PaperArgs {
 }
 
 impl PaperArgs {
-    /// Refuses what this version does not have, before any file is read.
-    pub fn check(&self) -> Result<()> {
-        job::check_solver(&self.solver)?;
-        job::check_model(&self.model)?;
-        // The rest does not depend on the preset in what is allowed.
-        self.over(PaperOptions::preset(Preset::Synthetic)).check()
+    /// The first option given that only the paper's solver has.
+    pub fn own(&self) -> Option<&'static str> {
+        let given = [
+            ("learning-rate", self.learning_rate.is_some()),
+            ("beta1", self.beta1.is_some()),
+            ("beta2", self.beta2.is_some()),
+            ("epsilon", self.epsilon.is_some()),
+            ("restart-every", self.restart_every.is_some()),
+            ("l1", self.l1.is_some()),
+            ("initial-albedo", self.initial_albedo.is_some()),
+            ("noise", self.noise.is_some()),
+            ("noise-base", self.noise_base.is_some()),
+            ("noise-span", self.noise_span.is_some()),
+            ("sampling", self.sampling.is_some()),
+            ("binning", self.binning.is_some()),
+            ("gradient", self.gradient.is_some()),
+            ("double-every", self.double_every.is_some()),
+            ("no-reduce", self.no_reduce),
+            ("smooth-sigma", self.smooth_sigma.is_some()),
+            ("smooth-truncate", self.smooth_truncate.is_some()),
+        ];
+        given.into_iter().find(|g| g.1).map(|g| g.0)
     }
 
-    /// The preset for `capture`, a note if it was not given, and the options over it.
-    pub fn resolve(&self, capture: &Capture) -> (Preset, Option<String>, PaperOptions) {
-        let preset = self.preset.unwrap_or_else(|| job::preset_for(capture));
-        let note = self.preset.is_none().then(|| {
-            let counts = if capture.integer_counts { "whole numbers" } else { "not whole numbers" };
-            format!("the counts are {counts}: --preset {} is used", job::plain(&preset))
-        });
-        (preset, note, self.over(PaperOptions::preset(preset)))
-    }
-
-    fn over(&self, preset: PaperOptions) -> PaperOptions {
+    /// These over others.
+    pub fn over(&self, base: PaperOptions) -> PaperOptions {
         PaperOptions {
-            lateral: self.lateral.unwrap_or(preset.lateral),
-            iterations: self.iterations.unwrap_or(preset.iterations),
-            coarse_to_fine: preset.coarse_to_fine && !self.no_coarse_to_fine,
-            double_every: self.double_every.unwrap_or(preset.double_every),
-            restart_every: self.restart_every.unwrap_or(preset.restart_every),
-            reduce: preset.reduce && !self.no_reduce,
-            reduce_every: self.reduce_every.unwrap_or(preset.reduce_every),
-            keep_above: self.keep_above.unwrap_or(preset.keep_above),
-            smooth_sigma: self.smooth_sigma.unwrap_or(preset.smooth_sigma),
-            smooth_truncate: self.smooth_truncate.unwrap_or(preset.smooth_truncate),
-            min_depth: self.min_depth.unwrap_or(preset.min_depth),
-            learning_rate: self.learning_rate.unwrap_or(preset.learning_rate),
-            beta1: self.beta1.unwrap_or(preset.beta1),
-            beta2: self.beta2.unwrap_or(preset.beta2),
-            epsilon: self.epsilon.unwrap_or(preset.epsilon),
-            l1: self.l1.unwrap_or(preset.l1),
-            noise: self.noise.unwrap_or(preset.noise),
-            noise_base: self.noise_base.unwrap_or(preset.noise_base),
-            noise_span: self.noise_span.unwrap_or(preset.noise_span),
-            peak: self.peak.unwrap_or(preset.peak),
-            initial_albedo: self.initial_albedo.unwrap_or(preset.initial_albedo),
-            sampling: self.sampling.unwrap_or(preset.sampling),
-            binning: self.binning.unwrap_or(preset.binning),
-            gradient: self.gradient.unwrap_or(preset.gradient),
+            lateral: self.lateral.unwrap_or(base.lateral),
+            iterations: self.iterations.unwrap_or(base.iterations),
+            coarse_to_fine: base.coarse_to_fine && !self.no_coarse_to_fine,
+            double_every: self.double_every.unwrap_or(base.double_every),
+            restart_every: self.restart_every.unwrap_or(base.restart_every),
+            reduce: base.reduce && !self.no_reduce,
+            reduce_every: self.reduce_every.unwrap_or(base.reduce_every),
+            keep_above: self.keep_above.unwrap_or(base.keep_above),
+            smooth_sigma: self.smooth_sigma.unwrap_or(base.smooth_sigma),
+            smooth_truncate: self.smooth_truncate.unwrap_or(base.smooth_truncate),
+            min_depth: self.min_depth.unwrap_or(base.min_depth),
+            learning_rate: self.learning_rate.unwrap_or(base.learning_rate),
+            beta1: self.beta1.unwrap_or(base.beta1),
+            beta2: self.beta2.unwrap_or(base.beta2),
+            epsilon: self.epsilon.unwrap_or(base.epsilon),
+            l1: self.l1.unwrap_or(base.l1),
+            noise: self.noise.unwrap_or(base.noise),
+            noise_base: self.noise_base.unwrap_or(base.noise_base),
+            noise_span: self.noise_span.unwrap_or(base.noise_span),
+            peak: self.peak.unwrap_or(base.peak),
+            initial_albedo: self.initial_albedo.unwrap_or(base.initial_albedo),
+            sampling: self.sampling.unwrap_or(base.sampling),
+            binning: self.binning.unwrap_or(base.binning),
+            gradient: self.gradient.unwrap_or(base.gradient),
             accumulation: match self.accumulation {
                 _ if self.deterministic => Accumulation::Fixed,
                 Some(given) => given,
-                None => preset.accumulation,
+                None => base.accumulation,
             },
-            seed: self.seed.unwrap_or(preset.seed),
+            seed: self.seed.unwrap_or(base.seed),
+        }
+    }
+}
+
+#[derive(Args)]
+pub struct VectorArgs {
+    /// Iterations at each resolution below the last
+    #[arg(long, value_name = "N", help_heading = "Vector solver")]
+    coarse_iterations: Option<usize>,
+    /// Keep voxels above this share of the first back-projection's maximum
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    start_above: Option<f64>,
+    /// Weight of the group term in standard deviations of the gradient's photon noise
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    noise_factor: Option<f64>,
+    /// Last share of the iterations that goes without the group term
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    debias: Option<f64>,
+    /// Steepest surface: largest |n_xy| / |n_z|
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    cone: Option<f64>,
+    /// Do not take off the background that is estimated behind the signal
+    #[arg(long, help_heading = "Vector solver")]
+    no_background: bool,
+}
+
+impl VectorArgs {
+    /// The first option given that only the vector solver has.
+    pub fn own(&self) -> Option<&'static str> {
+        let given = [
+            ("coarse-iterations", self.coarse_iterations.is_some()),
+            ("start-above", self.start_above.is_some()),
+            ("noise-factor", self.noise_factor.is_some()),
+            ("debias", self.debias.is_some()),
+            ("cone", self.cone.is_some()),
+            ("no-background", self.no_background),
+        ];
+        given.into_iter().find(|g| g.1).map(|g| g.0)
+    }
+
+    /// These, and what `shared` has for this solver too, over others.
+    pub fn over(&self, shared: &PaperArgs, base: VectorOptions) -> VectorOptions {
+        VectorOptions {
+            lateral: shared.lateral.unwrap_or(base.lateral),
+            iterations: shared.iterations.unwrap_or(base.iterations),
+            coarse_to_fine: base.coarse_to_fine && !shared.no_coarse_to_fine,
+            reduce_every: shared.reduce_every.unwrap_or(base.reduce_every),
+            keep_above: shared.keep_above.unwrap_or(base.keep_above),
+            min_depth: shared.min_depth.unwrap_or(base.min_depth),
+            peak: shared.peak.unwrap_or(base.peak),
+            accumulation: match shared.accumulation {
+                _ if shared.deterministic => Accumulation::Fixed,
+                Some(given) => given,
+                None => base.accumulation,
+            },
+            coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
+            start_above: self.start_above.unwrap_or(base.start_above),
+            noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
+            debias: self.debias.unwrap_or(base.debias),
+            cone: self.cone.unwrap_or(base.cone),
+            background: base.background && !self.no_background,
         }
     }
 }

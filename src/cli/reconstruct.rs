@@ -7,8 +7,8 @@ use thirdbounce::job::{self, Request};
 use thirdbounce::maps::Maps;
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
-use super::options::PaperArgs;
 use super::progress::{Meter, say};
+use super::solver::SolverArgs;
 use super::{interrupt, print, tables};
 
 #[derive(clap::Args)]
@@ -27,6 +27,13 @@ pub struct Args {
     /// A pixel is surface above this share of the brightest albedo
     #[arg(long, value_name = "X", default_value_t = Maps::MASK_FRACTION)]
     mask_fraction: f64,
+    /// A point of the report's trace after every Nth iteration, with the figures if there is truth; 0: these at the
+    /// end only. Measuring does not count as solving [default: with --truth 10, else 0]
+    #[arg(long, value_name = "N")]
+    trace_every: Option<usize>,
+    /// Keep maps and pictures of these iterations too, in DIR/snapshots/000100 and so on
+    #[arg(long, value_name = "I,I,...", value_delimiter = ',')]
+    snapshots: Vec<usize>,
     /// Print the time per kernel at the end; runs the kernels one by one
     #[arg(long)]
     timings: bool,
@@ -34,7 +41,7 @@ pub struct Args {
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
-    paper: PaperArgs,
+    solver: SolverArgs,
     #[command(flatten)]
     grid: VolumeArgs,
     #[command(flatten)]
@@ -42,18 +49,19 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.paper.check()?;
+    args.solver.check(None)?;
+    args.solver.check_fit()?;
     let (input, memory, volume) =
-        (args.capture.input(args.paper.preset)?, args.device.memory()?, args.grid.volume()?);
+        (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
     let mut loaded = job::load(&input)?;
-    let (preset, note, options) = args.paper.resolve(&loaded.capture);
+    let (preset, note, solver) = args.solver.resolve(None, &loaded.capture);
     loaded.notes.extend(note);
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     let request = Request {
         preset: Some(preset),
-        options,
+        solver,
         depth_pitch: args.grid.depth_pitch,
         volume,
         memory,
@@ -62,6 +70,8 @@ pub fn run(args: &Args) -> Result<()> {
         timings: args.timings,
         truth: args.truth.clone(),
         mask_fraction: args.mask_fraction,
+        trace_every: args.trace_every,
+        snapshots: args.snapshots.clone(),
         out: args.out.clone(),
         volume_file: args.volume.clone(),
     };

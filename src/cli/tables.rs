@@ -54,14 +54,19 @@ pub fn metrics(m: &Metrics) -> String {
     let share = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3}"));
     let mm = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.2} mm", 1000.0 * v));
     let degrees = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.1} degrees"));
-    let best = match (m.best_iou, m.best_fraction) {
-        (Some(iou), Some(fraction)) => format!("; best {iou:.3} at mask fraction {fraction}"),
+    let best = match (m.best_iou, m.best_fraction, &m.at_best) {
+        (Some(iou), Some(fraction), Some(best)) => format!(
+            "best      IoU {iou:.3} at mask fraction {fraction}: completeness {}, depth MAE {}, normals {}\n",
+            share(best.completeness),
+            mm(best.depth_mae),
+            degrees(best.normal_error_deg)
+        ),
         _ => String::new(),
     };
     format!(
-        "surface   IoU {}, completeness {} at mask fraction {}{best}\n\
+        "surface   IoU {}, completeness {} at mask fraction {}\n\
          depth     MAE {}, RMSE {} over {} pixels; paper's convention {}, {}\n\
-         normals   {}, mean absolute error of components {}\n",
+         normals   {}, mean absolute error of components {}\n{best}",
         share(m.iou),
         share(m.completeness),
         m.fraction,

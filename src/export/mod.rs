@@ -1,13 +1,18 @@
-//! Results as files: npz, EXR, PNG, PLY and the report. Every file appears whole or not at all, and equal
+//! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Every file appears whole or not at all, and equal
 //! results give equal bytes.
 
 pub mod atomic;
+pub mod comparison;
+pub mod curves;
+pub mod depth_error;
+pub mod drawing;
 pub mod exr;
 pub mod npz;
 pub mod picture;
 pub mod ply;
 pub mod png;
 pub mod report;
+mod strokes;
 pub mod volume;
 
 use std::path::{Path, PathBuf};

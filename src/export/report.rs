@@ -62,6 +62,13 @@ pub struct TraceEntry {
     /// Written as null where it is not finite.
     #[serde(deserialize_with = "null_is_nan")]
     pub loss: f64,
+    /// Mean squared difference over the bins, without any solver's weights or regularisation.
+    #[serde(default)]
+    pub data_loss: Option<f64>,
+    /// ‖Av − h‖ / ‖h‖, h as the solver takes it (without the background, where it takes one off): the square root
+    /// of `data_loss` over that of an empty volume. Null if nothing was measured.
+    #[serde(default)]
+    pub residual: Option<f64>,
     /// Stand beside the other fields when truth was given; left out without.
     #[serde(flatten)]
     pub metrics: Option<Metrics>,

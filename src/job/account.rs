@@ -2,11 +2,11 @@
 
 use serde_json::{Value, json};
 
+use super::solving::Solved;
 use super::{Loaded, Request};
 use crate::capture::Gate;
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::measure::Metrics;
 use crate::solve::Reconstruction;
 use crate::transport::Grid;
 
@@ -16,27 +16,9 @@ pub fn report_of(
     loaded: &Loaded,
     grid: &Grid,
     gpu: &Gpu,
-    solved: &Reconstruction,
-    metrics: Option<Metrics>,
+    done: &Solved,
 ) -> report::Report {
-    let timed = solved.trace.iter().any(|p| p.gpu_seconds > 0.0);
-    let mut trace: Vec<_> = solved
-        .trace
-        .iter()
-        .map(|p| report::TraceEntry {
-            iteration: p.iteration,
-            seconds: p.seconds,
-            gpu_seconds: timed.then_some(p.gpu_seconds),
-            lateral: p.lateral,
-            active: p.active,
-            active_ratio: p.active_ratio,
-            loss: p.loss,
-            metrics: None,
-        })
-        .collect();
-    if let Some(last) = trace.last_mut() {
-        last.metrics = metrics.clone().map(Metrics::brief);
-    }
+    let solved = &done.solved;
     report::Report {
         version: env!("CARGO_PKG_VERSION").into(),
         device: report::Device {
@@ -51,7 +33,7 @@ pub fn report_of(
             left_out: solved.plan.left_out.clone(),
             buffers: solved.plan.bytes(),
         },
-        trace,
+        trace: done.trace(),
         totals: report::Totals {
             load_s: loaded.seconds,
             solve_s: solved.solve_seconds,
@@ -60,14 +42,14 @@ pub fn report_of(
             pairs_per_s: solved.pairs as f64 / solved.solve_seconds.max(1e-9),
             peak_device_bytes: solved.device_bytes,
         },
-        metrics,
+        metrics: done.metrics.clone(),
     }
 }
 
 /// All settings as they were resolved: with these the run can be made again.
-fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruction) -> Value {
+pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruction) -> Value {
     let mut all = json!({
-        "solver": "paper",
+        "solver": request.solver.name(),
         "model": "cosine",
         "preset": request.preset,
         "capture": loaded.input.path,
@@ -84,11 +66,13 @@ fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruc
         "memory": request.memory,
         "truth": request.truth,
         "mask_fraction": request.mask_fraction,
+        "trace_every": request.trace_step(),
+        "snapshots": request.snapshots,
         "accumulation_used": solved.plan.accumulation,
         "notes": loaded.notes,
     });
     if let (Value::Object(all), Ok(Value::Object(options))) =
-        (&mut all, serde_json::to_value(&request.options))
+        (&mut all, serde_json::to_value(&request.solver))
     {
         all.extend(options);
     }

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::account::box_of;
-use super::{Loaded, Request};
+use super::{Loaded, Request, SolverOptions};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Limits};
-use crate::solve::{Accumulation, PaperOptions, Plan, Preset, paper};
+use crate::solve::{Accumulation, Preset};
 use crate::{Error, Kind, Result};
 
 /// A capture, the grid it would be reconstructed on, and what that takes.
@@ -18,7 +18,7 @@ pub struct Inspection {
     /// What was done to the capture.
     pub notes: Vec<String>,
     pub preset: Option<Preset>,
-    pub options: PaperOptions,
+    pub options: SolverOptions,
     /// Voxels along x, y, z.
     pub grid: [usize; 3],
     /// Voxel size in metres.
@@ -28,7 +28,7 @@ pub struct Inspection {
     pub volume: Vec<f64>,
     /// What would do the work; null if there is no device.
     pub device: Option<DeviceInfo>,
-    /// Null if the paper's solver cannot take this capture.
+    /// Null if the solver cannot take this capture.
     pub plan: Option<Planned>,
     /// Why there is no device or no plan, or why it would not run.
     pub problems: Vec<String>,
@@ -52,7 +52,7 @@ pub struct Planned {
 /// Options that make no sense, a device that was named and is not there. A capture that the solver does not
 /// take is no error but a problem of the inspection.
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
-    request.options.check()?;
+    request.solver.check()?;
     let capture = &loaded.capture;
     let grid = request.grid(capture)?;
     let mut problems = Vec::new();
@@ -65,11 +65,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, |(_, abilities)| *abilities);
-    let plan = paper::model(capture, &request.options).and_then(|model| {
-        let volume = request.volume_file.is_some();
-        Plan::new(&model, grid, capture.scan, &request.options, &abilities, volume)
-    });
-    let plan = match plan {
+    let plan = match request.solver.plan(capture, grid, &abilities, request.volume_file.is_some()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what);
@@ -86,7 +82,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         capture: capture.summary(),
         notes: loaded.notes.clone(),
         preset: request.preset,
-        options: request.options.clone(),
+        options: request.solver.clone(),
         grid: grid.n,
         voxel: grid.pitch.to_array(),
         volume: box_of(&grid),

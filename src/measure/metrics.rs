@@ -37,9 +37,23 @@ pub struct Metrics {
     /// The best IoU over [`SWEEP`] and the fraction that gave it.
     pub best_iou: Option<f64>,
     pub best_fraction: Option<f64>,
+    /// The figures at `best_fraction`: for comparing methods, whose albedos fall off differently, so that at one
+    /// fixed fraction one method's errors are over all of the surface and another's over its bright part only.
+    #[serde(default)]
+    pub at_best: Option<AtBest>,
     /// (fraction, IoU) over [`SWEEP`]; left out of JSON if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sweep: Vec<[f64; 2]>,
+}
+
+/// Figures over the hit pixels of the mask with the best IoU.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct AtBest {
+    pub hit_pixels: usize,
+    pub completeness: Option<f64>,
+    pub depth_mae: Option<f64>,
+    pub depth_rmse: Option<f64>,
+    pub normal_error_deg: Option<f64>,
 }
 
 impl Metrics {
@@ -79,20 +93,18 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
         SWEEP.iter().filter_map(|&fraction| overlap(fraction).iou().map(|iou| [fraction, iou])).collect();
     let best = sweep.iter().copied().reduce(|a, b| if b[1] > a[1] { b } else { a });
 
-    let (mut hit, mut whole) = (Depths::default(), Depths::default());
-    let (mut angle, mut components) = (Mean::default(), Mean::default());
-    for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| truth.mask[*at]) {
-        let real = f64::from(truth.depth[at]);
-        let found = predicted(maps, *pixel, fraction * white);
-        whole.add(found.map_or(0.0, |p| f64::from(maps.depth[p])) - real);
-        let Some(found) = found else { continue };
-        hit.add(f64::from(maps.depth[found]) - real);
-        let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
-        if let Some(degrees) = angle_between(n, m) {
-            angle.add(degrees);
-            (0..3).for_each(|c| components.add((n[c] - m[c]).abs()));
+    let errors = errors(maps, truth, &pixels, fraction * white);
+    let at_best = best.map(|[fraction, _]| {
+        let errors = self::errors(maps, truth, &pixels, fraction * white);
+        let overlap = overlap(fraction);
+        AtBest {
+            hit_pixels: overlap.both,
+            completeness: ratio(overlap.both, overlap.real),
+            depth_mae: errors.hit.absolute.get(),
+            depth_rmse: errors.hit.square.get().map(f64::sqrt),
+            normal_error_deg: errors.angle.get(),
         }
-    }
+    });
     Ok(Metrics {
         fraction,
         predicted_pixels: here.predicted,
@@ -100,14 +112,15 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
         hit_pixels: here.both,
         completeness: ratio(here.both, here.real),
         iou: here.iou(),
-        depth_mae: hit.absolute.get(),
-        depth_rmse: hit.square.get().map(f64::sqrt),
-        depth_mae_whole: whole.absolute.get(),
-        depth_rmse_whole: whole.square.get().map(f64::sqrt),
-        normal_error_deg: angle.get(),
-        normal_mae: components.get(),
+        depth_mae: errors.hit.absolute.get(),
+        depth_rmse: errors.hit.square.get().map(f64::sqrt),
+        depth_mae_whole: errors.whole.absolute.get(),
+        depth_rmse_whole: errors.whole.square.get().map(f64::sqrt),
+        normal_error_deg: errors.angle.get(),
+        normal_mae: errors.components.get(),
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
+        at_best,
         sweep,
     })
 }
@@ -129,6 +142,33 @@ fn predicted(maps: &Maps, pixel: Option<usize>, threshold: f64) -> Option<usize>
         // In float32 as in `Maps::mask_of`, so that both agree on pixels at the threshold.
         albedo > threshold as f32 && albedo > 0.0 && maps.depth[p].is_finite()
     })
+}
+
+/// Errors over true pixels.
+#[derive(Default)]
+struct Errors {
+    hit: Depths,
+    whole: Depths,
+    angle: Mean,
+    components: Mean,
+}
+
+/// The errors with the mask above `threshold`.
+fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], threshold: f64) -> Errors {
+    let mut all = Errors::default();
+    for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| truth.mask[*at]) {
+        let real = f64::from(truth.depth[at]);
+        let found = predicted(maps, *pixel, threshold);
+        all.whole.add(found.map_or(0.0, |p| f64::from(maps.depth[p])) - real);
+        let Some(found) = found else { continue };
+        all.hit.add(f64::from(maps.depth[found]) - real);
+        let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
+        if let Some(degrees) = angle_between(n, m) {
+            all.angle.add(degrees);
+            (0..3).for_each(|c| all.components.add((n[c] - m[c]).abs()));
+        }
+    }
+    all
 }
 
 #[derive(Default)]

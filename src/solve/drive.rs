@@ -26,6 +26,8 @@ pub struct TracePoint {
     pub active_ratio: f64,
     /// What the solver minimises.
     pub loss: f64,
+    /// The mean over the bins of the squared difference, without any solver's weights or regularisation.
+    pub data_loss: f64,
 }
 
 /// What a caller hears while the device works.
@@ -33,7 +35,7 @@ pub struct TracePoint {
 pub struct Progress {
     pub point: TracePoint,
     pub iterations: usize,
-    /// The maps after that iteration, if it is one that [`Watch::maps_every`] asks for.
+    /// The maps after that iteration, if it is one that [`Watch`] asks for.
     pub maps: Option<Maps>,
 }
 
@@ -41,8 +43,12 @@ pub struct Progress {
 pub struct Watch<'w> {
     /// Told of every point of the trace; may break off.
     pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    /// Extract the maps after every so-manieth iteration. Neither that nor the time spent in `hear` counts.
+    /// Extract the maps after every so-manieth iteration. The device is idle then, and neither the extraction
+    /// nor the time spent in `hear` counts. (Between such iterations `hear` runs beside a working device, so
+    /// there is nothing to take off: what it hides would be the solver's own work.)
     pub maps_every: Option<usize>,
+    /// And after these iterations.
+    pub maps_at: &'w [usize],
 }
 
 /// A solver as its driver sees it.
@@ -96,7 +102,8 @@ pub(super) fn drive(
         block.extend((steps.iteration)(&job.plan, &here, i));
         let done = i + 1;
         let last = done == iterations;
-        let measured = watch.maps_every.is_some_and(|n| done.is_multiple_of(n));
+        let measured =
+            watch.maps_every.is_some_and(|n| done.is_multiple_of(n)) || watch.maps_at.contains(&done);
         // A change of the level ends a block, so that all its rows belong to one.
         let mut next = level;
         let changes = !last && !(steps.due)(&job.plan, &mut next, done).commands.is_empty();
@@ -106,22 +113,29 @@ pub(super) fn drive(
         let ticket = job.executor.submit(&std::mem::take(&mut block))?;
         flights.push_back((ticket, first..done, here));
         first = done;
+        // Waits first and listens then, so that with nothing in flight the clock may stand still.
+        let mut back = vec![];
         while flights.len() > if last || measured { 0 } else { 2 } {
             let (ticket, rows, at) = flights.pop_front().expect("not empty");
             job.executor.wait(ticket)?;
-            let point = reader.read(job, rows, &at, (steps.l1_weight)(&at), clock.seconds())?;
+            back.push((rows, at, [clock.seconds(), job.executor.gpu_seconds()]));
+        }
+        let (pause, gpu_pause) = (Instant::now(), job.executor.gpu_seconds());
+        for (rows, at, seconds) in back {
+            let point = reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
             active = point.active;
-            let pause = Instant::now();
             let maps = (measured && point.iteration == done).then(|| {
                 job.executor.run(&(steps.extract)(&at)).map(|()| read_maps(&job.executor.arena, &at.grid))
             });
             let progress = Progress { point, iterations, maps: maps.transpose()? };
-            let broken_off = (watch.hear)(&progress).is_break();
-            clock.paused += pause.elapsed();
-            if broken_off {
+            if (watch.hear)(&progress).is_break() {
                 let what = format!("cancelled after {} iterations", point.iteration);
                 return Err(Error::new(Kind::Cancelled, what, "run it again"));
             }
+        }
+        if flights.is_empty() {
+            clock.paused += pause.elapsed();
+            reader.gpu_before += job.executor.gpu_seconds() - gpu_pause;
         }
     }
     let level = job.plan.levels[level];
@@ -164,18 +178,19 @@ impl Reader {
         iterations: std::ops::Range<usize>,
         level: &Level,
         l1_weight: f64,
-        seconds: f64,
+        [seconds, gpu_seconds]: [f64; 2],
     ) -> Result<TracePoint> {
         let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
         let voxels = level.grid.voxels();
-        let mut loss = 0.0;
+        let (mut loss, mut data_loss) = (0.0, 0.0);
         let mut active = 0;
         for i in iterations.clone() {
             let row = rows[i];
             active = row[TRACE_ACTIVE as usize] as usize;
-            let data = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
+            data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
+            let objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
             let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
-            loss = data + l1_weight * l1;
+            loss = objective + l1_weight * l1;
             if !loss.is_finite() {
                 return Err(Error::new(
                     Kind::Options,
@@ -188,11 +203,12 @@ impl Reader {
         let point = TracePoint {
             iteration: iterations.end,
             seconds,
-            gpu_seconds: job.executor.gpu_seconds() - self.gpu_before,
+            gpu_seconds: gpu_seconds - self.gpu_before,
             lateral: level.grid.n[0],
             active,
             active_ratio: active as f64 / voxels as f64,
             loss,
+            data_loss,
         };
         self.trace.push(point);
         Ok(point)

@@ -23,6 +23,8 @@ pub struct Reconstruction {
     pub maps: Maps,
     pub volume: Option<VolumeMap>,
     pub trace: Vec<TracePoint>,
+    /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
+    pub empty_loss: f64,
     pub plan: Plan,
     /// Pair evaluations, forward and backward together counted once.
     pub pairs: u64,
@@ -104,10 +106,15 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
         maps: driven.maps,
         volume,
         trace: driven.trace,
+        empty_loss: mean_square(&job.model.measured),
         pairs: driven.pairs,
         solve_seconds: driven.seconds,
         device_bytes: job.executor.arena.bytes(),
         kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
         plan: job.plan,
     })
+}
+
+fn mean_square(values: &[f32]) -> f64 {
+    values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / values.len().max(1) as f64
 }

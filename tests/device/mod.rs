@@ -240,7 +240,7 @@ pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
 
 /// A watch that only hears.
 pub fn unwatched(hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Watch<'_> {
-    Watch { hear, maps_every: None }
+    Watch { hear, maps_every: None, maps_at: &[] }
 }
 
 /// Largest difference over the largest true value.

@@ -1,0 +1,123 @@
+//! `thirdbounce compare CAPTURE --truth TRUTH --out DIR`.
+
+use std::path::PathBuf;
+
+use thirdbounce::job::{self, Comparison, Method, Request, SolverOptions, Turn};
+use thirdbounce::maps::Maps;
+use thirdbounce::solve::Progress;
+use thirdbounce::{Error, Result};
+
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
+use super::methods;
+use super::progress::{Meter, say};
+use super::solver::SolverArgs;
+use super::{interrupt, print};
+
+const METHODS: &str = "\
+Methods:
+  A method is a solver, or solver:key=value,key=value,... with the solver options, depth-pitch and trace-every of
+  reconstruct as keys, and name=... for what plots and folders call it. What a method does not say is taken from
+  the options given here. The first method is what the others are held against.
+    --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
+    --method 'paper;paper:iterations=300,double-every=50'";
+
+#[derive(clap::Args)]
+#[command(after_help = METHODS)]
+pub struct Args {
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// True maps to measure against
+    #[arg(long, value_name = "FILE")]
+    truth: PathBuf,
+    /// Folder for plots, tables and each method's maps
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// A method (see below), repeatable, or several with ; between [default: every solver, or --solver]
+    #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
+    method: Vec<String>,
+    /// Run every method so many times, in turns; times are medians
+    #[arg(long, value_name = "R", default_value_t = 3)]
+    repeats: usize,
+    /// Measure after every Nth iteration; measuring does not count as solving
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    trace_every: usize,
+    /// A pixel is surface above this share of the brightest albedo
+    #[arg(long, value_name = "X", default_value_t = Maps::MASK_FRACTION)]
+    mask_fraction: f64,
+    /// No progress and no notes, errors only
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    solver: SolverArgs,
+    #[command(flatten)]
+    grid: VolumeArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    args.solver.check(None)?;
+    let specs = specs(args)?;
+    let (input, memory, volume) =
+        (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
+    let loaded = job::load(&input)?;
+    if !args.quiet {
+        loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    let method = |spec: &methods::Spec| {
+        let (preset, _, solver) = spec.solver.resolve(Some(&args.solver), &loaded.capture);
+        let request = Request {
+            preset: Some(preset),
+            depth_pitch: spec.depth_pitch.or(args.grid.depth_pitch),
+            volume,
+            memory,
+            device: args.device.device.clone(),
+            validation: args.device.validation,
+            truth: Some(args.truth.clone()),
+            mask_fraction: args.mask_fraction,
+            trace_every: spec.trace_every.or(Some(args.trace_every)),
+            ..Request::new(solver, "")
+        };
+        Method { name: spec.name.clone(), spec: spec.text.clone(), request }
+    };
+    let comparison = Comparison {
+        methods: specs.iter().map(method).collect(),
+        repeats: args.repeats,
+        out: args.out.clone(),
+    };
+    interrupt::take_care();
+    let mut meters: Vec<Meter> = vec![];
+    let mut turns = 0;
+    let compared = job::compare(&comparison, &loaded, &mut |turn: &Turn<'_>, progress: &Progress| {
+        if turn.number >= turns {
+            meters.iter().for_each(Meter::end);
+            turns = turn.number + 1;
+            meters = vec![Meter::new(args.quiet)];
+            if !args.quiet {
+                say(&format!("{} of {}: {}", turn.number + 1, turn.turns, turn.name));
+            }
+        }
+        meters.last_mut().map_or(std::ops::ControlFlow::Continue(()), |meter| meter.hear(progress))
+    });
+    meters.iter().for_each(Meter::end);
+    let compared = compared?;
+    compared.validation.iter().for_each(|message| say(&format!("validation: {message}")));
+    print(&compared.report.table());
+    let files: Vec<_> = compared.files.iter().map(|f| f.display().to_string()).collect();
+    print(&format!("\nwrote     {}", files.join("\n          ")));
+    Ok(())
+}
+
+/// The methods that are asked for, all of them checked.
+fn specs(args: &Args) -> Result<Vec<methods::Spec>> {
+    let asked: Vec<&str> = args.method.iter().map(|m| m.trim()).filter(|m| !m.is_empty()).collect();
+    if asked.is_empty() && !args.method.is_empty() {
+        return Err(Error::options("--method is empty", "name a solver, as --method paper"));
+    }
+    let all = match &args.solver.solver {
+        Some(name) => vec![name.as_str()],
+        None => SolverOptions::NAMES.to_vec(),
+    };
+    let asked = if asked.is_empty() { all } else { asked };
+    asked.into_iter().map(|text| methods::parse(text, &args.solver)).collect()
+}

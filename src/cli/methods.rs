@@ -1,0 +1,61 @@
+//! Methods of a comparison as text: `solver`, or `solver:key=value,key=value,...`, where the keys are the
+//! options of `reconstruct` without their dashes, or `name` for what the plots call it.
+
+use clap::Parser;
+use thirdbounce::{Error, Result};
+
+use super::solver::SolverArgs;
+
+/// A method as it was asked for.
+pub struct Spec {
+    pub text: String,
+    /// What plots and folders call it: as told, or its text.
+    pub name: String,
+    pub solver: SolverArgs,
+    pub depth_pitch: Option<f64>,
+    pub trace_every: Option<usize>,
+}
+
+#[derive(Parser)]
+#[command(no_binary_name = true, disable_help_flag = true)]
+struct SpecArgs {
+    #[command(flatten)]
+    solver: SolverArgs,
+    #[arg(long)]
+    depth_pitch: Option<f64>,
+    #[arg(long)]
+    trace_every: Option<usize>,
+}
+
+/// Reads a method; `base` holds the options that all methods have unless they say otherwise.
+///
+/// Errors: an unknown solver, an unknown key, a value that makes no sense, each with the method's text.
+pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
+    let text = text.trim();
+    let mend =
+        "write solver:key=value,key=value with the options of `thirdbounce reconstruct --help` as keys";
+    let wrong = |what: String| Error::options(format!("method {text:?}: {what}"), mend);
+    let (solver, settings) = text.split_once(':').unwrap_or((text, ""));
+    thirdbounce::job::check_solver(solver.trim()).map_err(|e| e.at(format!("method {text:?}")))?;
+    let mut arguments = vec![format!("--solver={}", solver.trim())];
+    let mut name = None;
+    for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {
+        let setting = setting.trim_start_matches('-');
+        match setting.split_once('=') {
+            Some(("name", given)) => name = Some(given.trim().to_string()),
+            Some((key, value)) => arguments.push(format!("--{}={}", key.trim(), value.trim())),
+            None => arguments.push(format!("--{setting}")),
+        }
+    }
+    let args = SpecArgs::try_parse_from(arguments).map_err(|e| {
+        let said = e.to_string();
+        wrong(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string())
+    })?;
+    args.solver
+        .check_fit()
+        .and_then(|()| args.solver.check(Some(base)))
+        .map_err(|e| e.at(format!("method {text:?}")))?;
+    let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
+    let SpecArgs { solver, depth_pitch, trace_every } = args;
+    Ok(Spec { text: text.to_string(), name, solver, depth_pitch, trace_every })
+}

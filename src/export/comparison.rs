@@ -1,0 +1,187 @@
+//! Several methods on one capture: `compare.json` and `compare.md`.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::atomic;
+use super::report::{Device, TraceEntry};
+use crate::capture::Summary;
+use crate::error::{Error, Result};
+use crate::measure::{Metrics, Reach};
+
+/// All of a comparison. The first method is what the others are held against.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// Version of thirdbounce.
+    pub version: String,
+    pub device: Device,
+    pub capture: Summary,
+    pub capture_file: PathBuf,
+    pub truth: Option<PathBuf>,
+    pub mask_fraction: f64,
+    /// How often each method ran, in turns.
+    pub repeats: usize,
+    pub methods: Vec<MethodReport>,
+}
+
+/// One method. Times are medians over the repeats, figures are those of the first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MethodReport {
+    pub name: String,
+    /// As it was asked for.
+    pub method: String,
+    /// All settings as they were resolved.
+    pub settings: serde_json::Value,
+    /// Iterations between measured points; 0: measured at the end only.
+    pub trace_every: usize,
+    pub iterations: usize,
+    /// Solve seconds, without load, set-up, measuring and export.
+    pub seconds: f64,
+    /// Those of each repeat.
+    pub repeats_s: Vec<f64>,
+    /// Active voxels at the end, and their share of the grid.
+    pub active: usize,
+    pub active_ratio: f64,
+    pub metrics: Metrics,
+    pub reach: Reached,
+    /// The measured points.
+    pub trace: Vec<TraceEntry>,
+}
+
+/// When a method was as good as the first method is at its end, each at its best mask fraction.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reached {
+    pub depth_mae: Reach,
+    pub normal_error_deg: Reach,
+    pub best_iou: Reach,
+    /// In all three at once.
+    pub all: Reach,
+}
+
+impl Comparison {
+    /// The figures as a Markdown table.
+    pub fn table(&self) -> String {
+        let mut out = String::from(
+            "| method | iterations | time (s) | active | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) | normals (°) \
+             | s to depth | s to normals | s to IoU | s to all three |\n\
+             |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+        );
+        let whole = self.methods.first().map_or(0.0, |m| m.seconds);
+        for m in &self.methods {
+            let figure = |v: Option<f64>, unit: f64, digits: usize| {
+                v.map_or("–".to_string(), |v| format!("{:.digits$}", unit * v))
+            };
+            let time = |r: &Reach| match r.kept_s {
+                Some(s) => format!("{} ({:.3})", short(s), s / whole.max(1e-12)),
+                None => "–".to_string(),
+            };
+            let best = m.metrics.at_best.unwrap_or_default();
+            let cells = [
+                m.name.replace('|', "\\|"),
+                m.iterations.to_string(),
+                spread(m.seconds, &m.repeats_s),
+                format!("{:.2} %", 100.0 * m.active_ratio),
+                figure(m.metrics.best_iou, 1.0, 3),
+                figure(best.completeness, 1.0, 3),
+                figure(best.depth_mae, 1000.0, 2),
+                figure(best.depth_rmse, 1000.0, 2),
+                figure(best.normal_error_deg, 1.0, 1),
+                time(&m.reach.depth_mae),
+                time(&m.reach.normal_error_deg),
+                time(&m.reach.best_iou),
+                time(&m.reach.all),
+            ];
+            out += &format!("| {} |\n", cells.join(" | "));
+        }
+        out
+    }
+
+    /// The whole page: what was compared, the plot, the table and how to read it.
+    pub fn markdown(&self) -> String {
+        let first = self.methods.first().map_or("", |m| m.name.as_str());
+        let mut out = format!(
+            "# Error against run time\n\n\
+             Capture `{}`, {} pairs of {} bins. Device: {} ({}). thirdbounce {}.\n\n\
+             ![Error against run time](error_vs_time.png)\n\n{}\n",
+            file_name(&self.capture_file),
+            self.capture.pairs,
+            self.capture.bins,
+            self.device.name,
+            self.device.kind,
+            self.version,
+            self.table()
+        );
+        out += &format!(
+            "Time is solve time: without load, set-up, measuring and export. Every method ran {}, in turns; the \
+             time is the median and, in brackets, the range. A pixel counts as \
+             surface above a fraction of the brightest albedo; for every point the fraction with the best IoU is \
+             taken, and depth and normal errors are over the pixels that are surface there and in truth. (Figures \
+             at {} stand in compare.json.)\n\n\
+             *s to …*: seconds until the figure is as good as that of `{first}` at its end and stays so, and in \
+             brackets their share of the whole time of `{first}`. Times are those of measured points, {}.\n",
+            times(self.repeats),
+            self.mask_fraction,
+            self.steps(),
+        );
+        for m in self.methods.iter().filter(|m| m.name != m.method) {
+            out += &format!("\n`{}` is `{}`.\n", m.name, m.method);
+        }
+        out
+    }
+
+    /// Which points were measured, in words.
+    fn steps(&self) -> String {
+        let mut steps: Vec<usize> = self.methods.iter().map(|m| m.trace_every).collect();
+        steps.dedup();
+        match steps[..] {
+            [0] => "here the last one only".into(),
+            [n] => format!("one after every {n} iterations"),
+            _ => "whose interval differs from method to method (trace_every in compare.json)".into(),
+        }
+    }
+}
+
+fn times(repeats: usize) -> String {
+    if repeats == 1 { "once".into() } else { format!("{repeats} times") }
+}
+
+/// A median and the range around it.
+fn spread(median: f64, all: &[f64]) -> String {
+    let (low, high) = all.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+    if all.len() < 2 {
+        short(median)
+    } else {
+        format!("{} ({}–{})", short(median), short(low), short(high))
+    }
+}
+
+/// Seconds with three figures.
+fn short(s: f64) -> String {
+    let digits = (2.0 - s.abs().max(1e-6).log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{s:.digits$}")
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
+
+/// Writes the comparison as indented JSON.
+///
+/// # Errors
+/// `Kind::Output` if the file cannot be written.
+pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {
+    let mut json = serde_json::to_string_pretty(comparison).map_err(|e| {
+        Error::output(format!("{}: cannot be packed as JSON: {e}", path.display()), "report this as a bug")
+    })?;
+    json.push('\n');
+    atomic::write(path, json.as_bytes())
+}
+
+/// Writes the page of [`Comparison::markdown`].
+///
+/// # Errors
+/// `Kind::Output` if the file cannot be written.
+pub fn write_markdown(path: &Path, comparison: &Comparison) -> Result<()> {
+    atomic::write(path, comparison.markdown().as_bytes())
+}

@@ -1,0 +1,276 @@
+//! Several methods on one capture, in one process and in turns: error against run time.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use super::solving::{self, Solved};
+use super::{Loaded, Request, account, places};
+use crate::export::comparison::{self, MethodReport, Reached};
+use crate::export::report::TraceEntry;
+use crate::export::{self, curves};
+use crate::gpu::Gpu;
+use crate::maps::Truth;
+use crate::measure::{Metrics, Reach, median, reach};
+use crate::solve::{Progress, Watch};
+use crate::transport::Grid;
+use crate::{Error, Kind, Result};
+
+/// What a comparison writes into its folder, beside a folder for each method.
+const FILES: [&str; 4] = ["error_vs_time.png", "error_vs_time.svg", "compare.md", "compare.json"];
+
+/// A method of a comparison.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Method {
+    /// What plots and tables call it; its folder is named after it.
+    pub name: String,
+    /// As it was asked for; for the report only.
+    pub spec: String,
+    /// What to do; its folder, volume file and snapshots are not looked at, and its device is the first one's.
+    pub request: Request,
+}
+
+/// What to compare.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// The others are held against the first.
+    pub methods: Vec<Method>,
+    /// Every method runs once, then all again, so often.
+    pub repeats: usize,
+    /// Folder for plots, tables and each method's maps.
+    pub out: PathBuf,
+}
+
+/// Which run a progress is of.
+#[derive(Debug, Clone, Copy)]
+pub struct Turn<'n> {
+    /// Of all turns, from 0.
+    pub number: usize,
+    pub turns: usize,
+    pub name: &'n str,
+}
+
+/// What a comparison yields besides its files.
+#[derive(Debug, Clone)]
+pub struct Compared {
+    pub report: comparison::Comparison,
+    /// What the validation layer said, if it was asked for.
+    pub validation: Vec<String>,
+    pub files: Vec<PathBuf>,
+}
+
+/// Runs every method `repeats` times, in turns and after a short warm-up, and writes `error_vs_time.png` and `.svg`, `compare.md`, each
+/// method's maps and report in a folder of its own, and last `compare.json`.
+///
+/// # Errors
+/// No method or no truth, options that make no sense, a place that cannot be written: all before anything is
+/// computed. What a solver finds, with the method's name. A broken off comparison writes nothing.
+pub fn compare(
+    what: &Comparison,
+    loaded: &Loaded,
+    hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
+) -> Result<Compared> {
+    let (methods, truth) = what.check()?;
+    let grids: Vec<Grid> = methods.iter().map(|m| m.request.grid(&loaded.capture)).collect::<Result<_>>()?;
+    let gpu = methods[0].request.open()?;
+    let turns = what.repeats * methods.len();
+    for (method, grid) in methods.iter().zip(&grids) {
+        warm_up(method, loaded, &gpu, *grid).map_err(|e| e.at(format!("method {:?}", method.name)))?;
+    }
+    let mut runs: Vec<Option<Runs>> = methods.iter().map(|_| None).collect();
+    for number in 0..turns {
+        let at = number % methods.len();
+        let method = &methods[at];
+        let turn = Turn { number, turns, name: &method.name };
+        let mut hear = |progress: &Progress| hear(&turn, progress);
+        let done = solving::solve(&method.request, loaded, &gpu, grids[at], Some(&truth), &mut hear)
+            .map_err(|e| e.at(format!("method {:?}", method.name)))?;
+        match &mut runs[at] {
+            Some(runs) => runs.add(&done),
+            none => *none = Some(Runs::new(done)),
+        }
+    }
+    let runs: Vec<Runs> = runs.into_iter().flatten().collect();
+    let report = what.report(&methods, loaded, &gpu, &grids, &runs);
+
+    let json = what.out.join("compare.json");
+    // From here on an older one would stand beside files that it does not describe.
+    places::remove(&json)?;
+    let mut files = Vec::new();
+    for ((method, run), grid) in methods.iter().zip(&runs).zip(&grids) {
+        let folder = &method.request.out;
+        places::remove(&folder.join("report.json"))?;
+        export::write_maps(folder, &run.first.solved.maps)?;
+        let report = account::report_of(&method.request, loaded, grid, &gpu, &run.first);
+        export::report::write(&folder.join("report.json"), &report)?;
+        files.push(folder.clone());
+    }
+    let drawing = curves::error_vs_time(&report);
+    let [png, svg, page] = ["error_vs_time.png", "error_vs_time.svg", "compare.md"].map(|n| what.out.join(n));
+    export::png::write(&png, &drawing.picture())?;
+    export::atomic::write(&svg, drawing.svg().as_bytes())?;
+    comparison::write_markdown(&page, &report)?;
+    comparison::write_json(&json, &report)?;
+    files.extend([png, svg, page, json]);
+    Ok(Compared { report, validation: gpu.validation_messages(), files })
+}
+
+/// Begins a solve and breaks off, so that drivers that compile at the first dispatch have done so before any
+/// time is taken, and what does not fit is found out before hours of work.
+fn warm_up(method: &Method, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
+    let mut stop = |_: &Progress| ControlFlow::Break(());
+    let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
+    let request = &method.request;
+    match request.solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
+        Err(e) if e.kind != Kind::Cancelled => Err(e),
+        _ => Ok(()),
+    }
+}
+
+/// The runs of one method.
+struct Runs {
+    first: Solved,
+    /// Seconds of every run at each iteration of the trace.
+    at: BTreeMap<usize, Vec<f64>>,
+    totals: Vec<f64>,
+}
+
+impl Runs {
+    fn new(first: Solved) -> Runs {
+        let at = first.solved.trace.iter().map(|p| (p.iteration, vec![p.seconds])).collect();
+        Runs { at, totals: vec![first.solved.solve_seconds], first }
+    }
+
+    fn add(&mut self, again: &Solved) {
+        for point in &again.solved.trace {
+            self.at.entry(point.iteration).or_default().push(point.seconds);
+        }
+        self.totals.push(again.solved.solve_seconds);
+    }
+
+    /// The measured points of the first run at the median time of all runs that came to them.
+    fn trace(&self) -> Vec<TraceEntry> {
+        let mut trace = self.first.trace();
+        trace.retain(|entry| entry.metrics.is_some());
+        for entry in &mut trace {
+            let seconds = self.at.get(&entry.iteration).and_then(|all| median(all));
+            entry.seconds = seconds.unwrap_or(entry.seconds);
+        }
+        trace
+    }
+}
+
+impl Comparison {
+    /// Finds out what is wrong before anything is computed; yields the methods with their folders, and the truth.
+    fn check(&self) -> Result<(Vec<Method>, Truth)> {
+        if self.methods.is_empty() {
+            return Err(Error::options(
+                "there is no method to compare",
+                "name at least one, as --method paper",
+            ));
+        }
+        if !(1..=1000).contains(&self.repeats) {
+            return Err(Error::options(
+                format!("--repeats is {}", self.repeats),
+                "give a whole number from 1 to 1000, usually 3",
+            ));
+        }
+        for name in FILES {
+            places::check_file(&self.out.join(name))?;
+        }
+        let mut methods = self.methods.clone();
+        let mut truth = None;
+        let mut taken: Vec<String> = FILES.map(String::from).into();
+        for method in &mut methods {
+            let folder = unused(&folder_name(&method.name), &taken, "-");
+            method.request.out = self.out.join(&folder);
+            taken.push(folder);
+            (method.request.volume_file, method.request.snapshots) = (None, vec![]);
+            let found = method.request.check().map_err(|e| e.at(format!("method {:?}", method.name)))?;
+            truth = truth.or(found);
+        }
+        for at in 1..methods.len() {
+            let before: Vec<String> = methods[..at].iter().map(|m| m.name.clone()).collect();
+            methods[at].name = unused(&methods[at].name, &before, " #");
+        }
+        let missing =
+            || Error::options("a comparison needs truth", "name the true maps, as --truth truth.npz");
+        Ok((methods, truth.ok_or_else(missing)?))
+    }
+
+    fn report(
+        &self,
+        methods: &[Method],
+        loaded: &Loaded,
+        gpu: &Gpu,
+        grids: &[Grid],
+        runs: &[Runs],
+    ) -> comparison::Comparison {
+        let goal = runs[0].first.metrics.clone().unwrap_or_default();
+        let whole = account::report_of(&methods[0].request, loaded, &grids[0], gpu, &runs[0].first);
+        let report = |((method, run), grid): ((&Method, &Runs), &Grid)| {
+            let last = run.first.solved.trace.last();
+            let trace = run.trace();
+            MethodReport {
+                name: method.name.clone(),
+                method: method.spec.clone(),
+                settings: account::settings(&method.request, loaded, grid, &run.first.solved),
+                trace_every: method.request.trace_step(),
+                iterations: last.map_or(0, |p| p.iteration),
+                seconds: median(&run.totals).unwrap_or(0.0),
+                repeats_s: run.totals.clone(),
+                active: last.map_or(0, |p| p.active),
+                active_ratio: last.map_or(0.0, |p| p.active_ratio),
+                metrics: run.first.metrics.clone().unwrap_or_default(),
+                reach: reached(&goal, &trace),
+                trace,
+            }
+        };
+        comparison::Comparison {
+            version: whole.version,
+            device: whole.device,
+            capture: whole.capture,
+            capture_file: loaded.input.path.clone(),
+            truth: methods[0].request.truth.clone(),
+            mask_fraction: methods[0].request.mask_fraction,
+            repeats: self.repeats,
+            methods: methods.iter().zip(runs).zip(grids).map(report).collect(),
+        }
+    }
+}
+
+/// When the trace was as good as `goal`.
+fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
+    type Figure = fn(&Metrics) -> Option<f64>;
+    // All of them the smaller the better.
+    let figures: [Figure; 3] =
+        [|m| m.at_best?.depth_mae, |m| m.at_best?.normal_error_deg, |m| m.best_iou.map(|iou| -iou)];
+    let good = |entry: &TraceEntry, figure: Figure| {
+        let found = entry.metrics.as_ref().and_then(figure);
+        found.zip(figure(goal)).is_some_and(|(found, goal)| found <= goal)
+    };
+    let of = |target: Option<f64>, figures: &[Figure]| -> Reach {
+        let trace: Vec<_> = trace.iter().map(|e| (e.seconds, figures.iter().all(|f| good(e, *f)))).collect();
+        reach(target, &trace)
+    };
+    Reached {
+        depth_mae: of(figures[0](goal), &figures[..1]),
+        normal_error_deg: of(figures[1](goal), &figures[1..2]),
+        best_iou: of(goal.best_iou, &figures[2..]),
+        all: of(None, &figures),
+    }
+}
+
+/// A name that any file system takes.
+fn folder_name(name: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || "-_=+.,".contains(c) { c } else { '_' };
+    let name: String = name.chars().map(plain).take(100).collect();
+    if name.is_empty() || name.starts_with('.') { format!("_{name}") } else { name }
+}
+
+/// `name`, or with a number behind it if it is taken.
+fn unused(name: &str, taken: &[String], between: &str) -> String {
+    let free = |name: &String| !taken.iter().any(|t| t.eq_ignore_ascii_case(name));
+    let numbered = (2..).map(|i| format!("{name}{between}{i}"));
+    std::iter::once(name.to_string()).chain(numbered).find(free).unwrap_or_else(|| name.to_string())
+}

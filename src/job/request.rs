@@ -1,0 +1,185 @@
+//! What can be asked for.
+
+use std::path::PathBuf;
+
+use super::{SolverOptions, places};
+use crate::capture::Capture;
+use crate::export;
+use crate::gpu::{Gpu, GpuOptions};
+use crate::maps::{Maps, Truth};
+use crate::solve::{Preset, default_volume};
+use crate::transport::{Grid, Volume};
+use crate::{Error, Result};
+
+/// What to reconstruct, how, and where the results go. The capture comes beside it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// Where the solver's options started from; for the report only.
+    pub preset: Option<Preset>,
+    pub solver: SolverOptions,
+    /// Voxel size along z in metres; `None` takes the bin width.
+    pub depth_pitch: Option<f64>,
+    /// The box to reconstruct; `None` takes the wall's extent and the depths that the gate allows.
+    pub volume: Option<Volume>,
+    /// Most device memory to use, in bytes.
+    pub memory: Option<u64>,
+    /// Index or part of the name of the device.
+    pub device: Option<String>,
+    pub validation: bool,
+    /// Time every kernel by itself, which is slower.
+    pub timings: bool,
+    /// Truth to measure the result against.
+    pub truth: Option<PathBuf>,
+    /// A pixel is surface above this share of the brightest albedo.
+    pub mask_fraction: f64,
+    /// A point of the trace after every so-manieth iteration, with the figures if there is truth. 0: these at
+    /// the end only. `None`: 10 with truth, 0 without. Measuring is not counted as solving.
+    pub trace_every: Option<usize>,
+    /// Keep maps and pictures of these iterations, in `snapshots/000100` and so on.
+    pub snapshots: Vec<usize>,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// File for the volume, .npz or .hdf5.
+    pub volume_file: Option<PathBuf>,
+}
+
+impl Request {
+    /// A request with the given options and the defaults for the rest.
+    pub fn new(solver: impl Into<SolverOptions>, out: impl Into<PathBuf>) -> Request {
+        Request {
+            preset: None,
+            solver: solver.into(),
+            depth_pitch: None,
+            volume: None,
+            memory: None,
+            device: None,
+            validation: false,
+            timings: false,
+            truth: None,
+            mask_fraction: Maps::MASK_FRACTION,
+            trace_every: None,
+            snapshots: vec![],
+            out: out.into(),
+            volume_file: None,
+        }
+    }
+
+    /// The grid for a capture.
+    ///
+    /// # Errors
+    /// A box without voxels, or more voxels than can be counted.
+    pub fn grid(&self, capture: &Capture) -> Result<Grid> {
+        let volume = match self.volume {
+            Some(volume) => volume,
+            None => default_volume(capture, self.solver.min_depth())?,
+        };
+        let pitch = self.depth_pitch.unwrap_or(capture.bin_width);
+        let grid = Grid::new(volume, self.solver.lateral(), pitch)?;
+        if volume.max.z <= self.solver.min_depth() {
+            return Err(Error::options(
+                format!("--box ends at a depth of {} m", volume.max.z),
+                format!("nothing nearer than --min-depth, {} m, is reconstructed", self.solver.min_depth()),
+            ));
+        }
+        if grid.origin.z > volume.max.z {
+            return Err(Error::options(
+                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
+                "give a smaller --depth-pitch or a deeper --box",
+            ));
+        }
+        Ok(grid)
+    }
+
+    pub(super) fn open(&self) -> Result<Gpu> {
+        Gpu::open(&GpuOptions {
+            device: self.device.clone(),
+            validation: self.validation,
+            timings: self.timings,
+        })
+    }
+
+    /// Everything that can be known to be wrong before the work begins; yields the truth if one was named.
+    pub(super) fn check(&self) -> Result<Option<Truth>> {
+        self.solver.check()?;
+        if !(0.0..1.0).contains(&self.mask_fraction) {
+            return Err(Error::options(
+                format!("--mask-fraction is {}", self.mask_fraction),
+                format!(
+                    "give a share of the brightest albedo from 0 to below 1, usually {}",
+                    Maps::MASK_FRACTION
+                ),
+            ));
+        }
+        let iterations = self.solver.iterations();
+        if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
+            return Err(Error::options(
+                format!("--snapshots names iteration {beyond}"),
+                format!("name iterations from 1 to the last, {iterations}"),
+            ));
+        }
+        places::check_results(&self.out)?;
+        for iteration in &self.snapshots {
+            places::check_results(&self.snapshot_folder(*iteration))?;
+        }
+        if let Some(file) = &self.volume_file {
+            places::check_volume(file)?;
+        }
+        self.truth.as_deref().map(export::npz::read_truth).transpose()
+    }
+
+    /// Iterations between points of the trace; 0 for none but those that come by themselves.
+    pub(super) fn trace_step(&self) -> usize {
+        self.trace_every.unwrap_or(if self.truth.is_some() { 10 } else { 0 })
+    }
+
+    /// Where the maps after an iteration are kept.
+    pub(super) fn snapshot_folder(&self, iteration: usize) -> PathBuf {
+        self.out.join("snapshots").join(format!("{iteration:06}"))
+    }
+}
+
+/// Reads an amount of memory: MiB, or a number with K, M or G behind it.
+///
+/// # Errors
+/// Anything else.
+pub fn memory_bytes(text: &str) -> Result<u64> {
+    let wrong = || {
+        Error::options(
+            format!("--memory is {text:?}"),
+            "give MiB, or a number with K, M or G behind it, as 512, 512M or 2G",
+        )
+    };
+    let trimmed = text.trim();
+    let lower = trimmed.to_ascii_lowercase();
+    let number = lower.trim_end_matches("ib").trim_end_matches('b');
+    let (digits, unit) = match number.chars().last() {
+        Some('k') => (&number[..number.len() - 1], 10),
+        Some('m') => (&number[..number.len() - 1], 20),
+        Some('g') => (&number[..number.len() - 1], 30),
+        _ => (number, 20),
+    };
+    let value: f64 = digits.trim().parse().map_err(|_| wrong())?;
+    let bytes = value * f64::from(1u32 << unit);
+    if !(bytes.is_finite() && (1.0..9e18).contains(&bytes)) {
+        return Err(wrong());
+    }
+    Ok(bytes as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_read_in_mebibytes_or_with_a_unit() {
+        let read = |text| memory_bytes(text).ok();
+        assert_eq!(read("512"), Some(512 << 20));
+        assert_eq!(read("64k"), Some(64 << 10));
+        assert_eq!(read("1.5 G"), Some(3 << 29));
+        assert_eq!(read("2GiB"), Some(2 << 30));
+        assert_eq!(read("300MB"), Some(300 << 20));
+        for wrong in ["", "G", "-1", "0", "NaN", "inf", "1e300", "3T", "1,5G", "\u{e9}"] {
+            assert_eq!(read(wrong), None, "{wrong:?}");
+        }
+    }
+}

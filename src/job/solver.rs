@@ -1,0 +1,145 @@
+//! Which solver with which options: the one place that tells solvers apart.
+
+use serde::Serialize;
+
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Gpu};
+use crate::solve::{PaperOptions, Plan, Reconstruction, VectorOptions, Watch, paper, vector};
+use crate::transport::Grid;
+use crate::{Error, Result};
+
+/// A solver's options. A new solver is one more variant, and one more arm in each function below.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum SolverOptions {
+    Paper(PaperOptions),
+    Vector(VectorOptions),
+}
+
+impl From<PaperOptions> for SolverOptions {
+    fn from(options: PaperOptions) -> SolverOptions {
+        SolverOptions::Paper(options)
+    }
+}
+
+impl From<VectorOptions> for SolverOptions {
+    fn from(options: VectorOptions) -> SolverOptions {
+        SolverOptions::Vector(options)
+    }
+}
+
+impl SolverOptions {
+    /// The solvers of this version, by their names on the command line.
+    pub const NAMES: &[&str] = &["paper", "vector"];
+
+    pub fn name(&self) -> &'static str {
+        match self {
+            SolverOptions::Paper(_) => "paper",
+            SolverOptions::Vector(_) => "vector",
+        }
+    }
+
+    /// # Errors
+    /// The first option that makes no sense, by its name on the command line.
+    pub fn check(&self) -> Result<()> {
+        match self {
+            SolverOptions::Paper(o) => o.check(),
+            SolverOptions::Vector(o) => o.check(),
+        }
+    }
+
+    /// Lateral voxels of the final grid.
+    pub fn lateral(&self) -> usize {
+        match self {
+            SolverOptions::Paper(o) => o.lateral,
+            SolverOptions::Vector(o) => o.lateral,
+        }
+    }
+
+    /// The most iterations.
+    pub fn iterations(&self) -> usize {
+        match self {
+            SolverOptions::Paper(o) => o.iterations,
+            SolverOptions::Vector(o) => o.iterations,
+        }
+    }
+
+    /// Nothing nearer than this is reconstructed, metres.
+    pub fn min_depth(&self) -> f64 {
+        match self {
+            SolverOptions::Paper(o) => o.min_depth,
+            SolverOptions::Vector(o) => o.min_depth,
+        }
+    }
+
+    /// What a solve would need of a device.
+    ///
+    /// # Errors
+    /// A capture that the solver does not take; a grid beyond the device's limits.
+    pub fn plan(
+        &self,
+        capture: &Capture,
+        grid: Grid,
+        abilities: &Abilities,
+        with_volume: bool,
+    ) -> Result<Plan> {
+        match self {
+            SolverOptions::Paper(o) => {
+                let model = paper::model(capture, o)?;
+                Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
+            }
+            SolverOptions::Vector(o) => {
+                let model = vector::model(capture, o)?;
+                Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
+            }
+        }
+    }
+
+    /// Runs the solver.
+    ///
+    /// # Errors
+    /// See [`paper::reconstruct`].
+    pub fn solve(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+        watch: &mut Watch<'_>,
+    ) -> Result<Reconstruction> {
+        match self {
+            SolverOptions::Paper(o) => paper::reconstruct(gpu, capture, grid, o, memory, with_volume, watch),
+            SolverOptions::Vector(o) => {
+                vector::reconstruct(gpu, capture, grid, o, memory, with_volume, watch)
+            }
+        }
+    }
+}
+
+/// Whether a solver of DESIGN's list can be had.
+///
+/// # Errors
+/// One that is not in this version, or not known at all.
+pub fn check_solver(name: &str) -> Result<()> {
+    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
+}
+
+/// Whether a light-transport model can be had.
+///
+/// # Errors
+/// One that is not in this version, or not known at all.
+pub fn check_model(name: &str) -> Result<()> {
+    choice("model", name, &["cosine"], &["lambertian", "retroreflective", "isotropic", "auto"])
+}
+
+fn choice(option: &str, name: &str, here: &[&str], later: &[&str]) -> Result<()> {
+    if here.contains(&name) {
+        return Ok(());
+    }
+    let what = if later.contains(&name) { "is not in this version" } else { "is not known" };
+    Err(Error::options(
+        format!("--{option} {name} {what}"),
+        format!("use --{option} {}, or leave it out", here.join(" or ")),
+    ))
+}

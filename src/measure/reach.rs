@@ -1,0 +1,57 @@
+//! How long a method takes to be as good as another.
+
+use serde::{Deserialize, Serialize};
+
+/// When a figure was as good as a target. Seconds are solve seconds at a point of the trace, so they are late by
+/// up to one step of the trace and never early; `None`: not within the run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reach {
+    /// What had to be reached; `None` if there is no such figure, or if several were asked for together.
+    pub target: Option<f64>,
+    /// The first point as good as that. It may be a passing one, of few pixels for instance.
+    pub first_s: Option<f64>,
+    /// The point from which on all were as good, up to the last.
+    pub kept_s: Option<f64>,
+}
+
+/// Looks for the points that are `good` in a trace of (seconds, good or not).
+pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {
+    let first = trace.iter().find(|(_, good)| *good);
+    let bad = trace.iter().rposition(|(_, good)| !good).map_or(0, |last_bad| last_bad + 1);
+    Reach { target, first_s: first.map(|p| p.0), kept_s: trace.get(bad).map(|p| p.0) }
+}
+
+/// The middle value, or the mean of the two in the middle; `None` of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let n = sorted.len();
+    (n > 0).then(|| 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_passing_success_is_not_kept() {
+        let at = |good: [bool; 4]| {
+            let trace: Vec<_> = good.iter().enumerate().map(|(i, g)| (i as f64 + 1.0, *g)).collect();
+            let r = reach(None, &trace);
+            (r.first_s, r.kept_s)
+        };
+        assert_eq!(at([false, true, false, true]), (Some(2.0), Some(4.0)));
+        assert_eq!(at([true, true, true, true]), (Some(1.0), Some(1.0)));
+        assert_eq!(at([false, true, true, false]), (Some(2.0), None));
+        assert_eq!(at([false; 4]), (None, None));
+        assert_eq!(reach(None, &[]), Reach::default());
+    }
+
+    #[test]
+    fn medians() {
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[3.0]), Some(3.0));
+        assert_eq!(median(&[4.0, 1.0]), Some(2.5));
+        assert_eq!(median(&[9.0, 1.0, 2.0]), Some(2.0));
+    }
+}
