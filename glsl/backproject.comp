@@ -12,6 +12,7 @@ layout(std430, set = 0, binding = 1) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
+const uint LAMBERTIAN = 0u;
 #include "gather.glsl"
 
 void main() {

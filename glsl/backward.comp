@@ -26,6 +26,7 @@ layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
 
 shared vec4 parts[VOXELS * SLICES];
 
+const uint LAMBERTIAN = 0u;
 #include "gather.glsl"
 
 void main() {

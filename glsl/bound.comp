@@ -18,13 +18,16 @@ layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_
 layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
+layout(std430, set = 0, binding = 6) readonly buffer ActiveVoxels { uint active_voxels[]; };
 
+const uint LAMBERTIAN = 0u;
 #include "gather.glsl"
 
 void main() {
     uint slot = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (slot >= counts[COUNT_ACTIVE]) return;
     vec3 x = sample_points[slot].xyz;
+    uint index = active_voxels[slot];
     uint last = min(push.first + PAIR_CHUNK, scene.pairs);
     float sum = 0.0;
     for (uint pair = push.first; pair < last; ++pair) {
@@ -33,7 +36,7 @@ void main() {
         sum += WHAT == 0u ? r : r * k.falloff;
     }
     // Split dispatches add up; the square root is taken where all pairs are in.
-    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
+    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[index][WHAT];
     if (WHAT == 1u && (push.flags & BACKWARD_FINISH) != 0u) sum = scene.noise_factor * sqrt(sum);
-    bounds[slot][WHAT] = sum;
+    bounds[index][WHAT] = sum;
 }

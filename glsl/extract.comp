@@ -49,6 +49,16 @@ void main() {
     float centre = position(vec3(c)).z;
     vec4 found = raw[voxel_index(c)];
     vec3 u = VECTORS != 0u ? found.xyz : toward_wall(found.yzw);
+    if (VECTORS != 0u) {
+        // A slanted surface fills several voxels of its column, each with less: the column's sum of |v_z| is its
+        // albedo whatever the slant (a pixel sees 1 / |n_z| of surface).
+        int reach = int(ceil(2.0 * max(scene.pitch_x, scene.pitch_y) / scene.pitch_z));
+        best = 0.0;
+        for (int z = max(int(depth) - reach, 0); z <= min(int(depth) + reach, int(scene.grid_z) - 1); ++z) {
+            uint index = voxel_index(uvec3(c.xy, uint(z)));
+            if ((mask[index >> 5] >> (index & 31u) & 1u) != 0u) best -= raw[index].z;
+        }
+    }
     columns[2u * column] = vec4(best, centre, centre + moment / weight * scene.pitch_z, 1.0);
     columns[2u * column + 1u] = vec4(u / safe_length(u), 0.0);
 }

@@ -1,7 +1,8 @@
 // One workgroup closes an iteration: sums the partial losses in a fixed order (each lane strides, then a
 // tree), writes the iteration's row of the trace that the host reads behind, and resets what the next
 // iteration maximises. With MOMENTUM it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle
-// 2009), restarted where the step goes against the momentum or the objective rose (O'Donoghue & Candes 2015).
+// 2009), restarted where the step goes against the momentum or the objective rose (O'Donoghue & Candes 2015);
+// where it rose, steps become shorter, down to the one that is proven safe.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -40,7 +41,9 @@ void main() {
     if (ACCELERATED == 0u) return;
     objective += sum.z;
     float t = momentum[MOMENTUM_T];
-    bool restart = sum.w > 0.0 || objective > momentum[MOMENTUM_OBJECTIVE];
+    bool rose = objective > momentum[MOMENTUM_OBJECTIVE];
+    bool restart = rose || sum.w > 0.0;
+    if (rose) momentum[MOMENTUM_SHARE] = min(1.5 * momentum[MOMENTUM_SHARE], 1.0);
     if (restart) momentum[MOMENTUM_RESTARTS] += 1.0;
     float next = restart ? 1.0 : 0.5 + sqrt(0.25 + t * t);
     momentum[MOMENTUM_BETA] = restart ? 0.0 : (t - 1.0) / next;

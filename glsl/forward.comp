@@ -19,6 +19,7 @@ layout(local_size_x_id = 10) in;
 layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
+layout(constant_id = 14) const uint LAMBERTIAN = 0u;
 layout(constant_id = 13) const uint ISOTROPIC = 0u; // 1: unit albedo, no cosine: a bound of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
@@ -44,8 +45,10 @@ void main() {
     uint row = pair * scene.bins;
     for (uint slot = begin; slot < end; ++slot) {
         vec4 s = sample_points[slot];
-        Kernel k = confocal_kernel(point, s.xyz, sample_normals[slot].xyz);
+        vec3 n = sample_normals[slot].xyz;
+        Kernel k = confocal_kernel(point, s.xyz, n);
         float value = ISOTROPIC != 0u ? k.falloff : s.w * max(k.cosine, 0.0) * k.falloff;
+        if (LAMBERTIAN != 0u) value *= lambertian_rest(k, n);
         if (SPLIT != 0u) {
             float centre = k.bin - 0.5;
             float low = floor(centre);

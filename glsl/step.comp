@@ -1,7 +1,8 @@
 // Backward pass and proximal gradient step in one: a lane owns one active voxel, gathers its gradient over the
 // pairs as in backward.comp, and writes the next iterate without the gradient ever leaving registers.
 //   v' = cone(shrink(y - g / D, lambda / D))
-// D majorises the operator's diagonal blocks (bound.comp), so the step never overshoots; shrink is the group
+// D majorises the operator (bound.comp), so a step of 1 / D never overshoots; finish.comp keeps the share of it
+// that is divided by, smaller as long as the objective falls. shrink is the group
 // soft threshold on |v|, cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone |v_z|.
 // Partial sums: the group term at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
 #version 460
@@ -14,6 +15,7 @@ layout(constant_id = 10) const uint VOXELS = 64u;
 layout(constant_id = 11) const uint SLICES = 1u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 1u;
+layout(constant_id = 14) const uint LAMBERTIAN = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
@@ -21,9 +23,10 @@ layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
 layout(std430, set = 0, binding = 7) readonly buffer ActiveVoxels { uint active_voxels[]; };
-layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda
+layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda, by voxel
 layout(std430, set = 0, binding = 9) buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 10) buffer Before { vec4 before[]; };
+layout(std430, set = 0, binding = 13) readonly buffer Momentum { float momentum[]; };
 layout(std430, set = 0, binding = 11) writeonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 12) writeonly buffer AgainstPartials { float against_partials[]; };
 
@@ -73,7 +76,7 @@ void main() {
             gradient[slot] = sum;
         } else {
             uint index = active_voxels[slot];
-            vec2 bound = bounds[slot];
+            vec2 bound = bounds[index] * vec2(momentum[MOMENTUM_SHARE], 1.0);
             vec3 v = raw[index].xyz;
             vec3 next = bound.x > 0.0 ? into_cone(shrink(y - sum.yzw / bound.x, bound.y / bound.x)) : vec3(0.0);
             told = vec2(bound.y * length(y), bound.x * dot(y - next, next - v));

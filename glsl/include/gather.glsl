@@ -1,5 +1,5 @@
-// What the backward kernels share: the sum over pairs of the residual at a sample's bins. Needs SPLIT, EXACT
-// and the buffers wall and residual.
+// What the backward kernels share: the sum over pairs of the residual at a sample's bins. Needs SPLIT, EXACT,
+// LAMBERTIAN and the buffers wall and residual.
 
 float residual_at(uint row, int bin) {
     return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
@@ -20,6 +20,7 @@ vec4 gather(vec3 x, vec3 n, uint begin, uint end, uint stride) {
         Kernel k = confocal_kernel(wall[pair].xyz, x, n);
         float r = residual_around(pair * scene.bins, k.bin);
         if (EXACT != 0u) r *= k.falloff;
+        if (LAMBERTIAN != 0u) r *= lambertian_rest(k, n);
         if (k.cosine > 0.0) sum += r * vec4(k.cosine, k.toward);
     }
     return sum;

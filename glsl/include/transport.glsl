@@ -23,3 +23,11 @@ Kernel confocal_kernel(vec3 wall, vec3 x, vec3 n) {
     k.bin = (2.0 * d2 * inverse - scene.t_start) * scene.bins_per_metre;
     return k;
 }
+
+// The rest of the Lambertian model beside n . toward, for a direction n of any length: the second cosine of the
+// surface, taken from n itself, and both of the wall's, whose normal is (0, 0, 1). The vector solver holds it
+// constant in its gradient (lagged), so that the model stays linear in n.
+float lambertian_rest(Kernel k, vec3 n) {
+    float across_wall = max(-k.toward.z, 0.0);
+    return max(k.cosine, 0.0) / max(length(n), 1e-30) * across_wall * across_wall;
+}

@@ -47,6 +47,8 @@ pub struct Plan {
     pub initial_albedo: f32,
     /// The vector solver's kernels and buffers, not the paper's.
     pub vectors: bool,
+    /// The vector solver's surfaces shine with both cosines and the wall's.
+    pub lambertian: bool,
     pub tuning: Tuning,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
@@ -69,6 +71,7 @@ pub struct Wanted {
     pub smooth_sigma: f64,
     pub smooth_truncate: f64,
     pub vectors: bool,
+    pub lambertian: bool,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -85,6 +88,7 @@ impl From<&PaperOptions> for Wanted {
             smooth_sigma: o.smooth_sigma,
             smooth_truncate: o.smooth_truncate,
             vectors: false,
+            lambertian: false,
         }
     }
 }
@@ -140,6 +144,7 @@ impl Plan {
             noise: options.noise,
             initial_albedo: options.initial_albedo as f32,
             vectors: options.vectors,
+            lambertian: options.lambertian,
             tuning,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
@@ -204,7 +209,10 @@ impl Plan {
             ("bounds", if self.vectors { voxels * 8 } else { 0 }),
             ("hat_taps", if self.vectors { self.bins as u64 * 4 + 4 } else { 0 }),
             ("momentum", u64::from(MOMENTUM) * 4),
-            ("against_partials", if self.vectors { voxels.div_ceil(u64::from(self.tuning.voxels)) * 4 } else { 0 }),
+            (
+                "against_partials",
+                if self.vectors { voxels.div_ceil(u64::from(self.tuning.voxels)) * 4 } else { 0 },
+            ),
             ("mask", voxels / 8),
             ("touched_mask", voxels / 8),
             ("brick_offsets", voxels / BRICK_VOXELS as u64 * 4),
@@ -297,8 +305,12 @@ impl Plan {
         };
         let residual = if self.fixed_point() { "residual_fixed" } else { "residual" };
         let vectors = u32::from(self.vectors);
-        let forward_constants = [("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
-        let gather_constants = [("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact)];
+        let tile_constants = [("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
+        let lambertian = ("LAMBERTIAN", u32::from(self.lambertian));
+        let mut forward_constants = tile_constants.to_vec();
+        forward_constants.push(lambertian);
+        let gather_constants =
+            [("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact)];
         let summed = if self.vectors { t.voxels } else { WORKGROUP };
         let mut all = vec![
             u("forward", forward, &forward_constants),
@@ -327,7 +339,7 @@ impl Plan {
             u("extract", "extract", &[("VECTORS", vectors)]),
         ];
         if self.vectors {
-            let mut bound = forward_constants.to_vec();
+            let mut bound = tile_constants.to_vec();
             bound.push(("ISOTROPIC", 1));
             all.extend([
                 u("gaussian_x_volume", "gaussian", &[("AXIS", 0), ("FIRST", 0), ("LAST", 0)]),
@@ -342,7 +354,7 @@ impl Plan {
                 u("settle", "settle", &[]),
                 u("points", "points", &[]),
                 u("extrapolate", "extrapolate", &[]),
-                u("step", "step", &gather_constants),
+                u("step", "step", &[&gather_constants[..], &[lambertian]].concat()),
             ]);
             return all;
         }

@@ -33,16 +33,21 @@ pub struct VectorOptions {
     /// Iterations at each resolution below the last.
     pub coarse_iterations: usize,
     pub reduce_every: usize,
+    /// Renew the bounds that steps come from after so many iterations; between, the domain may only shrink.
+    pub bound_every: usize,
+    /// Share of the bound that the first step divides by. 1 cannot overshoot; less goes faster, and grows where the
+    /// objective rises.
+    pub step_share: f64,
     /// Keep voxels above this share of the smoothed albedo's maximum.
     pub keep_above: f64,
     /// The same for the back-projection that the first domain is taken from.
     pub start_above: f64,
     /// λ in standard deviations of the photon noise in a voxel's gradient.
     pub noise_factor: f64,
-    /// The group term is left out in this last share of the iterations, when the support is found.
-    pub debias: f64,
     /// Largest |v_xy| / |v_z| of a surface.
     pub cone: f64,
+    /// Surfaces shine with both cosines and the wall's, not with one.
+    pub lambertian: bool,
     /// Subtract the background estimated behind the signal.
     pub background: bool,
     /// Nothing nearer than this is ever active, metres.
@@ -60,11 +65,13 @@ impl Default for VectorOptions {
             coarse_to_fine: true,
             coarse_iterations: 15,
             reduce_every: 5,
+            bound_every: 15,
+            step_share: 0.25,
             keep_above: 0.02,
             start_above: 0.02,
-            noise_factor: 1.0,
-            debias: 0.25,
+            noise_factor: 3.0,
             cone: 2.0,
+            lambertian: false,
             background: true,
             min_depth: 0.2,
             peak: 10.0,
@@ -87,6 +94,7 @@ impl From<&VectorOptions> for Wanted {
             smooth_sigma: SMOOTH_SIGMA,
             smooth_truncate: 4.0,
             vectors: true,
+            lambertian: o.lambertian,
         }
     }
 }
@@ -108,12 +116,13 @@ impl VectorOptions {
             ("iterations", self.iterations, 1_000_000),
             ("coarse-iterations", self.coarse_iterations, 1_000_000),
             ("reduce-every", self.reduce_every, 1_000_000),
+            ("bound-every", self.bound_every, 1_000_000),
         ] {
             if value == 0 || value > most {
                 return bad(name, value.to_string(), &format!("a whole number from 1 to {most}"));
             }
         }
-        for (name, value) in [("cone", self.cone), ("peak", self.peak)] {
+        for (name, value) in [("cone", self.cone), ("peak", self.peak), ("step-share", self.step_share)] {
             if !(value.is_finite() && value > 0.0) {
                 return bad(name, value.to_string(), "a positive number");
             }
@@ -123,9 +132,7 @@ impl VectorOptions {
                 return bad(name, value.to_string(), "zero or a positive number");
             }
         }
-        for (name, value) in
-            [("keep-above", self.keep_above), ("start-above", self.start_above), ("debias", self.debias)]
-        {
+        for (name, value) in [("keep-above", self.keep_above), ("start-above", self.start_above)] {
             if !(0.0..1.0).contains(&value) {
                 return bad(name, value.to_string(), "a number from 0 to below 1");
             }
@@ -253,6 +260,12 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
         s.fill(buffer, bytes(buffer), 0);
     }
     s.fill("raw", level.grid.storage() as u64 * 16, 0);
+    s.commands.push(Command::Fill {
+        buffer: "momentum",
+        offset: 4 * u64::from(MOMENTUM_SHARE),
+        bytes: 4,
+        value: (options.step_share as f32).to_bits(),
+    });
     s.dispatch("filter", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene);
     for push in pair_chunks(plan) {
         s.dispatch("backproject", groups(level.grid.storage(), WORKGROUP))
@@ -263,6 +276,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     s.extend(domain::smooth(level, "gaussian_x_volume"));
     s.extend(domain::keep(level, options.start_above));
     s.extend(settle(plan, level));
+    s.extend(bounds(plan, level));
     s
 }
 
@@ -270,35 +284,37 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
 pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     let mut s = Schedule::default();
     let push = Push { iteration, ..Default::default() };
-    s.indirect("extrapolate", "arguments", 12 * u64::from(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
+    s.indirect("extrapolate", "arguments", 12 * u64::from(ARGUMENTS_SAMPLE))
+        .bind("scene", level.scene)
+        .with(push);
     s.extend(forward(plan, level, "forward"));
     s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene).with(push);
     for chunk in pair_chunks(plan) {
-        s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD)).bind("scene", level.scene).with(chunk);
+        s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
+            .bind("scene", level.scene)
+            .with(chunk);
     }
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
     s
 }
 
-/// What is due after `done` iterations: doubling (the level moves on) or reduction, and at last the end of the
-/// group term.
+/// What is due after `done` iterations: doubling (the level moves on) or reduction.
 pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) -> Schedule {
     let mut s = Schedule::default();
     let here = &plan.levels[*level];
-    let debias = options.iterations - (options.debias * options.iterations as f64) as usize;
     if done.is_multiple_of(options.coarse_iterations) && *level + 1 < plan.levels.len() {
         s.extend(reduce(plan, here, options));
         let fine = &plan.levels[*level + 1];
         s.extend(domain::double_volume(plan, here, fine));
         s.extend(settle(plan, fine));
+        s.extend(bounds(plan, fine));
         *level += 1;
-    } else if done.is_multiple_of(options.reduce_every) && done <= debias {
+    } else if done.is_multiple_of(options.reduce_every) {
         s.extend(reduce(plan, here, options));
         s.extend(settle(plan, here));
-    }
-    if done >= debias && !s.commands.is_empty() || done == debias {
-        // Bounds hold D and lambda side by side; without lambda the kernel that writes it runs with no noise.
-        s.extend(without_group_term(plan, &plan.levels[*level]));
+        if done.is_multiple_of(options.bound_every) {
+            s.extend(bounds(plan, here));
+        }
     }
     s
 }
@@ -309,15 +325,23 @@ fn reduce(_: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     s
 }
 
-/// After a new mask: what is inactive holds nothing, lists, points, and both bounds of the new domain.
+/// After a new mask: what is inactive holds nothing, lists, points.
 fn settle(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    s.dispatch("settle", groups(level.grid.storage(), WORKGROUP)).bind("scene", level.scene);
+    s.extend(domain::compact(plan, level));
+    s.indirect("points", "arguments", 12 * u64::from(ARGUMENTS_SAMPLE)).bind("scene", level.scene);
+    s
+}
+
+/// D and lambda of the active voxels. What becomes active later has no bound, and stays zero until the next time:
+/// so the bounds of the others hold in between.
+fn bounds(plan: &Plan, level: &Level) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
     let elements = plan.pairs * plan.bins;
     let sample = 12 * u64::from(ARGUMENTS_SAMPLE);
-    s.dispatch("settle", groups(level.grid.storage(), WORKGROUP)).bind("scene", scene);
-    s.extend(domain::compact(plan, level));
-    s.indirect("points", "arguments", sample).bind("scene", scene);
+    s.fill("bounds", level.grid.storage() as u64 * 8, 0);
     // The largest albedo of the rendering that bounds: one.
     s.commands.push(peak(1.0));
     s.extend(forward(plan, level, "forward_bound"));
@@ -333,19 +357,13 @@ fn settle(plan: &Plan, level: &Level) -> Schedule {
     s
 }
 
-/// Lambda zero from here on: the noise bound of a residual of zeros.
-fn without_group_term(plan: &Plan, level: &Level) -> Schedule {
-    let mut s = Schedule::default();
-    s.fill("residual", (plan.pairs * plan.bins * 4) as u64, 0);
-    for chunk in pair_chunks(plan) {
-        let bound = s.indirect("bound_noise", "arguments", 12 * u64::from(ARGUMENTS_SAMPLE));
-        bound.bind("scene", level.scene).with(chunk);
-    }
-    s
-}
-
 fn peak(value: f32) -> Command {
-    Command::Fill { buffer: "counts", offset: 4 * u64::from(COUNT_PEAK_ALBEDO), bytes: 4, value: value.to_bits() }
+    Command::Fill {
+        buffer: "counts",
+        offset: 4 * u64::from(COUNT_PEAK_ALBEDO),
+        bytes: 4,
+        value: value.to_bits(),
+    }
 }
 
 fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
