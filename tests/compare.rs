@@ -116,6 +116,21 @@ fn two_settings_side_by_side() {
 }
 
 #[test]
+fn without_a_method_every_solver_runs() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1"];
+    let text = succeed(&[&all[..], &SHORT].concat());
+    assert!(text.contains("| paper | 30 |") && text.contains("| vector | 30 |"), "{text}");
+    let told = json(&folder.path().join("compare.json"));
+    let residual = figures(&told["methods"][1]["trace"], "residual");
+    assert!(residual.len() == 3 && residual[2] < 1.0, "{residual:?}");
+    let one = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
+    assert!(!one.contains("| paper |") && one.contains("| vector | 30 |"), "{one}");
+}
+
+#[test]
 fn a_trace_with_figures_and_snapshots() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
