@@ -193,6 +193,9 @@ pub struct VectorArgs {
     /// Do not take off the background that is estimated behind the signal
     #[arg(long, help_heading = "Vector solver")]
     no_background: bool,
+    /// When to stop: at the noise of the data (auto), or after all iterations (never) [default: auto]
+    #[arg(long, value_name = "WHEN", value_parser = ["auto", "never"], help_heading = "Vector solver")]
+    stop: Option<String>,
 }
 
 impl VectorArgs {
@@ -206,6 +209,7 @@ impl VectorArgs {
             ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
             ("no-background", self.no_background),
+            ("stop", self.stop.is_some()),
         ];
         given.into_iter().find(|g| g.1).map(|g| g.0)
     }
@@ -233,6 +237,7 @@ impl VectorArgs {
             cone: self.cone.unwrap_or(base.cone),
             background: base.background && !self.no_background,
             lambertian: base.lambertian,
+            stop: self.stop.as_deref().map_or(base.stop, |s| s == "auto"),
         }
     }
 }

@@ -183,6 +183,12 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
             "give a confocal capture",
         ));
     }
+    if options.lambertian && !capture.is_planar() {
+        return Err(Error::input(
+            "--model lambertian is for a flat relay wall, and this one is not flat",
+            "use --model cosine",
+        ));
+    }
     let mut model = Model {
         min_depth: options.min_depth,
         sampling: Sampling::Fixed,
