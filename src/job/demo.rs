@@ -4,16 +4,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use glam::dvec3;
-
 use super::{Input, Outcome, Request, load, overview, places, run};
 use crate::Result;
 use crate::capture;
 use crate::export;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::simulate::{RenderOptions, Scene, simulate, truth};
-use crate::solve::{PaperOptions, Preset, Progress};
-use crate::transport::Volume;
+use crate::solve::{Preset, Progress, VectorOptions};
 
 /// What the demo made.
 #[derive(Debug, Clone)]
@@ -41,9 +38,8 @@ pub fn demo(
     places::check_results(out)?;
     // Found out before anything is written; the run opens it anew.
     Gpu::open(&GpuOptions { device: device.clone(), ..GpuOptions::default() })?;
-    let mut scene = Scene::named("figure")?;
-    scene.scan = 16;
-    say("simulating a hidden figure that is scanned at 16 x 16 points of a 1 m wall");
+    let scene = Scene::named("figure")?;
+    say("simulating a hidden figure that is scanned at 32 x 32 points of a 1 m wall");
     let rendering = simulate(&scene, &RenderOptions { noise: 0.02, ..RenderOptions::default() })?;
     let real = truth(&scene, 128)?;
     let (capture_file, truth_file) = (out.join("capture.npz"), out.join("truth.npz"));
@@ -53,16 +49,11 @@ pub fn demo(
 
     say("reconstructing it from the light that bounced three times");
     let loaded = load(&Input { path: capture_file, ..Input::default() })?;
-    // Published but for the size and a stronger L1 term, which clears the halo that few scan points leave.
-    let options =
-        PaperOptions { lateral: 64, iterations: 300, l1: 0.05, ..PaperOptions::preset(Preset::Synthetic) };
-    let mut request = Request::new(options, out);
+    let mut request = Request::new(VectorOptions { lateral: 64, ..VectorOptions::default() }, out);
     request.preset = Some(Preset::Synthetic);
     request.device = device;
     request.truth = Some(truth_file);
-    request.mask_fraction = 0.4;
-    let [x0, x1, y0, y1] = loaded.capture.wall_extent();
-    request.volume = Some(Volume { min: dvec3(x0, y0, 0.5), max: dvec3(x1, y1, 0.85) });
+    request.mask_fraction = 0.3;
     let outcome = run(&request, &loaded, hear)?;
     let path = out.join("overview.png");
     overview::write(&path, &outcome.maps, &real)?;

@@ -1,0 +1,88 @@
+//! Every buffer of a plan, and what it leaves out.
+
+use super::Plan;
+use crate::gpu::{BufferPlan, Place};
+use crate::solve::NoiseTerm;
+use crate::transport::kernels::*;
+use crate::transport::{BRICK_VOXELS, Gradient};
+
+impl Plan {
+    pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
+        let grid = &self.finest().grid;
+        let voxels = grid.storage() as u64;
+        let columns = (grid.n[0] * grid.n[1] * 32) as u64;
+        let elements = (self.pairs * self.bins) as u64;
+        let sets = self.forward_sets(self.finest());
+        let device = [
+            ("wall", self.pairs as u64 * 16),
+            ("measured", elements * 4),
+            ("histograms", elements * if self.fixed_point() { 8 } else { 4 }),
+            ("residual", elements * 4),
+            ("noise_state", self.noise_weights() as u64 * 12),
+            ("raw", voxels * 16),
+            (self.spare(), voxels * 16),
+            ("moment_second", if self.vectors { 0 } else { voxels * 16 }),
+            ("bounds", if self.vectors { voxels * 8 } else { 0 }),
+            ("hat_taps", if self.vectors { self.bins as u64 * 4 + 4 } else { 0 }),
+            ("momentum", u64::from(MOMENTUM) * 4),
+            (
+                "against_partials",
+                if self.vectors { voxels.div_ceil(u64::from(self.tuning.voxels)) * 4 } else { 0 },
+            ),
+            ("mask", voxels / 8),
+            ("touched_mask", voxels / 8),
+            ("brick_offsets", voxels / BRICK_VOXELS as u64 * 4),
+            ("active_voxels", voxels * 4),
+            ("touched_voxels", if self.continuous { voxels * 4 } else { 0 }),
+            ("slot_of", voxels * 4),
+            ("sample_points", voxels * 16),
+            ("sample_normals", voxels * 16),
+            ("gradient", voxels * 16),
+            ("taps", (self.taps.len() + 1) as u64 * 4),
+            ("counts", u64::from(COUNTS) * 4),
+            ("arguments", u64::from(ARGUMENTS_FORWARD + sets) * 12),
+            ("l1_partials", voxels.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
+            ("loss_partials", elements.div_ceil(u64::from(WORKGROUP)) * 8),
+            ("columns", columns),
+        ];
+        let mut all: Vec<_> = device.iter().map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
+        for level in &self.levels {
+            all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
+        }
+        all.push(BufferPlan::new("upload", elements * 4, Place::Upload));
+        all.push(BufferPlan::new(
+            "trace",
+            (self.iterations * TRACE_ROW as usize * 4) as u64,
+            Place::Readback,
+        ));
+        all.push(BufferPlan::new("columns_host", columns, Place::Readback));
+        if with_volume {
+            all.push(BufferPlan::new("raw_host", voxels * 16, Place::Readback));
+            all.push(BufferPlan::new("mask_host", voxels / 8, Place::Readback));
+        }
+        all
+    }
+
+    pub(super) fn list_left_out(&self) -> Vec<String> {
+        let mut out = vec![
+            "the second distance of a pair: laser and sensor point are one".to_string(),
+            "the wall's normals: the cosine model does not ask for them".to_string(),
+        ];
+        if self.noise == NoiseTerm::Off {
+            out.push("the noise term: its weights, their moments and its kernel".into());
+        }
+        if self.vectors {
+            out.push("the optimiser's moments: the step comes from a bound".into());
+        }
+        if !self.continuous {
+            out.push("random sampling: interpolation, its adjoint and the list of touched voxels".into());
+        }
+        if self.gradient == Gradient::Published {
+            out.push("the falloff in the gradient".into());
+        }
+        if self.levels.len() == 1 {
+            out.push("doubling of the lateral resolution: the first grid is the last".into());
+        }
+        out
+    }
+}

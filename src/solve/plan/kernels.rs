@@ -1,0 +1,135 @@
+//! The kernel variants of a plan, with their specialization constants.
+
+use super::Plan;
+use crate::Result;
+use crate::gpu::{Executor, KernelCode};
+use crate::solve::{Accumulation, NoiseTerm};
+use crate::transport::kernels::*;
+use crate::transport::{Binning, Gradient};
+
+impl Plan {
+    /// Names of the variants that run, for reports.
+    pub fn variants(&self) -> Vec<String> {
+        let name = |k: &KernelUse| {
+            let constants: Vec<_> = k.constants.iter().map(|(n, v)| format!("{n}={v}")).collect();
+            format!("{}: {} {}", k.name, k.code, constants.join(" ")).trim_end().to_string()
+        };
+        self.kernels().iter().map(name).collect()
+    }
+
+    fn kernels(&self) -> Vec<KernelUse> {
+        let t = self.tuning;
+        let continuous = u32::from(self.continuous);
+        let split = u32::from(self.binning == Binning::Linear);
+        let exact = u32::from(self.gradient == Gradient::Exact);
+        let noise = match self.noise {
+            NoiseTerm::Off => 0,
+            NoiseTerm::Bin => 1,
+            NoiseTerm::Histogram => 2,
+        };
+        let forward = match self.accumulation {
+            Accumulation::Float => "forward_float",
+            Accumulation::Fixed => "forward_fixed64",
+            Accumulation::Fixed32 => "forward_fixed32",
+            Accumulation::Cas => "forward_cas",
+            Accumulation::Owned | Accumulation::Auto => "forward_owned",
+        };
+        let owned = u32::from(self.accumulation == Accumulation::Owned);
+        let sets = self.forward_sets(self.finest());
+        let u = |name, code, constants: &[(&'static str, u32)]| KernelUse {
+            name,
+            code,
+            constants: constants.to_vec(),
+        };
+        let residual = if self.fixed_point() { "residual_fixed" } else { "residual" };
+        let vectors = u32::from(self.vectors);
+        let tile_constants = [("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
+        let lambertian = ("LAMBERTIAN", u32::from(self.lambertian));
+        let mut forward_constants = tile_constants.to_vec();
+        forward_constants.push(lambertian);
+        let gather_constants =
+            [("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact)];
+        let summed = if self.vectors { t.voxels } else { WORKGROUP };
+        let mut all = vec![
+            u("forward", forward, &forward_constants),
+            u("residual", residual, &[("NOISE", noise), ("WEIGHTED", vectors)]),
+            u("finish", "finish", &[("ACCELERATED", vectors), ("VOXELS", summed)]),
+            u("gaussian_y", "gaussian", &[("AXIS", 1), ("FIRST", 0), ("LAST", 0)]),
+            u("gaussian_z", "gaussian", &[("AXIS", 2), ("FIRST", 0), ("LAST", 1)]),
+            u("threshold", "threshold", &[]),
+            u("compact_count", "compact_count", &[]),
+            u("compact_scan_active", "compact_scan", &[("TOTAL", COUNT_ACTIVE)]),
+            u("compact_scan_touched", "compact_scan", &[("TOTAL", COUNT_TOUCHED)]),
+            u("compact_scatter_active", "compact_scatter", &[("WRITE_SLOTS", 1)]),
+            u(
+                "arguments",
+                "arguments",
+                &[
+                    ("OWNED", owned),
+                    ("LANES", t.lanes),
+                    ("CHUNK", t.chunk),
+                    ("VOXELS", t.voxels),
+                    ("FORWARD_SETS", sets),
+                ],
+            ),
+            u("double_raw", "double_raw", &[]),
+            u("double_domain", "double_domain", &[]),
+            u("extract", "extract", &[("VECTORS", vectors)]),
+        ];
+        if self.vectors {
+            let mut bound = tile_constants.to_vec();
+            bound.push(("ISOTROPIC", 1));
+            all.extend([
+                u("gaussian_x_volume", "gaussian", &[("AXIS", 0), ("FIRST", 0), ("LAST", 0)]),
+                u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 2), ("LAST", 0)]),
+                u("forward_bound", forward, &bound),
+                u("residual_bound", residual, &[("WEIGHTED", 1), ("MEASURE", 0)]),
+                u("bound_step", "bound", &[("SPLIT", split), ("WHAT", 0)]),
+                u("bound_noise", "bound", &[("SPLIT", split), ("WHAT", 1)]),
+                u("variance", "variance", &[]),
+                u("filter", "filter", &[]),
+                u("backproject", "backproject", &[]),
+                u("settle", "settle", &[]),
+                u("points", "points", &[]),
+                u("extrapolate", "extrapolate", &[]),
+                u("step", "step", &[&gather_constants[..], &[lambertian]].concat()),
+            ]);
+            return all;
+        }
+        all.extend([
+            u("initialise", "initialise", &[("ALBEDO_SPAN", self.initial_albedo.to_bits())]),
+            u("sample", "sample", &[("CONTINUOUS", continuous)]),
+            u("backward", "backward", &gather_constants),
+            u("update", "update", &[("CONTINUOUS", continuous)]),
+            u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 1), ("LAST", 0)]),
+            u("dilate", "dilate", &[]),
+            u("compact_scatter_touched", "compact_scatter", &[("WRITE_SLOTS", 0)]),
+        ]);
+        if self.noise != NoiseTerm::Off {
+            all.push(u(
+                "noise",
+                "noise",
+                &[("PER_HISTOGRAM", u32::from(self.noise == NoiseTerm::Histogram))],
+            ));
+        }
+        all
+    }
+
+    /// Makes the plan's kernels.
+    pub fn add_kernels(&self, executor: &mut Executor<'_>) -> Result<()> {
+        for k in self.kernels() {
+            executor.add_kernel(k.name, code(k.code), &k.constants)?;
+        }
+        Ok(())
+    }
+}
+
+struct KernelUse {
+    name: &'static str,
+    code: &'static str,
+    constants: Vec<(&'static str, u32)>,
+}
+
+fn code(name: &str) -> &'static KernelCode {
+    KERNELS.iter().find(|k| k.name == name).unwrap_or_else(|| panic!("no kernel variant {name} in the table"))
+}
