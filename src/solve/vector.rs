@@ -199,7 +199,7 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
 }
 
 /// Counts per bin that are there without light: the lowest mean over all pairs of any sixteenth of the bins
-/// behind the strongest one.
+/// behind the strongest one; none if there are fewer bins behind it.
 pub fn background(capture: &Capture) -> f64 {
     let bins = capture.bins;
     let mut mean = vec![0.0f64; bins];
@@ -210,8 +210,8 @@ pub fn background(capture: &Capture) -> f64 {
     }
     let peak = (0..bins).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
     let window = (bins / 16).max(1);
-    let behind = mean[peak..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
-    behind.fold(f64::INFINITY, f64::min).min(mean[peak])
+    let behind = mean[peak + 1..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
+    behind.reduce(f64::min).unwrap_or(0.0)
 }
 
 /// Variance of a bin over its mean count, 1 for photons: from the second differences along time, whose square
