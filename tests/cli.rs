@@ -79,8 +79,18 @@ fn small() -> &'static Small {
 }
 
 /// Options that make a run short.
-const SHORT: [&str; 8] =
-    ["--lateral", "32", "--iterations", "30", "--double-every", "15", "--reduce-every", "10"];
+const SHORT: [&str; 10] = [
+    "--solver",
+    "paper",
+    "--lateral",
+    "32",
+    "--iterations",
+    "30",
+    "--double-every",
+    "15",
+    "--reduce-every",
+    "10",
+];
 
 fn reconstruct(capture: &str, out: &Path, more: &[&str]) -> Output {
     let out = out.display().to_string();
@@ -172,7 +182,7 @@ fn the_same_seed_gives_the_same_bits() {
 #[test]
 fn info_and_devices_tell_people_and_programs() {
     let capture = small().path("z.npz");
-    let text = succeed(&["info", &capture, "--lateral", "32", "--stride", "2"]);
+    let text = succeed(&["info", &capture, "--solver", "paper", "--lateral", "32", "--stride", "2"]);
     for words in ["8 x 8 = 64 pairs", "every 2nd", "32 x 32 x", "left out", "memory", "moment_first"] {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
@@ -188,7 +198,7 @@ fn info_and_devices_tell_people_and_programs() {
 
     // Without any driver the plan is for a usual GPU, and the text says so.
     let missing = Command::new(env!("CARGO_BIN_EXE_thirdbounce"))
-        .args(["info", &capture])
+        .args(["info", &capture, "--solver", "paper"])
         .env("VK_ICD_FILENAMES", "/nonexistent/icd.json")
         .env("VK_DRIVER_FILES", "/nonexistent/icd.json")
         .output()
@@ -203,7 +213,7 @@ fn photon_counts_bring_the_captured_set_and_its_gate() {
     let counts = folder.path().join("counts.npz").display().to_string();
     succeed(&["simulate", "plane", "--out", &counts, "--scan", "8", "--photons", "50", "--dark", "0.1"]);
     let told = |more: &[&str]| -> Value {
-        let all = [&["info", &counts, "--lateral", "16", "--json"], more].concat();
+        let all = [&["info", &counts, "--solver", "paper", "--lateral", "16", "--json"], more].concat();
         serde_json::from_str(&succeed(&all)).unwrap()
     };
     let all_bins = told(&["--no-auto-gate"]);
@@ -277,6 +287,9 @@ fn what_is_wrong_is_said_before_anything_is_written() {
     ];
     for (arguments, code, words) in cases {
         let mut all = vec!["reconstruct", "--out", &out, "--quiet"];
+        if !arguments.contains(&"--solver") {
+            all.extend(["--solver", "paper"]);
+        }
         all.extend(*arguments);
         fail(&all, *code, words);
     }
@@ -382,4 +395,29 @@ fn help_and_version_are_there() {
         assert!(help.contains(option), "{option}");
     }
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
+}
+
+#[test]
+fn the_default_solver_repeats_and_knows_both_models() {
+    let capture = small().path("z.npz");
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name).display().to_string();
+        let short = ["--lateral", "32", "--iterations", "20", "--coarse-iterations", "8", "--quiet"];
+        succeed(&[&["reconstruct", &capture, "--out", &out], &short[..], more].concat());
+        (
+            std::fs::read(folder.path().join(name).join("maps.npz")).unwrap(),
+            json(&Path::new(&out).join("report.json")),
+        )
+    };
+    let (first, report) = run("first", &["--deterministic"]);
+    assert_eq!(report["settings"]["solver"], "vector");
+    assert_eq!(report["trace"].as_array().unwrap().last().unwrap()["lateral"], 32);
+    assert!(first == run("second", &["--deterministic"]).0, "the same bits");
+    let (lambertian, report) = run("third", &["--deterministic", "--model", "lambertian"]);
+    assert!(first != lambertian, "another model, another result");
+    assert_eq!(report["settings"]["lambertian"], true);
+    let out = folder.path().join("none").display().to_string();
+    let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--model", "lambertian"];
+    fail(&refused, 1, "no option of the paper solver");
 }

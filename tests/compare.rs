@@ -116,6 +116,21 @@ fn two_settings_side_by_side() {
 }
 
 #[test]
+fn without_a_method_every_solver_runs() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1"];
+    let text = succeed(&[&all[..], &SHORT].concat());
+    assert!(text.contains("| paper | 30 |") && text.contains("| vector | 30 |"), "{text}");
+    let told = json(&folder.path().join("compare.json"));
+    let residual = figures(&told["methods"][1]["trace"], "residual");
+    assert!(residual.len() == 3 && residual[2] < 1.0, "{residual:?}");
+    let one = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
+    assert!(!one.contains("| paper |") && one.contains("| vector | 30 |"), "{one}");
+}
+
+#[test]
 fn a_trace_with_figures_and_snapshots() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
@@ -252,18 +267,23 @@ fn measuring_does_not_move_the_clock() {
     assert!(last.seconds <= done.solve_seconds && done.trace.is_sorted_by(|a, b| a.seconds <= b.seconds));
 
     // Every iteration measured: the clock comes to about what it does without. Other work on the machine moves
-    // both, so the fastest of three counts.
-    let fastest = |maps_every, sleep| {
-        let times = (0..3).map(|_| run(maps_every, sleep).0.trace.last().unwrap().seconds);
+    // both, so the bounds are wide where they rest on two runs.
+    let (done, asleep, wall) = run(Some(1), 0.03);
+    assert_eq!(done.trace.len(), 40);
+    assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
+    let fastest = |maps_every| {
+        let times = (0..3).map(|_| run(maps_every, 0.0).0.trace.last().unwrap().seconds);
         times.fold(f64::INFINITY, f64::min)
     };
-    let (without, with) = (fastest(None, 0.0), fastest(Some(1), 0.02));
-    assert!(with < 1.6 * without + 0.1 && with > 0.5 * without, "{with} s with, {without} s without");
+    let (without, with) = (fastest(None), fastest(Some(1)));
+    assert!((0.3..3.0).contains(&(with / without)), "{with} s with, {without} s without");
 
-    // A listener beside a working device hides none of its work.
-    let (done, asleep, wall) = sleepy(&gpu, &capture, None, |p| if p.maps.is_none() { 0.05 } else { 0.0 });
-    assert!(done.solve_seconds > 0.5 * without, "{} {without}", done.solve_seconds);
-    assert!(done.solve_seconds <= wall && asleep > 0.0);
+    // A listener beside a working device hides none of its work: but for the up to three blocks that are heard of
+    // when the device is done, the clock went on through the naps.
+    let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
+    let beside = done.trace.len() - 3;
+    let stood_still = wall - done.solve_seconds;
+    assert!(beside > 0 && stood_still < asleep - 0.5 * beside as f64 + 0.4, "{stood_still} of {asleep}");
     let loss = |r: &Reconstruction| r.trace.last().unwrap().data_loss;
     assert!((loss(&done) / loss(&plain) - 1.0).abs() < 0.1 && loss(&plain) < plain.empty_loss);
     let point = plain.trace.last().unwrap();

@@ -181,15 +181,21 @@ pub struct VectorArgs {
     /// Weight of the group term in standard deviations of the gradient's photon noise
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     noise_factor: Option<f64>,
-    /// Last share of the iterations that goes without the group term
+    /// Renew the bounds that steps come from after so many iterations
+    #[arg(long, value_name = "N", help_heading = "Vector solver")]
+    bound_every: Option<usize>,
+    /// Share of the bound that the first step divides by: 1 cannot overshoot, less goes faster
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
-    debias: Option<f64>,
+    step_share: Option<f64>,
     /// Steepest surface: largest |n_xy| / |n_z|
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     cone: Option<f64>,
     /// Do not take off the background that is estimated behind the signal
     #[arg(long, help_heading = "Vector solver")]
     no_background: bool,
+    /// When to stop: at the noise of the data (auto), or after all iterations (never) [default: auto]
+    #[arg(long, value_name = "WHEN", value_parser = ["auto", "never"], help_heading = "Vector solver")]
+    stop: Option<String>,
 }
 
 impl VectorArgs {
@@ -199,9 +205,11 @@ impl VectorArgs {
             ("coarse-iterations", self.coarse_iterations.is_some()),
             ("start-above", self.start_above.is_some()),
             ("noise-factor", self.noise_factor.is_some()),
-            ("debias", self.debias.is_some()),
+            ("bound-every", self.bound_every.is_some()),
+            ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
             ("no-background", self.no_background),
+            ("stop", self.stop.is_some()),
         ];
         given.into_iter().find(|g| g.1).map(|g| g.0)
     }
@@ -224,9 +232,12 @@ impl VectorArgs {
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
             start_above: self.start_above.unwrap_or(base.start_above),
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
-            debias: self.debias.unwrap_or(base.debias),
+            bound_every: self.bound_every.unwrap_or(base.bound_every),
+            step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),
             background: base.background && !self.no_background,
+            lambertian: base.lambertian,
+            stop: self.stop.as_deref().map_or(base.stop, |s| s == "auto"),
         }
     }
 }

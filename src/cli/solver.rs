@@ -10,10 +10,10 @@ use super::options::{PaperArgs, VectorArgs, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
-    /// How to solve: paper, vector [default: paper]
+    /// How to solve: vector, paper [default: vector]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     pub solver: Option<String>,
-    /// How surfaces reflect: cosine [default: cosine]
+    /// How surfaces reflect: cosine, or lambertian (vector solver) [default: cosine]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     model: Option<String>,
     /// The published parameters to start from [default: captured if all counts are whole, else synthetic]
@@ -39,7 +39,13 @@ impl SolverArgs {
 
     /// Refuses options that only another solver has: to ignore them would mislead.
     pub fn check_fit(&self) -> Result<()> {
-        let name = self.solver.as_deref().unwrap_or("paper");
+        let name = self.solver.as_deref().unwrap_or(SolverOptions::DEFAULT);
+        if name == "paper" && self.model.as_deref() == Some("lambertian") {
+            return Err(Error::options(
+                "--model lambertian is no option of the paper solver",
+                "leave it out, or use --solver vector",
+            ));
+        }
         let other = if name == "vector" { self.paper.own() } else { self.vector.own() };
         other.map_or(Ok(()), |option| {
             Err(Error::options(
@@ -66,12 +72,18 @@ impl SolverArgs {
 
     /// These options over those of `base` over the preset. Every solver has its arm here.
     fn options(&self, base: Option<&SolverArgs>, preset: Preset) -> SolverOptions {
-        let name = self.solver.as_deref().or(base.and_then(|b| b.solver.as_deref())).unwrap_or("paper");
+        let name = self
+            .solver
+            .as_deref()
+            .or(base.and_then(|b| b.solver.as_deref()))
+            .unwrap_or(SolverOptions::DEFAULT);
         // `check` has let through these two only.
         if name == "vector" {
             let start = VectorOptions::default();
             let start = base.map_or(start.clone(), |b| b.vector.over(&b.paper, start));
-            return self.vector.over(&self.paper, start).into();
+            let model = self.model.as_deref().or(base.and_then(|b| b.model.as_deref()));
+            let lambertian = model == Some("lambertian");
+            return VectorOptions { lambertian, ..self.vector.over(&self.paper, start) }.into();
         }
         let start = PaperOptions::preset(preset);
         let start = base.map_or(start.clone(), |b| b.paper.over(start));

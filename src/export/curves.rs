@@ -36,17 +36,17 @@ struct Panel {
 const PANELS: [Panel; 4] = [
     Panel { title: "relative residual", logarithmic: true, value: |e| e.residual },
     Panel {
-        title: "depth error, MAE (mm), at the best mask fraction",
+        title: "depth error (mm), MAE at the best IoU",
         logarithmic: true,
         value: |e| e.metrics.as_ref().and_then(|m| m.at_best?.depth_mae).map(|v| 1000.0 * v),
     },
     Panel {
-        title: "IoU of the surface, at the best mask fraction",
+        title: "IoU of the surface, best over mask fractions",
         logarithmic: false,
         value: |e| e.metrics.as_ref().and_then(|m| m.best_iou),
     },
     Panel {
-        title: "normal error, mean (degrees), at the best mask fraction",
+        title: "normal error (degrees), mean at the best IoU",
         logarithmic: false,
         value: |e| e.metrics.as_ref().and_then(|m| m.at_best?.normal_error_deg),
     },

@@ -32,6 +32,9 @@ impl SolverOptions {
     /// The solvers of this version, by their names on the command line.
     pub const NAMES: &[&str] = &["paper", "vector"];
 
+    /// The solver that wins the comparison of error against run time (docs/error-vs-time.md).
+    pub const DEFAULT: &str = "vector";
+
     pub fn name(&self) -> &'static str {
         match self {
             SolverOptions::Paper(_) => "paper",
@@ -130,7 +133,7 @@ pub fn check_solver(name: &str) -> Result<()> {
 /// # Errors
 /// One that is not in this version, or not known at all.
 pub fn check_model(name: &str) -> Result<()> {
-    choice("model", name, &["cosine"], &["lambertian", "retroreflective", "isotropic", "auto"])
+    choice("model", name, &["cosine", "lambertian"], &["retroreflective", "isotropic", "auto"])
 }
 
 fn choice(option: &str, name: &str, here: &[&str], later: &[&str]) -> Result<()> {

@@ -63,6 +63,8 @@ pub(super) struct Steps<'s> {
     pub extract: &'s dyn Fn(&Level) -> Schedule,
     /// Weight of the trace's L1 column in the loss at a level.
     pub l1_weight: &'s dyn Fn(&Level) -> f64,
+    /// Stop at the finest level once the objective's data term is not above this: the rest is noise.
+    pub stop_below: Option<f64>,
 }
 
 /// What driving yields.
@@ -92,6 +94,7 @@ pub(super) fn drive(
     let mut flights: VecDeque<(Ticket, std::ops::Range<usize>, Level)> = VecDeque::new();
     let mut block = std::mem::take(&mut steps.start);
     let (mut level, mut first) = (0, 0);
+    let mut reached = job.plan.levels[0];
     // Known only behind: what the last block that was heard of had active. The first domain is all there is.
     let mut active = job.plan.levels[0].grid.voxels();
     for i in 0..iterations {
@@ -112,7 +115,9 @@ pub(super) fn drive(
         }
         let ticket = job.executor.submit(&std::mem::take(&mut block))?;
         flights.push_back((ticket, first..done, here));
+        reached = here;
         first = done;
+        let mut fitted = false;
         // Waits first and listens then, so that with nothing in flight the clock may stand still.
         let mut back = vec![];
         while flights.len() > if last || measured { 0 } else { 2 } {
@@ -122,8 +127,9 @@ pub(super) fn drive(
         }
         let (pause, gpu_pause) = (Instant::now(), job.executor.gpu_seconds());
         for (rows, at, seconds) in back {
-            let point = reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
+            let (point, objective) = reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
             active = point.active;
+            fitted |= at == *job.plan.finest() && steps.stop_below.is_some_and(|s| objective <= s);
             let maps = (measured && point.iteration == done).then(|| {
                 job.executor.run(&(steps.extract)(&at)).map(|()| read_maps(&job.executor.arena, &at.grid))
             });
@@ -137,12 +143,20 @@ pub(super) fn drive(
             clock.paused += pause.elapsed();
             reader.gpu_before += job.executor.gpu_seconds() - gpu_pause;
         }
+        if fitted {
+            break;
+        }
     }
-    let level = job.plan.levels[level];
-    job.executor.run(&(steps.extract)(&level))?;
+    // What was under way when the fit was seen is part of the result.
+    for (ticket, rows, at) in std::mem::take(&mut flights) {
+        job.executor.wait(ticket)?;
+        let seconds = [clock.seconds(), job.executor.gpu_seconds()];
+        reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
+    }
+    job.executor.run(&(steps.extract)(&reached))?;
     let seconds = clock.seconds();
-    let maps = read_maps(&job.executor.arena, &level.grid);
-    Ok(Driven { trace: reader.trace, maps, level, pairs: reader.pairs, seconds })
+    let maps = read_maps(&job.executor.arena, &reached.grid);
+    Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds })
 }
 
 /// Seconds since the start, less the pauses.
@@ -171,7 +185,8 @@ struct Reader {
 }
 
 impl Reader {
-    /// Reads the device's trace of some iterations, all run at `level`, and adds a point for the last.
+    /// Reads the device's trace of some iterations, all run at `level`, and adds a point for the last; with it the
+    /// objective's data term there.
     fn read(
         &mut self,
         job: &Job<'_>,
@@ -179,16 +194,16 @@ impl Reader {
         level: &Level,
         l1_weight: f64,
         [seconds, gpu_seconds]: [f64; 2],
-    ) -> Result<TracePoint> {
+    ) -> Result<(TracePoint, f64)> {
         let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
         let voxels = level.grid.voxels();
-        let (mut loss, mut data_loss) = (0.0, 0.0);
+        let (mut loss, mut data_loss, mut objective) = (0.0, 0.0, 0.0);
         let mut active = 0;
         for i in iterations.clone() {
             let row = rows[i];
             active = row[TRACE_ACTIVE as usize] as usize;
             data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
-            let objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
+            objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
             let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
             loss = objective + l1_weight * l1;
             if !loss.is_finite() {
@@ -211,6 +226,6 @@ impl Reader {
             data_loss,
         };
         self.trace.push(point);
-        Ok(point)
+        Ok((point, objective))
     }
 }

@@ -85,6 +85,7 @@ pub fn reconstruct(
         due: &|plan, level, done| domain::due(plan, options, level, done),
         extract: &domain::extract,
         l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
+        stop_below: None,
     };
     let driven = drive(gpu, &mut job, options.iterations, steps, watch)?;
     finish(job, driven, with_volume)

@@ -50,6 +50,8 @@ pub struct VectorOptions {
     pub lambertian: bool,
     /// Subtract the background estimated behind the signal.
     pub background: bool,
+    /// Stop once what is left of the data is no more than its noise.
+    pub stop: bool,
     /// Nothing nearer than this is ever active, metres.
     pub min_depth: f64,
     /// The measurement is scaled so that this is its largest value.
@@ -61,18 +63,19 @@ impl Default for VectorOptions {
     fn default() -> VectorOptions {
         VectorOptions {
             lateral: 128,
-            iterations: 60,
+            iterations: 80,
             coarse_to_fine: true,
             coarse_iterations: 15,
             reduce_every: 5,
             bound_every: 15,
             step_share: 0.25,
-            keep_above: 0.02,
+            keep_above: 0.05,
             start_above: 0.02,
             noise_factor: 3.0,
             cone: 2.0,
             lambertian: false,
             background: true,
+            stop: true,
             min_depth: 0.2,
             peak: 10.0,
             accumulation: Accumulation::Auto,
@@ -166,6 +169,7 @@ pub fn reconstruct(
         due: &|plan, level, done| due(plan, options, level, done),
         extract: &domain::extract,
         l1_weight: &|_| 1.0,
+        stop_below: options.stop.then(|| expected_noise(&job.model)),
     };
     let driven = drive(gpu, &mut job, options.iterations, steps, watch)?;
     finish(job, driven, with_volume)
@@ -177,6 +181,12 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
         return Err(Error::input(
             "the vector solver is for confocal captures, and here laser and sensor points differ",
             "give a confocal capture",
+        ));
+    }
+    if options.lambertian && !capture.is_planar() {
+        return Err(Error::input(
+            "--model lambertian is for a flat relay wall, and this one is not flat",
+            "use --model cosine",
         ));
     }
     let mut model = Model {
@@ -196,6 +206,19 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
     }
     model.variance = [per_count * scale, per_count * level * scale * scale];
     Ok(model)
+}
+
+/// The weighted data term that photon noise alone leaves: below it a solver fits noise (discrepancy principle,
+/// Morozov 1966).
+pub fn expected_noise(model: &Model) -> f64 {
+    let [per_value, floor] = model.variance;
+    let weight = |bin: usize| {
+        let t = model.t_start + (bin as f64 + 0.5) * model.bin_width;
+        (t / (2.0 * model.reference)).powi(4)
+    };
+    // A count is its own unbiased variance; `measured` is the count less the background.
+    let noise = |(i, m): (usize, &f32)| weight(i % model.bins) * (per_value * f64::from(*m) + floor);
+    model.measured.iter().enumerate().map(noise).sum::<f64>() / model.measured.len() as f64
 }
 
 /// Counts per bin that are there without light: the lowest mean over all pairs of any sixteenth of the bins
