@@ -4,9 +4,9 @@
 //!
 //! by accelerated proximal gradient with adaptive restart. Weighting the squares by the inverse falloff makes near
 //! and far surfaces weigh alike. Three things come from the data, not from the user: the step of every voxel from
-//! a bound of the operator on the domain at hand (De Pierro's separable surrogate, so no step overshoots), λ_i
-//! from the photon noise that reaches the voxel's gradient, and the background from the quietest stretch behind
-//! the signal. The first domain comes from a filtered back-projection, so no iteration is dense.
+//! a bound of the operator on the domain at hand (De Pierro's separable surrogate, exact while no cosine changes
+//! its sign), λ_i from the photon noise that reaches the voxel's gradient, and the background from the quietest
+//! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense.
 
 use serde::{Deserialize, Serialize};
 
@@ -106,7 +106,7 @@ impl From<&VectorOptions> for Wanted {
 const SMOOTH_SIGMA: f64 = 1.0;
 
 /// The Mexican hat of the back-projection, in lateral voxels of path.
-const HAT_SIGMA: f64 = 1.5;
+pub const HAT_SIGMA: f64 = 1.5;
 
 impl VectorOptions {
     /// Errors: the first option that makes no sense, by its name on the command line.
