@@ -1,6 +1,6 @@
 // One workgroup closes an iteration: sums the partial losses in a fixed order (each lane strides, then a
 // tree), writes the iteration's row of the trace that the host reads behind, and resets what the next
-// iteration maximises. With MOMENTUM it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle
+// iteration maximises. With ACCELERATED it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle
 // 2009), restarted where the step goes against the momentum or the objective rose (O'Donoghue & Candes 2015);
 // where it rose, steps become shorter, down to the one that is proven safe.
 #version 460

@@ -1,9 +1,11 @@
 // Backward pass and proximal gradient step in one: a lane owns one active voxel, gathers its gradient over the
 // pairs as in backward.comp, and writes the next iterate without the gradient ever leaving registers.
-//   v' = cone(shrink(y - g / D, lambda / D))
-// D majorises the operator (bound.comp), so a step of 1 / D never overshoots; finish.comp keeps the share of it
-// that is divided by, smaller as long as the objective falls. shrink is the group
-// soft threshold on |v|, cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone |v_z|.
+//   v' = shrink(cone(y - g / D), lambda / D)
+// D majorises the operator (bound.comp), so a step of 1 / D does not overshoot unless it turns a vector across the
+// edge where a cosine starts; finish.comp keeps the share of D that is divided by, smaller as long as the objective
+// falls. shrink is the group soft threshold on |v|, cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone
+// |v_z|. In this order they are the proximal map of both together: the cone shortens, and the threshold is for what
+// is left.
 // Partial sums: the group term at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -78,7 +80,7 @@ void main() {
             uint index = active_voxels[slot];
             vec2 bound = bounds[index] * vec2(momentum[MOMENTUM_SHARE], 1.0);
             vec3 v = raw[index].xyz;
-            vec3 next = bound.x > 0.0 ? into_cone(shrink(y - sum.yzw / bound.x, bound.y / bound.x)) : vec3(0.0);
+            vec3 next = bound.x > 0.0 ? shrink(into_cone(y - sum.yzw / bound.x), bound.y / bound.x) : vec3(0.0);
             told = vec2(bound.y * length(y), bound.x * dot(y - next, next - v));
             before[index] = vec4(v, 0.0);
             raw[index] = vec4(next, 0.0);

@@ -22,38 +22,6 @@ fn to_voxels(twin: &Twin, iteration: u32, active: &[u32], gradient: &[Raw]) -> V
     raw.iter().map(|r| r.map(|v| -v)).collect()
 }
 
-/// Central differences of `objective` in random variables, against `gradient`. The step is small beside the
-/// distance to the kinks of ELU, the cosine's and the L1 term's zero for nearly all variables; those that
-/// cross one are seen by the one-sided differences disagreeing, and skipped.
-fn assert_gradient(raw: &[Raw], gradient: &[Raw], mut objective: impl FnMut(&[Raw]) -> f64) {
-    let mut random = Random::new(99);
-    let largest = gradient.concat().iter().fold(0.0f64, |a, b| a.max(b.abs()));
-    let (mut tried, mut skipped) = (0, 0);
-    while tried < 60 {
-        let (i, k) = (random.next() as usize % raw.len(), random.next() as usize % 4);
-        if gradient[i][k] == 0.0 {
-            continue;
-        }
-        let h = 1e-5;
-        let mut at = |step: f64| {
-            let mut moved = raw.to_vec();
-            moved[i][k] += step;
-            objective(&moved)
-        };
-        let (low, middle, high) = (at(-h), at(0.0), at(h));
-        let (left, right) = ((middle - low) / h, (high - middle) / h);
-        if (left - right).abs() > 1e-3 * largest {
-            skipped += 1;
-            assert!(skipped < 20, "too many kinks: the scene is badly tuned");
-            continue;
-        }
-        let slope = (high - low) / (2.0 * h);
-        let e = (slope - gradient[i][k]).abs() / largest;
-        assert!(e < 1e-5, "voxel {i}, variable {k}: gradient {} but slope {slope}", gradient[i][k]);
-        tried += 1;
-    }
-}
-
 fn scene() -> (Model, Grid, Vec<Raw>, Vec<u32>) {
     let mut m = model(4, 48, 21);
     m.gradient = Gradient::Exact;

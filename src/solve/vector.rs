@@ -4,9 +4,9 @@
 //!
 //! by accelerated proximal gradient with adaptive restart. Weighting the squares by the inverse falloff makes near
 //! and far surfaces weigh alike. Three things come from the data, not from the user: the step of every voxel from
-//! a bound of the operator on the domain at hand (De Pierro's separable surrogate, so no step overshoots), λ_i
-//! from the photon noise that reaches the voxel's gradient, and the background from the quietest stretch behind
-//! the signal. The first domain comes from a filtered back-projection, so no iteration is dense.
+//! a bound of the operator on the domain at hand (De Pierro's separable surrogate, exact while no cosine changes
+//! its sign), λ_i from the photon noise that reaches the voxel's gradient, and the background from the quietest
+//! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense.
 
 use serde::{Deserialize, Serialize};
 
@@ -106,7 +106,7 @@ impl From<&VectorOptions> for Wanted {
 const SMOOTH_SIGMA: f64 = 1.0;
 
 /// The Mexican hat of the back-projection, in lateral voxels of path.
-const HAT_SIGMA: f64 = 1.5;
+pub const HAT_SIGMA: f64 = 1.5;
 
 impl VectorOptions {
     /// Errors: the first option that makes no sense, by its name on the command line.
@@ -222,7 +222,7 @@ pub fn expected_noise(model: &Model) -> f64 {
 }
 
 /// Counts per bin that are there without light: the lowest mean over all pairs of any sixteenth of the bins
-/// behind the strongest one.
+/// behind the strongest one; none if there are fewer bins behind it.
 pub fn background(capture: &Capture) -> f64 {
     let bins = capture.bins;
     let mut mean = vec![0.0f64; bins];
@@ -233,8 +233,8 @@ pub fn background(capture: &Capture) -> f64 {
     }
     let peak = (0..bins).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
     let window = (bins / 16).max(1);
-    let behind = mean[peak..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
-    behind.fold(f64::INFINITY, f64::min).min(mean[peak])
+    let behind = mean[peak + 1..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
+    behind.reduce(f64::min).unwrap_or(0.0)
 }
 
 /// Variance of a bin over its mean count, 1 for photons: from the second differences along time, whose square

@@ -27,9 +27,11 @@ pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
 
 /// The separable Gaussian of the active albedo, zero outside the grid.
 pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<f64> {
-    let grid = twin.grid;
-    let mut volume: Vec<f64> =
-        raw.iter().zip(active).map(|(r, a)| if *a { elu(r[0]) } else { 0.0 }).collect();
+    smooth(twin.grid, raw.iter().zip(active).map(|(r, a)| if *a { elu(r[0]) } else { 0.0 }).collect(), taps)
+}
+
+/// The separable Gaussian of a volume, zero outside the grid.
+pub fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {
     for axis in 0..3 {
         let source = volume.clone();
         for (i, v) in volume.iter_mut().enumerate() {
@@ -124,8 +126,23 @@ pub struct Column {
 
 /// The surface of every column `ix * ny + iy`, refined within `reach` voxels. None where nothing is above zero.
 pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<Option<Column>> {
+    let albedo: Vec<f64> =
+        raw.iter().zip(active).map(|(r, a)| if *a { r[0].max(0.0) } else { 0.0 }).collect();
+    columns(twin, &albedo, reach, |c| {
+        let i = twin.grid.index(c);
+        (albedo[i], toward_wall(raw[i]))
+    })
+}
+
+/// Columns by the brightest voxel of a volume. `surface` gives the albedo and a direction of any length there.
+pub(super) fn columns(
+    twin: &Twin,
+    volume: &[f64],
+    reach: usize,
+    surface: impl Fn([usize; 3]) -> (f64, DVec3),
+) -> Vec<Option<Column>> {
     let grid = twin.grid;
-    let albedo = |c: [usize; 3]| if active[grid.index(c)] { raw[grid.index(c)][0].max(0.0) } else { 0.0 };
+    let albedo = |c: [usize; 3]| volume[grid.index(c)];
     let mut maps = vec![];
     for x in 0..grid.n[0] {
         for y in 0..grid.n[1] {
@@ -140,8 +157,9 @@ pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<O
                 let around = best.1.saturating_sub(reach)..=(best.1 + reach).min(grid.n[2] - 1);
                 let sum: f64 = around.clone().map(|z| albedo([x, y, z])).sum();
                 let moment: f64 = around.map(|z| z as f64 * albedo([x, y, z])).sum();
-                let normal = toward_wall(raw[grid.index([x, y, best.1])]).normalize_or_zero();
-                Column { albedo: best.0, depth: depth(best.1 as f64), refined: depth(moment / sum), normal }
+                let (albedo, direction) = surface([x, y, best.1]);
+                let normal = direction.normalize_or_zero();
+                Column { albedo, depth: depth(best.1 as f64), refined: depth(moment / sum), normal }
             }));
         }
     }

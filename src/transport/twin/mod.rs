@@ -7,14 +7,20 @@ mod domain;
 mod optimise;
 mod random;
 mod render;
+mod vector;
 
 pub use domain::{
-    compact, dilate, double_domain, double_raw, extract, gaussian, initialise, taps, threshold,
+    compact, dilate, double_domain, double_raw, extract, gaussian, initialise, smooth, taps, threshold,
 };
 pub use optimise::{noise, update};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
+};
+pub use vector::{
+    Bound, Momentum, Shine, Told, backproject, bound, extract_vectors, extrapolate, filter,
+    finish_accelerated, forward_vectors, gradient_vectors, into_cone, lengths, objective_vectors, points,
+    residual_weighted, settle, shrink, step, variance,
 };
 
 use super::{Grid, Model};

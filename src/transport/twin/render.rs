@@ -71,11 +71,11 @@ pub(super) fn toward_wall(v: Raw) -> DVec3 {
     dvec3(v[1], v[2], v[3]).clamp(DVec3::splat(-10.0), DVec3::splat(10.0)).map(f64::tanh) + BASE_NORMAL
 }
 
-struct Kernel {
-    toward: DVec3,
-    cosine: f64,
-    falloff: f64,
-    bin: f64,
+pub(super) struct Kernel {
+    pub toward: DVec3,
+    pub cosine: f64,
+    pub falloff: f64,
+    pub bin: f64,
 }
 
 /// The cosine model for a confocal pair (METHOD: value = ρ max(0, n·ω) (reference / r)⁴ at path 2r).
@@ -111,18 +111,33 @@ fn shares(twin: &Twin, position: f64) -> impl Iterator<Item = (usize, f64)> {
 
 /// Accumulated histograms of the samples, `[pair * bins + bin]`, before the render scale.
 pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
+    accumulate(twin, samples, |k, s| s.albedo * k.cosine.max(0.0) * k.falloff)
+}
+
+/// The same with any value of a sample to a pair.
+pub(super) fn accumulate(
+    twin: &Twin,
+    samples: &[Sample],
+    value: impl Fn(&Kernel, &Sample) -> f64,
+) -> Vec<f64> {
     let bins = twin.model.bins;
     let mut sums = vec![0.0; twin.model.pairs() * bins];
     for (pair, wall) in twin.model.wall.iter().enumerate() {
         for s in samples {
             let k = confocal_kernel(twin, *wall, s);
-            let value = s.albedo * k.cosine.max(0.0) * k.falloff;
+            let value = value(&k, s);
             for (bin, share) in shares(twin, k.bin) {
                 sums[pair * bins + bin] += value * share;
             }
         }
     }
     sums
+}
+
+/// Weight of a bin's squared difference in the weighted objective: (t / (2 reference))⁴, t the bin's centre.
+pub(super) fn bin_weight(twin: &Twin, bin: usize) -> f64 {
+    let m = twin.model;
+    ((m.t_start + (bin as f64 + 0.5) * m.bin_width) / (2.0 * m.reference)).powi(4)
 }
 
 /// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are the noise
@@ -151,6 +166,16 @@ pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>,
     (gradient, loss)
 }
 
+/// Every pair's kernel of a sample, with the residual that its path sees.
+pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl FnMut(&Kernel, f64)) {
+    let bins = twin.model.bins;
+    for (pair, wall) in twin.model.wall.iter().enumerate() {
+        let k = confocal_kernel(twin, *wall, s);
+        let r = shares(twin, k.bin).map(|(b, w)| w * residual[pair * bins + b]).sum();
+        hear(&k, r);
+    }
+}
+
 /// dLoss / d(raw variables at the sample), one per sample.
 pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
     let m = twin.model;
@@ -160,18 +185,16 @@ pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
             let mut albedo =
                 m.l1 / twin.grid.voxels() as f64 * if s.albedo == 0.0 { 0.0 } else { s.albedo.signum() };
             let mut normal = DVec3::ZERO;
-            for (pair, wall) in m.wall.iter().enumerate() {
-                let k = confocal_kernel(twin, *wall, s);
+            gather(twin, s, residual, |k, mut r| {
                 if k.cosine <= 0.0 {
-                    continue;
+                    return;
                 }
-                let mut r: f64 = shares(twin, k.bin).map(|(b, w)| w * residual[pair * m.bins + b]).sum();
                 if m.gradient == Gradient::Exact {
                     r *= k.falloff;
                 }
                 albedo += r * k.cosine;
                 normal += r * s.albedo * k.toward;
-            }
+            });
             let slope = if s.albedo > 0.0 { 1.0 } else { s.albedo + 1.0 };
             let tanh = s.normal * s.length - BASE_NORMAL;
             let across =
@@ -204,9 +227,8 @@ pub fn weighted_objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Ra
         .iter()
         .enumerate()
         .map(|(i, sum)| {
-            let t = m.t_start + ((i % m.bins) as f64 + 0.5) * m.bin_width;
             let difference = sum * render - f64::from(m.measured[i]);
-            (t / (2.0 * m.reference)).powi(4) * difference * difference
+            bin_weight(twin, i % m.bins) * difference * difference
         })
         .sum();
     data / accumulated.len() as f64 + m.l1 / twin.grid.voxels() as f64 * finish(&samples)

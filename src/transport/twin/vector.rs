@@ -1,0 +1,264 @@
+//! The vector solver's kernels. Vectors are albedo * normal, by storage index or, where a list of active voxels
+//! is given, by slot.
+
+use glam::{DVec3, dvec3};
+
+use super::domain::{Column, columns};
+use super::render::{Kernel, accumulate, bin_weight, gather};
+use super::{Sample, Twin};
+
+/// Toward the wall: how a voxel that holds nothing would shine.
+const TOWARD_WALL: DVec3 = dvec3(0.0, 0.0, -1.0);
+
+/// How a vector shines on a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shine {
+    /// One cosine: linear in the vector where it is positive.
+    Cosine,
+    /// Both cosines of the surface and both of the wall's.
+    Lambertian,
+    /// The falloff alone, times the sample's albedo: what no vector of that length exceeds.
+    Isotropic,
+}
+
+/// The Lambertian model beside one cosine, held constant in the gradient (lagged).
+fn rest(k: &Kernel, direction: DVec3, shine: Shine) -> f64 {
+    if shine != Shine::Lambertian {
+        return 1.0;
+    }
+    k.cosine.max(0.0) / direction.length().max(1e-30) * (-k.toward.z).max(0.0).powi(2)
+}
+
+/// Centres of the active voxels as samples of unit weight in no direction.
+pub fn points(twin: &Twin, active: &[u32]) -> Vec<Sample> {
+    let centre = |i: &u32| DVec3::from_array(twin.grid.voxel(*i as usize).map(|c| c as f64));
+    let sample =
+        |i| Sample { point: twin.grid.position(centre(i)), albedo: 1.0, normal: DVec3::ZERO, length: 0.0 };
+    active.iter().map(sample).collect()
+}
+
+/// y = v + beta (v - v before), as the directions of the active voxels' samples.
+pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], beta: f64) -> Vec<Sample> {
+    let mut samples = points(twin, active);
+    for (s, i) in samples.iter_mut().zip(active) {
+        let i = *i as usize;
+        s.normal = v[i] + beta * (v[i] - before[i]);
+    }
+    samples
+}
+
+/// Accumulated histograms, before the render scale.
+pub fn forward_vectors(twin: &Twin, samples: &[Sample], shine: Shine) -> Vec<f64> {
+    accumulate(twin, samples, |k, s| match shine {
+        Shine::Isotropic => s.albedo * k.falloff,
+        _ => s.albedo * k.cosine.max(0.0) * k.falloff * rest(k, s.normal, shine),
+    })
+}
+
+/// d(weighted mean squared error) / d(accumulated value) of every bin, that error, and the plain one. Without
+/// `measure` the measurement counts as nothing.
+pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Vec<f64>, [f64; 2]) {
+    let m = twin.model;
+    let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), accumulated.len() as f64);
+    let mut loss = [0.0; 2];
+    let of_bin = |(i, sum): (usize, &f64)| {
+        let difference = sum * render - if measure { f64::from(m.measured[i]) } else { 0.0 };
+        let weight = bin_weight(twin, i % m.bins);
+        loss[0] += weight * difference * difference / elements;
+        loss[1] += difference * difference / elements;
+        2.0 / elements * render * weight * difference
+    };
+    (accumulated.iter().enumerate().map(of_bin).collect(), loss)
+}
+
+/// dLoss / d(vector) of every sample, from its own direction; one without shines toward the wall.
+pub fn gradient_vectors(twin: &Twin, samples: &[Sample], residual: &[f64], shine: Shine) -> Vec<DVec3> {
+    samples
+        .iter()
+        .map(|s| {
+            let normal = if s.normal == DVec3::ZERO { TOWARD_WALL } else { s.normal };
+            let s = Sample { normal, ..*s };
+            let mut sum = DVec3::ZERO;
+            gather(twin, &s, residual, |k, r| {
+                if k.cosine > 0.0 {
+                    sum += r * k.falloff * rest(k, normal, shine) * k.toward;
+                }
+            });
+            sum
+        })
+        .collect()
+}
+
+/// Nearest point of the cone v_z <= 0, |v_xy| <= cone |v_z|.
+pub fn into_cone(cone: f64, v: DVec3) -> DVec3 {
+    let across = v.truncate();
+    if across.length() <= -cone * v.z {
+        return v;
+    }
+    // Onto the cone's edge in the plane of v and the axis, or to its apex.
+    let edge = (cone * across.normalize_or_zero()).extend(-1.0).normalize();
+    edge * v.dot(edge).max(0.0)
+}
+
+/// Group soft threshold: the proximal map of `by` |v|.
+pub fn shrink(v: DVec3, by: f64) -> DVec3 {
+    v.normalize_or_zero() * (v.length() - by).max(0.0)
+}
+
+/// What a voxel's step adds to the partial sums.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Told {
+    /// The group term at y.
+    pub group: f64,
+    /// D (y - v') . (v' - v): positive where the momentum leads uphill.
+    pub against: f64,
+}
+
+/// The proximal gradient step from y, the samples' directions: v and `before` change in place. `bounds` are
+/// (D, lambda) by storage index; `share` is what part of D is divided by. A voxel without a bound holds nothing.
+#[allow(clippy::too_many_arguments)] // the kernel's bindings
+pub fn step(
+    twin: &Twin,
+    active: &[u32],
+    samples: &[Sample],
+    gradient: &[DVec3],
+    bounds: &[[f64; 2]],
+    share: f64,
+    v: &mut [DVec3],
+    before: &mut [DVec3],
+) -> Vec<Told> {
+    let one = |((i, s), g): ((&u32, &Sample), &DVec3)| {
+        let i = *i as usize;
+        let (y, [d, lambda]) = (s.normal, [bounds[i][0] * share, bounds[i][1]]);
+        let next = match d > 0.0 {
+            true => shrink(into_cone(twin.model.cone, y - *g / d), lambda / d),
+            false => DVec3::ZERO,
+        };
+        before[i] = v[i];
+        v[i] = next;
+        Told { group: lambda * y.length(), against: d * (y - next).dot(next - before[i]) }
+    };
+    active.iter().zip(samples).zip(gradient).map(one).collect()
+}
+
+/// Which bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bound {
+    /// D, of a residual that is the weighted isotropic rendering of the domain.
+    Step,
+    /// lambda, of a residual that holds the weighted variances.
+    Noise,
+}
+
+/// Bounds of the samples.
+pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> Vec<f64> {
+    samples
+        .iter()
+        .map(|s| {
+            let mut sum = 0.0;
+            gather(twin, s, residual, |k, r| {
+                sum += r * if what == Bound::Step { k.falloff } else { k.falloff * k.falloff };
+            });
+            if what == Bound::Step { sum } else { twin.model.noise_factor * sum.sqrt() }
+        })
+        .collect()
+}
+
+/// Variance of every bin's residual.
+pub fn variance(twin: &Twin) -> Vec<f64> {
+    let m = twin.model;
+    let render = f64::from(m.scene(twin.grid).render_scale);
+    let of_bin = |(i, value): (usize, &f32)| {
+        let scale = 2.0 / m.measured.len() as f64 * render * bin_weight(twin, i % m.bins);
+        scale * scale * (m.variance[0] * f64::from(*value).max(0.0) + m.variance[1])
+    };
+    m.measured.iter().enumerate().map(of_bin).collect()
+}
+
+/// Weighted histograms, convolved along time with `hat`: its weights at 0, 1, 2, ... to either side.
+pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
+    let m = twin.model;
+    let filtered = |histogram: &[f32], bin: usize| -> f64 {
+        let near = |b: &usize| b.abs_diff(bin) < hat.len();
+        let value = |b: usize| hat[b.abs_diff(bin)] * bin_weight(twin, b) * f64::from(histogram[b]);
+        (0..m.bins).filter(near).map(value).sum()
+    };
+    m.measured.chunks(m.bins).flat_map(|h| (0..m.bins).map(move |b| filtered(h, b))).collect()
+}
+
+/// Back-projection of filtered histograms into every voxel that is not too near, by storage index: with the
+/// cosine of a surface that faces the wall, without the falloff, zero for negative sums.
+pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {
+    let grid = twin.grid;
+    let near = twin.model.near_z(grid);
+    let allowed = |i: &u32| {
+        let c = grid.voxel(*i as usize);
+        grid.contains(c) && c[2] >= near
+    };
+    let voxels: Vec<u32> = (0..grid.storage() as u32).filter(allowed).collect();
+    let mut volume = vec![0.0; grid.storage()];
+    for (s, i) in points(twin, &voxels).into_iter().zip(voxels) {
+        let mut sum = 0.0;
+        gather(twin, &Sample { normal: TOWARD_WALL, ..s }, filtered, |k, r| sum += r * k.cosine.max(0.0));
+        volume[i as usize] = sum.max(0.0);
+    }
+    volume
+}
+
+/// After a change of the domain: what is inactive holds nothing, and the momentum rests.
+pub fn settle(active: &[bool], v: &mut [DVec3], before: &mut [DVec3], momentum: &mut Momentum) {
+    for (v, _) in v.iter_mut().zip(active).filter(|(_, a)| !**a) {
+        *v = DVec3::ZERO;
+    }
+    before.copy_from_slice(v);
+    *momentum = Momentum { t: 1.0, beta: 0.0, objective: f64::INFINITY, ..*momentum };
+}
+
+/// FISTA's state between iterations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Momentum {
+    pub t: f64,
+    /// Extrapolation of the next iteration.
+    pub beta: f64,
+    /// Of the iteration before.
+    pub objective: f64,
+    pub restarts: f64,
+    /// Share of the bound that a step divides by.
+    pub share: f64,
+}
+
+/// The momentum after an iteration of such an objective and sum of [`Told::against`]: FISTA's sequence (Beck &
+/// Teboulle 2009), restarted where the step went against the momentum or the objective rose (O'Donoghue & Candès
+/// 2015). Where it rose, steps become shorter, down to the bound's own.
+pub fn finish_accelerated(before: Momentum, objective: f64, against: f64) -> Momentum {
+    let rose = objective > before.objective;
+    let share = if rose { (1.5 * before.share).min(1.0) } else { before.share };
+    if rose || against > 0.0 {
+        return Momentum { t: 1.0, beta: 0.0, objective, restarts: before.restarts + 1.0, share };
+    }
+    let t = (1.0 + (1.0 + 4.0 * before.t * before.t).sqrt()) / 2.0;
+    Momentum { t, beta: (before.t - 1.0) / t, objective, share, ..before }
+}
+
+/// What the solver minimises: the weighted mean squared error plus the sum of lambda |v|.
+pub fn objective_vectors(twin: &Twin, samples: &[Sample], lambda: &[f64], shine: Shine) -> f64 {
+    let (_, loss) = residual_weighted(twin, &forward_vectors(twin, samples, shine), true);
+    loss[0] + samples.iter().zip(lambda).map(|(s, l)| l * s.normal.length()).sum::<f64>()
+}
+
+/// Lengths of the active vectors, 0 elsewhere: what the reduction smooths.
+pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {
+    v.iter().zip(active).map(|(v, a)| if *a { v.length() } else { 0.0 }).collect()
+}
+
+/// The surface of every column: where the longest vector is, with the albedo of a surface that fills several
+/// voxels of a column, each with less: the sum of |v_z| over two lateral voxels' depth to both sides.
+pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool], reach: usize) -> Vec<Option<Column>> {
+    let grid = twin.grid;
+    let depth = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
+    columns(twin, &lengths(v, active), reach, |[x, y, z]| {
+        let around = z.saturating_sub(depth)..=(z + depth).min(grid.n[2] - 1);
+        let indices = around.map(|z| grid.index([x, y, z])).filter(|i| active[*i]);
+        (-indices.map(|i| v[i].z).sum::<f64>(), v[grid.index([x, y, z])])
+    })
+}
