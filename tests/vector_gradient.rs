@@ -1,6 +1,6 @@
 //! The mathematics of the vector solver in float64: its gradient against finite differences, the bound that its
 //! steps come from, that a step never leads uphill, and its proximal map. The kernels are held to the same
-//! functions in `vector_kernels.rs`.
+//! functions in `vector_kernels.rs` and `vector_domain.rs`.
 
 mod device;
 

@@ -1,0 +1,253 @@
+//! The vector solver's momentum and domain on the device against the float64 twins: what an iteration leaves
+//! behind, reduction, doubling, the start, maps.
+
+mod device;
+
+use device::vectors::*;
+use device::*;
+use glam::{DVec3, dvec3};
+use thirdbounce::solve::{Job, VectorOptions, extract, vector};
+use thirdbounce::transport::Model;
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::twin::{self, Bound, Momentum, Shine, Twin};
+
+#[test]
+fn finish_decides_on_the_momentum() {
+    let gpu = gpu();
+    let (model, grid) = (scene(4, 50, 20), grid());
+    let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
+    let voxels = job.plan.tuning.voxels as usize;
+    let (active, elements) = (777usize, model.pairs() * model.bins);
+    let mut random = Random::new(21);
+    let mut want = Momentum { share: 0.5, ..REST };
+    write_momentum(&mut job, want);
+    let (mut rises, mut turns) = (0, 0);
+    for i in 0..24 {
+        // Falls for a while, with a rise now and then; against the momentum now and then.
+        let rise = i % 7 == 6;
+        let level = 1.0 / f64::from(1 + i) + if rise { 2.0 } else { 0.0 };
+        let sign = if i % 5 == 4 { 1.0 } else { -1.0 };
+        let loss: Vec<f32> =
+            (0..2 * elements.div_ceil(64)).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
+        let l1: Vec<f32> = (0..active.div_ceil(voxels)).map(|_| (level * 0.01) as f32).collect();
+        let against: Vec<f32> = l1.iter().map(|_| (sign * random.uniform(0.1, 1.0)) as f32).collect();
+        write(&mut job, "loss_partials", &loss);
+        write(&mut job, "l1_partials", &l1);
+        write(&mut job, "against_partials", &against);
+        set_counts(&mut job, active, 1.25);
+        run_iteration(&mut job, i, &["finish"]);
+        let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>();
+        let data = |k: usize| loss.iter().skip(k).step_by(2).map(|x| f64::from(*x)).sum::<f64>();
+        let objective = data(0) / elements as f64 + sum(&l1);
+        let before = want;
+        want = twin::finish_accelerated(want, objective, sum(&against));
+        rises += usize::from(objective > before.objective);
+        turns += usize::from(sign > 0.0);
+        let got = read_momentum(&mut job);
+        let close =
+            |a: f64, b: f64| assert!((a - b).abs() < 2e-6 * b.abs().max(1.0), "{i}: {got:?} {want:?}");
+        close(got.t, want.t);
+        close(got.beta, want.beta);
+        close(got.objective, want.objective);
+        close(got.share, want.share);
+        assert_eq!(got.restarts, want.restarts);
+        let bytes = 4 * TRACE_ROW as usize;
+        let row = &job.executor.arena.mapped("trace")[i as usize * bytes..][..bytes];
+        let row: Vec<u32> = bytemuck::pod_collect_to_vec(row);
+        let told = |k: u32| f64::from(f32::from_bits(row[k as usize]));
+        close(told(TRACE_OBJECTIVE), data(0) / elements as f64);
+        close(told(TRACE_DATA), data(1) / elements as f64);
+        close(told(TRACE_L1), sum(&l1));
+        close(told(TRACE_RESTARTS), want.restarts);
+        assert_eq!((row[TRACE_ACTIVE as usize], told(TRACE_PEAK)), (777, 1.25));
+        assert_eq!(read::<u32>(&mut job, "counts", 4), [777, 777, 0, 0]);
+    }
+    assert!(rises > 2 && turns > 3 && want.share == 1.0 && want.restarts > 4.0);
+    assert_valid(&gpu);
+}
+
+/// FISTA's sequence, by its own recurrence: t grows by about a half, beta toward one.
+#[test]
+fn momentum_grows_until_a_restart() {
+    let mut m = REST;
+    for i in 1..=50 {
+        m = twin::finish_accelerated(m, 1.0 / f64::from(i), -1.0);
+    }
+    assert!(m.t > 25.0 && m.t < 30.0 && m.beta > 0.88 && m.beta < 1.0 && m.restarts == 0.0, "{m:?}");
+    let turned = twin::finish_accelerated(m, 0.001, 1.0);
+    assert_eq!((turned.t, turned.beta, turned.restarts, turned.share), (1.0, 0.0, 1.0, REST.share));
+    let rose = twin::finish_accelerated(m, 1.0, -1.0);
+    assert_eq!((rose.t, rose.beta, rose.share), (1.0, 0.0, 1.5 * REST.share));
+    assert_eq!(twin::finish_accelerated(Momentum { share: 0.9, ..m }, 1.0, -1.0).share, 1.0);
+}
+
+/// After the domain has changed to `mask`: nothing outside it, momentum at rest, lists, points.
+fn check_settled(job: &mut Job<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
+    let count = twin.grid.storage();
+    let (mut want, mut before) = (v.to_vec(), vec![DVec3::NAN; count]);
+    let mut rest = momentum;
+    twin::settle(mask, &mut want, &mut before, &mut rest);
+    assert!(error(flat(&read_vectors(job, "raw", count)), flat(&want)) < 1e-6);
+    assert_eq!(read_vectors(job, "before", count), read_vectors(job, "raw", count));
+    assert_eq!(read_momentum(job), rest);
+    let active = twin::compact(mask);
+    assert_eq!(read::<u32>(job, "active_voxels", active.len()), active);
+    let points = read_raw(job, "sample_points", active.len());
+    for (got, want) in points.iter().zip(twin::points(twin, &active)) {
+        assert!((dvec3(got[0], got[1], got[2]) - want.point).length() < 1e-6 && got[3] == 1.0);
+    }
+}
+
+#[test]
+fn reduction_smooths_the_lengths_and_settles() {
+    let gpu = gpu();
+    let (mut model, grid) = (scene(3, 40, 22), grid());
+    model.keep_above = 0.6;
+    let twin = Twin { model: &model, grid: &grid };
+    let domain = state(&model, &grid, 0.4, 23).1;
+    let v = vectors(grid.storage(), 24);
+    let o = VectorOptions { keep_above: 0.6, ..vector_options(&grid) };
+    let mut job = job(&gpu, &model, &grid, &o);
+    write_vectors(&mut job, "raw", &v);
+    write_mask(&mut job, "mask", &domain);
+    set_counts(&mut job, twin::compact(&domain).len(), 0.0);
+    let momentum = Momentum { t: 7.0, beta: 0.8, objective: 3.0, restarts: 2.0, share: 0.5 };
+    write_momentum(&mut job, momentum);
+    let mut level = 0;
+    let s = vector::due(&job.plan, &o, &mut level, o.reduce_every);
+    job.executor.run(&s).unwrap();
+    let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
+    assert!(error(read_floats(&mut job, "gradient", grid.storage()), smooth.iter().copied()) < 2e-6);
+    let kept = twin::threshold(&twin, &smooth);
+    let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
+    assert!(share > 0.02 && share < 0.9, "{share}");
+    assert_eq!(read_mask(&mut job, "mask", grid.storage()), kept);
+    check_settled(&mut job, &twin, &kept, &v, momentum);
+    assert!(vector::due(&job.plan, &o, &mut level, o.reduce_every + 1).commands.is_empty());
+    assert_valid(&gpu);
+}
+
+/// D and lambda that the solver finds for a domain, by storage index.
+fn bounds_of(twin: &Twin, mask: &[bool]) -> Vec<[f64; 2]> {
+    let active = twin::compact(mask);
+    let points = twin::points(twin, &active);
+    let rendered = twin::forward_vectors(twin, &points, Shine::Isotropic);
+    let (residual, _) = twin::residual_weighted(twin, &rendered, false);
+    let d = twin::bound(twin, &points, &residual, Bound::Step);
+    let lambda = twin::bound(twin, &points, &twin::variance(twin), Bound::Noise);
+    let mut all = vec![[0.0; 2]; mask.len()];
+    active.iter().zip(d.iter().zip(&lambda)).for_each(|(i, (d, l))| all[*i as usize] = [*d, *l]);
+    all
+}
+
+fn check_bounds_of(job: &mut Job<'_>, twin: &Twin, mask: &[bool]) {
+    let got: Vec<[f32; 2]> = read(job, "bounds", mask.len());
+    let want = bounds_of(twin, mask);
+    for k in 0..2 {
+        let e = error(got.iter().map(|b| f64::from(b[k])), want.iter().map(|b| b[k]));
+        assert!(e < 3e-5, "{k}: {e}");
+    }
+}
+
+#[test]
+fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
+    let gpu = gpu();
+    let (model, fine) = (scene(3, 40, 25), grid());
+    let coarse = fine.coarser(2);
+    let o = VectorOptions { coarse_to_fine: true, keep_above: 0.5, ..vector_options(&fine) };
+    let mut job = job(&gpu, &model, &fine, &o);
+    assert_eq!(job.plan.levels.len(), 2);
+    let domain = state(&model, &coarse, 0.6, 26).1;
+    let v = vectors(coarse.storage(), 27);
+    write_vectors(&mut job, "raw", &v);
+    write_mask(&mut job, "mask", &domain);
+    set_counts(&mut job, twin::compact(&domain).len(), 0.0);
+    zero_histograms(&mut job);
+    write_momentum(&mut job, REST);
+    let mut level = 0;
+    let s = vector::due(&job.plan, &o, &mut level, o.coarse_iterations);
+    assert_eq!(level, 1);
+    job.executor.run(&s).unwrap();
+
+    // Vectors outside the coarse domain count as they stand: reduction does not zero them before the doubling.
+    let kept_model = Model { keep_above: 0.5, ..model.clone() };
+    let smooth = twin::smooth(&coarse, twin::lengths(&v, &domain), &job.plan.taps);
+    let kept = twin::threshold(&Twin { model: &kept_model, grid: &coarse }, &smooth);
+    let split = twin::double_domain(&coarse, &fine, &kept);
+    assert_eq!(read_mask(&mut job, "mask", fine.storage()), split);
+    let share = kept.iter().filter(|k| **k).count() as f64 / coarse.voxels() as f64;
+    assert!(share > 0.02 && share < 0.9, "{share}");
+    let raw: Vec<twin::Raw> = v.iter().map(|v| [v.x, v.y, v.z, 0.0]).collect();
+    let doubled: Vec<DVec3> =
+        twin::double_raw(&coarse, &fine, &raw).iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
+    let twin = Twin { model: &model, grid: &fine };
+    check_settled(&mut job, &twin, &split, &doubled, REST);
+    check_bounds_of(&mut job, &twin, &split);
+    assert_valid(&gpu);
+}
+
+#[test]
+fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
+    let gpu = gpu();
+    let (mut model, grid) = (scene(5, 64, 28), grid());
+    model.keep_above = 0.3;
+    let twin = Twin { model: &model, grid: &grid };
+    let o = VectorOptions { start_above: 0.3, ..vector_options(&grid) };
+    let mut job = job(&gpu, &model, &grid, &o);
+    let hat = vector::hat(2.0, model.bins);
+    write(&mut job, "hat_taps", &hat);
+    let s = vector::start(&job.plan, job.plan.finest(), &o);
+    job.executor.run(&s).unwrap();
+    let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
+    let projected = twin::backproject(&twin, &twin::filter(&twin, &half));
+    let smooth = twin::smooth(&grid, projected, &job.plan.taps);
+    assert!(error(read_floats(&mut job, "gradient", grid.storage()), smooth.iter().copied()) < 3e-5);
+    let mask = read_mask(&mut job, "mask", grid.storage());
+    let want = twin::threshold(&twin, &smooth);
+    let differ = mask.iter().zip(&want).filter(|(a, b)| a != b).count();
+    assert!(differ <= 1, "{differ} voxels on the wrong side of the threshold");
+    assert!(want.iter().any(|w| *w) && want.iter().filter(|w| **w).count() < grid.voxels() / 2);
+    let share = f64::from(o.step_share as f32);
+    check_settled(&mut job, &twin, &mask, &vec![DVec3::ZERO; grid.storage()], Momentum { share, ..REST });
+    check_bounds_of(&mut job, &twin, &mask);
+    let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+    assert_eq!(counts[COUNT_PEAK_ALBEDO as usize], 0);
+    let bytes = job.plan.bytes()["histograms"] as usize;
+    assert!(read::<u8>(&mut job, "histograms", bytes).iter().all(|b| *b == 0));
+    assert_valid(&gpu);
+}
+
+#[test]
+fn extract_sums_the_albedo_of_a_column() {
+    let gpu = gpu();
+    let (model, grid) = (scene(3, 40, 29), grid());
+    let twin = Twin { model: &model, grid: &grid };
+    let domain = state(&model, &grid, 0.15, 30).1;
+    let v: Vec<DVec3> = vectors(grid.storage(), 31)
+        .into_iter()
+        .map(|v| twin::into_cone(model.cone, v).map(|v| f64::from(v as f32)))
+        .collect();
+    let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
+    write_vectors(&mut job, "raw", &v);
+    write_mask(&mut job, "mask", &domain);
+    let s = extract(job.plan.finest());
+    job.executor.run(&s).unwrap();
+    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped("columns_host"));
+    let (mut found, mut empty, mut summed) = (0, 0, 0);
+    for (g, w) in got.iter().zip(twin::extract_vectors(&twin, &v, &domain, 2)) {
+        let Some(w) = w else {
+            assert_eq!(*g, [0.0; 8]);
+            empty += 1;
+            continue;
+        };
+        found += 1;
+        let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() < 2e-5, "{g:?} {w:?}");
+        close(g[0], w.albedo);
+        close(g[1], w.depth);
+        close(g[2], w.refined);
+        (0..3).for_each(|k| close(g[4 + k], w.normal[k]));
+        summed += usize::from(w.albedo > 1.6);
+    }
+    assert!(found > 80 && empty > 5 && summed > 10, "{found} {empty} {summed}");
+    assert_valid(&gpu);
+}
