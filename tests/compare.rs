@@ -137,7 +137,7 @@ fn a_trace_with_figures_and_snapshots() {
     let at = |name: &str| folder.path().join(name);
     let run = |name: &str, more: &[&str]| {
         let all = ["reconstruct", capture, "--out", &at(name).display().to_string(), "--deterministic"];
-        succeed(&[&all[..], &SHORT, more].concat());
+        succeed(&[&all[..], &["--solver", "paper"], &SHORT, more].concat());
         json(&at(name).join("report.json"))
     };
     let report = run("often", &["--truth", truth, "--trace-every", "4", "--snapshots", "6,20,30"]);

@@ -63,7 +63,7 @@ impl Default for VectorOptions {
     fn default() -> VectorOptions {
         VectorOptions {
             lateral: 128,
-            iterations: 80,
+            iterations: 60,
             coarse_to_fine: true,
             coarse_iterations: 15,
             reduce_every: 5,
@@ -129,6 +129,9 @@ impl VectorOptions {
             if !(value.is_finite() && value > 0.0) {
                 return bad(name, value.to_string(), "a positive number");
             }
+        }
+        if self.step_share > 1.0 {
+            return bad("step-share", self.step_share.to_string(), "a positive number up to 1");
         }
         for (name, value) in [("noise-factor", self.noise_factor), ("min-depth", self.min_depth)] {
             if !(value.is_finite() && value >= 0.0) {
