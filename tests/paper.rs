@@ -245,6 +245,10 @@ fn what_cannot_run_is_refused_in_words() {
     assert!(refused(&two_points, &o, None).what.contains("confocal"));
     let error = refused(&capture, &o, Some(1 << 16));
     assert!(error.kind == Kind::Memory && error.what.contains("--memory"), "{error}");
+    let deep = Grid { n: [8, 8, 40_000], ..grid(&capture, &o) };
+    let model = paper::model(&capture, &o).unwrap();
+    let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
+    assert!(error.what.contains("40000 voxels deep"), "{error}");
     let error = refused(&capture, &PaperOptions { learning_rate: 1e30, ..small(40) }, None);
     assert!(error.what.contains("loss"), "{error}");
     assert_valid(&gpu);

@@ -96,6 +96,12 @@ impl From<&PaperOptions> for Wanted {
     }
 }
 
+/// lavapipe stops an invocation silently after so many loop turns in all.
+const LOOP_LIMIT: u32 = 65_535;
+
+/// Bins of a histogram and voxels of a column: a kernel may pass over them twice.
+const LONGEST_LOOP: usize = 32_767;
+
 impl Plan {
     /// Plans a solver for `model` on `grid` (the final one) for a device of such abilities.
     ///
@@ -117,6 +123,18 @@ impl Plan {
                 "use a larger --stride or a narrower --gate",
             ));
         }
+        // Kernels walk the depth of a column and the bins of a histogram in one loop each.
+        for (what, count, mend) in [
+            ("voxels deep", grid.n[2], "use a larger --depth-pitch or a narrower --gate"),
+            ("bins long", model.bins, "use a narrower --gate, or add bins up before"),
+        ] {
+            if count > LONGEST_LOOP {
+                return Err(Error::memory(
+                    format!("{count} {what}: at most {LONGEST_LOOP} are supported"),
+                    mend,
+                ));
+            }
+        }
         let levels = levels(grid, scan, options.coarse_to_fine)?;
         let owned = accumulation == Accumulation::Owned;
         let cpu = device.kind == DeviceKind::Cpu;
@@ -126,8 +144,8 @@ impl Plan {
         } else {
             Tuning { lanes: 64, chunk: if owned { OWNED_CHUNK } else { 256 }, voxels: 32, slices: 4 }
         };
-        // lavapipe stops silently after 65,535 loop turns of an invocation.
-        assert!(tuning.chunk.max(OWNED_CHUNK) < 65_535 && PAIR_CHUNK / tuning.slices < 65_535);
+        let turns = [tuning.chunk, OWNED_CHUNK, PAIR_CHUNK / tuning.slices, 2 * LONGEST_LOOP as u32];
+        assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
         let chunks = grid.storage().div_ceil(tuning.chunk as usize);
         if !owned && chunks > device.limits.groups[1] as usize {
             return Err(Error::memory(

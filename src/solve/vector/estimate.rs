@@ -1,0 +1,71 @@
+//! What the vector solver takes from the data instead of from the user.
+
+use crate::capture::Capture;
+use crate::transport::Model;
+
+/// The weighted data term that photon noise alone leaves: below it a solver fits noise (discrepancy principle,
+/// Morozov 1966).
+pub fn expected_noise(model: &Model) -> f64 {
+    let [per_value, floor] = model.variance;
+    let weight = |bin: usize| {
+        let t = model.t_start + (bin as f64 + 0.5) * model.bin_width;
+        (t / (2.0 * model.reference)).powi(4)
+    };
+    // A count is its own unbiased variance; `measured` is the count less the background.
+    let noise = |(i, m): (usize, &f32)| weight(i % model.bins) * (per_value * f64::from(*m) + floor);
+    model.measured.iter().enumerate().map(noise).sum::<f64>() / model.measured.len() as f64
+}
+
+/// Counts per bin that are there without light: the lowest mean over all pairs of any sixteenth of the bins
+/// behind the strongest one; none if there are fewer bins behind it.
+pub fn background(capture: &Capture) -> f64 {
+    let bins = capture.bins;
+    let mut mean = vec![0.0f64; bins];
+    for histogram in capture.histograms.chunks_exact(bins) {
+        for (m, v) in mean.iter_mut().zip(histogram) {
+            *m += f64::from(*v) / capture.pair_count() as f64;
+        }
+    }
+    let peak = (0..bins).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
+    let window = (bins / 16).max(1);
+    let behind = mean[peak + 1..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
+    behind.reduce(f64::min).unwrap_or(0.0)
+}
+
+/// Variance of a bin over its mean count, 1 for photons: from the second differences along time, whose square
+/// is on average 1.5 variances where the signal is smooth; the median over bins, so that edges do not count.
+pub fn variance_per_count(capture: &Capture) -> f64 {
+    // Median of a squared standard normal.
+    const MEDIAN: f64 = 0.4549;
+    if capture.integer_counts {
+        return 1.0;
+    }
+    let mut ratios: Vec<f64> = capture
+        .histograms
+        .chunks_exact(capture.bins)
+        .flat_map(|h| h.windows(3))
+        .filter(|w| w.iter().all(|v| *v > 0.0))
+        .map(|w| {
+            let [a, b, c] = [w[0], w[1], w[2]].map(f64::from);
+            (b - 0.5 * (a + c)).powi(2) / (0.25 * a + b + 0.25 * c)
+        })
+        .collect();
+    if ratios.is_empty() {
+        return 0.0;
+    }
+    let middle = ratios.len() / 2;
+    *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
+}
+
+/// A Mexican hat of `sigma` bins for `filter.comp`: [radius, weights 0..=radius], of zero sum over both sides.
+pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {
+    let sigma = sigma.max(0.7);
+    let radius = ((4.0 * sigma).ceil() as usize).min(bins - 1);
+    let weight = |i: usize| {
+        let x = (i as f64 / sigma).powi(2);
+        (1.0 - x) * (-0.5 * x).exp()
+    };
+    let sum = weight(0) + 2.0 * (1..=radius).map(weight).sum::<f64>();
+    let mean = sum / (2 * radius + 1) as f64;
+    std::iter::once(radius as f32).chain((0..=radius).map(|i| (weight(i) - mean) as f32)).collect()
+}
