@@ -115,10 +115,10 @@ fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         model.keep_above = keep;
         let twin = Twin { model: &model, grid: &grid };
         let (mut raw, domain) = state(&model, &grid, 0.8, 4);
-        // One bright blob in dim surroundings.
+        // One bright blob in dim surroundings, its rim in the space that is too near.
         for (i, r) in raw.iter_mut().enumerate() {
             let c = grid.voxel(i).map(|v| v as f64);
-            let d2 = (c[0] - 4.0).powi(2) + (c[1] - 7.0).powi(2) + (c[2] - 9.0).powi(2);
+            let d2 = (c[0] - 4.0).powi(2) + (c[1] - 7.0).powi(2) + (c[2] - 2.0).powi(2);
             r[0] = f64::from((5.0 * (-0.2 * d2).exp() + 0.01 * r[0]) as f32);
         }
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));

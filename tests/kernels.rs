@@ -217,6 +217,8 @@ fn backward_published_and_exact() {
         for gradient in [Gradient::Published, Gradient::Exact] {
             let mut model = model(5, 64, 9);
             (model.binning, model.gradient) = (binning, gradient);
+            // As strong as the data's part, so that neither hides the other.
+            model.l1 = 5000.0;
             let grid = grid();
             let twin = Twin { model: &model, grid: &grid };
             let (raw, domain) = state(&model, &grid, 0.4, 10);
