@@ -1,14 +1,12 @@
 // Lateral maps from the volume: one invocation owns one column (x, y) and walks z for the brightest active
-// voxel. Writes (albedo, depth of that voxel, depth refined, 1 if anything) and (normal, 0). The refined depth
-// is the albedo's centroid over the voxels within REACH of the brightest one.
+// voxel. Writes (albedo, depth of that voxel, 0, 1 if anything) and (normal, 0).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "surface.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 10) const uint REACH = 2u;
-layout(constant_id = 11) const uint VECTORS = 0u; // raw variables, or vectors albedo * normal
+layout(constant_id = 10) const uint VECTORS = 0u; // raw variables, or vectors albedo * normal
 layout(std430, set = 0, binding = 1) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Columns { vec4 columns[]; };
@@ -37,16 +35,7 @@ void main() {
         columns[2u * column + 1u] = vec4(0.0);
         return;
     }
-    float weight = 0.0;
-    float moment = 0.0;
-    uint last = min(depth + REACH, scene.grid_z - 1u);
-    for (uint z = depth - min(depth, REACH); z <= last; ++z) {
-        float a = albedo_at(uvec3(c.xy, z));
-        weight += a;
-        moment += a * (float(z) - float(depth));
-    }
     c.z = depth;
-    float centre = position(vec3(c)).z;
     vec4 found = raw[voxel_index(c)];
     vec3 u = VECTORS != 0u ? found.xyz : toward_wall(found.yzw);
     if (VECTORS != 0u) {
@@ -59,6 +48,6 @@ void main() {
             if ((mask[index >> 5] >> (index & 31u) & 1u) != 0u) best -= raw[index].z;
         }
     }
-    columns[2u * column] = vec4(best, centre, centre + moment / weight * scene.pitch_z, 1.0);
+    columns[2u * column] = vec4(best, position(vec3(c)).z, 0.0, 1.0);
     columns[2u * column + 1u] = vec4(u / safe_length(u), 0.0);
 }

@@ -119,16 +119,14 @@ pub struct Column {
     pub albedo: f64,
     /// Of the brightest active voxel, metres.
     pub depth: f64,
-    /// Centroid of the albedo around it, metres.
-    pub refined: f64,
     pub normal: DVec3,
 }
 
-/// The surface of every column `ix * ny + iy`, refined within `reach` voxels. None where nothing is above zero.
-pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<Option<Column>> {
+/// The surface of every column `ix * ny + iy`. None where nothing is above zero.
+pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool]) -> Vec<Option<Column>> {
     let albedo: Vec<f64> =
         raw.iter().zip(active).map(|(r, a)| if *a { r[0].max(0.0) } else { 0.0 }).collect();
-    columns(twin, &albedo, reach, |c| {
+    columns(twin, &albedo, |c| {
         let i = twin.grid.index(c);
         (albedo[i], toward_wall(raw[i]))
     })
@@ -138,7 +136,6 @@ pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool], reach: usize) -> Vec<O
 pub(super) fn columns(
     twin: &Twin,
     volume: &[f64],
-    reach: usize,
     surface: impl Fn([usize; 3]) -> (f64, DVec3),
 ) -> Vec<Option<Column>> {
     let grid = twin.grid;
@@ -153,13 +150,9 @@ pub(super) fn columns(
                 }
             }
             maps.push((best.0 > 0.0).then(|| {
-                let depth = |z: f64| grid.origin.z + z * grid.pitch.z;
-                let around = best.1.saturating_sub(reach)..=(best.1 + reach).min(grid.n[2] - 1);
-                let sum: f64 = around.clone().map(|z| albedo([x, y, z])).sum();
-                let moment: f64 = around.map(|z| z as f64 * albedo([x, y, z])).sum();
                 let (albedo, direction) = surface([x, y, best.1]);
                 let normal = direction.normalize_or_zero();
-                Column { albedo, depth: depth(best.1 as f64), refined: depth(moment / sum), normal }
+                Column { albedo, depth: grid.origin.z + best.1 as f64 * grid.pitch.z, normal }
             }));
         }
     }

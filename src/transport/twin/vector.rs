@@ -253,10 +253,10 @@ pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {
 
 /// The surface of every column: where the longest vector is, with the albedo of a surface that fills several
 /// voxels of a column, each with less: the sum of |v_z| over two lateral voxels' depth to both sides.
-pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool], reach: usize) -> Vec<Option<Column>> {
+pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
     let grid = twin.grid;
     let depth = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
-    columns(twin, &lengths(v, active), reach, |[x, y, z]| {
+    columns(twin, &lengths(v, active), |[x, y, z]| {
         let around = z.saturating_sub(depth)..=(z + depth).min(grid.n[2] - 1);
         let indices = around.map(|z| grid.index([x, y, z])).filter(|i| active[*i]);
         (-indices.map(|i| v[i].z).sum::<f64>(), v[grid.index([x, y, z])])
