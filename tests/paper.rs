@@ -249,6 +249,15 @@ fn what_cannot_run_is_refused_in_words() {
     let model = paper::model(&capture, &o).unwrap();
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
     assert!(error.what.contains("40000 voxels deep"), "{error}");
+    // Few workgroups make long chunks, none too long; too few for the pairs are refused.
+    let mut few = gpu.abilities();
+    few.limits.groups = [2, 3, 1];
+    let cas = PaperOptions { accumulation: Accumulation::Cas, ..o.clone() };
+    let error = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap_err();
+    assert!(error.what.contains("64 pairs"), "{error}");
+    few.limits.groups = [8, 3, 1];
+    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
+    assert!(3 * plan.tuning.chunk as usize >= plan.finest().grid.storage());
     let error = refused(&capture, &PaperOptions { learning_rate: 1e30, ..small(40) }, None);
     assert!(error.what.contains("loss"), "{error}");
     assert_valid(&gpu);

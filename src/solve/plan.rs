@@ -139,18 +139,21 @@ impl Plan {
         let owned = accumulation == Accumulation::Owned;
         let cpu = device.kind == DeviceKind::Cpu;
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
-        let tuning = if cpu {
+        let mut tuning = if cpu {
             Tuning { lanes: 8, chunk: if owned { OWNED_CHUNK } else { 4096 }, voxels: 64, slices: 1 }
         } else {
             Tuning { lanes: 64, chunk: if owned { OWNED_CHUNK } else { 256 }, voxels: 32, slices: 4 }
         };
+        if !owned {
+            // So many chunks that one dispatch holds them all, even if every voxel is active.
+            tuning.chunk = tuning.chunk.max(grid.storage().div_ceil(device.limits.groups[1] as usize) as u32);
+        }
         let turns = [tuning.chunk, OWNED_CHUNK, PAIR_CHUNK / tuning.slices, 2 * LONGEST_LOOP as u32];
         assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
-        let chunks = grid.storage().div_ceil(tuning.chunk as usize);
-        if !owned && chunks > device.limits.groups[1] as usize {
+        if model.pairs().div_ceil(tuning.lanes as usize) > device.limits.groups[0] as usize {
             return Err(Error::memory(
-                format!("{} voxels are more than this device's workgroup counts reach", grid.storage()),
-                "use a smaller --lateral or a larger --depth-pitch",
+                format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
+                "use a larger --stride",
             ));
         }
         let mut plan = Plan {
