@@ -1,4 +1,32 @@
-//! Non-line-of-sight reconstruction on Vulkan compute.
+//! Non-line-of-sight reconstruction on Vulkan compute: albedo, depth and normals of a hidden scene from the
+//! third bounce of light off a relay wall.
+//!
+//! Data flows one way: a [`capture`], the [`transport`] model of it, a [`solve`] schedule that the [`gpu`] runs,
+//! [`maps`] that are [`measure`]d and [`export`]ed. [`simulate`] makes captures of known scenes; [`job`] is the
+//! whole way from file to files, as the command line goes it.
+//!
+//! ```no_run
+//! use std::ops::ControlFlow;
+//! use std::path::Path;
+//! use thirdbounce::solve::{VectorOptions, Watch, default_volume, vector};
+//! use thirdbounce::{capture, export, gpu, transport};
+//!
+//! # fn main() -> thirdbounce::Result<()> {
+//! let capture = capture::read(Path::new("capture.npz"))?;
+//! let options = VectorOptions { lateral: 64, ..Default::default() };
+//! let volume = default_volume(&capture, options.min_depth)?;
+//! let grid = transport::Grid::new(volume, options.lateral, capture.bin_width)?;
+//! let gpu = gpu::Gpu::open(&gpu::GpuOptions::default())?;
+//! let mut hear = |p: &thirdbounce::solve::Progress| {
+//!     println!("{} of {}", p.point.iteration, p.iterations);
+//!     ControlFlow::Continue(())
+//! };
+//! let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+//! let result = vector::reconstruct(&gpu, &capture, grid, &options, None, false, &mut watch)?;
+//! export::write_maps(Path::new("out"), &result.maps)?;
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod capture;
 pub mod error;

@@ -122,7 +122,7 @@ impl Drawing {
         out + "</svg>\n"
     }
 
-    /// The drawing as pixels, with smooth edges and the font of [`strokes`].
+    /// The drawing as pixels, with smooth edges and the font of `strokes`.
     pub fn picture(&self) -> Picture {
         let mut picture =
             Picture { width: self.width, height: self.height, rgb: vec![255; 3 * self.width * self.height] };
