@@ -1,21 +1,13 @@
 //! The simulator against analytic values, symmetry, its own laws, and an independent renderer.
 
+mod scenes;
+
 use glam::{DVec3, dvec3};
 use std::path::Path;
 use thirdbounce::capture::Capture;
 use thirdbounce::simulate::*;
 
-fn scene(meshes: Vec<Mesh>) -> Scene {
-    let objects = meshes.into_iter().map(|mesh| Object { mesh, albedo: 0.5 }).collect();
-    let mut scene = Scene::new("test", objects);
-    scene.scan = 6;
-    scene
-}
-
-/// A rectangle facing the wall.
-fn plate(centre: DVec3, half: f64) -> Mesh {
-    rectangle(centre, DVec3::Y * half, DVec3::X * half)
-}
+use scenes::*;
 
 fn fine(scene: &Scene, noise: f64) -> Rendering {
     let rendering = render(scene, &RenderOptions { noise, ..RenderOptions::default() }).unwrap();

@@ -1,20 +1,12 @@
 //! Scenes, shapes, mesh files, true maps and the simulator's errors.
 
+mod scenes;
+
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 use thirdbounce::simulate::*;
 
-fn scene(meshes: Vec<Mesh>) -> Scene {
-    let objects = meshes.into_iter().map(|mesh| Object { mesh, albedo: 0.5 }).collect();
-    let mut scene = Scene::new("test", objects);
-    scene.scan = 6;
-    scene
-}
-
-/// A rectangle facing the wall.
-fn plate(centre: DVec3, half: f64) -> Mesh {
-    rectangle(centre, DVec3::Y * half, DVec3::X * half)
-}
+use scenes::*;
 
 /// Share of the mask that is set in a window given in fractions of the letter's box.
 fn filled(name: &str, x: [f64; 2], y: [f64; 2]) -> f64 {

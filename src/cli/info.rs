@@ -1,9 +1,9 @@
 //! `thirdbounce info CAPTURE`.
 
 use thirdbounce::Result;
-use thirdbounce::job::{self, Inspection, Request};
+use thirdbounce::job::{self, Inspection};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
 use super::solver::SolverArgs;
 use super::{json, print, tables};
 
@@ -23,22 +23,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.solver.check(None)?;
-    args.solver.check_fit()?;
-    let (input, memory, volume) =
-        (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
-    let mut loaded = job::load(&input)?;
-    let (preset, note, solver) = args.solver.resolve(None, &loaded.capture);
-    loaded.notes.extend(note);
-    let request = Request {
-        preset: Some(preset),
-        depth_pitch: args.grid.depth_pitch,
-        volume,
-        memory,
-        device: args.device.device.clone(),
-        validation: args.device.validation,
-        ..Request::new(solver, "")
-    };
+    let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
     let found = job::inspect(&request, &loaded)?;
     print(&if args.json { json(&found)? } else { text(&found) });
     Ok(())

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use thirdbounce::capture::Gate;
-use thirdbounce::job;
+use thirdbounce::job::{self, Loaded, Request};
 use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
+
+use super::solver::SolverArgs;
 
 /// The capture and what of it is used.
 #[derive(Args)]
@@ -91,4 +93,30 @@ impl DeviceArgs {
     pub fn memory(&self) -> Result<Option<u64>> {
         self.memory.as_deref().map(job::memory_bytes).transpose()
     }
+}
+
+/// A capture as told, and what is asked of it but for truth and places: what `info` and `reconstruct` share.
+/// Everything that can be refused without the capture is refused before it is read.
+pub fn load(
+    capture: &CaptureArgs,
+    solver: &SolverArgs,
+    grid: &VolumeArgs,
+    device: &DeviceArgs,
+) -> Result<(Loaded, Request)> {
+    solver.check(None)?;
+    solver.check_fit()?;
+    let (input, memory, volume) = (capture.input(solver.preset)?, device.memory()?, grid.volume()?);
+    let mut loaded = job::load(&input)?;
+    let (preset, note, solver) = solver.resolve(None, &loaded.capture);
+    loaded.notes.extend(note);
+    let request = Request {
+        preset: Some(preset),
+        depth_pitch: grid.depth_pitch,
+        volume,
+        memory,
+        device: device.device.clone(),
+        validation: device.validation,
+        ..Request::new(solver, "")
+    };
+    Ok((loaded, request))
 }

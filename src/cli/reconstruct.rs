@@ -6,7 +6,7 @@ use thirdbounce::Result;
 use thirdbounce::job::{self, Request};
 use thirdbounce::maps::Maps;
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
 use super::progress::{Meter, say};
 use super::solver::SolverArgs;
 use super::{interrupt, print, tables};
@@ -49,24 +49,11 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.solver.check(None)?;
-    args.solver.check_fit()?;
-    let (input, memory, volume) =
-        (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
-    let mut loaded = job::load(&input)?;
-    let (preset, note, solver) = args.solver.resolve(None, &loaded.capture);
-    loaded.notes.extend(note);
+    let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     let request = Request {
-        preset: Some(preset),
-        solver,
-        depth_pitch: args.grid.depth_pitch,
-        volume,
-        memory,
-        device: args.device.device.clone(),
-        validation: args.device.validation,
         timings: args.timings,
         truth: args.truth.clone(),
         mask_fraction: args.mask_fraction,
@@ -74,6 +61,7 @@ pub fn run(args: &Args) -> Result<()> {
         snapshots: args.snapshots.clone(),
         out: args.out.clone(),
         volume_file: args.volume.clone(),
+        ..request
     };
     interrupt::take_care();
     let mut meter = Meter::new(args.quiet);

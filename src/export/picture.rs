@@ -89,6 +89,11 @@ impl Picture {
     /// Writes text (digits, `.`, `-`, `m`, blank; anything else is blank) with its upper left corner at
     /// (x, y), each dot of the font a square of `dot` pixels.
     pub fn text(&mut self, text: &str, x: usize, y: usize, dot: usize) {
+        self.text_by(glyph, text, x, y, dot);
+    }
+
+    /// The same in a font of the caller's: a glyph of 5 x 7 dots per character, one number per row.
+    pub fn text_by(&mut self, glyph: fn(char) -> [u8; 7], text: &str, x: usize, y: usize, dot: usize) {
         for (at, character) in text.chars().enumerate() {
             for (row, line) in glyph(character).iter().enumerate() {
                 for column in (0..5).filter(|c| line >> (4 - c) & 1 == 1) {

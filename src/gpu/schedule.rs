@@ -65,6 +65,11 @@ impl Schedule {
         self.push(Command::Fill { buffer, offset: 0, bytes, value });
     }
 
+    /// Sets the 32-bit word `index` of a buffer.
+    pub fn set(&mut self, buffer: &'static str, index: u32, value: u32) {
+        self.commands.push(Command::Fill { buffer, offset: 4 * u64::from(index), bytes: 4, value });
+    }
+
     pub fn extend(&mut self, other: Schedule) {
         self.commands.extend(other.commands);
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::Result;
-use crate::export::picture::{BACKGROUND, INK, Picture, colour};
+use crate::export::picture::{BACKGROUND, Picture, colour};
 use crate::export::png;
 use crate::maps::{Maps, Truth, percentile};
 
@@ -48,7 +48,7 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     let top = GAP + LINE;
     for (i, (label, panel)) in panels.iter().enumerate() {
         let x = GAP + i * (PANEL + GAP);
-        write_text(&mut picture, label, x, GAP);
+        picture.text_by(letter, label, x, GAP, DOT);
         picture.fill(x - 1, top - 1, PANEL + 2, PANEL + 2, [70, 70, 78]);
         picture.paste(panel, x, top);
     }
@@ -104,18 +104,7 @@ fn as_maps(truth: &Truth) -> Maps {
     }
 }
 
-/// The letters of the labels; [`Picture::text`] has figures only.
-fn write_text(picture: &mut Picture, text: &str, x: usize, y: usize) {
-    for (at, character) in text.chars().enumerate() {
-        for (row, line) in letter(character).iter().enumerate() {
-            for column in (0..5).filter(|c| line >> (4 - c) & 1 == 1) {
-                picture.fill(x + (6 * at + column) * DOT, y + row * DOT, DOT, DOT, INK);
-            }
-        }
-    }
-}
-
-/// A letter of 5 x 7 dots, one number per row.
+/// The letters of the labels, of 5 x 7 dots, one number per row; [`Picture::text`] has figures only.
 fn letter(character: char) -> [u8; 7] {
     match character {
         'a' => [0, 0, 0b01110, 0b00001, 0b01111, 0b10001, 0b01111],

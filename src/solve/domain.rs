@@ -64,12 +64,7 @@ pub(super) fn smooth(level: &Level, first: &'static str) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
     let (a, b) = ("gradient", "sample_points");
-    s.commands.push(crate::gpu::Command::Fill {
-        buffer: "counts",
-        offset: 4 * u64::from(COUNT_PEAK_SMOOTH),
-        bytes: 4,
-        value: 0,
-    });
+    s.set("counts", COUNT_PEAK_SMOOTH, 0);
     let all = groups(level.grid.storage(), WORKGROUP);
     s.dispatch(first, all).bind("scene", scene).bind("source", b).bind("target", a);
     s.dispatch("gaussian_y", all).bind("scene", scene).bind("source", a).bind("target", b);

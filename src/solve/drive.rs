@@ -97,10 +97,10 @@ pub(super) fn drive(
     let mut reached = job.plan.levels[0];
     // Known only behind: what the last block that was heard of had active. The first domain is all there is.
     let mut active = job.plan.levels[0].grid.voxels();
+    // What is due between the iteration before and the next.
+    let mut change = Schedule::default();
     for i in 0..iterations {
-        if i > 0 {
-            block.extend((steps.due)(&job.plan, &mut level, i));
-        }
+        block.extend(std::mem::take(&mut change));
         let here = job.plan.levels[level];
         block.extend((steps.iteration)(&job.plan, &here, i));
         let done = i + 1;
@@ -108,8 +108,10 @@ pub(super) fn drive(
         let measured =
             watch.maps_every.is_some_and(|n| done.is_multiple_of(n)) || watch.maps_at.contains(&done);
         // A change of the level ends a block, so that all its rows belong to one.
-        let mut next = level;
-        let changes = !last && !(steps.due)(&job.plan, &mut next, done).commands.is_empty();
+        if !last {
+            change = (steps.due)(&job.plan, &mut level, done);
+        }
+        let changes = !change.commands.is_empty();
         if !(last || measured || changes || done - first >= block_length(gpu, active * job.plan.pairs)) {
             continue;
         }

@@ -34,16 +34,22 @@ pub struct Reconstruction {
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 
+/// Errors: laser and sensor points differ.
+pub(super) fn require_confocal(capture: &Capture, solver: &str) -> Result<()> {
+    if capture.is_confocal() {
+        return Ok(());
+    }
+    Err(Error::input(
+        format!("{solver} is for confocal captures, and here laser and sensor points differ"),
+        "give a confocal capture",
+    ))
+}
+
 /// The model that `options` make of a confocal capture.
 ///
 /// Errors: a capture that is not confocal.
 pub fn model(capture: &Capture, options: &PaperOptions) -> Result<Model> {
-    if !capture.is_confocal() {
-        return Err(Error::input(
-            "the paper's solver is for confocal captures, and here laser and sensor points differ",
-            "give a confocal capture",
-        ));
-    }
+    require_confocal(capture, "the paper's solver")?;
     let noise =
         if options.noise == NoiseTerm::Off { [0.0; 2] } else { [options.noise_base, options.noise_span] };
     Ok(Model {

@@ -11,22 +11,15 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     let push = Push { iteration, step, first: 0, flags: 0 };
     let arguments = |triple: u32| 12 * u64::from(triple);
     s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
-    for set in 0..plan.forward_sets(level) {
-        s.indirect("forward", "arguments", arguments(ARGUMENTS_FORWARD + set))
-            .bind("scene", level.scene)
-            .with(Push { first: set, ..push });
-    }
+    s.extend(forward(plan, level, "forward"));
     s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene).with(push);
     if plan.noise != NoiseTerm::Off {
         s.dispatch("noise", groups(plan.pairs, 1)).bind("scene", level.scene).with(push);
     }
-    let pairs = plan.pairs as u32;
-    for first in (0..pairs).step_by(PAIR_CHUNK as usize) {
-        let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
-        let end = if pairs - first <= PAIR_CHUNK { BACKWARD_FINISH } else { 0 };
+    for chunk in pair_chunks(plan) {
         s.indirect("backward", "arguments", arguments(ARGUMENTS_BACKWARD))
             .bind("scene", level.scene)
-            .with(Push { first, flags: more | end, ..push });
+            .with(chunk);
     }
     let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
     update.bind("scene", level.scene).with(push);
@@ -35,6 +28,28 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     }
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
     s
+}
+
+/// A forward pass by `kernel`, in as many dispatches as its accumulation takes.
+pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
+    let mut s = Schedule::default();
+    for set in 0..plan.forward_sets(level) {
+        s.indirect(kernel, "arguments", 12 * u64::from(ARGUMENTS_FORWARD + set))
+            .bind("scene", level.scene)
+            .with(Push { first: set, ..Default::default() });
+    }
+    s
+}
+
+/// Push constants of a gather over all pairs, in as many dispatches as the loop limit asks for.
+pub(super) fn pair_chunks(plan: &Plan) -> Vec<Push> {
+    let pairs = plan.pairs as u32;
+    let chunk = |first: u32| {
+        let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
+        let end = if pairs - first <= PAIR_CHUNK { BACKWARD_FINISH } else { 0 };
+        Push { first, flags: more | end, ..Default::default() }
+    };
+    (0..pairs).step_by(PAIR_CHUNK as usize).map(chunk).collect()
 }
 
 /// Workgroups for `n` invocations in groups of `size`, going on along y after [`GROUPS_X`].

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::drive::{Steps, Watch, drive};
 use super::job::{Job, upload};
-use super::paper::finish;
+use super::paper::{finish, require_confocal};
 use super::plan::Wanted;
 use super::{Accumulation, NoiseTerm, Plan, Reconstruction, domain};
 use crate::capture::Capture;
@@ -184,12 +184,7 @@ pub fn reconstruct(
 
 /// The model that `options` make of a confocal capture: scaled, the background taken off, its noise estimated.
 pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
-    if !capture.is_confocal() {
-        return Err(Error::input(
-            "the vector solver is for confocal captures, and here laser and sensor points differ",
-            "give a confocal capture",
-        ));
-    }
+    require_confocal(capture, "the vector solver")?;
     if options.lambertian && !capture.is_planar() {
         return Err(Error::input(
             "--model lambertian is for a flat relay wall, and this one is not flat",

@@ -1,8 +1,8 @@
 //! The vector solver as schedules.
 
 use super::VectorOptions;
-use crate::gpu::{Command, Schedule};
-use crate::solve::schedule::groups;
+use crate::gpu::Schedule;
+use crate::solve::schedule::{forward, groups, pair_chunks};
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 
@@ -14,12 +14,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
         s.fill(buffer, bytes(buffer), 0);
     }
     s.fill("raw", level.grid.storage() as u64 * 16, 0);
-    s.commands.push(Command::Fill {
-        buffer: "momentum",
-        offset: 4 * u64::from(MOMENTUM_SHARE),
-        bytes: 4,
-        value: (options.step_share as f32).to_bits(),
-    });
+    s.set("momentum", MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     s.dispatch("filter", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene);
     for push in pair_chunks(plan) {
         s.dispatch("backproject", groups(level.grid.storage(), WORKGROUP))
@@ -97,10 +92,10 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
     let sample = 12 * u64::from(ARGUMENTS_SAMPLE);
     s.fill("bounds", level.grid.storage() as u64 * 8, 0);
     // The largest albedo of the rendering that bounds: one.
-    s.commands.push(peak(1.0));
+    s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
     s.dispatch("residual_bound", groups(elements, WORKGROUP)).bind("scene", scene);
-    s.commands.push(peak(0.0));
+    s.set("counts", COUNT_PEAK_ALBEDO, 0);
     for chunk in pair_chunks(plan) {
         s.indirect("bound_step", "arguments", sample).bind("scene", scene).with(chunk);
     }
@@ -109,34 +104,4 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
         s.indirect("bound_noise", "arguments", sample).bind("scene", scene).with(chunk);
     }
     s
-}
-
-fn peak(value: f32) -> Command {
-    Command::Fill {
-        buffer: "counts",
-        offset: 4 * u64::from(COUNT_PEAK_ALBEDO),
-        bytes: 4,
-        value: value.to_bits(),
-    }
-}
-
-fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
-    let mut s = Schedule::default();
-    for set in 0..plan.forward_sets(level) {
-        s.indirect(kernel, "arguments", 12 * u64::from(ARGUMENTS_FORWARD + set))
-            .bind("scene", level.scene)
-            .with(Push { first: set, ..Default::default() });
-    }
-    s
-}
-
-/// Push constants of a gather over all pairs, in as many dispatches as the loop limit asks for.
-fn pair_chunks(plan: &Plan) -> Vec<Push> {
-    let pairs = plan.pairs as u32;
-    let chunk = |first: u32| {
-        let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
-        let end = if pairs - first <= PAIR_CHUNK { BACKWARD_FINISH } else { 0 };
-        Push { first, flags: more | end, ..Default::default() }
-    };
-    (0..pairs).step_by(PAIR_CHUNK as usize).map(chunk).collect()
 }
