@@ -43,6 +43,17 @@ impl Capture {
         self.t_start + self.bins as f64 * self.bin_width
     }
 
+    /// Mean over the pairs, `[bin]`.
+    pub fn mean_histogram(&self) -> Vec<f64> {
+        let mut mean = vec![0.0f64; self.bins];
+        for histogram in self.histograms.chunks_exact(self.bins) {
+            for (m, &v) in mean.iter_mut().zip(histogram) {
+                *m += f64::from(v) / self.pair_count() as f64;
+            }
+        }
+        mean
+    }
+
     /// Number of pairs P.
     pub fn pair_count(&self) -> usize {
         self.laser.len()

@@ -161,12 +161,7 @@ fn peak_bin(histogram: &[f32]) -> Option<usize> {
 
 /// The mean histogram over all pairs, averaged over five bins so that single photons do not make valleys.
 fn smooth_mean(capture: &Capture) -> Vec<f64> {
-    let mut mean = vec![0.0f64; capture.bins];
-    for histogram in capture.histograms.chunks_exact(capture.bins) {
-        for (m, &v) in mean.iter_mut().zip(histogram) {
-            *m += f64::from(v) / capture.pair_count() as f64;
-        }
-    }
+    let mean = capture.mean_histogram();
     (0..mean.len())
         .map(|b| {
             let window = &mean[b.saturating_sub(2)..(b + 3).min(mean.len())];
@@ -185,16 +180,17 @@ const PUBLISHED_START: f64 = 0.15;
 pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {
     let bins = capture.bins;
     let mut sums = vec![0.0f64; bins + 1];
-    let mut mean = vec![0.0f64; bins];
+    // Sums, not means: of whole counts they are exact, so equal windows stay equal.
+    let mut counts = vec![0.0f64; bins];
     for histogram in capture.histograms.chunks_exact(bins) {
-        for (m, &v) in mean.iter_mut().zip(histogram) {
+        for (m, &v) in counts.iter_mut().zip(histogram) {
             *m += f64::from(v);
         }
     }
     let direct = after.map_or(0.0, |a| ((a - capture.t_start) / capture.bin_width).ceil());
     let dropped = ((bins as f64 * PUBLISHED_START) as usize).max(direct as usize).min(bins - 1);
     for b in 0..bins {
-        sums[b + 1] = sums[b] + if b < dropped { 0.0 } else { mean[b] };
+        sums[b + 1] = sums[b] + if b < dropped { 0.0 } else { counts[b] };
     }
     let length = (bins / 2).max(1);
     let held = |s: usize| sums[s + length] - sums[s];

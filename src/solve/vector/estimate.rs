@@ -20,12 +20,7 @@ pub fn expected_noise(model: &Model) -> f64 {
 /// behind the strongest one; none if there are fewer bins behind it.
 pub fn background(capture: &Capture) -> f64 {
     let bins = capture.bins;
-    let mut mean = vec![0.0f64; bins];
-    for histogram in capture.histograms.chunks_exact(bins) {
-        for (m, v) in mean.iter_mut().zip(histogram) {
-            *m += f64::from(*v) / capture.pair_count() as f64;
-        }
-    }
+    let mean = capture.mean_histogram();
     let peak = (0..bins).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
     let window = (bins / 16).max(1);
     let behind = mean[peak + 1..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
