@@ -7,11 +7,13 @@
 pub mod check;
 pub mod formats;
 pub mod gate;
+pub mod pairs;
 pub mod scan;
 pub mod summary;
 
 pub use formats::{read, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
+pub use pairs::{PairKind, Product};
 pub use summary::Summary;
 
 use glam::DVec3;

@@ -66,7 +66,7 @@ impl Capture {
 
     /// Whether the laser and sensor points of every pair coincide, to a thousandth of the spacing.
     pub fn is_confocal(&self) -> bool {
-        let tolerance = 1e-3 * self.spacing().unwrap_or(self.bin_width);
+        let tolerance = self.point_tolerance();
         self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= tolerance)
     }
 

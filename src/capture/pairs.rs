@@ -1,0 +1,292 @@
+//! How the laser and sensor points of a capture are combined into pairs.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::Capture;
+
+/// Normals of one wall point may differ by this much from pair to pair and still be one normal.
+const SAME_NORMAL: f64 = 1e-3;
+
+/// How the laser and sensor points of a capture are combined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PairKind {
+    /// Laser and sensor point coincide in every pair.
+    Confocal,
+    /// One laser point, every pair with a sensor point of its own.
+    OneLaser,
+    /// One sensor point, every pair with a laser point of its own.
+    OneSensor,
+    /// Every combination of the distinct laser points and the distinct sensor points exactly once, in any
+    /// order; more than one of each.
+    Exhaustive { lasers: usize, sensors: usize },
+    /// Anything else: pairs are what they are, none follows from the others.
+    Irregular,
+}
+
+impl std::fmt::Display for PairKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            PairKind::Confocal => f.write_str("confocal"),
+            PairKind::OneLaser => f.write_str("one laser point, many sensor points"),
+            PairKind::OneSensor => f.write_str("one sensor point, many laser points"),
+            PairKind::Exhaustive { lasers, sensors } => {
+                write!(f, "exhaustive: {lasers} laser points x {sensors} sensor points")
+            }
+            PairKind::Irregular => f.write_str("irregular: laser and sensor points of each pair are its own"),
+        }
+    }
+}
+
+/// Pairs that are every combination of two lists of points: S scanned points and O other points, P = S · O.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Product {
+    /// Distinct points of the scanned side (see [`Capture::scanned_points`]), `[S]`, metres.
+    pub scanned: Vec<DVec3>,
+    /// Distinct points of the other side, `[O]`, metres.
+    pub other: Vec<DVec3>,
+    /// Unit wall normals at the scanned points, if known, `[S]`.
+    pub scanned_normal: Option<Vec<DVec3>>,
+    /// Unit wall normals at the other points, if known, `[O]`.
+    pub other_normal: Option<Vec<DVec3>>,
+    /// The capture's pair of other point `o` and scanned point `a`, at `o * S + a`.
+    pub pair_of: Vec<usize>,
+    /// Whether the scanned side is the laser's.
+    pub laser_scanned: bool,
+}
+
+impl Capture {
+    /// How laser and sensor points are combined. Points closer than a thousandth of the spacing are one
+    /// point. A single pair is confocal or has one laser point.
+    pub fn pair_kind(&self) -> PairKind {
+        if self.is_confocal() {
+            return PairKind::Confocal;
+        }
+        match self.product() {
+            None => PairKind::Irregular,
+            Some(product) => {
+                let (scanned, other) = (product.scanned.len(), product.other.len());
+                let (lasers, sensors) =
+                    if product.laser_scanned { (scanned, other) } else { (other, scanned) };
+                match (lasers, sensors) {
+                    (1, _) => PairKind::OneLaser,
+                    (_, 1) => PairKind::OneSensor,
+                    _ => PairKind::Exhaustive { lasers, sensors },
+                }
+            }
+        }
+    }
+
+    /// The two lists of points whose every combination, each exactly once, the pairs are; in the order of
+    /// first appearance. `None` if they are not such (confocal captures of more than one pair, irregular
+    /// ones) or if one point has several normals. One laser or one sensor point is a product with one other
+    /// point.
+    ///
+    /// The scanned side is that with more distinct points, the sensor's on a tie.
+    pub fn product(&self) -> Option<Product> {
+        let pairs = self.pair_count();
+        let tolerance = self.point_tolerance();
+        let lasers = Distinct::of(&self.laser, tolerance);
+        let sensors = Distinct::of(&self.sensor, tolerance);
+        if pairs == 0 || lasers.first.len().checked_mul(sensors.first.len()) != Some(pairs) {
+            return None;
+        }
+        let laser_scanned = lasers.first.len() > sensors.first.len();
+        let laser = (lasers, &self.laser, self.laser_normal.as_deref());
+        let sensor = (sensors, &self.sensor, self.sensor_normal.as_deref());
+        let (scanned, other) = if laser_scanned { (laser, sensor) } else { (sensor, laser) };
+        let side = scanned.0.first.len();
+        let mut pair_of = vec![usize::MAX; pairs];
+        for (pair, (&a, &o)) in scanned.0.index.iter().zip(&other.0.index).enumerate() {
+            let place = &mut pair_of[o * side + a];
+            if *place != usize::MAX {
+                return None;
+            }
+            *place = pair;
+        }
+        Some(Product {
+            scanned: scanned.0.pick(scanned.1),
+            other: other.0.pick(other.1),
+            scanned_normal: scanned.2.map(|n| scanned.0.normals(n)).transpose().ok()?,
+            other_normal: other.2.map(|n| other.0.normals(n)).transpose().ok()?,
+            pair_of,
+            laser_scanned,
+        })
+    }
+
+    /// Points of the wall that are no farther apart than this, in metres, are one point.
+    pub(super) fn point_tolerance(&self) -> f64 {
+        1e-3 * self.spacing().unwrap_or(self.bin_width)
+    }
+}
+
+/// The distinct points of a list, within a tolerance.
+pub(super) struct Distinct {
+    /// Where each distinct point is first met.
+    pub first: Vec<usize>,
+    /// The distinct point of each entry of the list.
+    pub index: Vec<usize>,
+}
+
+impl Distinct {
+    /// Distinct points in the order of first appearance: a point joins the first one that is no farther than
+    /// `tolerance`. A point that is not finite stays alone. O(P) expected, by cells of twice the tolerance.
+    pub fn of(points: &[DVec3], tolerance: f64) -> Distinct {
+        let tolerance = tolerance.max(f64::MIN_POSITIVE);
+        let cell = |v: f64| (v / (2.0 * tolerance)).floor() as i64;
+        let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+        let mut first: Vec<usize> = Vec::new();
+        let mut index = Vec::with_capacity(points.len());
+        for (i, &p) in points.iter().enumerate() {
+            // A point near the edge of its cell looks into the next cell too.
+            let [lo, hi] = [p - tolerance, p + tolerance].map(|q| q.to_array().map(cell));
+            let around = |axis: usize| lo[axis]..=hi[axis];
+            let known = around(0)
+                .flat_map(|x| around(1).flat_map(move |y| around(2).map(move |z| [x, y, z])))
+                .filter_map(|at| cells.get(&at))
+                .flatten()
+                .copied()
+                .filter(|&d| points[first[d]].distance(p) <= tolerance)
+                .min();
+            index.push(known.unwrap_or(first.len()));
+            if known.is_none() {
+                if p.is_finite() {
+                    cells.entry(p.to_array().map(cell)).or_default().push(first.len());
+                }
+                first.push(i);
+            }
+        }
+        Distinct { first, index }
+    }
+
+    /// The values at the distinct points.
+    pub fn pick(&self, values: &[DVec3]) -> Vec<DVec3> {
+        self.first.iter().map(|&i| values[i]).collect()
+    }
+
+    /// The normals at the distinct points; an error if a point has two.
+    fn normals(&self, normals: &[DVec3]) -> Result<Vec<DVec3>, ()> {
+        let picked = self.pick(normals);
+        let one = self.index.iter().zip(normals).all(|(&d, n)| picked[d].distance(*n) <= SAME_NORMAL);
+        if one { Ok(picked) } else { Err(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec3;
+
+    fn capture(pairs: &[(DVec3, DVec3)]) -> Capture {
+        Capture {
+            name: "pairs".into(),
+            scan: [pairs.len(), 1],
+            laser: pairs.iter().map(|p| p.0).collect(),
+            sensor: pairs.iter().map(|p| p.1).collect(),
+            laser_normal: None,
+            sensor_normal: None,
+            bins: 1,
+            bin_width: 0.01,
+            t_start: 0.0,
+            histograms: vec![1.0; pairs.len()],
+            integer_counts: false,
+        }
+    }
+
+    fn grid(n: usize, shift: f64) -> Vec<DVec3> {
+        (0..n * n).map(|k| dvec3((k / n) as f64 * 0.1 + shift, (k % n) as f64 * 0.1, 0.0)).collect()
+    }
+
+    /// Every combination, in an order that is neither of the two loops'.
+    fn shuffled(lasers: &[DVec3], sensors: &[DVec3]) -> Vec<(DVec3, DVec3)> {
+        let all: Vec<_> = lasers.iter().flat_map(|&l| sensors.iter().map(move |&s| (l, s))).collect();
+        let step = (7..).find(|s| all.len() % s != 0).unwrap_or(1);
+        (0..all.len()).map(|k| all[k * step % all.len()]).collect()
+    }
+
+    #[test]
+    fn every_kind_is_told() {
+        let (spot, points) = (dvec3(0.05, 0.02, 0.0), grid(4, 0.0));
+        let kind = |pairs: Vec<(DVec3, DVec3)>| capture(&pairs).pair_kind();
+        assert_eq!(kind(points.iter().map(|&p| (p, p)).collect()), PairKind::Confocal);
+        assert_eq!(kind(points.iter().map(|&p| (spot, p)).collect()), PairKind::OneLaser);
+        assert_eq!(kind(points.iter().map(|&p| (p, spot)).collect()), PairKind::OneSensor);
+        let (lasers, sensors) = (grid(3, 0.03), grid(4, 0.0));
+        let exhaustive = PairKind::Exhaustive { lasers: 9, sensors: 16 };
+        assert_eq!(kind(shuffled(&lasers, &sensors)), exhaustive);
+        let mut missing = shuffled(&lasers, &sensors);
+        missing.pop();
+        assert_eq!(kind(missing), PairKind::Irregular);
+        let mut twice = shuffled(&lasers, &sensors);
+        twice[5] = twice[6];
+        assert_eq!(kind(twice), PairKind::Irregular);
+        assert_eq!(kind(vec![(spot, points[3])]), PairKind::OneLaser);
+    }
+
+    #[test]
+    fn a_product_says_which_pair_each_combination_is() {
+        for (lasers, sensors, laser_scanned) in [
+            (grid(2, 0.03), grid(4, 0.0), false),
+            (grid(4, 0.03), grid(2, 0.0), true),
+            (grid(3, 0.0), grid(3, 0.0), false),
+        ] {
+            let mut pairs = shuffled(&lasers, &sensors);
+            // Points as a calibration gives them: never twice the same to the last bit.
+            for (k, (l, s)) in pairs.iter_mut().enumerate() {
+                l.x += 1e-9 * (k % 13) as f64;
+                s.y -= 1e-9 * (k % 7) as f64;
+            }
+            let capture = capture(&pairs);
+            let product = capture.product().unwrap();
+            assert_eq!(product.laser_scanned, laser_scanned);
+            assert_eq!(product.scanned.len(), lasers.len().max(sensors.len()));
+            let mut met = vec![false; pairs.len()];
+            for (o, other) in product.other.iter().enumerate() {
+                for (a, scanned) in product.scanned.iter().enumerate() {
+                    let pair = product.pair_of[o * product.scanned.len() + a];
+                    let (l, s) = pairs[pair];
+                    let (scan, rest) = if laser_scanned { (l, s) } else { (s, l) };
+                    assert!(scan.distance(*scanned) < 1e-7 && rest.distance(*other) < 1e-7);
+                    assert!(!std::mem::replace(&mut met[pair], true));
+                }
+            }
+            assert!(met.into_iter().all(|m| m));
+        }
+    }
+
+    #[test]
+    fn normals_go_with_their_points_and_must_agree() {
+        let (lasers, sensors) = (grid(2, 0.03), grid(3, 0.0));
+        let lean = |p: DVec3| dvec3(p.x, p.y, 1.0).normalize();
+        let mut capture = capture(&shuffled(&lasers, &sensors));
+        capture.laser_normal = Some(capture.laser.iter().map(|&p| lean(p)).collect());
+        let product = capture.product().unwrap();
+        assert_eq!(product.scanned_normal, None);
+        let normals = product.other_normal.unwrap();
+        assert!(product.other.iter().zip(&normals).all(|(p, n)| lean(*p).distance(*n) < 1e-12));
+        capture.laser_normal.as_mut().unwrap()[3] = DVec3::X;
+        assert_eq!(capture.product(), None);
+        assert_eq!(capture.pair_kind(), PairKind::Irregular);
+    }
+
+    #[test]
+    fn one_laser_is_a_product_and_confocal_is_none() {
+        let points = grid(4, 0.0);
+        let one: Vec<_> = points.iter().map(|&p| (DVec3::ZERO, p)).collect();
+        let product = capture(&one).product().unwrap();
+        assert_eq!((product.scanned.len(), product.other.len()), (16, 1));
+        assert_eq!(product.pair_of, (0..16).collect::<Vec<_>>());
+        assert_eq!(capture(&points.iter().map(|&p| (p, p)).collect::<Vec<_>>()).product(), None);
+    }
+
+    #[test]
+    fn kinds_are_written_in_small_letters() {
+        let json = |kind| serde_json::to_string(&kind).unwrap();
+        assert_eq!(json(PairKind::OneLaser), "\"one-laser\"");
+        let exhaustive = PairKind::Exhaustive { lasers: 2, sensors: 3 };
+        assert_eq!(json(exhaustive), "{\"exhaustive\":{\"lasers\":2,\"sensors\":3}}");
+    }
+}
