@@ -7,23 +7,23 @@
 #include "transport.glsl"
 layout(local_size_x = 64) in;
 const uint SPLIT = 1u;
-const uint EXACT = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
-const uint LAMBERTIAN = 0u;
+#include "wall.glsl"
 #include "gather.glsl"
+
+float sum = 0.0;
+
+// The cosine whatever the model: what else there is only widens what is found.
+void meet(Arm a, Arm b, float r) { sum += r * (NORMALS ? max(-a.toward.z, 0.0) : 1.0); }
 
 void main() {
     uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (index >= brick_count() * 512u) return;
     uvec3 c = voxel_at(index);
-    float sum = 0.0;
-    if (in_grid(c) && c.z >= scene.near_z) {
-        uint last = min(push.first + PAIR_CHUNK, scene.pairs);
-        sum = gather(position(vec3(c)), vec3(0.0, 0.0, -1.0), push.first, last, 1u).x;
-    }
+    if (in_grid(c) && c.z >= scene.near_z) gather(position(vec3(c)), 0u, 1u);
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += projected[index];
     projected[index] = (push.flags & BACKWARD_FINISH) != 0u ? max(sum, 0.0) : sum;
 }

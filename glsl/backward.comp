@@ -26,8 +26,17 @@ layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
 
 shared vec4 parts[VOXELS * SLICES];
 
-const uint LAMBERTIAN = 0u;
+#include "wall.glsl"
 #include "gather.glsl"
+
+vec3 direction;
+vec4 sum = vec4(0.0); // d/d albedo, d/d normal without the factor albedo
+
+void meet(Arm a, Arm b, float r) {
+    Shine s = shine(a, b, direction);
+    if (EXACT != 0u) r *= a.falloff * b.falloff;
+    sum += r * vec4(s.value, s.slope);
+}
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -35,10 +44,9 @@ void main() {
     uint slot = group_index() * VOXELS + lane;
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 s = owned ? sample_points[slot] : vec4(0.0);
-    vec4 n = owned ? sample_normals[slot] : vec4(0.0);
-    uint last = owned ? min(push.first + PAIR_CHUNK, scene.pairs) : 0u;
-    // d/d albedo, d/d normal without the factor albedo
-    vec4 sum = gather(s.xyz, n.xyz, push.first + slice, last, SLICES);
+    vec4 n = owned && NORMALS ? sample_normals[slot] : vec4(0.0, 0.0, -1.0, 1.0);
+    direction = n.xyz;
+    if (owned) gather(s.xyz, slice, SLICES);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;
         barrier();

@@ -12,7 +12,6 @@
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint SPLIT = 1u;
 layout(constant_id = 11) const uint WHAT = 0u;
-const uint EXACT = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
@@ -20,21 +19,22 @@ layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
 layout(std430, set = 0, binding = 6) readonly buffer ActiveVoxels { uint active_voxels[]; };
 
-const uint LAMBERTIAN = 0u;
+#include "wall.glsl"
 #include "gather.glsl"
+
+float sum = 0.0;
+
+void meet(Arm a, Arm b, float r) {
+    float falloff = a.falloff * b.falloff;
+    sum += WHAT == 0u ? r * falloff : r * falloff * falloff;
+}
 
 void main() {
     uint slot = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (slot >= counts[COUNT_ACTIVE]) return;
     vec3 x = sample_points[slot].xyz;
     uint index = active_voxels[slot];
-    uint last = min(push.first + PAIR_CHUNK, scene.pairs);
-    float sum = 0.0;
-    for (uint pair = push.first; pair < last; ++pair) {
-        Kernel k = confocal_kernel(wall[pair].xyz, x, vec3(0.0, 0.0, -1.0));
-        float r = residual_around(pair * scene.bins, k.bin) * k.falloff;
-        sum += WHAT == 0u ? r : r * k.falloff;
-    }
+    gather(x, 0u, 1u);
     // Split dispatches add up; the square root is taken where all pairs are in.
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[index][WHAT];
     if (WHAT == 1u && (push.flags & BACKWARD_FINISH) != 0u) sum = scene.noise_factor * sqrt(sum);

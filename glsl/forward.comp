@@ -19,8 +19,7 @@ layout(local_size_x_id = 10) in;
 layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
-layout(constant_id = 14) const uint LAMBERTIAN = 0u;
-layout(constant_id = 13) const uint ISOTROPIC = 0u; // 1: unit albedo, no cosine: a bound of the operator
+layout(constant_id = 13) const uint BOUND = 0u; // 1: unit albedo, no cosine: a bound of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
@@ -41,24 +40,22 @@ void main() {
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
-    vec3 point = wall[pair].xyz;
+    // Read once: the compiler cannot know that no histogram is a wall point.
+    uint other = GEOMETRY == TWO_POINTS ? scene.scanned + pair : pair;
+    uint normals = scene.scanned + scene.others;
+    vec3 point_a = wall[pair].xyz;
+    vec3 point_b = wall[other].xyz;
+    vec3 normal_a = CURVED != 0u ? wall[normals + pair].xyz : vec3(0.0);
+    vec3 normal_b = CURVED != 0u ? wall[normals + other].xyz : vec3(0.0);
     uint row = pair * scene.bins;
     for (uint slot = begin; slot < end; ++slot) {
         vec4 s = sample_points[slot];
-        vec3 n = sample_normals[slot].xyz;
-        Kernel k = confocal_kernel(point, s.xyz, n);
-        float value = ISOTROPIC != 0u ? k.falloff : s.w * max(k.cosine, 0.0) * k.falloff;
-        if (LAMBERTIAN != 0u) value *= lambertian_rest(k, n);
-        if (SPLIT != 0u) {
-            float centre = k.bin - 0.5;
-            float low = floor(centre);
-            float share = centre - low;
-            int bin = int(low);
-            if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value * (1.0 - share));
-            if (bin >= -1 && bin + 1 < int(scene.bins)) accumulate(row + uint(bin + 1), value * share);
-        } else {
-            int bin = int(floor(k.bin));
-            if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
-        }
+        Arm a = arm_to(point_a, normal_a, s.xyz);
+        Arm b = a;
+        if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
+        float value = a.falloff * b.falloff;
+        if (BOUND == 0u) value *= s.w;
+        if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz).value;
+        accumulate_at(row, bin_of(a.distance + b.distance), value);
     }
 }

@@ -10,6 +10,7 @@ layout(constant_id = 10) const uint CONTINUOUS = 1u;
 #include "random.glsl"
 #include "sampling.glsl"
 #include "surface.glsl"
+#include "reflectance.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; };
@@ -48,7 +49,7 @@ void main() {
         vec3 u = toward_wall(v.yzw);
         float length_u = safe_length(u);
         sample_points[slot] = vec4(position(g), albedo);
-        sample_normals[slot] = vec4(u / length_u, length_u);
+        if (NORMALS) sample_normals[slot] = vec4(u / length_u, length_u);
         magnitude = abs(albedo);
     }
     peaks[lane] = magnitude;

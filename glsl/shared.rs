@@ -11,6 +11,8 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("bricks_z", "uint", "bricks along z"),
     ("near_z", "uint", "first z index that may be active"),
     ("pairs", "uint", "laser-sensor pairs P"),
+    ("scanned", "uint", "wall points of the scanned side"),
+    ("others", "uint", "wall points of the other side; none in a confocal scan"),
     ("bins", "uint", "gated bins T"),
     ("seed", "uint", "of the random samples"),
     ("origin_x", "float", "centre of voxel (0, 0, 0), metres"),
@@ -44,6 +46,7 @@ const PUSH: &[(&str, &str, &str)] = &[
     ("iteration", "uint", "of the whole solve, from 0"),
     ("step", "uint", "of the optimiser since its restart, from 1"),
     ("first", "uint", "first voxel chunk, pair or set of a split dispatch"),
+    ("last", "uint", "one past the last pair of a split dispatch"),
     ("flags", "uint", "kernel by kernel"),
 ];
 
@@ -56,7 +59,9 @@ const NUMBERS: &[(&str, u32, &str)] = &[
         32768,
         "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe",
     ),
-    ("PAIR_CHUNK", 32768, "pairs per dispatch of the backward kernel, for the same reason"),
+    ("PAIR_CHUNK", 24576, "pairs per dispatch of the backward kernel, for the same reason"),
+    ("OTHERS_FORWARD", 8, "other points that a workgroup of the forward kernel takes at once"),
+    ("OTHERS_BACKWARD", 4, "the same for an invocation of the backward kernels, in registers"),
     ("COUNT_ACTIVE", 0, "index in `counts`: active voxels"),
     ("COUNT_TOUCHED", 1, "index in `counts`: voxels that a sample may read"),
     ("COUNT_PEAK_ALBEDO", 2, "index in `counts`: bits of the largest |albedo| of this iteration"),

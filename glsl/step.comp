@@ -6,6 +6,7 @@
 // falls. shrink is the group soft threshold on |v|, cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone
 // |v_z|. In this order they are the proximal map of both together: the cone shortens, and the threshold is for what
 // is left.
+// Surfaces without a direction are vectors along -z: the cone then keeps albedo from going below zero.
 // Partial sums: the group term at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -17,7 +18,6 @@ layout(constant_id = 10) const uint VOXELS = 64u;
 layout(constant_id = 11) const uint SLICES = 1u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 1u;
-layout(constant_id = 14) const uint LAMBERTIAN = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
@@ -34,7 +34,17 @@ layout(std430, set = 0, binding = 12) writeonly buffer AgainstPartials { float a
 
 shared vec4 parts[VOXELS * SLICES];
 
+#include "wall.glsl"
 #include "gather.glsl"
+
+vec3 direction;
+vec4 sum = vec4(0.0); // d/d albedo where surfaces have no direction, d/d vector
+
+void meet(Arm a, Arm b, float r) {
+    Shine s = shine(a, b, direction);
+    if (EXACT != 0u) r *= a.falloff * b.falloff;
+    sum += r * vec4(s.value, s.slope);
+}
 
 // Nearest point of the cone v_z <= 0, |v_xy| <= cone * |v_z|.
 vec3 into_cone(vec3 v) {
@@ -57,12 +67,11 @@ void main() {
     uint group = group_index();
     uint slot = group * VOXELS + lane;
     bool owned = slot < counts[COUNT_ACTIVE];
-    vec3 y = owned ? sample_normals[slot].xyz : vec3(0.0);
+    vec4 point = owned ? sample_points[slot] : vec4(0.0);
+    vec3 y = NORMALS ? (owned ? sample_normals[slot].xyz : vec3(0.0)) : vec3(0.0, 0.0, -point.w);
     // Nothing shines in no direction: what is zero may grow toward the wall.
-    vec3 shines = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
-    vec3 x = owned ? sample_points[slot].xyz : vec3(0.0);
-    uint last = owned ? min(push.first + PAIR_CHUNK, scene.pairs) : 0u;
-    vec4 sum = gather(x, shines, push.first + slice, last, SLICES);
+    direction = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
+    if (owned) gather(point.xyz, slice, SLICES);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;
         barrier();
@@ -80,7 +89,8 @@ void main() {
             uint index = active_voxels[slot];
             vec2 bound = bounds[index] * vec2(momentum[MOMENTUM_SHARE], 1.0);
             vec3 v = raw[index].xyz;
-            vec3 next = bound.x > 0.0 ? shrink(into_cone(y - sum.yzw / bound.x), bound.y / bound.x) : vec3(0.0);
+            vec3 g = NORMALS ? sum.yzw : vec3(0.0, 0.0, -sum.x);
+            vec3 next = bound.x > 0.0 ? shrink(into_cone(y - g / bound.x), bound.y / bound.x) : vec3(0.0);
             told = vec2(bound.y * length(y), bound.x * dot(y - next, next - v));
             before[index] = vec4(v, 0.0);
             raw[index] = vec4(next, 0.0);

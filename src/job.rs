@@ -34,7 +34,7 @@ pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect};
 pub use request::{Request, memory_bytes};
 pub use scene::{Simulated, Simulation, simulate};
-pub use solver::{SolverOptions, check_model, check_solver};
+pub use solver::{SolverOptions, check_solver, reflectance};
 
 /// Which capture, and what of it.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -261,7 +261,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
         (&[&capture, "--solver", "lct"], 1, "not in this version"),
         (&[&capture, "--solver", "magic"], 1, "not known"),
-        (&[&capture, "--model", "lambertian"], 1, "no option of the paper solver"),
+        (&[&capture, "--model", "mirror"], 1, "--model mirror is not known"),
         (&[&capture, "--model", "isotropic"], 1, "not in this version"),
         (&[&capture, "--preset", "best"], 2, "--preset"),
         (&[&capture, "--learning-rate", "NaN"], 1, "--learning-rate is NaN"),
@@ -417,7 +417,7 @@ fn the_default_solver_repeats_and_knows_both_models() {
     assert!(first == run("second", &["--deterministic"]).0, "the same bits");
     let (lambertian, report) = run("third", &["--deterministic", "--model", "lambertian"]);
     assert!(first != lambertian, "another model, another result");
-    assert_eq!(report["settings"]["lambertian"], true);
+    assert_eq!(report["settings"]["reflectance"], "lambertian");
     let out = folder.path().join("none").display().to_string();
     let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--model", "lambertian"];
     fail(&refused, 1, "no option of the paper solver");

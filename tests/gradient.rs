@@ -6,7 +6,7 @@ mod device;
 use device::*;
 use glam::dvec3;
 use thirdbounce::transport::twin::{self, Raw, Twin};
-use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume};
+use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume, Wall};
 
 /// Adjoint of the sampling, as `update` gathers it: gradients at samples to gradients of voxels.
 fn to_voxels(twin: &Twin, iteration: u32, active: &[u32], gradient: &[Raw]) -> Vec<Raw> {
@@ -74,6 +74,22 @@ fn exact_gradient_holds_with_the_noise_term_and_its_clamp() {
     }
 }
 
+/// Every reflectance over every kind of pairs and walls.
+#[test]
+fn exact_gradient_of_every_model_pair_and_wall() {
+    for (geometry, reflectance, curved) in variants() {
+        let (base, grid, raw, active) = scene();
+        let m = variant(&base, geometry, reflectance, curved, 25);
+        let twin = Twin { model: &m, grid: &grid };
+        let samples = twin::sample(&twin, 3, &active, &raw);
+        let (residual, _) = twin::residual(&twin, &twin::forward(&twin, &samples), &[]);
+        let gradient = to_voxels(&twin, 3, &active, &twin::backward(&twin, &samples, &residual));
+        let turns = gradient.iter().any(|g| g[1] != 0.0);
+        assert_eq!(turns, reflectance.has_normals(), "{reflectance:?}");
+        assert_gradient(&raw, &gradient, |r| twin::objective(&twin, 3, &active, r, &[]));
+    }
+}
+
 /// On the axis of one pair, with every voxel's path on a bin's centre, weight and falloff cancel exactly.
 #[test]
 fn published_gradient_is_the_slope_of_the_falloff_weighted_objective() {
@@ -85,7 +101,7 @@ fn published_gradient_is_the_slope_of_the_falloff_weighted_objective() {
     m.measured = (0..60).map(|i| (i % 7) as f32).collect();
     // Voxel k at depth 0.26 + 0.02 k: path 0.5 + 0.04 (k + 1/2), the centre of bin k.
     let grid = Grid { n: [1, 1, 40], origin: dvec3(0.0, 0.0, 0.26), pitch: dvec3(0.05, 0.05, 0.02) };
-    m.wall = vec![dvec3(0.0, 0.0, 0.0)];
+    m.wall = Wall::confocal(vec![dvec3(0.0, 0.0, 0.0)]);
     let twin = Twin { model: &m, grid: &grid };
     let (raw, domain) = state(&m, &grid, 0.9, 24);
     let active = twin::compact(&domain);

@@ -242,6 +242,41 @@ fn backward_published_and_exact() {
 }
 
 #[test]
+fn forward_and_backward_of_every_model_pair_and_wall() {
+    let gpu = gpu();
+    let grid = grid();
+    for (geometry, reflectance, curved) in variants() {
+        let model = variant(&model(5, 64, 3), geometry, reflectance, curved, 21);
+        let twin = Twin { model: &model, grid: &grid };
+        let (raw, domain) = state(&model, &grid, 0.4, 10);
+        let samples = away_from_edges(&twin, &twin::sample(&twin, 0, &twin::compact(&domain), &raw));
+        let want = twin::forward(&twin, &samples);
+        assert!(want.iter().any(|v| *v != 0.0));
+        let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+        write_samples(&mut job, &samples);
+        set_counts(&mut job, samples.len(), 1.5);
+        let mut zero = Schedule::default();
+        zero.fill("histograms", 4 * want.len() as u64, 0);
+        job.executor.run(&zero).unwrap();
+        run(&mut job, &["forward"], 0, 1);
+        let what = format!("{geometry:?} {reflectance:?} curved {curved}");
+        let got: Vec<f32> = read(&mut job, "histograms", want.len());
+        let e = error(got.into_iter().map(f64::from), want);
+        assert!(e < 2e-5, "forward {what}: {e}");
+        let mut random = Random::new(11);
+        let residual: Vec<f32> =
+            (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
+        let exact: Vec<f64> = residual.iter().map(|v| f64::from(*v)).collect();
+        let want = twin::backward(&twin, &samples, &exact).concat();
+        write(&mut job, "residual", &residual);
+        run(&mut job, &["backward"], 0, 1);
+        let e = error(read_raw(&mut job, "gradient", samples.len()).concat(), want);
+        assert!(e < 2e-5, "backward {what}: {e}");
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
 fn backward_in_slices_and_in_parts_gives_the_same_sums() {
     let gpu = gpu();
     let model = model(5, 64, 9);
@@ -266,9 +301,11 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
         let groups = (samples.len() as u32).div_ceil(voxels);
         let scene = job.plan.finest().scene;
         s.fill("counts", 4, samples.len() as u32);
-        s.dispatch("backward", [groups, 1, 1])
-            .bind("scene", scene)
-            .with(Push { flags: BACKWARD_FINISH, ..Default::default() });
+        s.dispatch("backward", [groups, 1, 1]).bind("scene", scene).with(Push {
+            last: model.pairs() as u32,
+            flags: BACKWARD_FINISH,
+            ..Default::default()
+        });
         job.executor.run(&s).unwrap();
         let got = read_raw(&mut job, "gradient", samples.len()).concat();
         assert!(error(got, want.iter().copied()) < 2e-5, "{voxels} x {slices}");

@@ -42,7 +42,7 @@ fn a_voxel_at_a_known_distance_peaks_in_the_right_bin() {
         let g = grid();
         let point = dvec3(0.1, -0.2, 0.7);
         let h = render(&gpu, &m, &g, &[facing(point)]);
-        for (pair, wall) in m.wall.iter().enumerate() {
+        for (pair, wall) in m.wall.scanned.iter().enumerate() {
             let path = 2.0 * (point - *wall).length();
             let bin = ((path - m.t_start) / m.bin_width).floor() as usize;
             let row = &h[pair * m.bins..(pair + 1) * m.bins];
@@ -74,20 +74,20 @@ fn energy_is_conserved_inside_the_gate_and_dropped_outside() {
             let d = *w - s.point;
             (-d.z / d.length()) * -s.normal.z * (m.reference / d.length()).powi(4)
         };
-        for (pair, wall) in m.wall.iter().enumerate() {
+        for (pair, wall) in m.wall.scanned.iter().enumerate() {
             let got: f64 = h[pair * m.bins..(pair + 1) * m.bins].iter().sum();
             let total: f64 = inside.iter().map(|s| want(wall, s)).sum();
             assert!((got / total - 1.0).abs() < 1e-5, "{binning:?}: {got} {total}");
         }
         // Paths of 2 x 0.1 m end before the gate opens at 0.3 m; 2 x 2 m lies behind its end at 2.7 m.
         let mut near = m.clone();
-        near.wall.retain(|w| w.length() < 0.2);
-        near.measured.truncate(near.wall.len() * near.bins);
+        near.wall.scanned.retain(|w| w.length() < 0.2);
+        near.measured.truncate(near.wall.pairs() * near.bins);
         let outside = [facing(dvec3(0.0, 0.0, 0.05)), facing(dvec3(0.0, 0.0, 2.0))];
         assert!(render(&gpu, &near, &g, &outside[1..]).iter().all(|v| *v == 0.0));
         let from_near = render(&gpu, &near, &g, &outside[..1]);
         let reach = |w: &DVec3| 2.0 * (*w - outside[0].point).length() > near.t_start - near.bin_width;
-        for (pair, wall) in near.wall.iter().enumerate() {
+        for (pair, wall) in near.wall.scanned.iter().enumerate() {
             let row: f64 = from_near[pair * near.bins..(pair + 1) * near.bins].iter().sum();
             assert_eq!(row > 0.0, reach(wall));
         }
@@ -102,7 +102,7 @@ fn light_behind_a_surface_and_on_a_wall_point_is_nothing() {
     let g = grid();
     let away = Sample { normal: dvec3(0.0, 0.0, 1.0), ..facing(dvec3(0.0, 0.0, 0.6)) };
     assert!(render(&gpu, &m, &g, &[away]).iter().all(|v| *v == 0.0));
-    let h = render(&gpu, &m, &g, &[facing(m.wall[5])]);
+    let h = render(&gpu, &m, &g, &[facing(m.wall.scanned[5])]);
     assert!(h.iter().all(|v| v.is_finite()), "a sample on a wall point has no direction, and no infinity");
     assert!(h[5 * m.bins..6 * m.bins].iter().all(|v| *v == 0.0));
     assert_valid(&gpu);

@@ -9,7 +9,7 @@ use glam::{DVec3, dvec3};
 use thirdbounce::solve::{Job, VectorOptions, extract, vector};
 use thirdbounce::transport::Model;
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Bound, Momentum, Shine, Twin};
+use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 
 #[test]
 fn finish_decides_on_the_momentum() {
@@ -131,7 +131,7 @@ fn reduction_smooths_the_lengths_and_settles() {
 fn bounds_of(twin: &Twin, mask: &[bool]) -> Vec<[f64; 2]> {
     let active = twin::compact(mask);
     let points = twin::points(twin, &active);
-    let rendered = twin::forward_vectors(twin, &points, Shine::Isotropic);
+    let rendered = twin::forward_bound(twin, &points);
     let (residual, _) = twin::residual_weighted(twin, &rendered, false);
     let d = twin::bound(twin, &points, &residual, Bound::Step);
     let lambda = twin::bound(twin, &points, &twin::variance(twin), Bound::Noise);

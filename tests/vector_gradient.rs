@@ -6,8 +6,8 @@ mod device;
 
 use device::*;
 use glam::{DVec3, dvec3};
-use thirdbounce::transport::twin::{self, Bound, Raw, Sample, Shine, Twin};
-use thirdbounce::transport::{Grid, Model, Sampling, Volume};
+use thirdbounce::transport::twin::{self, Bound, Raw, Sample, Twin};
+use thirdbounce::transport::{Grid, Model, Reflectance, Sampling, Volume};
 
 fn scene(seed: u64, cone: f64) -> (Model, Grid, Vec<u32>) {
     let mut m = model(4, 48, seed);
@@ -29,8 +29,7 @@ fn vectors(grid: &Grid, cone: f64, random: &mut Random) -> Vec<DVec3> {
 
 /// (D, lambda) of the samples, as the solver finds them.
 fn bounds(twin: &Twin, samples: &[Sample]) -> Vec<[f64; 2]> {
-    let (rendered, _) =
-        twin::residual_weighted(twin, &twin::forward_vectors(twin, samples, Shine::Isotropic), false);
+    let (rendered, _) = twin::residual_weighted(twin, &twin::forward_bound(twin, samples), false);
     let d = twin::bound(twin, samples, &rendered, Bound::Step);
     let lambda = twin::bound(twin, samples, &twin::variance(twin), Bound::Noise);
     d.into_iter().zip(lambda).map(|(d, l)| [d, l]).collect()
@@ -38,49 +37,27 @@ fn bounds(twin: &Twin, samples: &[Sample]) -> Vec<[f64; 2]> {
 
 #[test]
 fn the_gradient_is_the_slope_of_the_weighted_objective() {
-    let (m, grid, active) = scene(31, 1.5);
-    let twin = Twin { model: &m, grid: &grid };
-    let mut random = Random::new(32);
-    let raw: Vec<Raw> = (0..grid.storage())
-        .map(|_| [random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0), random.uniform(-3.0, 0.0), 0.0])
-        .collect();
-    let samples = |raw: &[Raw]| {
-        let v: Vec<DVec3> = raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
-        twin::extrapolate(&twin, &active, &v, &v, 0.0)
-    };
-    let at = samples(&raw);
-    let (residual, [loss, plain]) =
-        twin::residual_weighted(&twin, &twin::forward_vectors(&twin, &at, Shine::Cosine), true);
-    assert!(loss > 0.0 && loss != plain);
-    let mut gradient = vec![[0.0; 4]; grid.storage()];
-    for (i, g) in active.iter().zip(twin::gradient_vectors(&twin, &at, &residual, Shine::Cosine)) {
-        gradient[*i as usize] = [g.x, g.y, g.z, 0.0];
-    }
-    let none = vec![0.0; active.len()];
-    assert_gradient(&raw, &gradient, |r| twin::objective_vectors(&twin, &samples(r), &none, Shine::Cosine));
-}
-
-/// The Lambertian gradient holds all but one cosine constant: the slope of the objective whose kernel is that of
-/// the point it is taken at. Along the vector itself nothing is lost, for the model is linear in its length.
-#[test]
-fn the_lagged_gradient_is_exact_along_the_vector() {
-    let (m, grid, active) = scene(33, 1.5);
-    let twin = Twin { model: &m, grid: &grid };
-    let v = vectors(&grid, m.cone, &mut Random::new(34));
-    let at = twin::extrapolate(&twin, &active, &v, &v, 0.0);
-    let forward = twin::forward_vectors(&twin, &at, Shine::Lambertian);
-    let (residual, _) = twin::residual_weighted(&twin, &forward, true);
-    let gradient = twin::gradient_vectors(&twin, &at, &residual, Shine::Lambertian);
-    let largest = gradient.iter().fold(0.0f64, |a, g| a.max(g.length()));
-    let none = vec![0.0; at.len()];
-    for slot in (0..at.len()).filter(|s| at[*s].normal != DVec3::ZERO).take(40) {
-        let moved = |h: f64| {
-            let mut s = at.clone();
-            s[slot].normal *= 1.0 + h;
-            twin::objective_vectors(&twin, &s, &none, Shine::Lambertian)
+    for (geometry, reflectance, curved) in variants() {
+        let (base, grid, active) = scene(31, 1.5);
+        let m = variant(&base, geometry, reflectance, curved, 35);
+        let twin = Twin { model: &m, grid: &grid };
+        let mut random = Random::new(32);
+        let raw: Vec<Raw> = (0..grid.storage())
+            .map(|_| [random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0), random.uniform(-3.0, 0.0), 0.0])
+            .collect();
+        let samples = |raw: &[Raw]| {
+            let v: Vec<DVec3> = raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
+            twin::extrapolate(&twin, &active, &v, &v, 0.0)
         };
-        let slope = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-        assert!((slope - gradient[slot].dot(at[slot].normal)).abs() < 1e-6 * largest);
+        let at = samples(&raw);
+        let (residual, [loss, plain]) = twin::residual_weighted(&twin, &twin::forward(&twin, &at), true);
+        assert!(loss > 0.0 && loss != plain);
+        let mut gradient = vec![[0.0; 4]; grid.storage()];
+        for (i, g) in active.iter().zip(twin::gradient_vectors(&twin, &at, &residual)) {
+            gradient[*i as usize] = [g.x, g.y, g.z, 0.0];
+        }
+        let none = vec![0.0; active.len()];
+        assert_gradient(&raw, &gradient, |r| twin::objective_vectors(&twin, &samples(r), &none));
     }
 }
 
@@ -88,15 +65,22 @@ fn the_lagged_gradient_is_exact_along_the_vector() {
 /// for the isotropic one where all x are one.
 #[test]
 fn the_bound_majorises_the_normal_operator() {
-    for seed in [41, 51, 61] {
-        let (m, grid, active) = scene(seed, 2.0);
-        let twin = Twin { model: &m, grid: &grid };
+    for (k, (geometry, _, curved)) in
+        variants().into_iter().filter(|v| v.1 == Reflectance::Cosine).enumerate()
+    {
+        let seed = 41 + 10 * k as u64;
+        let (base, grid, active) = scene(seed, 2.0);
+        let cosine = variant(&base, geometry, Reflectance::Cosine, curved, seed + 3);
+        let with = |reflectance| Model { reflectance, ..cosine.clone() };
+        let (lambertian, isotropic) = (with(Reflectance::Lambertian), with(Reflectance::Isotropic));
+        let twin = Twin { model: &cosine, grid: &grid };
         let points = twin::points(&twin, &active);
         let d: Vec<f64> = bounds(&twin, &points).iter().map(|b| b[0]).collect();
         assert!(d.iter().all(|d| *d > 0.0));
         // x M x is twice the weighted loss of the rendering alone.
-        let energy = |s: &[Sample], shine| {
-            let (_, loss) = twin::residual_weighted(&twin, &twin::forward_vectors(&twin, s, shine), false);
+        let energy = |model: &Model, s: &[Sample]| {
+            let twin = Twin { model, grid: &grid };
+            let (_, loss) = twin::residual_weighted(&twin, &twin::forward(&twin, s), false);
             2.0 * loss[0]
         };
         let with = |field: &mut dyn FnMut(usize) -> (f64, DVec3)| -> Vec<Sample> {
@@ -107,27 +91,27 @@ fn the_bound_majorises_the_normal_operator() {
             points.iter().enumerate().map(one).collect()
         };
         let total: f64 = d.iter().sum();
-        let ones = energy(&points, Shine::Isotropic);
+        let ones = energy(&isotropic, &points);
         assert!((ones / total - 1.0).abs() < 1e-9, "{ones} {total}");
 
         // All toward the wall: less than one, for no cosine is, but not by much over a wall of 1 m.
         let facing = with(&mut |_| (1.0, DVec3::NEG_Z));
-        let share = energy(&facing, Shine::Cosine) / total;
+        let share = energy(&cosine, &facing) / total;
         assert!(share < 1.0 && share > 0.3, "{share}");
-        assert!(energy(&facing, Shine::Lambertian) < energy(&facing, Shine::Cosine));
+        assert!(energy(&lambertian, &facing) < energy(&cosine, &facing));
 
         let mut random = Random::new(seed + 2);
         for _ in 0..20 {
             // Signed scalars, often far from all of one sign and size.
             let x: Vec<f64> = (0..d.len()).map(|_| random.uniform(-1.0, 1.0).powi(5)).collect();
             let bound: f64 = d.iter().zip(&x).map(|(d, x)| d * x * x).sum();
-            assert!(energy(&with(&mut |i| (x[i], DVec3::ZERO)), Shine::Isotropic) <= bound);
+            assert!(energy(&isotropic, &with(&mut |i| (x[i], DVec3::ZERO))) <= bound);
 
             let v = vectors(&grid, 2.0, &mut random);
             let v: Vec<DVec3> = active.iter().map(|i| v[*i as usize]).collect();
             let bound: f64 = d.iter().zip(&v).map(|(d, v)| d * v.length_squared()).sum();
-            for shine in [Shine::Cosine, Shine::Lambertian] {
-                assert!(energy(&with(&mut |i| (1.0, v[i])), shine) <= bound);
+            for model in [&cosine, &lambertian] {
+                assert!(energy(model, &with(&mut |i| (1.0, v[i]))) <= bound);
             }
         }
     }
@@ -135,10 +119,10 @@ fn the_bound_majorises_the_normal_operator() {
 
 /// Largest objective after a plain step (no momentum, the whole bound) over the objective before, and the
 /// objective after the last step over the first, in 100 steps from random vectors.
-fn plain_steps(seed: u64, cone: f64, shine: Shine) -> [f64; 2] {
+fn plain_steps(seed: u64, cone: f64, reflectance: Reflectance) -> [f64; 2] {
     let (m, grid, active) = scene(seed, cone);
     let mut random = Random::new(seed + 2);
-    let m = Model { noise_factor: random.uniform(0.0, 3.0), ..m };
+    let m = Model { noise_factor: random.uniform(0.0, 3.0), reflectance, ..m };
     let twin = Twin { model: &m, grid: &grid };
     let scale = random.uniform(0.0, 8.0);
     let mut v: Vec<DVec3> = vectors(&grid, cone, &mut random).into_iter().map(|v| scale * v).collect();
@@ -150,9 +134,9 @@ fn plain_steps(seed: u64, cone: f64, shine: Shine) -> [f64; 2] {
     let mut objectives = vec![];
     for _ in 0..100 {
         let at = twin::extrapolate(&twin, &active, &v, &v, 0.0);
-        objectives.push(twin::objective_vectors(&twin, &at, &lambda, shine));
-        let (residual, _) = twin::residual_weighted(&twin, &twin::forward_vectors(&twin, &at, shine), true);
-        let gradient = twin::gradient_vectors(&twin, &at, &residual, shine);
+        objectives.push(twin::objective_vectors(&twin, &at, &lambda));
+        let (residual, _) = twin::residual_weighted(&twin, &twin::forward(&twin, &at), true);
+        let gradient = twin::gradient_vectors(&twin, &at, &residual);
         twin::step(&twin, &active, &at, &gradient, &by_voxel, 1.0, &mut v, &mut before);
     }
     let worst = objectives.windows(2).map(|w| w[1] / w[0]).fold(0.0, f64::max);
@@ -165,11 +149,16 @@ fn plain_steps(seed: u64, cone: f64, shine: Shine) -> [f64; 2] {
 /// that finish.comp restarts.)
 #[test]
 fn a_plain_step_never_raises_the_objective() {
-    let cases = [(0.2, Shine::Cosine, 1e-13), (2.0, Shine::Cosine, 1e-3), (2.0, Shine::Lambertian, 1e-3)];
-    for (cone, shine, rise) in cases {
-        let all: Vec<[f64; 2]> = (0..20).map(|s| plain_steps(1000 + 10 * s, cone, shine)).collect();
-        assert!(all.iter().all(|r| r[0] <= 1.0 + rise), "cone {cone}, {shine:?}: {all:?}");
-        assert!(all.iter().all(|r| r[1] < 0.95), "cone {cone}, {shine:?}: {all:?}");
+    let cases = [
+        (0.2, Reflectance::Cosine, 1e-13),
+        (2.0, Reflectance::Cosine, 1e-3),
+        (2.0, Reflectance::Lambertian, 1e-3),
+        (2.0, Reflectance::Isotropic, 1e-13),
+    ];
+    for (cone, reflectance, rise) in cases {
+        let all: Vec<[f64; 2]> = (0..20).map(|s| plain_steps(1000 + 10 * s, cone, reflectance)).collect();
+        assert!(all.iter().all(|r| r[0] <= 1.0 + rise), "cone {cone}, {reflectance:?}: {all:?}");
+        assert!(all.iter().all(|r| r[1] < 0.95), "cone {cone}, {reflectance:?}: {all:?}");
     }
 }
 

@@ -6,11 +6,11 @@ mod device;
 use device::vectors::*;
 use device::*;
 use glam::{DVec3, dvec3};
-use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{Job, VectorOptions, vector};
+use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::solve::{Accumulation, Job, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Bound, Momentum, Sample, Shine, Told, Twin};
-use thirdbounce::transport::{Grid, Model, Volume};
+use thirdbounce::transport::twin::{self, Bound, Momentum, Sample, Told, Twin};
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
 
 #[test]
 fn points_and_extrapolate() {
@@ -42,58 +42,83 @@ fn points_and_extrapolate() {
     assert_valid(&gpu);
 }
 
+/// Forward and residual of `model` from random vectors on one accumulation path; `bounding` renders the bound.
+fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, bounding: bool) {
+    let gpu = gpu();
+    let active = twin::compact(&state(model, grid, 0.5, 4).1);
+    let none = vec![DVec3::ZERO; grid.storage()];
+    let drawn = vectors(grid.storage(), 5);
+    let v = if bounding { &none } else { &drawn };
+    let mut model = model.clone();
+    let samples = {
+        let twin = Twin { model: &model, grid };
+        away_from_edges(&twin, &twin::extrapolate(&twin, &active, v, v, 0.0))
+    };
+    assert!(samples.len() > 500, "{}", samples.len());
+    let accumulated = {
+        let twin = Twin { model: &model, grid };
+        if bounding { twin::forward_bound(&twin, &samples) } else { twin::forward(&twin, &samples) }
+    };
+    assert!(accumulated.iter().any(|v| *v != 0.0));
+    // Measured is about what is rendered.
+    let render = f64::from(model.scene(grid).render_scale);
+    let mut random = Random::new(6);
+    model.measured = accumulated.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
+    let twin = Twin { model: &model, grid };
+    let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
+    let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
+    let o = VectorOptions { accumulation, ..vector_options(grid) };
+    let mut job = job(&gpu, &model, grid, &o);
+    write_samples(&mut job, &samples);
+    set_counts(&mut job, samples.len(), peak);
+    zero_histograms(&mut job);
+    if bounding {
+        run_start(&mut job, &["forward_bound", "residual_bound"]);
+    } else {
+        run_iteration(&mut job, 0, &["forward", "residual"]);
+    }
+    let what = format!(
+        "{:?} {:?} curved {} {accumulation:?} bounding {bounding}",
+        model.wall.geometry,
+        model.reflectance,
+        model.wall.normals.is_some()
+    );
+    let got = read_floats(&mut job, "residual", want.len());
+    let e = error(got, want.iter().copied());
+    assert!(e < 3e-5, "{what}: {e}");
+    let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", want.len().div_ceil(64));
+    for k in 0..2 {
+        let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
+        assert!((sum / want.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{what}: {k}");
+    }
+    let bytes = job.plan.bytes()["histograms"] as usize;
+    assert!(read::<u8>(&mut job, "histograms", bytes).iter().all(|b| *b == 0));
+    assert_valid(&gpu);
+}
+
 #[test]
 fn forward_and_weighted_residual_on_every_accumulation_path() {
-    let gpu = gpu();
-    let mut model = scene(5, 64, 3);
-    let grid = grid();
-    let points = {
-        let twin = Twin { model: &model, grid: &grid };
-        let active = twin::compact(&state(&model, &grid, 0.5, 4).1);
-        away_from_edges(&twin, &twin::points(&twin, &active))
-    };
-    assert!(points.len() > 800);
-    let directions = vectors(points.len(), 5);
-    let samples: Vec<Sample> =
-        points.iter().zip(&directions).map(|(s, v)| Sample { normal: *v, ..*s }).collect();
-    for shine in [Shine::Cosine, Shine::Lambertian, Shine::Isotropic] {
-        let bounding = shine == Shine::Isotropic;
-        let accumulated = twin::forward_vectors(&Twin { model: &model, grid: &grid }, &samples, shine);
-        // Measured is about what is rendered.
-        let render = f64::from(model.scene(&grid).render_scale);
-        let mut random = Random::new(6);
-        model.measured = accumulated.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
-        let twin = Twin { model: &model, grid: &grid };
-        let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
-        let peak = if bounding { 1.0 } else { directions.iter().fold(0.0, |a, v| v.length().max(a)) };
+    let (base, grid) = (scene(5, 64, 3), grid());
+    let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
+    for model in [&base, &product] {
         for accumulation in ACCUMULATIONS {
-            let o = VectorOptions {
-                accumulation,
-                lambertian: shine == Shine::Lambertian,
-                ..vector_options(&grid)
-            };
-            let mut job = job(&gpu, &model, &grid, &o);
-            write_samples(&mut job, &samples);
-            set_counts(&mut job, samples.len(), peak);
-            zero_histograms(&mut job);
-            if bounding {
-                run_start(&mut job, &["forward_bound", "residual_bound"]);
-            } else {
-                run_iteration(&mut job, 0, &["forward", "residual"]);
+            for bounding in [false, true] {
+                check_forward(model, &grid, accumulation, bounding);
             }
-            let got = read_floats(&mut job, "residual", want.len());
-            let e = error(got, want.iter().copied());
-            assert!(e < 3e-5, "{shine:?} {accumulation:?}: {e}");
-            let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", want.len().div_ceil(64));
-            for k in 0..2 {
-                let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
-                assert!((sum / want.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{shine:?} {k}");
-            }
-            let bytes = job.plan.bytes()["histograms"] as usize;
-            assert!(read::<u8>(&mut job, "histograms", bytes).iter().all(|b| *b == 0));
         }
     }
-    assert_valid(&gpu);
+}
+
+#[test]
+fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
+    let (base, grid) = (scene(5, 64, 3), grid());
+    for (geometry, reflectance, curved) in variants() {
+        let model = variant(&base, geometry, reflectance, curved, 7);
+        for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
+            check_forward(&model, &grid, accumulation, false);
+        }
+        check_forward(&model, &grid, Accumulation::Owned, true);
+    }
 }
 
 /// A step's input: gradients of about the size of the bounds, some of them none, group terms that end some.
@@ -113,7 +138,10 @@ const BETA: f64 = 0.5;
 impl StepCase {
     fn new(model: Model, grid: Grid, share: f64) -> StepCase {
         let active = twin::compact(&state(&model, &grid, share, 10).1);
-        let (v, mut before) = (vectors(grid.storage(), 11), vectors(grid.storage(), 12));
+        let (mut v, mut before) = (vectors(grid.storage(), 11), vectors(grid.storage(), 12));
+        if !model.reflectance.has_normals() {
+            v.iter_mut().chain(&mut before).for_each(|v| *v = v.z * DVec3::Z);
+        }
         for (b, v) in before.iter_mut().zip(&v).filter(|(_, v)| **v == DVec3::ZERO) {
             *b = *v;
         }
@@ -121,9 +149,11 @@ impl StepCase {
         let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 0.6)).collect();
         let mut case =
             StepCase { model, grid, active, v, before, residual, bounds: vec![[0.0; 2]; grid.storage()] };
-        let gradient = case.gradient(&case.samples(), Shine::Cosine);
+        let gradient = case.gradient(&case.samples());
+        let largest = gradient.iter().fold(0.0f64, |a, g| a.max(g.length()));
         for (i, g) in case.active.iter().zip(&gradient) {
-            let size = g.length();
+            // A voxel that faces away has next to no gradient; divided by as little, its rounding would show.
+            let size = g.length().max(0.05 * largest);
             let bound = [size * random.uniform(0.5, 2.0), size * random.uniform(0.0, 1.2)];
             let none = random.uniform(0.0, 1.0) < 0.1;
             case.bounds[*i as usize] = if none { [0.0; 2] } else { bound.map(|b| f64::from(b as f32)) };
@@ -139,8 +169,8 @@ impl StepCase {
         rounded(&twin::extrapolate(&self.twin(), &self.active, &self.v, &self.before, BETA))
     }
 
-    fn gradient(&self, samples: &[Sample], shine: Shine) -> Vec<DVec3> {
-        twin::gradient_vectors(&self.twin(), samples, &self.residual, shine)
+    fn gradient(&self, samples: &[Sample]) -> Vec<DVec3> {
+        twin::gradient_vectors(&self.twin(), samples, &self.residual)
     }
 
     fn write(&self, job: &mut Job<'_>) {
@@ -155,9 +185,9 @@ impl StepCase {
     }
 
     /// What is left on the device after a step in groups of so many voxels, against the twin.
-    fn check(&self, job: &mut Job<'_>, shine: Shine, group: usize) {
+    fn check(&self, job: &mut Job<'_>, group: usize) {
         let samples = self.samples();
-        let gradient = self.gradient(&samples, shine);
+        let gradient = self.gradient(&samples);
         let (mut v, mut before) = (self.v.clone(), self.before.clone());
         let told = twin::step(
             &self.twin(),
@@ -172,7 +202,8 @@ impl StepCase {
         let count = self.grid.storage();
         let got = read_vectors(job, "raw", count);
         let e = error(flat(&got), flat(&v));
-        assert!(e < 3e-5, "{shine:?} in groups of {group}: {e}");
+        let (geometry, reflectance) = (self.model.wall.geometry, self.model.reflectance);
+        assert!(e < 3e-5, "{geometry:?} {reflectance:?} in groups of {group}: {e}");
         assert_eq!(read_vectors(job, "before", count), before, "what was, bit by bit");
         let groups = self.active.len().div_ceil(group);
         let sums = |of: &dyn Fn(&Told) -> f64| -> Vec<f64> {
@@ -182,7 +213,8 @@ impl StepCase {
         assert!(error(l1, sums(&|t| t.group)) < 1e-5);
         let against = read_floats(job, "against_partials", groups);
         assert!(error(against, sums(&|t| t.against)) < 3e-5);
-        assert!(told.iter().any(|t| t.against > 0.0) && told.iter().any(|t| t.against < 0.0));
+        let signs = [told.iter().any(|t| t.against > 0.0), told.iter().any(|t| t.against < 0.0)];
+        assert!(told.len() < 300 || signs == [true, true]);
     }
 }
 
@@ -191,36 +223,25 @@ fn step_in_slices_and_groups() {
     let gpu = gpu();
     let case = StepCase::new(scene(5, 64, 9), grid(), 0.35);
     let step = KERNELS.iter().find(|k| k.name == "step").unwrap();
-    for lambertian in [false, true] {
-        let o = VectorOptions { lambertian, ..vector_options(&case.grid) };
-        let shine = if lambertian { Shine::Lambertian } else { Shine::Cosine };
-        let mut job = job(&gpu, &case.model, &case.grid, &o);
+    let mut job = job(&gpu, &case.model, &case.grid, &vector_options(&case.grid));
+    for (voxels, slices) in [(32, 4), (8, 8), (1, 64), (64, 2)] {
+        let constants = [("VOXELS", voxels), ("SLICES", slices), ("SPLIT", 1), ("EXACT", 1)];
+        job.executor.add_kernel("step", step, &constants).unwrap();
         case.write(&mut job);
-        let voxels = job.plan.tuning.voxels as usize;
-        run_iteration(&mut job, 0, &["step"]);
-        case.check(&mut job, shine, voxels);
-        for (voxels, slices) in [(32, 4), (8, 8), (1, 64), (64, 2)] {
-            let constants = [
-                ("VOXELS", voxels),
-                ("SLICES", slices),
-                ("SPLIT", 1),
-                ("EXACT", 1),
-                ("LAMBERTIAN", u32::from(lambertian)),
-            ];
-            job.executor.add_kernel("step", step, &constants).unwrap();
-            case.write(&mut job);
-            let groups = (case.active.len() as u32).div_ceil(voxels);
-            let mut s = Schedule::default();
-            s.dispatch("step", [groups, 1, 1])
-                .bind("scene", job.plan.finest().scene)
-                .with(Push { flags: BACKWARD_FINISH, ..Default::default() });
-            job.executor.run(&s).unwrap();
-            case.check(&mut job, shine, voxels as usize);
-        }
+        let groups = (case.active.len() as u32).div_ceil(voxels);
+        let mut s = Schedule::default();
+        let pairs = case.model.pairs() as u32;
+        s.dispatch("step", [groups, 1, 1]).bind("scene", job.plan.finest().scene).with(Push {
+            last: pairs,
+            flags: BACKWARD_FINISH,
+            ..Default::default()
+        });
+        job.executor.run(&s).unwrap();
+        case.check(&mut job, voxels as usize);
     }
     // The case has what a step can meet.
     let y = case.samples();
-    let g = case.gradient(&y, Shine::Cosine);
+    let g = case.gradient(&y);
     let mut seen = [0; 5];
     for ((s, g), i) in y.iter().zip(&g).zip(&case.active) {
         let [d, lambda] = case.bounds[*i as usize];
@@ -236,34 +257,50 @@ fn step_in_slices_and_groups() {
     assert_valid(&gpu);
 }
 
-/// More pairs than one dispatch may walk: the sums of the first go on in the second.
+#[test]
+fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
+    let gpu = gpu();
+    for (geometry, reflectance, curved) in variants() {
+        let model = variant(&scene(5, 64, 9), geometry, reflectance, curved, 20);
+        check_gathers(&gpu, &StepCase::new(model, grid(), 0.35), 1);
+    }
+    assert_valid(&gpu);
+}
+
+/// More pairs than one dispatch may walk: the sums of the first go on in the next. A product is split between rows of
+/// scanned points, or within one that is too long.
 #[test]
 fn gathers_over_more_pairs_than_a_dispatch_takes() {
     let gpu = gpu();
     let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 0.9) };
     let grid = Grid::new(volume, 4, 0.1).unwrap();
-    let case = StepCase::new(scene(182, 8, 14), grid, 0.4);
-    assert!(case.model.pairs() > PAIR_CHUNK as usize && case.model.pairs() < 2 * PAIR_CHUNK as usize);
-    let twin = case.twin();
-    for lambertian in [false, true] {
-        let o = VectorOptions { lambertian, ..vector_options(&grid) };
-        let mut job = job(&gpu, &case.model, &grid, &o);
-        case.write(&mut job);
-        let voxels = job.plan.tuning.voxels as usize;
-        let s = vector::iteration(&job.plan, job.plan.finest(), 0);
-        assert_eq!(s.commands.iter().filter(|c| c.name() == "step").count(), 2);
-        run(&mut job, s, &["step"]);
-        case.check(&mut job, if lambertian { Shine::Lambertian } else { Shine::Cosine }, voxels);
-        if lambertian {
-            continue;
-        }
-        check_bounds(&mut job, &twin, &case.active, 15);
-        write(&mut job, "residual", &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
-        run_start(&mut job, &["backproject"]);
-        let want = twin::backproject(&twin, &case.residual);
-        assert!(error(read_floats(&mut job, "sample_points", grid.storage()), want) < 3e-5);
+    let confocal = scene(182, 8, 14);
+    let rows = variant(&confocal, Geometry::Product, Reflectance::Cosine, false, 22);
+    let mut long = variant(&scene(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
+    long.wall.others.truncate(2);
+    long.measured.truncate(long.pairs() * long.bins);
+    assert!(long.wall.scanned.len() > PAIR_CHUNK as usize);
+    for (model, dispatches) in [(confocal, 2), (rows, 3), (long, 4)] {
+        check_gathers(&gpu, &StepCase::new(model, grid, 0.4), dispatches);
     }
     assert_valid(&gpu);
+}
+
+/// The kernels that gather over pairs against their twins; each is to run in so many dispatches.
+fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize) {
+    let twin = case.twin();
+    let mut job = job(gpu, &case.model, &case.grid, &vector_options(&case.grid));
+    case.write(&mut job);
+    let voxels = job.plan.tuning.voxels as usize;
+    let s = vector::iteration(&job.plan, job.plan.finest(), 0);
+    assert_eq!(s.commands.iter().filter(|c| c.name() == "step").count(), dispatches);
+    run(&mut job, s, &["step"]);
+    case.check(&mut job, voxels);
+    check_bounds(&mut job, &twin, &case.active, 15);
+    write(&mut job, "residual", &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
+    run_start(&mut job, &["backproject"]);
+    let want = twin::backproject(&twin, &case.residual);
+    assert!(error(read_floats(&mut job, "sample_points", case.grid.storage()), want) < 3e-5);
 }
 
 /// Both bounds of the active voxels from random residuals.

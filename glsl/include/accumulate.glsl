@@ -50,3 +50,18 @@ void accumulate(uint index, float value) {
     if (hi != 0u) atomicAdd(histograms[2u * index + 1u], hi);
 }
 #endif
+
+// Adds a value at a position in bins to histogram `row`: to its bin, or shared by the two around it. Needs SPLIT.
+void accumulate_at(uint row, float position, float value) {
+    if (SPLIT == 0u) {
+        int bin = int(floor(position));
+        if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
+        return;
+    }
+    float centre = position - 0.5;
+    float low = floor(centre);
+    float share = centre - low;
+    int bin = int(low);
+    if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value * (1.0 - share));
+    if (bin >= -1 && bin + 1 < int(scene.bins)) accumulate(row + uint(bin + 1), value * share);
+}

@@ -1,5 +1,11 @@
-// What the backward kernels share: the sum over pairs of the residual at a sample's bins. Needs SPLIT, EXACT,
-// LAMBERTIAN and the buffers wall and residual.
+// What the backward kernels share: a walk over pairs, each with both its arms and the residual that a path at its bin
+// sees. Needs SPLIT, transport.glsl, the buffers wall and residual, and meet(), which takes what is found.
+// In a product, OTHERS other points go at once: the arm to a scanned point is found once for all of them.
+// Pairs are push.first to push.last, `slice` of `slices`; in a product whole rows, or a part of one.
+
+layout(constant_id = 23) const uint OTHERS = 1u;
+
+void meet(Arm a, Arm b, float r);
 
 float residual_at(uint row, int bin) {
     return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
@@ -13,15 +19,29 @@ float residual_around(uint row, float bin) {
     return mix(residual_at(row, int(low)), residual_at(row, int(low) + 1), centre - low);
 }
 
-// (sum r cos, sum r toward) over the pairs that a sample at x with direction n shines on.
-vec4 gather(vec3 x, vec3 n, uint begin, uint end, uint stride) {
-    vec4 sum = vec4(0.0);
-    for (uint pair = begin; pair < end; pair += stride) {
-        Kernel k = confocal_kernel(wall[pair].xyz, x, n);
-        float r = residual_around(pair * scene.bins, k.bin);
-        if (EXACT != 0u) r *= k.falloff;
-        if (LAMBERTIAN != 0u) r *= lambertian_rest(k, n);
-        if (k.cosine > 0.0) sum += r * vec4(k.cosine, k.toward);
+void gather(vec3 x, uint slice, uint slices) {
+    if (GEOMETRY != PRODUCT) {
+        for (uint pair = push.first + slice; pair < push.last; pair += slices) {
+            Arm a = arm_at(pair, x);
+            Arm b = a;
+            if (GEOMETRY == TWO_POINTS) b = arm_at(scene.scanned + pair, x);
+            meet(a, b, residual_around(pair * scene.bins, bin_of(a.distance + b.distance)));
+        }
+        return;
     }
-    return sum;
+    uint first = push.first / scene.scanned;
+    uint rows = (push.last - 1u) / scene.scanned + 1u;
+    uint end = rows - first > 1u ? scene.scanned : push.last - first * scene.scanned;
+    for (uint other = first; other < rows; other += OTHERS) {
+        Arm b[OTHERS];
+        for (uint i = 0u; i < OTHERS; ++i) b[i] = arm_at(scene.scanned + min(other + i, rows - 1u), x);
+        for (uint point = push.first % scene.scanned + slice; point < end; point += slices) {
+            Arm a = arm_at(point, x);
+            for (uint i = 0u; i < OTHERS; ++i) {
+                if (other + i >= rows) break;
+                uint row = ((other + i) * scene.scanned + point) * scene.bins;
+                meet(a, b[i], residual_around(row, bin_of(a.distance + b[i].distance)));
+            }
+        }
+    }
 }

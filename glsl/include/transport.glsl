@@ -1,33 +1,59 @@
-// What a surface element at x with unit normal n gives to a confocal pair at l: the bin position of its
-// path, the falloff and the cosine toward the wall point (METHOD: cosine model).
+// Light between a sample of the hidden surface and a pair of wall points, in two arms:
+//   value = albedo * cosines * falloff_a * falloff_b   at path distance_a + distance_b.
+// The first arm leads to the scanned point, the second to the other one; in a confocal pair they are the same.
+// `wall` holds the scanned points, the other ones (GEOMETRY > CONFOCAL), and where the wall is curved the normals of
+// all of them in the same order.
 
-struct Kernel {
-    vec3 toward;   // unit, sample to wall point
-    float cosine;  // n . toward
-    float falloff; // (reference / r)^4; 0 for a degenerate pair
-    float bin;     // path in bins from the leading edge of bin 0
+#include "reflectance.glsl"
+const uint CONFOCAL = 0u;   // one point, one distance
+const uint TWO_POINTS = 1u; // every pair has two points of its own
+const uint PRODUCT = 2u;    // every scanned point with every other point; pair = other * scanned + point
+layout(constant_id = 20) const uint GEOMETRY = 0u;
+layout(constant_id = 22) const uint CURVED = 0u; // 0: the wall's normal is (0, 0, 1) everywhere
+
+struct Arm {
+    vec3 toward;    // unit, sample to wall point; zero for a degenerate pair
+    float distance; // metres
+    float falloff;  // (reference / distance)^2, or its root for retroreflective surfaces; 0 for a degenerate pair
+    float wall;     // cosine at the wall, for Lambertian surfaces
 };
 
-Kernel confocal_kernel(vec3 wall, vec3 x, vec3 n) {
-    Kernel k;
-    vec3 d = wall - x;
+Arm arm_to(vec3 point, vec3 normal, vec3 x) {
+    Arm arm;
+    vec3 d = point - x;
     float d2 = dot(d, d);
     // A sample on a wall point has no direction; its kernel is defined as nothing.
     bool degenerate = d2 < scene.nearest * scene.nearest || d2 == 0.0;
     float inverse = degenerate ? 0.0 : inversesqrt(d2);
-    k.toward = d * inverse;
-    k.cosine = dot(n, k.toward);
+    arm.toward = d * inverse;
+    arm.distance = d2 * inverse;
     float scaled = scene.reference * inverse;
-    scaled *= scaled;
-    k.falloff = scaled * scaled;
-    k.bin = (2.0 * d2 * inverse - scene.t_start) * scene.bins_per_metre;
-    return k;
+    arm.falloff = REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
+    arm.wall = max(CURVED != 0u ? -dot(normal, arm.toward) : -arm.toward.z, 0.0);
+    return arm;
 }
 
-// The rest of the Lambertian model beside n . toward, for a direction n of any length: the second cosine of the
-// surface, taken from n itself, and both of the wall's, whose normal is (0, 0, 1). The vector solver holds it
-// constant in its gradient (lagged), so that the model stays linear in n.
-float lambertian_rest(Kernel k, vec3 n) {
-    float across_wall = max(-k.toward.z, 0.0);
-    return max(k.cosine, 0.0) / max(length(n), 1e-30) * across_wall * across_wall;
+// Position of a path in bins from the leading edge of bin 0.
+float bin_of(float path) { return (path - scene.t_start) * scene.bins_per_metre; }
+
+// What a surface vector v (unit, or albedo * normal) shows to a pair, without the falloff, and its slope there.
+// Both models are homogeneous in |v|, so one slope serves unit normals and vectors. A surface that faces away from
+// one of the points shows nothing.
+struct Shine {
+    float value;
+    vec3 slope;
+};
+
+Shine shine(Arm a, Arm b, vec3 v) {
+    if (!NORMALS) return Shine(1.0, vec3(0.0));
+    if (REFLECTANCE == COSINE) {
+        float value = dot(v, a.toward);
+        return value > 0.0 ? Shine(value, a.toward) : Shine(0.0, vec3(0.0));
+    }
+    float size = max(length(v), 1e-30);
+    vec3 n = v / size;
+    float cos_a = dot(n, a.toward);
+    float cos_b = dot(n, b.toward);
+    float walls = cos_a > 0.0 && cos_b > 0.0 ? a.wall * b.wall : 0.0;
+    return Shine(walls * size * cos_a * cos_b, walls * (cos_b * a.toward + cos_a * b.toward - cos_a * cos_b * n));
 }

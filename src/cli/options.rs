@@ -160,6 +160,8 @@ impl PaperArgs {
             sampling: self.sampling.unwrap_or(base.sampling),
             binning: self.binning.unwrap_or(base.binning),
             gradient: self.gradient.unwrap_or(base.gradient),
+            reflectance: base.reflectance,
+            general: base.general,
             accumulation: match self.accumulation {
                 _ if self.deterministic => Accumulation::Fixed,
                 Some(given) => given,
@@ -236,7 +238,8 @@ impl VectorArgs {
             step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),
             background: base.background && !self.no_background,
-            lambertian: base.lambertian,
+            reflectance: base.reflectance,
+            general: base.general,
             stop: self.stop.as_deref().map_or(base.stop, |s| s == "auto"),
         }
     }

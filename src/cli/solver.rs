@@ -4,6 +4,7 @@ use clap::Args;
 use thirdbounce::capture::Capture;
 use thirdbounce::job::{self, SolverOptions};
 use thirdbounce::solve::{PaperOptions, Preset, VectorOptions};
+use thirdbounce::transport::Reflectance;
 use thirdbounce::{Error, Result};
 
 use super::options::{PaperArgs, VectorArgs, word};
@@ -13,9 +14,12 @@ pub struct SolverArgs {
     /// How to solve: vector, paper [default: vector]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     pub solver: Option<String>,
-    /// How surfaces reflect: cosine, or lambertian (vector solver) [default: cosine]
+    /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic [default: cosine]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     model: Option<String>,
+    /// Leave nothing out that this scene does not need: the most general kernels, to compare with
+    #[arg(long, help_heading = "Solver")]
+    general: bool,
     /// The published parameters to start from [default: captured if all counts are whole, else synthetic]
     #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
     pub preset: Option<Preset>,
@@ -31,7 +35,7 @@ impl SolverArgs {
     pub fn check(&self, base: Option<&SolverArgs>) -> Result<()> {
         for args in [Some(self), base].into_iter().flatten() {
             args.solver.as_deref().map_or(Ok(()), job::check_solver)?;
-            args.model.as_deref().map_or(Ok(()), job::check_model)?;
+            args.model.as_deref().map_or(Ok(()), |m| job::reflectance(m).map(drop))?;
         }
         // The rest does not depend on the preset in what is allowed.
         self.options(base, Preset::Synthetic).check()
@@ -40,12 +44,6 @@ impl SolverArgs {
     /// Refuses options that only another solver has: to ignore them would mislead.
     pub fn check_fit(&self) -> Result<()> {
         let name = self.solver.as_deref().unwrap_or(SolverOptions::DEFAULT);
-        if name == "paper" && self.model.as_deref() == Some("lambertian") {
-            return Err(Error::options(
-                "--model lambertian is no option of the paper solver",
-                "leave it out, or use --solver vector",
-            ));
-        }
         let other = if name == "vector" { self.paper.own() } else { self.vector.own() };
         other.map_or(Ok(()), |option| {
             Err(Error::options(
@@ -77,16 +75,18 @@ impl SolverArgs {
             .as_deref()
             .or(base.and_then(|b| b.solver.as_deref()))
             .unwrap_or(SolverOptions::DEFAULT);
-        // `check` has let through these two only.
+        let model = self.model.as_deref().or(base.and_then(|b| b.model.as_deref()));
+        let general = self.general || base.is_some_and(|b| b.general);
+        // `check` has let through known names only.
+        let reflectance =
+            model.map_or(Reflectance::Cosine, |m| job::reflectance(m).unwrap_or(Reflectance::Cosine));
         if name == "vector" {
             let start = VectorOptions::default();
             let start = base.map_or(start.clone(), |b| b.vector.over(&b.paper, start));
-            let model = self.model.as_deref().or(base.and_then(|b| b.model.as_deref()));
-            let lambertian = model == Some("lambertian");
-            return VectorOptions { lambertian, ..self.vector.over(&self.paper, start) }.into();
+            return VectorOptions { reflectance, general, ..self.vector.over(&self.paper, start) }.into();
         }
         let start = PaperOptions::preset(preset);
         let start = base.map_or(start.clone(), |b| b.paper.over(start));
-        self.paper.over(start).into()
+        PaperOptions { reflectance, general, ..self.paper.over(start) }.into()
     }
 }

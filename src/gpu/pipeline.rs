@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use ash::vk;
 
+use super::schedule::PUSH_WORDS;
 use super::{Arena, Binding, Gpu, KernelCode};
 use crate::{Error, Result};
 
@@ -15,8 +16,8 @@ pub(super) struct Pipeline {
     pub bindings: &'static [Binding],
 }
 
-/// Push constants are four words for every kernel.
-pub(super) const PUSH_BYTES: u32 = 16;
+/// Push constants are as large for every kernel.
+pub(super) const PUSH_BYTES: u32 = 4 * PUSH_WORDS as u32;
 
 impl Pipeline {
     pub fn new(gpu: &Gpu, name: &str, code: &KernelCode, constants: &[(&str, u32)]) -> Result<Pipeline> {

@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+/// Words of push constants, the same for every kernel.
+pub(super) const PUSH_WORDS: usize = 5;
+
 /// How many workgroups.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Size {
@@ -19,7 +22,7 @@ pub enum Command {
         size: Size,
         /// Blocks that do not bind the buffer of their own name: (block, buffer).
         bind: Vec<(&'static str, &'static str)>,
-        push: [u32; 4],
+        push: [u32; PUSH_WORDS],
     },
     Copy {
         from: &'static str,
@@ -45,7 +48,12 @@ pub struct Schedule {
 
 impl Schedule {
     pub fn dispatch(&mut self, kernel: &'static str, groups: [u32; 3]) -> &mut Command {
-        self.push(Command::Dispatch { kernel, size: Size::Groups(groups), bind: vec![], push: [0; 4] })
+        self.push(Command::Dispatch {
+            kernel,
+            size: Size::Groups(groups),
+            bind: vec![],
+            push: [0; PUSH_WORDS],
+        })
     }
 
     pub fn indirect(&mut self, kernel: &'static str, buffer: &'static str, offset: u64) -> &mut Command {
@@ -53,7 +61,7 @@ impl Schedule {
             kernel,
             size: Size::Indirect(buffer, offset),
             bind: vec![],
-            push: [0; 4],
+            push: [0; PUSH_WORDS],
         })
     }
 

@@ -2,10 +2,11 @@
 
 use serde::Serialize;
 
+use super::plain;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
 use crate::solve::{PaperOptions, Plan, Reconstruction, VectorOptions, Watch, paper, vector};
-use crate::transport::Grid;
+use crate::transport::{Grid, Reflectance};
 use crate::{Error, Result};
 
 /// A solver's options. A new solver is one more variant, and one more arm in each function below.
@@ -88,11 +89,11 @@ impl SolverOptions {
     ) -> Result<Plan> {
         match self {
             SolverOptions::Paper(o) => {
-                let model = paper::model(capture, o)?;
+                let model = paper::model(capture, o);
                 Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
             }
             SolverOptions::Vector(o) => {
-                let model = vector::model(capture, o)?;
+                let model = vector::model(capture, o);
                 Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
             }
         }
@@ -128,12 +129,16 @@ pub fn check_solver(name: &str) -> Result<()> {
     choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
 }
 
-/// Whether a light-transport model can be had.
+/// The light-transport model of that name.
 ///
 /// # Errors
-/// One that is not in this version, or not known at all.
-pub fn check_model(name: &str) -> Result<()> {
-    choice("model", name, &["cosine", "lambertian"], &["retroreflective", "isotropic", "auto"])
+/// One that is not known.
+pub fn reflectance(name: &str) -> Result<Reflectance> {
+    const ALL: [Reflectance; 4] =
+        [Reflectance::Cosine, Reflectance::Lambertian, Reflectance::Retroreflective, Reflectance::Isotropic];
+    let names = ALL.map(|r| plain(&r));
+    choice("model", name, &names.each_ref().map(String::as_str), &[])?;
+    Ok(ALL[names.iter().position(|n| n == name).expect("choice knows it")])
 }
 
 fn choice(option: &str, name: &str, here: &[&str], later: &[&str]) -> Result<()> {

@@ -89,6 +89,7 @@ pub(super) fn drive(
     watch: &mut Watch<'_>,
 ) -> Result<Driven> {
     let gpu_before = job.executor.gpu_seconds();
+    let has_normals = job.plan.reflectance.has_normals();
     let mut clock = Clock { start: Instant::now(), paused: Duration::ZERO };
     let mut reader = Reader { gpu_before, trace: vec![], pairs: 0 };
     let mut flights: VecDeque<(Ticket, std::ops::Range<usize>, Level)> = VecDeque::new();
@@ -133,7 +134,9 @@ pub(super) fn drive(
             active = point.active;
             fitted |= at == *job.plan.finest() && steps.stop_below.is_some_and(|s| objective <= s);
             let maps = (measured && point.iteration == done).then(|| {
-                job.executor.run(&(steps.extract)(&at)).map(|()| read_maps(&job.executor.arena, &at.grid))
+                job.executor
+                    .run(&(steps.extract)(&at))
+                    .map(|()| read_maps(&job.executor.arena, &at.grid, has_normals))
             });
             let progress = Progress { point, iterations, maps: maps.transpose()? };
             if (watch.hear)(&progress).is_break() {
@@ -157,7 +160,7 @@ pub(super) fn drive(
     }
     job.executor.run(&(steps.extract)(&reached))?;
     let seconds = clock.seconds();
-    let maps = read_maps(&job.executor.arena, &reached.grid);
+    let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
     Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds })
 }
 

@@ -29,9 +29,7 @@ impl<'g> Job<'g> {
     /// Fills the buffers that hold the capture and the constants.
     pub fn upload(&mut self) -> Result<()> {
         let Job { plan, model, executor } = self;
-        let wall: Vec<f32> =
-            model.wall.iter().flat_map(|w| [w.x as f32, w.y as f32, w.z as f32, 0.0]).collect();
-        upload(executor, "wall", bytemuck::cast_slice(&wall))?;
+        upload(executor, "wall", bytemuck::cast_slice(&model.wall.words()))?;
         upload(executor, "measured", bytemuck::cast_slice(&model.measured))?;
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
@@ -61,8 +59,8 @@ pub fn upload(executor: &mut Executor<'_>, buffer: &'static str, bytes: &[u8]) -
     Ok(())
 }
 
-/// The maps that [`super::extract`] left in `columns_host`.
-pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid) -> Maps {
+/// The maps that [`super::extract`] left in `columns_host`; without normals where surfaces have no direction.
+pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Maps {
     let columns: &[[f32; 8]] = bytemuck::cast_slice(arena.mapped("columns_host"));
     let columns = &columns[..grid.n[0] * grid.n[1]];
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
@@ -72,7 +70,10 @@ pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid) -> Maps {
         ny: grid.n[1],
         extent: grid.extent(),
         depth: columns.iter().map(|c| pick(c[3] > 0.0, c[1])).collect(),
-        normal: columns.iter().map(|c| [c[4], c[5], c[6]].map(|v| pick(c[3] > 0.0, v))).collect(),
+        normal: columns
+            .iter()
+            .map(|c| [c[4], c[5], c[6]].map(|v| pick(c[3] > 0.0 && has_normals, v)))
+            .collect(),
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
         mask_fraction: Maps::MASK_FRACTION,
         albedo,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::transport::{Binning, Gradient, Sampling};
+use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 use crate::{Error, Result};
 
 /// A published set of parameters.
@@ -84,6 +84,9 @@ pub struct PaperOptions {
     pub sampling: Sampling,
     pub binning: Binning,
     pub gradient: Gradient,
+    pub reflectance: Reflectance,
+    /// Leave nothing out: every pair with two points, normals of every wall.
+    pub general: bool,
     pub accumulation: Accumulation,
     pub seed: u32,
 }
@@ -117,6 +120,8 @@ impl PaperOptions {
             sampling: Sampling::Continuous,
             binning: Binning::Nearest,
             gradient: Gradient::Published,
+            reflectance: Reflectance::Cosine,
+            general: false,
             accumulation: Accumulation::Auto,
             seed: 0,
         }

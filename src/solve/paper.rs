@@ -3,11 +3,11 @@
 use super::drive::{Driven, Steps, TracePoint, Watch, drive};
 use super::job::{Job, read_volume};
 use super::{NoiseTerm, PaperOptions, Plan, domain, iteration};
+use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Gpu, KernelTime, Schedule};
 use crate::maps::Maps;
 use crate::transport::{Grid, Model};
-use crate::{Error, Result};
 
 /// Volume of a finished solve.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,25 +34,11 @@ pub struct Reconstruction {
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 
-/// Errors: laser and sensor points differ.
-pub(super) fn require_confocal(capture: &Capture, solver: &str) -> Result<()> {
-    if capture.is_confocal() {
-        return Ok(());
-    }
-    Err(Error::input(
-        format!("{solver} is for confocal captures, and here laser and sensor points differ"),
-        "give a confocal capture",
-    ))
-}
-
-/// The model that `options` make of a confocal capture.
-///
-/// Errors: a capture that is not confocal.
-pub fn model(capture: &Capture, options: &PaperOptions) -> Result<Model> {
-    require_confocal(capture, "the paper's solver")?;
+/// The model that `options` make of a capture.
+pub fn model(capture: &Capture, options: &PaperOptions) -> Model {
     let noise =
         if options.noise == NoiseTerm::Off { [0.0; 2] } else { [options.noise_base, options.noise_span] };
-    Ok(Model {
+    Model {
         min_depth: options.min_depth,
         sampling: options.sampling,
         binning: options.binning,
@@ -64,8 +50,8 @@ pub fn model(capture: &Capture, options: &PaperOptions) -> Result<Model> {
         epsilon: options.epsilon,
         keep_above: options.keep_above,
         seed: options.seed,
-        ..Model::new(capture, options.peak)
-    })
+        ..Model::new(capture, options.reflectance, options.peak, options.general)
+    }
 }
 
 /// Runs the solver.
@@ -82,7 +68,7 @@ pub fn reconstruct(
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    let model = model(capture, options)?;
+    let model = model(capture, options);
     let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;
     let steps = Steps {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{Accumulation, NoiseTerm, PaperOptions};
 use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
 use crate::transport::kernels::*;
-use crate::transport::{Binning, Gradient, Grid, Model, Sampling};
+use crate::transport::{Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling};
 use crate::{Error, Result};
 
 mod buffers;
@@ -33,6 +33,9 @@ pub struct Tuning {
     pub voxels: u32,
     /// Backward: lanes that share a voxel.
     pub slices: u32,
+    /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
+    pub others_forward: u32,
+    pub others_backward: u32,
 }
 
 /// Variants, sizes and buffers of one job.
@@ -50,8 +53,13 @@ pub struct Plan {
     pub initial_albedo: f32,
     /// The vector solver's kernels and buffers, not the paper's.
     pub vectors: bool,
-    /// The vector solver's surfaces shine with both cosines and the wall's.
-    pub lambertian: bool,
+    pub geometry: Geometry,
+    pub reflectance: Reflectance,
+    /// Normals of the wall are used.
+    pub curved: bool,
+    /// Wall points of the scanned side, and of the other.
+    pub scanned: usize,
+    pub others: usize,
     pub tuning: Tuning,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
@@ -74,7 +82,6 @@ pub struct Wanted {
     pub smooth_sigma: f64,
     pub smooth_truncate: f64,
     pub vectors: bool,
-    pub lambertian: bool,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -91,7 +98,6 @@ impl From<&PaperOptions> for Wanted {
             smooth_sigma: o.smooth_sigma,
             smooth_truncate: o.smooth_truncate,
             vectors: false,
-            lambertian: false,
         }
     }
 }
@@ -139,18 +145,33 @@ impl Plan {
         let owned = accumulation == Accumulation::Owned;
         let cpu = device.kind == DeviceKind::Cpu;
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
-        let mut tuning = if cpu {
-            Tuning { lanes: 8, chunk: if owned { OWNED_CHUNK } else { 4096 }, voxels: 64, slices: 1 }
-        } else {
-            Tuning { lanes: 64, chunk: if owned { OWNED_CHUNK } else { 256 }, voxels: 32, slices: 4 }
-        };
+        let others = model.wall.others.len() as u32;
+        let product = model.wall.geometry == Geometry::Product;
+        let at_once = |most: u32| if product { others.min(most) } else { 1 };
+        let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
+        let (lanes, chunk, voxels, slices) = if cpu { (8, 4096, 64, 1) } else { (64, 256, 32, 4) };
+        // A product's lane turns once for every other point too, and fills shared memory.
+        let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
+        let chunk = if owned { owned_chunk } else { chunk };
+        let mut tuning = Tuning { lanes, chunk, voxels, slices, others_forward, others_backward };
         if !owned {
             // So many chunks that one dispatch holds them all, even if every voxel is active.
             tuning.chunk = tuning.chunk.max(grid.storage().div_ceil(device.limits.groups[1] as usize) as u32);
         }
-        let turns = [tuning.chunk, OWNED_CHUNK, PAIR_CHUNK / tuning.slices, 2 * LONGEST_LOOP as u32];
+        let turns = [
+            if product { tuning.chunk / 4 * (5 * others_forward + 5) } else { tuning.chunk },
+            PAIR_CHUNK / tuning.slices * 2,
+            2 * LONGEST_LOOP as u32,
+        ];
         assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
-        if model.pairs().div_ceil(tuning.lanes as usize) > device.limits.groups[0] as usize {
+        let tiles = match model.wall.geometry {
+            Geometry::Product => {
+                model.wall.scanned.len().div_ceil(tuning.lanes as usize)
+                    * model.wall.others.len().div_ceil(others_forward as usize)
+            }
+            _ => model.pairs().div_ceil(tuning.lanes as usize),
+        };
+        if tiles > device.limits.groups[0] as usize {
             return Err(Error::memory(
                 format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
                 "use a larger --stride",
@@ -168,7 +189,11 @@ impl Plan {
             noise: options.noise,
             initial_albedo: options.initial_albedo as f32,
             vectors: options.vectors,
-            lambertian: options.lambertian,
+            geometry: model.wall.geometry,
+            reflectance: model.reflectance,
+            curved: model.wall.normals.is_some(),
+            scanned: model.wall.scanned.len(),
+            others: model.wall.others.len(),
             tuning,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],

@@ -2,13 +2,14 @@
 
 use super::{Level, NoiseTerm, Plan};
 use crate::gpu::Schedule;
+use crate::transport::Geometry;
 use crate::transport::kernels::*;
 
 /// Sample, forward, residual, (noise,) backward, update, finish: iteration `iteration` of the solve (from 0),
 /// `step` of the optimiser since its restart (from 1).
 pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Schedule {
     let mut s = Schedule::default();
-    let push = Push { iteration, step, first: 0, flags: 0 };
+    let push = Push { iteration, step, ..Default::default() };
     let arguments = |triple: u32| 12 * u64::from(triple);
     s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
     s.extend(forward(plan, level, "forward"));
@@ -41,15 +42,25 @@ pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Sched
     s
 }
 
-/// Push constants of a gather over all pairs, in as many dispatches as the loop limit asks for.
+/// Push constants of a gather over all pairs, in as many dispatches as the loop limit asks for: of a product, whole
+/// rows of scanned points where they fit, or parts of one row.
 pub(super) fn pair_chunks(plan: &Plan) -> Vec<Push> {
-    let pairs = plan.pairs as u32;
-    let chunk = |first: u32| {
+    let (pairs, most) = (plan.pairs as u32, PAIR_CHUNK);
+    let row = if plan.geometry == Geometry::Product { plan.scanned as u32 } else { pairs };
+    let whole = row * (most / row).max(1);
+    let mut chunks: Vec<Push> = vec![];
+    let mut first = 0;
+    while first < pairs {
+        let last = match row <= most {
+            true => (first + whole).min(pairs),
+            false => (first + most).min((first / row + 1) * row),
+        };
         let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
-        let end = if pairs - first <= PAIR_CHUNK { BACKWARD_FINISH } else { 0 };
-        Push { first, flags: more | end, ..Default::default() }
-    };
-    (0..pairs).step_by(PAIR_CHUNK as usize).map(chunk).collect()
+        let end = if last == pairs { BACKWARD_FINISH } else { 0 };
+        chunks.push(Push { first, last, flags: more | end, ..Default::default() });
+        first = last;
+    }
+    chunks
 }
 
 /// Workgroups for `n` invocations in groups of `size`, going on along y after [`GROUPS_X`].

@@ -12,12 +12,12 @@ use serde::{Deserialize, Serialize};
 
 use super::drive::{Steps, Watch, drive};
 use super::job::{Job, upload};
-use super::paper::{finish, require_confocal};
+use super::paper::finish;
 use super::plan::Wanted;
 use super::{Accumulation, NoiseTerm, Plan, Reconstruction, domain};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::transport::{Binning, Gradient, Grid, Model, Sampling};
+use crate::transport::{Binning, Gradient, Grid, Model, Reflectance, Sampling};
 use crate::{Error, Result};
 
 mod estimate;
@@ -50,8 +50,9 @@ pub struct VectorOptions {
     pub noise_factor: f64,
     /// Largest |v_xy| / |v_z| of a surface.
     pub cone: f64,
-    /// Surfaces shine with both cosines and the wall's, not with one.
-    pub lambertian: bool,
+    pub reflectance: Reflectance,
+    /// Leave nothing out: every pair with two points, normals of every wall.
+    pub general: bool,
     /// Subtract the background estimated behind the signal.
     pub background: bool,
     /// Stop once what is left of the data is no more than its noise.
@@ -77,7 +78,8 @@ impl Default for VectorOptions {
             start_above: 0.02,
             noise_factor: 3.0,
             cone: 2.0,
-            lambertian: false,
+            reflectance: Reflectance::Cosine,
+            general: false,
             background: true,
             stop: true,
             min_depth: 0.2,
@@ -101,7 +103,6 @@ impl From<&VectorOptions> for Wanted {
             smooth_sigma: SMOOTH_SIGMA,
             smooth_truncate: 4.0,
             vectors: true,
-            lambertian: o.lambertian,
         }
     }
 }
@@ -164,7 +165,7 @@ pub fn reconstruct(
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    let model = model(capture, options)?;
+    let model = model(capture, options);
     let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;
     let lateral = job.plan.levels[0].grid.pitch.x;
@@ -182,15 +183,8 @@ pub fn reconstruct(
     finish(job, driven, with_volume)
 }
 
-/// The model that `options` make of a confocal capture: scaled, the background taken off, its noise estimated.
-pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
-    require_confocal(capture, "the vector solver")?;
-    if options.lambertian && !capture.is_planar() {
-        return Err(Error::input(
-            "--model lambertian is for a flat relay wall, and this one is not flat",
-            "use --model cosine",
-        ));
-    }
+/// The model that `options` make of a capture: scaled, the background taken off, its noise estimated.
+pub fn model(capture: &Capture, options: &VectorOptions) -> Model {
     let mut model = Model {
         min_depth: options.min_depth,
         sampling: Sampling::Fixed,
@@ -198,7 +192,7 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
         gradient: Gradient::Exact,
         cone: options.cone,
         noise_factor: options.noise_factor,
-        ..Model::new(capture, options.peak)
+        ..Model::new(capture, options.reflectance, options.peak, options.general)
     };
     let level = if options.background { background(capture) } else { 0.0 };
     let per_count = variance_per_count(capture);
@@ -207,5 +201,5 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Result<Model> {
         *m -= (level * scale) as f32;
     }
     model.variance = [per_count * scale, per_count * level * scale * scale];
-    Ok(model)
+    model
 }

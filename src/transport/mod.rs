@@ -5,6 +5,8 @@ mod grid;
 pub mod kernels;
 mod model;
 pub mod twin;
+mod wall;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
-pub use model::{Binning, Gradient, Model, Sampling};
+pub use model::{Binning, Gradient, Model, Reflectance, Sampling};
+pub use wall::{Geometry, Wall};

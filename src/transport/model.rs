@@ -1,10 +1,9 @@
 //! The numbers of a scene that kernels and their twins need.
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::Grid;
 use super::kernels::SceneData;
+use super::{Grid, Wall};
 use crate::capture::Capture;
 
 /// Where the sample of a voxel lies.
@@ -37,11 +36,37 @@ pub enum Gradient {
     Exact,
 }
 
+/// How hidden surfaces send light back: what stands beside albedo and falloff (METHOD, light transport).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reflectance {
+    /// One cosine, toward the scanned point (the paper).
+    Cosine,
+    /// Both cosines of the surface and both of the wall: matt surfaces.
+    Lambertian,
+    /// No cosine, and the root of the falloff: what sends light back to where it came from.
+    Retroreflective,
+    /// No cosine: albedo only.
+    Isotropic,
+}
+
+impl Reflectance {
+    /// Whether a surface's direction matters.
+    pub fn has_normals(self) -> bool {
+        matches!(self, Reflectance::Cosine | Reflectance::Lambertian)
+    }
+
+    /// As kernels count them (`glsl/include/reflectance.glsl`).
+    pub fn number(self) -> u32 {
+        self as u32
+    }
+}
+
 /// Everything that does not depend on the lateral resolution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// Wall points of confocal pairs in metres.
-    pub wall: Vec<DVec3>,
+    pub wall: Wall,
+    pub reflectance: Reflectance,
     pub bins: usize,
     pub bin_width: f64,
     pub t_start: f64,
@@ -78,16 +103,19 @@ pub struct Model {
 const RENDER_FACTOR: f64 = 2.0;
 
 impl Model {
-    /// Scales a confocal capture to the given peak and takes the paper's defaults for the rest.
-    pub fn new(capture: &Capture, peak: f64) -> Model {
+    /// Scales a capture to the given peak and takes the paper's defaults for the rest. `general`: see [`Wall::of`].
+    pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
+        let (wall, pair_of) = Wall::of(capture, reflectance, general);
+        let histogram = |pair: &usize| &capture.histograms[pair * capture.bins..(pair + 1) * capture.bins];
         let largest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
         let scale = peak / f64::from(largest);
         Model {
-            wall: capture.sensor.clone(),
+            wall,
+            reflectance,
             bins: capture.bins,
             bin_width: capture.bin_width,
             t_start: capture.t_start,
-            measured: capture.histograms.iter().map(|h| (f64::from(*h) * scale) as f32).collect(),
+            measured: pair_of.iter().flat_map(histogram).map(|h| (f64::from(*h) * scale) as f32).collect(),
             peak,
             counts_per_unit: 1.0 / scale,
             reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),
@@ -109,7 +137,12 @@ impl Model {
     }
 
     pub fn pairs(&self) -> usize {
-        self.wall.len()
+        self.wall.pairs()
+    }
+
+    /// What power of the distance a confocal value falls off with.
+    pub fn falloff_power(&self) -> i32 {
+        if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
     }
 
     /// First z index of `grid` that may be active.
@@ -127,7 +160,7 @@ impl Model {
         let bricks = grid.bricks();
         // A sample strays half a voxel from its centre; what is nearer than `nearest` is dropped.
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
-        let far_wall = self.wall.iter().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
+        let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
         let elements = (self.pairs() * self.bins) as f64;
         SceneData {
@@ -139,6 +172,8 @@ impl Model {
             bricks_z: bricks[2] as u32,
             near_z: self.near_z(grid) as u32,
             pairs: self.pairs() as u32,
+            scanned: self.wall.scanned.len() as u32,
+            others: self.wall.others.len() as u32,
             bins: self.bins as u32,
             seed: self.seed,
             origin_x: grid.origin.x as f32,
@@ -165,7 +200,7 @@ impl Model {
             variance_floor: self.variance[1] as f32,
             noise_factor: self.noise_factor as f32,
             // A little above, against rounding in the kernel.
-            kernel_bound: (1.001 * (self.reference / closest).powi(4)) as f32,
+            kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
         }
     }
 }

@@ -10,7 +10,7 @@ use thirdbounce::gpu::{BufferPlan, Command, Gpu, GpuOptions, Place, Schedule};
 use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Progress, Wanted, Watch};
 use thirdbounce::solve::{Job, upload};
 use thirdbounce::transport::twin::{Raw, Sample, Twin};
-use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume};
+use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, Volume, Wall};
 
 /// A device with validation where the layer is installed (it is after `make setup`).
 pub fn gpu() -> Gpu {
@@ -48,11 +48,12 @@ impl Random {
 pub fn model(n: usize, bins: usize, seed: u64) -> Model {
     let mut random = Random::new(seed);
     let at = |i: usize| (i as f64 + 0.5) / n as f64 - 0.5;
-    let wall: Vec<DVec3> = (0..n * n).map(|i| dvec3(at(i / n), at(i % n), 0.0)).collect();
+    let points: Vec<DVec3> = (0..n * n).map(|i| dvec3(at(i / n), at(i % n), 0.0)).collect();
     let measured: Vec<f32> = (0..n * n * bins).map(|_| random.uniform(0.0, 10.0) as f32).collect();
     let bin_width = 2.4 / bins as f64;
     Model {
-        wall,
+        wall: Wall::confocal(points),
+        reflectance: Reflectance::Cosine,
         bins,
         bin_width,
         t_start: 0.3,
@@ -75,6 +76,48 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         variance: [0.1, 0.02],
         noise_factor: 2.0,
     }
+}
+
+/// The same model for other pairs, another reflectance and maybe a curved wall: 3 x `n` random points for a product
+/// of three others, `n` x `n` random pairs for two points.
+pub fn variant(base: &Model, geometry: Geometry, reflectance: Reflectance, curved: bool, seed: u64) -> Model {
+    let mut random = Random::new(seed);
+    let mut point = || {
+        let z = if curved { random.uniform(-0.05, 0.05) } else { 0.0 };
+        dvec3(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), z)
+    };
+    let pairs = base.pairs();
+    let (scanned, others) = match geometry {
+        Geometry::Confocal => (pairs, 0),
+        Geometry::TwoPoints => (pairs, pairs),
+        // Not a multiple of what a kernel takes at once.
+        Geometry::Product => (pairs / 3, 6),
+    };
+    let scanned: Vec<DVec3> = (0..scanned).map(|_| point()).collect();
+    let others: Vec<DVec3> = (0..others).map(|_| point()).collect();
+    let count = scanned.len() + others.len();
+    let mut normal = || dvec3(random.uniform(-0.4, 0.4), random.uniform(-0.4, 0.4), 1.0).normalize();
+    let normals = curved.then(|| (0..count).map(|_| normal()).collect());
+    let wall = Wall { geometry, scanned, others, normals };
+    let elements = wall.pairs() * base.bins;
+    let measured = (0..elements).map(|i| base.measured[i % base.measured.len()]).collect();
+    Model { wall, reflectance, measured, ..base.clone() }
+}
+
+/// Every way that pairs, walls and surfaces can be.
+pub fn variants() -> Vec<(Geometry, Reflectance, bool)> {
+    let mut all = vec![];
+    for geometry in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product] {
+        for reflectance in [
+            Reflectance::Cosine,
+            Reflectance::Lambertian,
+            Reflectance::Retroreflective,
+            Reflectance::Isotropic,
+        ] {
+            all.extend([false, true].map(|curved| (geometry, reflectance, curved)));
+        }
+    }
+    all
 }
 
 /// A grid whose last bricks overhang on every axis.
@@ -195,7 +238,10 @@ pub fn write_samples(job: &mut Job<'_>, samples: &[Sample]) {
     let normals: Vec<[f32; 4]> =
         samples.iter().map(|s| [f(s.normal.x), f(s.normal.y), f(s.normal.z), f(s.length)]).collect();
     write(job, "sample_points", &points);
-    write(job, "sample_normals", &normals);
+    // Left out where surfaces have no direction.
+    if job.plan.reflectance.has_normals() {
+        write(job, "sample_normals", &normals);
+    }
 }
 
 pub fn read_samples(job: &mut Job<'_>, count: usize) -> Vec<Sample> {
@@ -228,8 +274,8 @@ pub fn rounded(samples: &[Sample]) -> Vec<Sample> {
 pub fn away_from_edges(twin: &Twin, samples: &[Sample]) -> Vec<Sample> {
     let m = twin.model;
     let clear = |s: &&Sample| {
-        m.wall.iter().all(|w| {
-            let position = (2.0 * (*w - s.point).length() - m.t_start) / m.bin_width;
+        (0..m.pairs()).all(|pair| {
+            let position = (m.wall.path(pair, s.point) - m.t_start) / m.bin_width;
             (position - position.round()).abs() > 1e-4
         })
     };

@@ -4,7 +4,7 @@ use super::Plan;
 use crate::gpu::{BufferPlan, Place};
 use crate::solve::NoiseTerm;
 use crate::transport::kernels::*;
-use crate::transport::{BRICK_VOXELS, Gradient};
+use crate::transport::{BRICK_VOXELS, Geometry, Gradient, Reflectance};
 
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
@@ -14,7 +14,7 @@ impl Plan {
         let elements = (self.pairs * self.bins) as u64;
         let sets = self.forward_sets(self.finest());
         let device = [
-            ("wall", self.pairs as u64 * 16),
+            ("wall", (self.scanned + self.others) as u64 * if self.curved { 32 } else { 16 }),
             ("measured", elements * 4),
             ("histograms", elements * if self.fixed_point() { 8 } else { 4 }),
             ("residual", elements * 4),
@@ -36,7 +36,7 @@ impl Plan {
             ("touched_voxels", if self.continuous { voxels * 4 } else { 0 }),
             ("slot_of", voxels * 4),
             ("sample_points", voxels * 16),
-            ("sample_normals", voxels * 16),
+            ("sample_normals", if self.reflectance.has_normals() { voxels * 16 } else { 0 }),
             ("gradient", voxels * 16),
             ("taps", (self.taps.len() + 1) as u64 * 4),
             ("counts", u64::from(COUNTS) * 4),
@@ -64,10 +64,27 @@ impl Plan {
     }
 
     pub(super) fn list_left_out(&self) -> Vec<String> {
-        let mut out = vec![
-            "the second distance of a pair: laser and sensor point are one".to_string(),
-            "the wall's normals: the cosine model does not ask for them".to_string(),
-        ];
+        let mut out = vec![];
+        match self.geometry {
+            Geometry::Confocal => {
+                out.push("the second distance of a pair: laser and sensor point are one".to_string());
+            }
+            Geometry::Product => out.push(format!(
+                "distances per pair: {} + {} points instead of 2 x {} ",
+                self.scanned, self.others, self.pairs
+            )),
+            Geometry::TwoPoints => {}
+        }
+        if !self.curved {
+            let why = match self.reflectance {
+                Reflectance::Lambertian => "it is flat".to_string(),
+                other => format!("the {} model does not ask for them", crate::job::plain(&other)),
+            };
+            out.push(format!("the wall's normals: {why}"));
+        }
+        if !self.reflectance.has_normals() {
+            out.push("the surfaces' normals: the model has no cosine".into());
+        }
         if self.noise == NoiseTerm::Off {
             out.push("the noise term: its weights, their moments and its kernel".into());
         }

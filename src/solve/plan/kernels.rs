@@ -5,7 +5,7 @@ use crate::Result;
 use crate::gpu::{Executor, KernelCode};
 use crate::solve::{Accumulation, NoiseTerm};
 use crate::transport::kernels::*;
-use crate::transport::{Binning, Gradient};
+use crate::transport::{Binning, Geometry, Gradient};
 
 impl Plan {
     /// Names of the variants that run, for reports.
@@ -27,31 +27,44 @@ impl Plan {
             NoiseTerm::Bin => 1,
             NoiseTerm::Histogram => 2,
         };
-        let forward = match self.accumulation {
-            Accumulation::Float => "forward_float",
-            Accumulation::Fixed => "forward_fixed64",
-            Accumulation::Fixed32 => "forward_fixed32",
-            Accumulation::Cas => "forward_cas",
-            Accumulation::Owned | Accumulation::Auto => "forward_owned",
+        let product = self.geometry == Geometry::Product;
+        let forward = match (self.accumulation, product) {
+            (Accumulation::Float, false) => "forward_float",
+            (Accumulation::Float, true) => "forward_product_float",
+            (Accumulation::Fixed, false) => "forward_fixed64",
+            (Accumulation::Fixed, true) => "forward_product_fixed64",
+            (Accumulation::Fixed32, false) => "forward_fixed32",
+            (Accumulation::Fixed32, true) => "forward_product_fixed32",
+            (Accumulation::Cas, false) => "forward_cas",
+            (Accumulation::Cas, true) => "forward_product_cas",
+            (Accumulation::Owned | Accumulation::Auto, false) => "forward_owned",
+            (Accumulation::Owned | Accumulation::Auto, true) => "forward_product_owned",
         };
         let owned = u32::from(self.accumulation == Accumulation::Owned);
         let sets = self.forward_sets(self.finest());
-        let u = |name, code, constants: &[(&'static str, u32)]| KernelUse {
-            name,
-            code,
-            constants: constants.to_vec(),
+        // What the scene is, for every kernel that asks.
+        let scene = [
+            ("GEOMETRY", self.geometry as u32),
+            ("REFLECTANCE", self.reflectance.number()),
+            ("CURVED", u32::from(self.curved)),
+        ];
+        let u = |name, variant, constants: &[(&'static str, u32)]| {
+            let asks = |c: &&(&str, u32)| code(variant).constants.iter().any(|known| known.name == c.0);
+            let all = constants.iter().chain(scene.iter().filter(asks)).copied();
+            KernelUse { name, code: variant, constants: all.collect() }
         };
         let residual = if self.fixed_point() { "residual_fixed" } else { "residual" };
         let vectors = u32::from(self.vectors);
-        let tile_constants = [("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
-        let lambertian = ("LAMBERTIAN", u32::from(self.lambertian));
-        let mut forward_constants = tile_constants.to_vec();
-        forward_constants.push(lambertian);
+        let mut tile_constants = vec![("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
+        if product {
+            tile_constants.push(("OTHERS", t.others_forward));
+        }
+        let others = ("OTHERS", t.others_backward);
         let gather_constants =
-            [("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact)];
+            [("VOXELS", t.voxels), ("SLICES", t.slices), ("SPLIT", split), ("EXACT", exact), others];
         let summed = if self.vectors { t.voxels } else { WORKGROUP };
         let mut all = vec![
-            u("forward", forward, &forward_constants),
+            u("forward", forward, &tile_constants),
             u("residual", residual, &[("NOISE", noise), ("WEIGHTED", vectors)]),
             u("finish", "finish", &[("ACCELERATED", vectors), ("VOXELS", summed)]),
             u("gaussian_y", "gaussian", &[("AXIS", 1), ("FIRST", 0), ("LAST", 0)]),
@@ -70,6 +83,7 @@ impl Plan {
                     ("CHUNK", t.chunk),
                     ("VOXELS", t.voxels),
                     ("FORWARD_SETS", sets),
+                    ("OTHERS", if product { t.others_forward } else { 0 }),
                 ],
             ),
             u("double_raw", "double_raw", &[]),
@@ -77,22 +91,21 @@ impl Plan {
             u("extract", "extract", &[("VECTORS", vectors)]),
         ];
         if self.vectors {
-            let mut bound = tile_constants.to_vec();
-            bound.push(("ISOTROPIC", 1));
+            let bound = [&tile_constants[..], &[("BOUND", 1)]].concat();
             all.extend([
                 u("gaussian_x_volume", "gaussian", &[("AXIS", 0), ("FIRST", 0), ("LAST", 0)]),
                 u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 2), ("LAST", 0)]),
                 u("forward_bound", forward, &bound),
                 u("residual_bound", residual, &[("WEIGHTED", 1), ("MEASURE", 0)]),
-                u("bound_step", "bound", &[("SPLIT", split), ("WHAT", 0)]),
-                u("bound_noise", "bound", &[("SPLIT", split), ("WHAT", 1)]),
+                u("bound_step", "bound", &[("SPLIT", split), ("WHAT", 0), others]),
+                u("bound_noise", "bound", &[("SPLIT", split), ("WHAT", 1), others]),
                 u("variance", "variance", &[]),
                 u("filter", "filter", &[]),
-                u("backproject", "backproject", &[]),
+                u("backproject", "backproject", &[others]),
                 u("settle", "settle", &[]),
                 u("points", "points", &[]),
                 u("extrapolate", "extrapolate", &[]),
-                u("step", "step", &[&gather_constants[..], &[lambertian]].concat()),
+                u("step", "step", &gather_constants),
             ]);
             return all;
         }

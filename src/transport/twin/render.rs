@@ -1,7 +1,7 @@
 use glam::{DVec3, dvec3};
 
 use super::{Raw, Twin, random3};
-use crate::transport::{Binning, Gradient, Sampling};
+use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
 /// A surface element: what a voxel's sample shows to every pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,27 +71,65 @@ pub(super) fn toward_wall(v: Raw) -> DVec3 {
     dvec3(v[1], v[2], v[3]).clamp(DVec3::splat(-10.0), DVec3::splat(10.0)).map(f64::tanh) + BASE_NORMAL
 }
 
-pub(super) struct Kernel {
+/// From a sample to a wall point of a pair.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Arm {
     pub toward: DVec3,
-    pub cosine: f64,
+    pub distance: f64,
+    /// (reference / distance)², or its root for retroreflective surfaces; 0 for a degenerate pair.
     pub falloff: f64,
+    /// Cosine at the wall.
+    pub wall: f64,
+}
+
+/// A pair as a sample sees it: the arms to the scanned point and to the other one.
+pub(super) struct Kernel {
+    pub arms: [Arm; 2],
+    pub falloff: f64,
+    /// Path in bins from the leading edge of bin 0.
     pub bin: f64,
 }
 
-/// The cosine model for a confocal pair (METHOD: value = ρ max(0, n·ω) (reference / r)⁴ at path 2r).
-fn confocal_kernel(twin: &Twin, wall: DVec3, s: &Sample) -> Kernel {
-    let d = wall - s.point;
-    let r = d.length();
-    if r < twin.model.nearest(twin.grid) || r == 0.0 {
-        let bin = -twin.model.t_start / twin.model.bin_width;
-        return Kernel { toward: DVec3::ZERO, cosine: 0.0, falloff: 0.0, bin };
-    }
-    let toward = d / r;
+/// METHOD, light transport: value = albedo · cosines · falloff at path r_l + r_s.
+fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
+    let m = twin.model;
+    let arms = m.wall.points_of(pair).map(|number| {
+        let [point, normal] = m.wall.point(number);
+        let d = point - s.point;
+        let r = d.length();
+        if r < m.nearest(twin.grid) || r == 0.0 {
+            return Arm { toward: DVec3::ZERO, distance: 0.0, falloff: 0.0, wall: 0.0 };
+        }
+        let toward = d / r;
+        let falloff = (m.reference / r).powi(m.falloff_power() / 2);
+        Arm { toward, distance: r, falloff, wall: (-normal.dot(toward)).max(0.0) }
+    });
     Kernel {
-        toward,
-        cosine: s.normal.dot(toward),
-        falloff: (twin.model.reference / r).powi(4),
-        bin: (2.0 * r - twin.model.t_start) / twin.model.bin_width,
+        falloff: arms[0].falloff * arms[1].falloff,
+        bin: (arms[0].distance + arms[1].distance - m.t_start) / m.bin_width,
+        arms,
+    }
+}
+
+/// What a surface vector (unit, or albedo · normal) shows to a pair, without the falloff, and its slope there. A
+/// surface without a direction shows its albedo alone.
+pub(super) fn shine(reflectance: Reflectance, arms: &[Arm; 2], v: DVec3) -> (f64, DVec3) {
+    let [a, b] = arms;
+    match reflectance {
+        Reflectance::Cosine => {
+            let value = v.dot(a.toward);
+            if value > 0.0 { (value, a.toward) } else { (0.0, DVec3::ZERO) }
+        }
+        Reflectance::Lambertian => {
+            let n = v.normalize_or_zero();
+            let (cos_a, cos_b) = (n.dot(a.toward), n.dot(b.toward));
+            if cos_a <= 0.0 || cos_b <= 0.0 {
+                return (0.0, DVec3::ZERO);
+            }
+            let slope = cos_b * a.toward + cos_a * b.toward - cos_a * cos_b * n;
+            (a.wall * b.wall * v.length() * cos_a * cos_b, a.wall * b.wall * slope)
+        }
+        Reflectance::Retroreflective | Reflectance::Isotropic => (1.0, DVec3::ZERO),
     }
 }
 
@@ -111,7 +149,8 @@ fn shares(twin: &Twin, position: f64) -> impl Iterator<Item = (usize, f64)> {
 
 /// Accumulated histograms of the samples, `[pair * bins + bin]`, before the render scale.
 pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
-    accumulate(twin, samples, |k, s| s.albedo * k.cosine.max(0.0) * k.falloff)
+    let reflectance = twin.model.reflectance;
+    accumulate(twin, samples, |k, s| s.albedo * shine(reflectance, &k.arms, s.normal).0 * k.falloff)
 }
 
 /// The same with any value of a sample to a pair.
@@ -122,9 +161,9 @@ pub(super) fn accumulate(
 ) -> Vec<f64> {
     let bins = twin.model.bins;
     let mut sums = vec![0.0; twin.model.pairs() * bins];
-    for (pair, wall) in twin.model.wall.iter().enumerate() {
+    for pair in 0..twin.model.pairs() {
         for s in samples {
-            let k = confocal_kernel(twin, *wall, s);
+            let k = kernel(twin, pair, s);
             let value = value(&k, s);
             for (bin, share) in shares(twin, k.bin) {
                 sums[pair * bins + bin] += value * share;
@@ -134,10 +173,11 @@ pub(super) fn accumulate(
     sums
 }
 
-/// Weight of a bin's squared difference in the weighted objective: (t / (2 reference))⁴, t the bin's centre.
+/// Weight of a bin's squared difference in the weighted objective: the inverse of the confocal falloff at the bin's
+/// centre t, (t / (2 reference))⁴, or the square for retroreflective surfaces.
 pub(super) fn bin_weight(twin: &Twin, bin: usize) -> f64 {
     let m = twin.model;
-    ((m.t_start + (bin as f64 + 0.5) * m.bin_width) / (2.0 * m.reference)).powi(4)
+    ((m.t_start + (bin as f64 + 0.5) * m.bin_width) / (2.0 * m.reference)).powi(m.falloff_power())
 }
 
 /// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are the noise
@@ -169,8 +209,8 @@ pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>,
 /// Every pair's kernel of a sample, with the residual that its path sees.
 pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl FnMut(&Kernel, f64)) {
     let bins = twin.model.bins;
-    for (pair, wall) in twin.model.wall.iter().enumerate() {
-        let k = confocal_kernel(twin, *wall, s);
+    for pair in 0..twin.model.pairs() {
+        let k = kernel(twin, pair, s);
         let r = shares(twin, k.bin).map(|(b, w)| w * residual[pair * bins + b]).sum();
         hear(&k, r);
     }
@@ -186,14 +226,12 @@ pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
                 m.l1 / twin.grid.voxels() as f64 * if s.albedo == 0.0 { 0.0 } else { s.albedo.signum() };
             let mut normal = DVec3::ZERO;
             gather(twin, s, residual, |k, mut r| {
-                if k.cosine <= 0.0 {
-                    return;
-                }
                 if m.gradient == Gradient::Exact {
                     r *= k.falloff;
                 }
-                albedo += r * k.cosine;
-                normal += r * s.albedo * k.toward;
+                let (value, slope) = shine(m.reflectance, &k.arms, s.normal);
+                albedo += r * value;
+                normal += r * s.albedo * slope;
             });
             let slope = if s.albedo > 0.0 { 1.0 } else { s.albedo + 1.0 };
             let tanh = s.normal * s.length - BASE_NORMAL;

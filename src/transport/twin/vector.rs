@@ -4,30 +4,11 @@
 use glam::{DVec3, dvec3};
 
 use super::domain::{Column, columns};
-use super::render::{Kernel, accumulate, bin_weight, gather};
-use super::{Sample, Twin};
+use super::render::{Kernel, accumulate, bin_weight, gather, shine};
+use super::{Sample, Twin, forward};
 
 /// Toward the wall: how a voxel that holds nothing would shine.
 const TOWARD_WALL: DVec3 = dvec3(0.0, 0.0, -1.0);
-
-/// How a vector shines on a pair.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shine {
-    /// One cosine: linear in the vector where it is positive.
-    Cosine,
-    /// Both cosines of the surface and both of the wall's.
-    Lambertian,
-    /// The falloff alone, times the sample's albedo: what no vector of that length exceeds.
-    Isotropic,
-}
-
-/// The Lambertian model beside one cosine, held constant in the gradient (lagged).
-fn rest(k: &Kernel, direction: DVec3, shine: Shine) -> f64 {
-    if shine != Shine::Lambertian {
-        return 1.0;
-    }
-    k.cosine.max(0.0) / direction.length().max(1e-30) * (-k.toward.z).max(0.0).powi(2)
-}
 
 /// Centres of the active voxels as samples of unit weight in no direction.
 pub fn points(twin: &Twin, active: &[u32]) -> Vec<Sample> {
@@ -37,22 +18,24 @@ pub fn points(twin: &Twin, active: &[u32]) -> Vec<Sample> {
     active.iter().map(sample).collect()
 }
 
-/// y = v + beta (v - v before), as the directions of the active voxels' samples.
+/// y = v + beta (v - v before), as the directions of the active voxels' samples; as their albedo too where surfaces
+/// have no direction.
 pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], beta: f64) -> Vec<Sample> {
     let mut samples = points(twin, active);
     for (s, i) in samples.iter_mut().zip(active) {
         let i = *i as usize;
         s.normal = v[i] + beta * (v[i] - before[i]);
+        if !twin.model.reflectance.has_normals() {
+            s.albedo = -s.normal.z;
+        }
     }
     samples
 }
 
-/// Accumulated histograms, before the render scale.
-pub fn forward_vectors(twin: &Twin, samples: &[Sample], shine: Shine) -> Vec<f64> {
-    accumulate(twin, samples, |k, s| match shine {
-        Shine::Isotropic => s.albedo * k.falloff,
-        _ => s.albedo * k.cosine.max(0.0) * k.falloff * rest(k, s.normal, shine),
-    })
+/// Accumulated histograms of unit albedo without cosines, before the render scale: no vectors of at most unit length
+/// give more.
+pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
+    accumulate(twin, samples, |k, _| k.falloff)
 }
 
 /// d(weighted mean squared error) / d(accumulated value) of every bin, that error, and the plain one. Without
@@ -71,22 +54,20 @@ pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Ve
     (accumulated.iter().enumerate().map(of_bin).collect(), loss)
 }
 
-/// dLoss / d(vector) of every sample, from its own direction; one without shines toward the wall.
-pub fn gradient_vectors(twin: &Twin, samples: &[Sample], residual: &[f64], shine: Shine) -> Vec<DVec3> {
-    samples
-        .iter()
-        .map(|s| {
-            let normal = if s.normal == DVec3::ZERO { TOWARD_WALL } else { s.normal };
-            let s = Sample { normal, ..*s };
-            let mut sum = DVec3::ZERO;
-            gather(twin, &s, residual, |k, r| {
-                if k.cosine > 0.0 {
-                    sum += r * k.falloff * rest(k, normal, shine) * k.toward;
-                }
-            });
-            sum
-        })
-        .collect()
+/// dLoss / d(vector) of every sample; one without a direction shines toward the wall.
+pub fn gradient_vectors(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<DVec3> {
+    let reflectance = twin.model.reflectance;
+    let of_sample = |s: &Sample| {
+        let direction = if s.normal == DVec3::ZERO { TOWARD_WALL } else { s.normal };
+        let (mut albedo, mut vector) = (0.0, DVec3::ZERO);
+        gather(twin, s, residual, |k, r| {
+            let (value, slope) = shine(reflectance, &k.arms, direction);
+            albedo += r * k.falloff * value;
+            vector += r * k.falloff * slope;
+        });
+        if reflectance.has_normals() { vector } else { dvec3(0.0, 0.0, -albedo) }
+    };
+    samples.iter().map(of_sample).collect()
 }
 
 /// Nearest point of the cone v_z <= 0, |v_xy| <= cone |v_z|.
@@ -196,10 +177,12 @@ pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {
         grid.contains(c) && c[2] >= near
     };
     let voxels: Vec<u32> = (0..grid.storage() as u32).filter(allowed).collect();
+    let directed = twin.model.reflectance.has_normals();
     let mut volume = vec![0.0; grid.storage()];
     for (s, i) in points(twin, &voxels).into_iter().zip(voxels) {
         let mut sum = 0.0;
-        gather(twin, &Sample { normal: TOWARD_WALL, ..s }, filtered, |k, r| sum += r * k.cosine.max(0.0));
+        let cosine = |k: &Kernel| if directed { (-k.arms[0].toward.z).max(0.0) } else { 1.0 };
+        gather(twin, &s, filtered, |k, r| sum += r * cosine(k));
         volume[i as usize] = sum.max(0.0);
     }
     volume
@@ -241,8 +224,8 @@ pub fn finish_accelerated(before: Momentum, objective: f64, against: f64) -> Mom
 }
 
 /// What the solver minimises: the weighted mean squared error plus the sum of lambda |v|.
-pub fn objective_vectors(twin: &Twin, samples: &[Sample], lambda: &[f64], shine: Shine) -> f64 {
-    let (_, loss) = residual_weighted(twin, &forward_vectors(twin, samples, shine), true);
+pub fn objective_vectors(twin: &Twin, samples: &[Sample], lambda: &[f64]) -> f64 {
+    let (_, loss) = residual_weighted(twin, &forward(twin, samples), true);
     loss[0] + samples.iter().zip(lambda).map(|(s, l)| l * s.normal.length()).sum::<f64>()
 }
 

@@ -1,0 +1,87 @@
+// Renders transients where every scanned point makes a pair with every other point. A workgroup owns LANES scanned
+// points, OTHERS other points and a chunk of active voxels; a lane owns one scanned point and the histograms it has
+// with the OTHERS. Its arm to a voxel is found once for all of them. The arms to the other points are the same for all
+// lanes: the workgroup finds those of BLOCK voxels together, into shared memory. So a pair costs one addition of
+// distances and one product, plus 1 / OTHERS and 1 / LANES of an arm.
+// OWNED as in forward.comp. Loop turns: CHUNK * (OTHERS + 1) and a few.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#ifdef ACCUMULATE_FLOAT
+#extension GL_EXT_shader_atomic_float : require
+#endif
+#ifdef ACCUMULATE_FIXED64
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_atomic_int64 : require
+#endif
+#include "shared.glsl"
+#include "grid.glsl"
+#include "transport.glsl"
+layout(local_size_x_id = 10) in;
+layout(constant_id = 10) const uint LANES = 64u;
+layout(constant_id = 11) const uint CHUNK = 256u;
+layout(constant_id = 12) const uint SPLIT = 1u;
+layout(constant_id = 13) const uint BOUND = 0u; // as in forward.comp
+layout(constant_id = 14) const uint OTHERS = 1u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
+layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
+
+#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+#include "fixed.glsl"
+float fixed_scale;
+#endif
+#include "accumulate.glsl"
+#include "wall.glsl"
+
+const uint BLOCK = 64u;
+shared vec2 other_arms[BLOCK * OTHERS]; // distance, everything the other arm gives to the value
+
+float toward(vec3 direction, Arm arm) {
+    return max(dot(direction, arm.toward), 0.0) * (REFLECTANCE == LAMBERTIAN ? arm.wall : 1.0);
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint tiles = (scene.scanned + LANES - 1u) / LANES;
+    uint point = (gl_WorkGroupID.x % tiles) * LANES + lane;
+    uint other = (gl_WorkGroupID.x / tiles) * OTHERS;
+    uint others = min(OTHERS, scene.others - other);
+    bool owned = point < scene.scanned;
+    uint voxels = counts[COUNT_ACTIVE];
+    uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
+    uint end = min(begin + CHUNK, voxels);
+#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+    fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
+#endif
+    vec3 here = owned ? wall[point].xyz : vec3(0.0);
+    vec3 normal = owned && CURVED != 0u ? wall[scene.scanned + scene.others + point].xyz : vec3(0.0);
+    for (uint block = begin; block < end; block += BLOCK) {
+        uint held = min(BLOCK, end - block);
+        barrier();
+        for (uint i = lane; i < held * OTHERS; i += LANES) {
+            if (i % OTHERS >= others) continue;
+            uint slot = block + i / OTHERS;
+            vec4 s = sample_points[slot];
+            Arm b = arm_at(scene.scanned + other + i % OTHERS, s.xyz);
+            float value = b.falloff * (BOUND == 0u ? s.w : 1.0);
+            if (BOUND == 0u && REFLECTANCE == LAMBERTIAN) {
+                vec3 v = sample_normals[slot].xyz;
+                value *= toward(v / max(length(v), 1e-30), b);
+            }
+            other_arms[i] = vec2(b.distance, value);
+        }
+        barrier();
+        if (!owned) continue;
+        for (uint i = 0u; i < held; ++i) {
+            Arm a = arm_to(here, normal, sample_points[block + i].xyz);
+            float value = a.falloff;
+            if (BOUND == 0u && NORMALS) value *= toward(sample_normals[block + i].xyz, a);
+            for (uint k = 0u; k < others; ++k) {
+                vec2 b = other_arms[i * OTHERS + k];
+                uint row = ((other + k) * scene.scanned + point) * scene.bins;
+                accumulate_at(row, bin_of(a.distance + b.x), value * b.y);
+            }
+        }
+    }
+}
