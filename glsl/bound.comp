@@ -1,5 +1,5 @@
-// Bounds of the operator at every active voxel, by the same gather as a gradient, without the cosine.
-//   WHAT = 0: D = sum over pairs of falloff * residual, where the residual is the weighted rendering of the
+// Bounds of the operator at every active voxel, by the same gather as a gradient, without the surface's cosines.
+//   WHAT = 0: D = sum over pairs of kernel * residual, where the residual is the weighted rendering of the
 //             whole domain at unit albedo. As all kernels are nonnegative, diag(D) majorises the normal
 //             operator (De Pierro 1995): 1 / D is a safe step for every voxel by itself.
 //   WHAT = 1: lambda = kappa * standard deviation that the photons give this voxel's gradient: the residual
@@ -25,8 +25,8 @@ layout(std430, set = 0, binding = 6) readonly buffer ActiveVoxels { uint active_
 float sum = 0.0;
 
 void meet(Arm a, Arm b, float r) {
-    float falloff = a.falloff * b.falloff;
-    sum += WHAT == 0u ? r * falloff : r * falloff * falloff;
+    float most = bound_of(a, b);
+    sum += WHAT == 0u ? r * most : r * most * most;
 }
 
 void main() {

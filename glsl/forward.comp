@@ -53,8 +53,7 @@ void main() {
         Arm a = arm_to(point_a, normal_a, s.xyz);
         Arm b = a;
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
-        float value = a.falloff * b.falloff;
-        if (BOUND == 0u) value *= s.w;
+        float value = BOUND != 0u ? bound_of(a, b) : s.w * a.falloff * b.falloff;
         if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz).value;
         accumulate_at(row, bin_of(a.distance + b.distance), value);
     }

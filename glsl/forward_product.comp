@@ -37,8 +37,12 @@ float fixed_scale;
 const uint BLOCK = 64u;
 shared vec2 other_arms[BLOCK * OTHERS]; // distance, everything the other arm gives to the value
 
-float toward(vec3 direction, Arm arm) {
-    return max(dot(direction, arm.toward), 0.0) * (REFLECTANCE == LAMBERTIAN ? arm.wall : 1.0);
+// An arm's part of the value, for a surface of such direction.
+float part(Arm arm, vec3 direction, bool directed) {
+    float value = arm.falloff;
+    if (REFLECTANCE == LAMBERTIAN) value *= arm.wall;
+    if (BOUND == 0u && directed) value *= max(dot(direction, arm.toward), 0.0);
+    return value;
 }
 
 void main() {
@@ -64,19 +68,16 @@ void main() {
             uint slot = block + i / OTHERS;
             vec4 s = sample_points[slot];
             Arm b = arm_at(scene.scanned + other + i % OTHERS, s.xyz);
-            float value = b.falloff * (BOUND == 0u ? s.w : 1.0);
-            if (BOUND == 0u && REFLECTANCE == LAMBERTIAN) {
-                vec3 v = sample_normals[slot].xyz;
-                value *= toward(v / max(length(v), 1e-30), b);
-            }
-            other_arms[i] = vec2(b.distance, value);
+            // The cosine model has none toward the other point.
+            vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
+            float value = part(b, v / max(length(v), 1e-30), REFLECTANCE == LAMBERTIAN);
+            other_arms[i] = vec2(b.distance, value * (BOUND == 0u ? s.w : 1.0));
         }
         barrier();
         if (!owned) continue;
         for (uint i = 0u; i < held; ++i) {
             Arm a = arm_to(here, normal, sample_points[block + i].xyz);
-            float value = a.falloff;
-            if (BOUND == 0u && NORMALS) value *= toward(sample_normals[block + i].xyz, a);
+            float value = part(a, NORMALS ? sample_normals[block + i].xyz : vec3(0.0), NORMALS);
             for (uint k = 0u; k < others; ++k) {
                 vec2 b = other_arms[i * OTHERS + k];
                 uint row = ((other + k) * scene.scanned + point) * scene.bins;

@@ -262,7 +262,6 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--solver", "lct"], 1, "not in this version"),
         (&[&capture, "--solver", "magic"], 1, "not known"),
         (&[&capture, "--model", "mirror"], 1, "--model mirror is not known"),
-        (&[&capture, "--model", "isotropic"], 1, "not in this version"),
         (&[&capture, "--preset", "best"], 2, "--preset"),
         (&[&capture, "--learning-rate", "NaN"], 1, "--learning-rate is NaN"),
         (&[&capture, "--learning-rate", "-1"], 1, "--learning-rate is -1"),
@@ -419,6 +418,6 @@ fn the_default_solver_repeats_and_knows_both_models() {
     assert!(first != lambertian, "another model, another result");
     assert_eq!(report["settings"]["reflectance"], "lambertian");
     let out = folder.path().join("none").display().to_string();
-    let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--model", "lambertian"];
+    let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--cone", "1"];
     fail(&refused, 1, "no option of the paper solver");
 }

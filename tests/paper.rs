@@ -91,7 +91,7 @@ fn the_order_of_events_is_the_papers() {
     let gpu = gpu();
     let (_, capture) = letter(8);
     let o = small(1000);
-    let model = paper::model(&capture, &o).unwrap();
+    let model = paper::model(&capture, &o);
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     let laterals: Vec<usize> = plan.levels.iter().map(|l| l.grid.n[0]).collect();
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
@@ -246,7 +246,7 @@ fn what_cannot_run_is_refused_in_words() {
     let error = refused(&capture, &o, Some(1 << 16));
     assert!(error.kind == Kind::Memory && error.what.contains("--memory"), "{error}");
     let deep = Grid { n: [8, 8, 40_000], ..grid(&capture, &o) };
-    let model = paper::model(&capture, &o).unwrap();
+    let model = paper::model(&capture, &o);
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
     assert!(error.what.contains("40000 voxels deep"), "{error}");
     // Few workgroups make long chunks, none too long; too few for the pairs are refused.

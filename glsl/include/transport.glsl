@@ -36,6 +36,11 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
 // Position of a path in bins from the leading edge of bin 0.
 float bin_of(float path) { return (path - scene.t_start) * scene.bins_per_metre; }
 
+// What no unit vector shows more of: all that does not depend on the surface's direction.
+float bound_of(Arm a, Arm b) {
+    return a.falloff * b.falloff * (REFLECTANCE == LAMBERTIAN ? a.wall * b.wall : 1.0);
+}
+
 // What a surface vector v (unit, or albedo * normal) shows to a pair, without the falloff, and its slope there.
 // Both models are homogeneous in |v|, so one slope serves unit normals and vectors. A surface that faces away from
 // one of the points shows nothing.

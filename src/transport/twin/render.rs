@@ -86,6 +86,8 @@ pub(super) struct Arm {
 pub(super) struct Kernel {
     pub arms: [Arm; 2],
     pub falloff: f64,
+    /// What no surface of unit albedo shows more of: the falloff, and the wall's cosines where they count.
+    pub most: f64,
     /// Path in bins from the leading edge of bin 0.
     pub bin: f64,
 }
@@ -104,8 +106,11 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
         let falloff = (m.reference / r).powi(m.falloff_power() / 2);
         Arm { toward, distance: r, falloff, wall: (-normal.dot(toward)).max(0.0) }
     });
+    let falloff = arms[0].falloff * arms[1].falloff;
+    let walls = if m.reflectance == Reflectance::Lambertian { arms[0].wall * arms[1].wall } else { 1.0 };
     Kernel {
-        falloff: arms[0].falloff * arms[1].falloff,
+        falloff,
+        most: falloff * walls,
         bin: (arms[0].distance + arms[1].distance - m.t_start) / m.bin_width,
         arms,
     }

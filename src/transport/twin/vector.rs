@@ -32,10 +32,10 @@ pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], b
     samples
 }
 
-/// Accumulated histograms of unit albedo without cosines, before the render scale: no vectors of at most unit length
-/// give more.
+/// Accumulated histograms of unit albedo without the surface's cosines, before the render scale: no vectors of at
+/// most unit length give more.
 pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
-    accumulate(twin, samples, |k, _| k.falloff)
+    accumulate(twin, samples, |k, _| k.most)
 }
 
 /// d(weighted mean squared error) / d(accumulated value) of every bin, that error, and the plain one. Without
@@ -138,7 +138,7 @@ pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> 
         .map(|s| {
             let mut sum = 0.0;
             gather(twin, s, residual, |k, r| {
-                sum += r * if what == Bound::Step { k.falloff } else { k.falloff * k.falloff };
+                sum += r * if what == Bound::Step { k.most } else { k.most * k.most };
             });
             if what == Bound::Step { sum } else { twin.model.noise_factor * sum.sqrt() }
         })
