@@ -8,6 +8,7 @@ use thirdbounce::job::{self, Simulation};
 use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
 use thirdbounce::{Error, Result};
 
+use super::options::word;
 use super::progress::say;
 use super::{interrupt, print, tables};
 
@@ -54,8 +55,7 @@ pub struct Args {
     bins: Option<usize>,
     /// How surfaces reflect
     #[arg(long, visible_alias = "model", value_name = "NAME", default_value = "cosine",
-        value_parser = PossibleValuesParser::new(["cosine", "lambertian", "retroreflective", "isotropic"])
-            .map(reflectance))]
+        value_parser = word::<Reflectance>(&["cosine", "lambertian", "retroreflective", "isotropic"]))]
     reflectance: Reflectance,
     /// Whether surfaces hide what is behind them
     #[arg(long, value_name = "ON|OFF", default_value = "on",
@@ -79,15 +79,6 @@ pub struct Args {
     /// Errors only
     #[arg(long, short)]
     quiet: bool,
-}
-
-fn reflectance(name: String) -> Reflectance {
-    match name.as_str() {
-        "lambertian" => Reflectance::Lambertian,
-        "retroreflective" => Reflectance::Retroreflective,
-        "isotropic" => Reflectance::Isotropic,
-        _ => Reflectance::Cosine,
-    }
 }
 
 fn wall_shape(name: String) -> WallShape {

@@ -32,6 +32,7 @@ mod truth;
 mod visibility;
 mod wall;
 
+pub use crate::transport::Reflectance;
 pub use figure::figure;
 pub use letters::letter;
 pub use mesh::{Mesh, Placement};
@@ -39,7 +40,7 @@ pub use mesh_file::load_mesh;
 pub use noise::{Dark, photon_noise};
 pub use pairs::{Layout, Pairs};
 pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
-pub use scene::{Object, Reflectance, Scene};
+pub use scene::{Object, Scene};
 pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
 pub use truth::{DEFAULT_RESOLUTION, truth};
 pub use wall::WallShape;

@@ -1,24 +1,12 @@
 //! What to simulate: objects, wall, scan, bins, reflectance, noise.
 
 use super::{Dark, Layout, Mesh, Pairs, WallShape, builtin};
+use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
 use glam::DVec3;
 
 /// Largest capture that is rendered: 2³² histogram values (16 GiB).
 const MOST_VALUES: f64 = 4_294_967_296.0;
-
-/// How surfaces reflect; the formulas stand at [`super::render_pairs`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reflectance {
-    /// One cosine, at the hidden surface.
-    Cosine,
-    /// Cosines at the hidden surface and at the wall, towards laser and sensor.
-    Lambertian,
-    /// Light goes back where it came from: no cosine, and a falloff with the square of the distance.
-    Retroreflective,
-    /// No cosine.
-    Isotropic,
-}
 
 /// A mesh with one albedo.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,6 +38,7 @@ pub struct Scene {
     pub bins: Option<usize>,
     /// Leading edge of bin 0 in metres of path.
     pub t_start: f64,
+    /// How surfaces reflect; the formulas stand at [`super::render_pairs`].
     pub reflectance: Reflectance,
     /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
