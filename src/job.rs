@@ -21,7 +21,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::Result;
-use crate::capture::{self, Capture, Gate, auto_gate, published_gate};
+use crate::capture::{self, Capture, Gate, PairKind, Summary, auto_gate, published_gate};
 use crate::export::{self, report};
 use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
@@ -44,6 +44,10 @@ pub struct Input {
     pub wall: Option<f64>,
     /// Keep every so-manieth scan point in x and in y; `None` keeps all.
     pub stride: Option<usize>,
+    /// Keep so many pairs, drawn at random after the stride; `None` keeps all.
+    pub subset: Option<usize>,
+    /// Seed of that draw.
+    pub subset_seed: u64,
     /// Paths that are used; `None` looks for direct light and leaves it out.
     pub gate: Option<Gate>,
     /// Use every path even if there seems to be direct light.
@@ -59,29 +63,66 @@ pub struct Loaded {
     pub capture: Capture,
     /// The gate in force, given or found.
     pub gate: Option<Gate>,
+    /// Pairs of the file that were left out because they were not measured.
+    pub dropped: usize,
+    /// Whether wall normals were estimated from neighbouring points.
+    pub normals_estimated: bool,
     /// What was done to the capture, in sentences for people.
     pub notes: Vec<String>,
     pub seconds: f64,
 }
 
-/// Reads and checks a capture, then scales its wall, thins its scan and gates its bins: as told, or without
-/// direct light and, for captured histograms, as published.
+impl Loaded {
+    /// What the capture holds, and what of it the file did not.
+    pub fn summary(&self) -> Summary {
+        Summary {
+            dropped_pairs: self.dropped,
+            normals_estimated: self.normals_estimated,
+            ..self.capture.summary()
+        }
+    }
+}
+
+/// Reads and checks a capture, estimates the normals of a curved wall that has none, then scales the wall,
+/// thins the scan and gates the bins: as told, or without direct light and, for captured histograms, as
+/// published.
 ///
 /// # Errors
-/// Those of [`capture::read`]; a wall, stride or gate that does not fit the capture.
+/// Those of [`capture::read`]; a wall, stride, subset or gate that does not fit the capture.
 pub fn load(input: &Input) -> Result<Loaded> {
     let start = Instant::now();
-    let mut capture = capture::read(&input.path)?;
-    let mut notes = Vec::new();
+    let capture::Opened { mut capture, dropped, mut notes } = capture::read_with_notes(&input.path)?;
+    // Before the scan is thinned, while neighbours are near.
+    let mut normals_estimated = false;
+    match capture.with_normals() {
+        Ok((with, Some(note))) => {
+            capture = with;
+            normals_estimated = true;
+            notes.push(note);
+        }
+        Ok((_, None)) => {}
+        // Some models do without; those that do not say so.
+        Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
+    }
     if let Some(size) = input.wall {
         capture.set_wall(size)?;
         notes.push(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
     }
     if let Some(n) = input.stride.filter(|n| *n != 1) {
-        let [x, y] = capture.scan;
+        let (all, [x, y]) = (capture.pair_count(), capture.scan);
+        let exhaustive = matches!(capture.pair_kind(), PairKind::Exhaustive { .. });
         capture = capture.stride(n)?;
-        let [to_x, to_y] = capture.scan;
-        notes.push(format!("of {x} x {y} scan points every {}, {to_x} x {to_y}, is used", ordinal(n)));
+        let (kept, [to_x, to_y], nth) = (capture.pair_count(), capture.scan, ordinal(n));
+        notes.push(if exhaustive {
+            format!("every {nth} laser and sensor point in x and y is used: {kept} of {all} pairs")
+        } else {
+            format!("of {x} x {y} scan points every {nth}, {to_x} x {to_y}, is used")
+        });
+    }
+    if let Some(n) = input.subset {
+        let all = capture.pair_count();
+        capture = capture.subset(n, input.subset_seed)?;
+        notes.push(format!("of {all} pairs {n}, drawn at random, are used"));
     }
     let mut gate = input.gate;
     if let Some(gate) = gate {
@@ -99,7 +140,8 @@ pub fn load(input: &Input) -> Result<Loaded> {
         }
     }
     capture.check().map_err(|e| e.at(input.path.display()))?;
-    Ok(Loaded { input: input.clone(), capture, gate, notes, seconds: start.elapsed().as_secs_f64() })
+    let seconds = start.elapsed().as_secs_f64();
+    Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
 }
 
 /// The published set of parameters that fits the capture: whole counts come from a detector.
@@ -179,7 +221,7 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
     }
     if !solved.maps.mask.contains(&true) {
         notes.push(
-            "nothing was found: the maps are empty. Check --box and --gate against the capture (`thirdbounce info`)"
+            "nothing was found: the maps are empty. Check --volume and --gate against the capture (`thirdbounce info`)"
                 .into(),
         );
     }

@@ -70,7 +70,7 @@ fn wall_extent_covers_the_cells() {
     let mut c = capture([3, 4], 1, |_, _| 1.0);
     c.sensor = (0..12).map(|p| DVec3::new((p % 4 % 2) as f64, (p % 4 / 2) as f64, 0.0)).collect();
     c.laser = (0..12).map(|p| DVec3::new((p / 4) as f64, 0.0, 0.0)).collect();
-    close(&c, [-0.5, 1.5, -0.5, 1.5]);
+    close(&c, [-0.5, 2.5, -0.5, 1.5]);
 }
 
 #[test]

@@ -1,45 +1,13 @@
 //! The built command, as people run it.
 
+mod command;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 
+use command::*;
 use serde_json::Value;
-
-fn thirdbounce(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_thirdbounce")).args(arguments).output().expect("the binary runs")
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-#[track_caller]
-fn succeed(arguments: &[&str]) -> String {
-    let output = thirdbounce(arguments);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}\n{}", stderr(&output));
-    stdout(&output)
-}
-
-/// Runs what must fail: with that code, one message that holds `words`, nothing on stdout, no panic.
-#[track_caller]
-fn fail(arguments: &[&str], code: i32, words: &str) {
-    let output = thirdbounce(arguments);
-    let text = stderr(&output);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}\n{text}");
-    assert!(text.contains(words), "{arguments:?}: {words:?} is not in\n{text}");
-    assert_eq!(text.matches("error:").count(), 1, "{arguments:?}\n{text}");
-    assert!(!text.contains("panicked") && !text.contains("internal error"), "{text}");
-    if code == 1 {
-        let mend = text.lines().skip_while(|l| !l.starts_with("error:")).nth(1);
-        assert!(mend.is_some_and(|l| l.starts_with("  ") && l.len() > 4), "no mend in\n{text}");
-    }
-    assert_eq!(stdout(&output), "");
-}
 
 struct Small {
     folder: tempfile::TempDir,
@@ -120,7 +88,11 @@ fn from_a_simulated_capture_to_measured_maps() {
     let done = reconstruct(
         &capture,
         &result,
-        &["--truth", &truth, "--volume", &volume_text, "--timings", "--seed", "3"],
+        &[
+            &["--truth", &truth, "--volume", &volume_text, "--timings", "--seed", "3"],
+            &["--volume", "-0.5:0.5,-0.5:0.5,0.3:1.1"][..],
+        ]
+        .concat(),
     );
     let (text, progress) = (stdout(&done), stderr(&done));
     assert_eq!(done.status.code(), Some(0), "{progress}");
@@ -257,6 +229,8 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--gate", "50:60"], 1, "outside the recorded paths"),
         (&[&capture, "--stride", "0"], 1, "stride of 0"),
         (&[&capture, "--stride", "-1"], 2, "--stride"),
+        (&[&capture, "--subset", "0"], 1, "subset of 0"),
+        (&[&capture, "--subset", "257"], 1, "from 1 to 256"),
         (&[&capture, "--wall", "NaN"], 1, "wall of NaN"),
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
         (&[&capture, "--solver", "lct"], 1, "not in this version"),
@@ -272,9 +246,12 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--lateral", "4096", "--depth-pitch", "1e-9"], 1, "beyond 2^30"),
         (&[&capture, "--depth-pitch", "NaN"], 1, "depth pitch of NaN"),
         (&[&capture, "--depth-pitch", "0"], 1, "depth pitch of 0"),
-        (&[&capture, "--box", "1,2,3"], 1, "--box"),
-        (&[&capture, "--box", "0,0,0,0,0,0"], 1, "hidden volume is empty"),
-        (&[&capture, "--box", "-1,1,-1,1,-3,-1"], 1, "--min-depth"),
+        (&[&capture, "--volume", "1,2,3"], 1, "--volume"),
+        (&[&capture, "--volume", "0:0,0:0,0:0"], 1, "hidden volume is empty"),
+        (&[&capture, "--volume", "-1:1,-1:1,-3:-1"], 1, "--min-depth"),
+        (&[&capture, "--volume", "-1:1,-1:1"], 1, "three ranges"),
+        (&[&capture, "--volume", "-1:1,-1:1,0.3:x"], 1, "three ranges"),
+        (&[&capture, "--volume", "a.npz", "--volume", "b.npz"], 1, "second of its kind"),
         (&[&capture, "--depth-pitch", "100"], 1, "no voxel of 100 m"),
         (&[&capture, "--mask-fraction", "2"], 1, "--mask-fraction is 2"),
         (&[&capture, "--memory", "1M"], 1, "--memory allows"),
@@ -303,9 +280,15 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         ("--bin-width", "0", "bin width is 0"),
         ("--albedo", "-1", "albedo -1"),
         ("--noise", "NaN", "NaN"),
+        ("--spot", "0,0", "--pairs one-laser"),
+        ("--grid", "4", "--pairs exhaustive"),
     ] {
         fail(&["simulate", "plane", "--out", &file, option, value], 1, words);
     }
+    let one_laser = ["simulate", "plane", "--out", &file, "--pairs", "one-laser", "--spot"];
+    fail(&[&one_laser[..], &["here"]].concat(), 1, "--spot is \"here\"");
+    fail(&[&one_laser[..], &["0,NaN"]].concat(), 1, "NaN");
+    fail(&["info", &capture, "--volume", "v.npz"], 1, "three ranges");
     fail(&["frobnicate"], 2, "frobnicate");
     assert_eq!(entries(folder.path()), Vec::<PathBuf>::new(), "something was written");
 }

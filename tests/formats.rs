@@ -194,11 +194,11 @@ fn wrong_npz_captures() {
     read_arrays(&with("notes", Array::from_f64(&[2], &[1.0, 2.0]))).unwrap();
     let wrong =
         |name, array, words: &[&str]| assert_error(read_arrays(&with(name, array)), Kind::Input, words);
-    wrong("H", Array::from_f32(&[5, 6], &[1.0; 30]), &["[5, 6]", "[T, X, Y]"]);
+    wrong("H", Array::from_f32(&[5, 6], &[1.0; 30]), &["[5, 6]", "[T, X, Y]", "[T, Lx, Ly, Sx, Sy]"]);
     wrong("H", Array::from_f32(&[0, 3, 2], &[]), &["no bin"]);
     wrong("H", Array::from_f32(&[5, 0, 2], &[]), &["0 scan positions"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[0.0; 30]), &["no signal"]);
-    wrong("H", Array::from_f32(&[5, 3, 2], &[f32::NAN; 30]), &["pair 0", "bin 0", "NaN"]);
+    wrong("H", Array::from_f32(&[5, 3, 2], &[f32::NAN; 30]), &["no pair", "6"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[-1.0; 30]), &["-1", "negative"]);
     wrong(
         "sensor_xyz",

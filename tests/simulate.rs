@@ -46,15 +46,19 @@ fn small_patch_has_the_analytic_value_in_the_right_bin() {
         laser_normal: None,
         sensor_normal: None,
     };
-    for reflectance in [Reflectance::Cosine, Reflectance::Lambertian] {
+    use Reflectance::*;
+    for reflectance in [Cosine, Lambertian, Retroreflective, Isotropic] {
         scene.reflectance = reflectance;
         let capture = render_pairs(&scene, &pairs, &RenderOptions::default()).unwrap().capture;
         for pair in 0..2 {
             let (l, s) = (pairs.laser[pair] - centre, pairs.sensor[pair] - centre);
             let (cos_l, cos_s) = (normal.dot(l) / l.length(), normal.dot(s) / s.length());
             let g = match reflectance {
-                Reflectance::Cosine => cos_l,
-                Reflectance::Lambertian => cos_l * cos_s * (0.7 / l.length()) * (0.7 / s.length()),
+                // As many laser as sensor points: the sensor's side counts as scanned.
+                Cosine => cos_s,
+                Retroreflective => l.length() * s.length(),
+                Isotropic => 1.0,
+                Lambertian => cos_l * cos_s * (0.7 / l.length()) * (0.7 / s.length()),
             };
             let expected = 0.5 * 4.0 * half * half * g / (l.length_squared() * s.length_squared());
             let values = histogram(&capture, pair);

@@ -110,6 +110,23 @@ fn ytal_outer_legs_are_removed() {
 }
 
 #[test]
+fn ytal_points_that_were_not_measured_go_before_their_legs() {
+    let (_folder, path) = place("holes.hdf5");
+    let nan = f64::NAN;
+    // Three confocal points: a sound one, one whose place is unknown, one without a histogram.
+    let points = [0.0, 0.0, 0.0, nan, nan, nan, 0.75, 0.0, 0.0];
+    let mut h = vec![0.0; 20 * 3];
+    h[5 * 3] = 4.0;
+    h[6 * 3 + 1] = 7.0;
+    (0..20).for_each(|b| h[b * 3 + 2] = nan);
+    ytal(&path, 1, &[20, 3, 1], &h, &points, &points, Some([0.0, 0.0, -1.0]));
+    let opened = thirdbounce::capture::read_with_notes(&path).unwrap();
+    assert_eq!((opened.dropped, opened.capture.pair_count(), opened.notes.len()), (2, 1, 2));
+    assert_eq!(opened.capture.histograms[5], 4.0);
+    assert_eq!(opened.capture.histograms.iter().sum::<f32>(), 4.0);
+}
+
+#[test]
 fn npz_and_ytal_twins_agree() {
     let Some(data) = data() else { return };
     for name in ["z_confocal_32", "spheres_confocal_32", "z_bumpwall_confocal_32"] {

@@ -61,8 +61,7 @@ impl Capture {
 
     /// Says where a pair stands in the scan, for error messages.
     fn pair_place(&self, pair: usize) -> String {
-        let ny = self.scan[1].max(1);
-        format!("pair {pair} (ix {}, iy {})", pair / ny, pair % ny)
+        place_in(self.scan, pair)
     }
 
     fn check_lengths(&self) -> Result<()> {
@@ -133,6 +132,14 @@ impl Capture {
             ));
         }
         Ok(())
+    }
+}
+
+/// A pair and where it stands in the scan.
+pub(super) fn place_in(scan: [usize; 2], pair: usize) -> String {
+    match scan[1] {
+        0 | 1 => format!("pair {pair}"),
+        ny => format!("pair {pair} (ix {}, iy {})", pair / ny, pair % ny),
     }
 }
 

@@ -5,13 +5,17 @@
 //! path lengths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 
 pub mod check;
+mod choose;
 pub mod formats;
 pub mod gate;
+mod lattice;
+mod nearest;
+mod normals;
 pub mod pairs;
 pub mod scan;
 pub mod summary;
 
-pub use formats::{read, write};
+pub use formats::{Opened, read, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};
 pub use summary::Summary;

@@ -135,12 +135,26 @@ impl Distinct {
     /// Distinct points in the order of first appearance: a point joins the first one that is no farther than
     /// `tolerance`. A point that is not finite stays alone. O(P) expected, by cells of twice the tolerance.
     pub fn of(points: &[DVec3], tolerance: f64) -> Distinct {
-        let tolerance = tolerance.max(f64::MIN_POSITIVE);
+        let largest =
+            points.iter().filter(|p| p.is_finite()).map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        // Not below what double precision tells apart, so that cells have numbers.
+        let tolerance = if tolerance.is_finite() { tolerance } else { 0.0 };
+        let tolerance = tolerance.max(1e-14 * largest).max(f64::MIN_POSITIVE);
         let cell = |v: f64| (v / (2.0 * tolerance)).floor() as i64;
         let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
         let mut first: Vec<usize> = Vec::new();
-        let mut index = Vec::with_capacity(points.len());
+        let mut index: Vec<usize> = Vec::with_capacity(points.len());
         for (i, &p) in points.iter().enumerate() {
+            if !p.is_finite() {
+                index.push(first.len());
+                first.push(i);
+                continue;
+            }
+            // Lists of combinations repeat a point many times in a row.
+            if i > 0 && points[i - 1] == p {
+                index.push(index[i - 1]);
+                continue;
+            }
             // A point near the edge of its cell looks into the next cell too.
             let [lo, hi] = [p - tolerance, p + tolerance].map(|q| q.to_array().map(cell));
             let around = |axis: usize| lo[axis]..=hi[axis];
@@ -153,9 +167,7 @@ impl Distinct {
                 .min();
             index.push(known.unwrap_or(first.len()));
             if known.is_none() {
-                if p.is_finite() {
-                    cells.entry(p.to_array().map(cell)).or_default().push(first.len());
-                }
+                cells.entry(p.to_array().map(cell)).or_default().push(first.len());
                 first.push(i);
             }
         }

@@ -1,67 +1,48 @@
-//! Geometry of the scan: what part of the wall it covers, whether it is confocal and planar, thinning.
-
-use std::collections::HashSet;
+//! Geometry of the scan: what part of the wall it covers and how densely, whether it is confocal and planar.
 
 use glam::DVec3;
 
 use super::Capture;
+use super::lattice::Lattice;
+use super::pairs::Distinct;
 use crate::error::{Error, Result};
 
+/// Points that are no farther apart than this share of the wall's size are counted as one.
+const SAME_POINT: f64 = 1e-6;
+
 impl Capture {
-    /// Keeps every `n`th scan point in x and in y (`ix % n == 0`, `iy % n == 0`), with their histograms.
-    /// Where the scan is (laser points, sensor points), every combination of both, each list is thinned.
-    ///
-    /// # Errors
-    /// `Kind::Options` if `n` is 0.
-    pub fn stride(&self, n: usize) -> Result<Capture> {
-        if n == 0 {
-            return Err(Error::options("a stride of 0 keeps no scan point", "use 1 to keep every point"));
-        }
-        let [nx, ny] = self.scan;
-        let kept: Vec<usize> =
-            (0..nx).step_by(n).flat_map(|ix| (0..ny).step_by(n).map(move |iy| ix * ny + iy)).collect();
-        let pick = |points: &[DVec3]| kept.iter().map(|&p| points[p]).collect::<Vec<_>>();
-        let mut histograms = Vec::with_capacity(kept.len() * self.bins);
-        for &p in &kept {
-            histograms.extend_from_slice(&self.histograms[p * self.bins..(p + 1) * self.bins]);
-        }
-        Ok(Capture {
-            name: self.name.clone(),
-            scan: [nx.div_ceil(n), ny.div_ceil(n)],
-            laser: pick(&self.laser),
-            sensor: pick(&self.sensor),
-            laser_normal: self.laser_normal.as_deref().map(pick),
-            sensor_normal: self.sensor_normal.as_deref().map(pick),
-            histograms,
-            ..*self
-        })
-    }
-
     /// The lateral part of the wall that the scan covers: (xmin, xmax, ymin, ymax) in metres, outer edges of
-    /// the scan's cells, that is the points of the scanned side plus half the spacing on every side.
+    /// the scan's cells, that is the points plus half the spacing on every side.
     ///
-    /// The scanned side is the one (laser or sensor) with more distinct points. A single row or column is
-    /// as wide as its own spacing. If there is only one point, the extent is a square around it whose half
-    /// side is a quarter of the longest path, the distance over which the histogram says anything at all.
+    /// The points of both sides count, a single laser or sensor point beside many of the other side does not.
+    /// A single row or column is as wide as its own spacing. If there is only one point on either side, the
+    /// extent is a square around the sensor's whose half side is a quarter of the longest path, the distance
+    /// over which the histogram says anything at all.
     pub fn wall_extent(&self) -> [f64; 4] {
-        let grid = Grid::of(self.scanned_points());
-        let (dx, dy) = match (grid.spacing(0), grid.spacing(1)) {
-            (Some(dx), Some(dy)) => (dx, dy),
-            (Some(d), None) | (None, Some(d)) => (d, d),
-            (None, None) => {
-                let side = (self.t_end() / 2.0).max(self.bin_width);
-                (side, side)
-            }
+        let [scanned, other] = self.sides();
+        let lattice = Lattice::of(&scanned);
+        let Some(cells) = lattice.cells() else {
+            let half = (self.t_end() / 2.0).max(self.bin_width) / 2.0;
+            let [[x, _], [y, _]] = lattice.range;
+            return [x - half, x + half, y - half, y + half];
         };
-        let ([x0, x1], [y0, y1]) = (grid.range[0], grid.range[1]);
-        [x0 - dx / 2.0, x1 + dx / 2.0, y0 - dy / 2.0, y1 + dy / 2.0]
+        match Lattice::of(&other).cells() {
+            None => cells,
+            Some(o) => [cells[0].min(o[0]), cells[1].max(o[1]), cells[2].min(o[2]), cells[3].max(o[3])],
+        }
     }
 
-    /// Mean distance in metres of neighbouring points of the scanned side (the smaller of x and y), `None`
-    /// if there is only one point.
+    /// Distance in metres of neighbouring points of the scanned side (the smaller of x and y), `None` if there
+    /// is only one point. Of points that form no lattice it is the square root of the area of their cells over
+    /// their number.
     pub fn spacing(&self) -> Option<f64> {
-        let grid = Grid::of(self.scanned_points());
-        [grid.spacing(0), grid.spacing(1)].into_iter().flatten().reduce(f64::min)
+        Lattice::of(&self.sides()[0]).spacing.into_iter().flatten().reduce(f64::min)
+    }
+
+    /// Points of the scanned side that stand side by side in x and in y: those of the lattice they form, holes
+    /// included, or of a square lattice as dense as they are. At least 1.
+    pub fn resolution(&self) -> [usize; 2] {
+        Lattice::of(&self.sides()[0]).counts.map(|n| n.max(1))
     }
 
     /// Whether the laser and sensor points of every pair coincide, to a thousandth of the spacing.
@@ -93,8 +74,7 @@ impl Capture {
                 "give the distance in metres between the outermost scan points",
             ));
         }
-        let grid = Grid::of(self.scanned_points());
-        let span = grid.range.iter().map(|[a, b]| b - a).fold(0.0, f64::max);
+        let span = Lattice::of(&self.sides()[0]).range.iter().map(|[a, b]| b - a).fold(0.0, f64::max);
         if span <= 0.0 {
             return Err(Error::options(
                 "a wall size was given, but the capture has a single scan point",
@@ -106,61 +86,27 @@ impl Capture {
         Ok(())
     }
 
-    /// The points of the side (sensor or laser) that was scanned: the one with more distinct points.
+    /// The points of the side (sensor or laser) that was scanned, pair by pair: the one with more distinct
+    /// points, the sensor's on a tie.
     pub fn scanned_points(&self) -> &[DVec3] {
-        if distinct(&self.laser) > distinct(&self.sensor) { &self.laser } else { &self.sensor }
-    }
-}
-
-fn distinct(points: &[DVec3]) -> usize {
-    points.iter().map(|p| p.to_array().map(|v| (v + 0.0).to_bits())).collect::<HashSet<_>>().len()
-}
-
-/// Lateral range of points and how many of them stand side by side in x and y.
-struct Grid {
-    range: [[f64; 2]; 2],
-    counts: [usize; 2],
-}
-
-impl Grid {
-    fn of(points: &[DVec3]) -> Grid {
-        let range = [0, 1].map(|axis| {
-            let values = points.iter().map(|p| p[axis]);
-            let (low, high) =
-                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            if low <= high { [low, high] } else { [0.0, 0.0] }
-        });
-        let tolerance = 1e-4 * range.iter().map(|[a, b]| b - a).fold(0.0, f64::max);
-        let columns = [clusters(points, 0, tolerance), clusters(points, 1, tolerance)];
-        let occupied: HashSet<_> = columns[0].0.iter().zip(&columns[1].0).collect();
-        let counts = [columns[0].1, columns[1].1];
-        if counts[0].checked_mul(counts[1]) == Some(occupied.len()) {
-            return Grid { range, counts };
-        }
-        // Not a grid aligned with x and y (a warped wall): as many columns as rows would have there.
-        let side = (distinct(points) as f64).sqrt().round().max(1.0) as usize;
-        Grid { range, counts: [side, side] }
+        let [lasers, sensors] = self.distinct();
+        if lasers.first.len() > sensors.first.len() { &self.laser } else { &self.sensor }
     }
 
-    fn spacing(&self, axis: usize) -> Option<f64> {
-        let [low, high] = self.range[axis];
-        let spacing = (high - low) / (self.counts[axis].max(2) - 1) as f64;
-        (self.counts[axis] > 1 && spacing > 0.0).then_some(spacing)
+    /// The distinct points of the scanned side and of the other.
+    fn sides(&self) -> [Vec<DVec3>; 2] {
+        let [lasers, sensors] = self.distinct();
+        let [laser, sensor] = [lasers.pick(&self.laser), sensors.pick(&self.sensor)];
+        if laser.len() > sensor.len() { [laser, sensor] } else { [sensor, laser] }
     }
-}
 
-/// Groups the points by one coordinate: the group of each point and the number of groups.
-fn clusters(points: &[DVec3], axis: usize, tolerance: f64) -> (Vec<usize>, usize) {
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    order.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]));
-    let mut group = vec![0; points.len()];
-    let (mut count, mut first) = (0, f64::NEG_INFINITY);
-    for &p in &order {
-        if count == 0 || points[p][axis] - first > tolerance {
-            count += 1;
-            first = points[p][axis];
-        }
-        group[p] = count - 1;
+    /// The distinct laser and sensor points.
+    fn distinct(&self) -> [Distinct; 2] {
+        let all = || self.laser.iter().chain(&self.sensor);
+        let (low, high) = all()
+            .filter(|p| p.is_finite())
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+        let tolerance = SAME_POINT * (high - low).max_element().max(0.0);
+        [&self.laser, &self.sensor].map(|points| Distinct::of(points, tolerance))
     }
-    (group, count)
 }

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Capture;
+use super::check::place_in;
+use super::{Capture, PairKind};
 
 /// Speed of light in metres per picosecond.
 const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
@@ -20,10 +21,18 @@ pub struct Summary {
     pub bin_width_ps: f64,
     pub t_start_m: f64,
     pub t_end_m: f64,
+    /// How laser and sensor points are combined.
+    pub pair_kind: PairKind,
+    /// Pairs of the file that were left out because they were not measured.
+    pub dropped_pairs: usize,
+    /// Points of the scanned side that stand side by side in x and y, or as dense a square lattice.
+    pub resolution: [usize; 2],
     pub confocal: bool,
     pub planar: bool,
     /// (xmin, xmax, ymin, ymax) of the scanned part of the wall in metres, outer cell edges.
     pub wall_extent_m: [f64; 4],
+    /// Least and largest z of the wall points in metres.
+    pub wall_depth_m: [f64; 2],
     /// First and last bin with signal in any pair, `None` without signal.
     pub signal_bins: Option<[usize; 2]>,
     /// Largest count, where it is.
@@ -37,6 +46,8 @@ pub struct Summary {
     pub integer_counts: bool,
     pub laser_normals: bool,
     pub sensor_normals: bool,
+    /// Whether the normals were estimated from neighbouring points.
+    pub normals_estimated: bool,
 }
 
 impl Summary {
@@ -57,6 +68,9 @@ impl Summary {
             }
             lit += usize::from(total > before);
         }
+        let pair_kind = capture.pair_kind();
+        let depths = capture.laser.iter().chain(&capture.sensor).map(|p| p.z);
+        let (low, high) = depths.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)));
         Summary {
             name: capture.name.clone(),
             scan: capture.scan,
@@ -66,9 +80,13 @@ impl Summary {
             bin_width_ps: capture.bin_width / METRES_PER_PICOSECOND,
             t_start_m: capture.t_start,
             t_end_m: capture.t_end(),
-            confocal: capture.is_confocal(),
+            pair_kind,
+            dropped_pairs: 0,
+            resolution: capture.resolution(),
+            confocal: pair_kind == PairKind::Confocal,
             planar: capture.is_planar(),
             wall_extent_m: capture.wall_extent(),
+            wall_depth_m: [low, high],
             signal_bins: (lit > 0).then_some([first, last]),
             peak: f64::from(peak),
             peak_bin,
@@ -78,6 +96,7 @@ impl Summary {
             integer_counts: capture.integer_counts,
             laser_normals: capture.laser_normal.is_some(),
             sensor_normals: capture.sensor_normal.is_some(),
+            normals_estimated: false,
         }
     }
 }
@@ -92,17 +111,33 @@ impl Capture {
 impl std::fmt::Display for Summary {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let path = |bin: f64| self.t_start_m + bin * self.bin_width_m;
-        let kind = if self.confocal { "confocal" } else { "not confocal" };
-        let wall = if self.planar { "planar" } else { "not planar" };
         writeln!(f, "capture   {}", self.name)?;
-        writeln!(f, "scan      {} x {} = {} pairs, {kind}", self.scan[0], self.scan[1], self.pairs)?;
+        let [nx, ny] = self.scan;
+        writeln!(f, "scan      {nx} x {ny} = {} pairs, {}", self.pairs, self.pair_kind)?;
+        if self.dropped_pairs > 0 {
+            writeln!(f, "dropped   {} pairs that were not measured", self.dropped_pairs)?;
+        }
+        if self.resolution != self.scan {
+            writeln!(
+                f,
+                "points    as dense as {} x {} side by side",
+                self.resolution[0], self.resolution[1]
+            )?;
+        }
         let [x0, x1, y0, y1] = self.wall_extent_m;
+        let [low, high] = self.wall_depth_m;
+        let wall = match (self.planar, high - low) {
+            (true, _) => "flat".to_string(),
+            (false, 0.0) => "flat, but its normals are not".to_string(),
+            (false, _) => format!("curved or tilted, z {low:.4} to {high:.4} m"),
+        };
         writeln!(f, "wall      x {x0:.4} to {x1:.4} m, y {y0:.4} to {y1:.4} m, {wall}")?;
         let normals = match (self.laser_normals, self.sensor_normals) {
-            (true, true) => "given",
-            (true, false) => "given for the laser points only",
-            (false, true) => "given for the sensor points only",
-            (false, false) => "not given, taken as (0, 0, 1)",
+            _ if self.normals_estimated => "estimated from neighbouring points",
+            (true, true) => "known",
+            (true, false) => "known for the laser points only",
+            (false, true) => "known for the sensor points only",
+            (false, false) => "not known, taken as (0, 0, 1)",
         };
         writeln!(f, "normals   {normals}")?;
         writeln!(f, "bins      {} of {:.6} m ({:.2} ps)", self.bins, self.bin_width_m, self.bin_width_ps)?;
@@ -117,16 +152,13 @@ impl std::fmt::Display for Summary {
             )?,
             None => writeln!(f, "signal    none")?,
         }
-        let ny = self.scan[1].max(1);
         writeln!(
             f,
-            "peak      {} in bin {} ({:.4} m), pair {} (ix {}, iy {})",
+            "peak      {} in bin {} ({:.4} m), {}",
             self.peak,
             self.peak_bin,
             path(self.peak_bin as f64 + 0.5),
-            self.peak_pair,
-            self.peak_pair / ny,
-            self.peak_pair % ny
+            place_in(self.scan, self.peak_pair)
         )?;
         let counts = if self.integer_counts { "whole counts" } else { "real numbers" };
         write!(f, "total     {} ({counts})", self.total)

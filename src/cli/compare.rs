@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> Result<()> {
     args.solver.check(None)?;
     let specs = specs(args)?;
     let (input, memory, volume) =
-        (args.capture.input(args.solver.preset)?, args.device.memory()?, args.grid.volume()?);
+        (args.capture.input(&args.solver)?, args.device.memory()?, args.grid.volume_only()?);
     let loaded = job::load(&input)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));

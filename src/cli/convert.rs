@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, capture};
 
+use super::progress::say;
 use super::{interrupt, print};
 
 #[derive(clap::Args)]
@@ -17,9 +18,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let capture = capture::read(&args.from)?;
+    let opened = capture::read_with_notes(&args.from)?;
+    opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     interrupt::take_care();
-    capture::write(&capture, &args.to)?;
-    print(&format!("{}\nwrote     {}", capture.summary(), args.to.display()));
+    capture::write(&opened.capture, &args.to)?;
+    print(&format!("{}\nwrote     {}", opened.capture.summary(), args.to.display()));
     Ok(())
 }

@@ -23,6 +23,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    args.grid.volume_only()?;
     let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
     let found = job::inspect(&request, &loaded)?;
     print(&if args.json { json(&found)? } else { text(&found) });

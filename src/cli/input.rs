@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::Args;
 use thirdbounce::capture::Gate;
 use thirdbounce::job::{self, Loaded, Request};
-use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
@@ -19,6 +18,9 @@ pub struct CaptureArgs {
     /// Use every Nth scan point in x and in y
     #[arg(long, value_name = "N", help_heading = "Capture")]
     pub stride: Option<usize>,
+    /// Use so many pairs only, drawn at random by --seed
+    #[arg(long, value_name = "N", help_heading = "Capture")]
+    pub subset: Option<usize>,
     /// Use these paths only, in metres; an end may be left out (0.8:2.4, 0.8:, :2.4)
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, help_heading = "Capture")]
     pub gate: Option<String>,
@@ -31,14 +33,16 @@ pub struct CaptureArgs {
 }
 
 impl CaptureArgs {
-    pub fn input(&self, preset: Option<Preset>) -> Result<job::Input> {
+    pub fn input(&self, solver: &SolverArgs) -> Result<job::Input> {
         Ok(job::Input {
             path: self.capture.clone(),
             wall: self.wall,
             stride: self.stride,
+            subset: self.subset,
+            subset_seed: solver.seed(),
             gate: self.gate.as_deref().map(Gate::parse).transpose()?,
             no_auto_gate: self.no_auto_gate,
-            preset,
+            preset: solver.preset,
         })
     }
 }
@@ -49,30 +53,66 @@ pub struct VolumeArgs {
     /// Voxel size along z in metres [default: the bin width]
     #[arg(long, value_name = "M", help_heading = "Volume")]
     pub depth_pitch: Option<f64>,
-    /// Reconstruct this box, in metres [default: the wall's extent, and the depths that the gate allows]
+    /// Reconstruct this box, in metres, as -0.5:0.5,-0.5:0.5,0.3:1.2 [default: the wall's extent, and the depths
+    /// that the gate allows]; reconstruct takes a file's name too, .npz or .hdf5, and writes the volume there
     #[arg(
-        long = "box",
-        value_name = "X0,X1,Y0,Y1,Z0,Z1",
+        long = "volume",
+        value_name = "X0:X1,Y0:Y1,Z0:Z1 or FILE",
         allow_hyphen_values = true,
         help_heading = "Volume"
     )]
-    pub volume_box: Option<String>,
+    given: Vec<String>,
 }
 
 impl VolumeArgs {
-    pub fn volume(&self) -> Result<Option<Volume>> {
-        let Some(text) = &self.volume_box else { return Ok(None) };
-        let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
-        match numbers[..] {
-            [x0, x1, y0, y1, z0, z1] if text.split(',').count() == 6 => {
-                Ok(Some(Volume { min: glam::dvec3(x0, y0, z0), max: glam::dvec3(x1, y1, z1) }))
+    /// The box to reconstruct and the file to write the volume to.
+    pub fn volume(&self) -> Result<(Option<Volume>, Option<PathBuf>)> {
+        let (mut volume, mut file) = (None, None);
+        for text in &self.given {
+            let twice = match box_of(text)? {
+                Some(given) => volume.replace(given).is_some(),
+                None => file.replace(PathBuf::from(text)).is_some(),
+            };
+            if twice {
+                return Err(Error::options(
+                    format!("--volume {text:?} is the second of its kind"),
+                    "give one box and one file at most",
+                ));
             }
-            _ => Err(Error::options(
-                format!("--box is {text:?}"),
-                "give six lengths in metres with commas between, as -0.5,0.5,-0.5,0.5,0.3,1.2",
+        }
+        Ok((volume, file))
+    }
+
+    /// The box to reconstruct, where no volume is written.
+    pub fn volume_only(&self) -> Result<Option<Volume>> {
+        match self.volume()? {
+            (volume, None) => Ok(volume),
+            (_, Some(file)) => Err(Error::options(
+                format!("--volume is {:?}, which is no box", file.display().to_string()),
+                format!("give {BOX}; only reconstruct writes the volume to a file"),
             )),
         }
     }
+}
+
+const BOX: &str = "three ranges in metres, x, y and z, as -0.5:0.5,-0.5:0.5,0.3:1.2";
+
+/// A box of three ranges; `None` if the text is a file's name.
+fn box_of(text: &str) -> Result<Option<Volume>> {
+    let wrong = || Error::options(format!("--volume is {text:?}"), format!("give {BOX}, or a file"));
+    let number = |n: &str| n.trim().parse::<f64>().map_err(|_| wrong());
+    let is_file = [".npz", ".hdf5", ".h5"].iter().any(|e| text.to_ascii_lowercase().ends_with(e));
+    if is_file || !text.contains([':', ',']) {
+        return Ok(None);
+    }
+    let ranges: Vec<&str> = text.split(',').collect();
+    let [x, y, z] = ranges[..] else { return Err(wrong()) };
+    let range = |part: &str| -> Result<[f64; 2]> {
+        let (from, to) = part.split_once(':').ok_or_else(wrong)?;
+        Ok([number(from)?, number(to)?])
+    };
+    let ([x0, x1], [y0, y1], [z0, z1]) = (range(x)?, range(y)?, range(z)?);
+    Ok(Some(Volume { min: glam::dvec3(x0, y0, z0), max: glam::dvec3(x1, y1, z1) }))
 }
 
 /// Which device, and how it is watched.
@@ -105,7 +145,8 @@ pub fn load(
 ) -> Result<(Loaded, Request)> {
     solver.check(None)?;
     solver.check_fit()?;
-    let (input, memory, volume) = (capture.input(solver.preset)?, device.memory()?, grid.volume()?);
+    let (input, memory) = (capture.input(solver)?, device.memory()?);
+    let (volume, volume_file) = grid.volume()?;
     let mut loaded = job::load(&input)?;
     let (preset, note, solver) = solver.resolve(None, &loaded.capture);
     loaded.notes.extend(note);
@@ -113,6 +154,7 @@ pub fn load(
         preset: Some(preset),
         depth_pitch: grid.depth_pitch,
         volume,
+        volume_file,
         memory,
         device: device.device.clone(),
         validation: device.validation,

@@ -22,9 +22,9 @@ pub struct PaperArgs {
     /// Steps of the optimiser [default: 1000]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     iterations: Option<usize>,
-    /// Seed of the initial albedo and of the samples [default: 0]
+    /// Seed of the initial albedo, of the samples and of --subset [default: 0]
     #[arg(long, value_name = "N", help_heading = "Solver")]
-    seed: Option<u32>,
+    pub seed: Option<u32>,
     /// The same bits on every run of the same seed and device: fixed-point accumulation
     #[arg(long, conflicts_with = "accumulation", help_heading = "Solver")]
     deterministic: bool,

@@ -18,9 +18,6 @@ pub struct Args {
     /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, report.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Write the volume too, as npz or HDF5 by its ending
-    #[arg(long, value_name = "FILE")]
-    volume: Option<PathBuf>,
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
@@ -60,7 +57,6 @@ pub fn run(args: &Args) -> Result<()> {
         trace_every: args.trace_every,
         snapshots: args.snapshots.clone(),
         out: args.out.clone(),
-        volume_file: args.volume.clone(),
         ..request
     };
     interrupt::take_care();

@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use thirdbounce::Result;
+use glam::DVec2;
 use thirdbounce::job::{self, Simulation};
-use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Reflectance, RenderOptions, Scene};
+use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
+use thirdbounce::{Error, Result};
 
+use super::options::word;
 use super::progress::say;
 use super::{interrupt, print, tables};
 
@@ -27,6 +29,21 @@ pub struct Args {
     /// Scan points per side
     #[arg(long, value_name = "N", default_value_t = 32)]
     scan: usize,
+    /// How laser and sensor are paired: at every scan point together; one of them fixed at --spot; every laser point
+    /// of --grid with every scan point; or NxN pairs drawn over the wall by --seed
+    #[arg(long, value_name = "KIND", default_value = "confocal",
+        value_parser = PossibleValuesParser::new(["confocal", "one-laser", "one-sensor", "exhaustive", "irregular"]))]
+    pairs: String,
+    /// The fixed laser or sensor point in metres [default: 0,0, the wall's centre]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
+    spot: Option<String>,
+    /// Laser points per side of exhaustive pairs [default: as --scan]
+    #[arg(long, value_name = "L")]
+    grid: Option<usize>,
+    /// Shape of the wall; the bump is a Gaussian towards the scene, a tenth of the wall's side high
+    #[arg(long, value_name = "SHAPE", default_value = "flat",
+        value_parser = PossibleValuesParser::new(["flat", "bump"]).map(wall_shape))]
+    wall_shape: WallShape,
     /// Side of the square wall in metres
     #[arg(long, value_name = "SIZE", default_value_t = 1.0)]
     wall: f64,
@@ -37,9 +54,13 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     bins: Option<usize>,
     /// How surfaces reflect
-    #[arg(long, value_name = "NAME", default_value = "cosine",
-        value_parser = PossibleValuesParser::new(["cosine", "lambertian"]).map(reflectance))]
-    model: Reflectance,
+    #[arg(long, visible_alias = "model", value_name = "NAME", default_value = "cosine",
+        value_parser = word::<Reflectance>(&["cosine", "lambertian", "retroreflective", "isotropic"]))]
+    reflectance: Reflectance,
+    /// Whether surfaces hide what is behind them
+    #[arg(long, value_name = "ON|OFF", default_value = "on",
+        value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
+    occlusion: bool,
     /// Albedo of everything
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     albedo: f64,
@@ -60,8 +81,42 @@ pub struct Args {
     quiet: bool,
 }
 
-fn reflectance(name: String) -> Reflectance {
-    if name == "lambertian" { Reflectance::Lambertian } else { Reflectance::Cosine }
+fn wall_shape(name: String) -> WallShape {
+    if name == "bump" { WallShape::Bump } else { WallShape::Flat }
+}
+
+/// The layout that the options tell; one that another kind of pairs has is refused.
+fn layout(args: &Args) -> Result<Layout> {
+    let kind = args.pairs.as_str();
+    let misplaced = |option: &str, value: String, kinds: &str| {
+        Error::options(
+            format!("--{option} {value} was given with --pairs {kind}"),
+            format!("leave it out, or choose --pairs {kinds}"),
+        )
+    };
+    let fixed = matches!(kind, "one-laser" | "one-sensor");
+    if let Some(spot) = args.spot.as_ref().filter(|_| !fixed) {
+        return Err(misplaced("spot", spot.clone(), "one-laser or one-sensor"));
+    }
+    if let Some(grid) = args.grid.filter(|_| kind != "exhaustive") {
+        return Err(misplaced("grid", grid.to_string(), "exhaustive"));
+    }
+    let spot = args.spot.as_deref().map_or(Ok(DVec2::ZERO), spot_of)?;
+    Ok(match kind {
+        "one-laser" => Layout::OneLaser { spot },
+        "one-sensor" => Layout::OneSensor { spot },
+        "exhaustive" => Layout::Exhaustive { lasers: args.grid.unwrap_or(args.scan) },
+        "irregular" => Layout::Irregular { seed: args.seed },
+        _ => Layout::Confocal,
+    })
+}
+
+fn spot_of(text: &str) -> Result<DVec2> {
+    let numbers: Vec<Option<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers[..] {
+        [Some(x), Some(y)] => Ok(DVec2::new(x, y)),
+        _ => Err(Error::options(format!("--spot is {text:?}"), "give x,y in metres, as 0.1,-0.2")),
+    }
 }
 
 fn scenes() -> String {
@@ -75,7 +130,8 @@ pub fn run(args: &Args) -> Result<()> {
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
     (scene.photons, scene.dark) = (args.photons, Dark::Counts(args.dark));
-    (scene.reflectance, scene.seed) = (args.model, args.seed);
+    (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
+    (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);
     let simulation = Simulation {
         scene,
         render: RenderOptions { noise: args.noise, seed: args.seed, ..RenderOptions::default() },

@@ -41,6 +41,11 @@ impl SolverArgs {
         self.options(base, Preset::Synthetic).check()
     }
 
+    /// The seed that was given, else 0.
+    pub fn seed(&self) -> u64 {
+        self.paper.seed.map_or(0, u64::from)
+    }
+
     /// Refuses options that only another solver has: to ignore them would mislead.
     pub fn check_fit(&self) -> Result<()> {
         let name = self.solver.as_deref().unwrap_or(SolverOptions::DEFAULT);

@@ -27,7 +27,7 @@ pub fn report_of(
             kind: plain(&gpu.info.kind),
         },
         settings: settings(request, loaded, grid, solved),
-        capture: loaded.capture.summary(),
+        capture: loaded.summary(),
         plan: report::Plan {
             variants: solved.plan.variants(),
             left_out: solved.plan.left_out.clone(),
@@ -55,6 +55,8 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Recons
         "capture": loaded.input.path,
         "wall": loaded.input.wall,
         "stride": loaded.input.stride.unwrap_or(1),
+        "subset": loaded.input.subset,
+        "subset_seed": loaded.input.subset_seed,
         "gate": gate_json(loaded.gate),
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "grid": grid.n,

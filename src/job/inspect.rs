@@ -79,7 +79,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         problems.push(format!("it needs {} MiB, --memory allows {} MiB", mib(total), mib(allowed)));
     }
     Ok(Inspection {
-        capture: capture.summary(),
+        capture: loaded.summary(),
         notes: loaded.notes.clone(),
         preset: request.preset,
         options: request.solver.clone(),

@@ -77,14 +77,14 @@ impl Request {
         let grid = Grid::new(volume, self.solver.lateral(), pitch)?;
         if volume.max.z <= self.solver.min_depth() {
             return Err(Error::options(
-                format!("--box ends at a depth of {} m", volume.max.z),
+                format!("--volume ends at a depth of {} m", volume.max.z),
                 format!("nothing nearer than --min-depth, {} m, is reconstructed", self.solver.min_depth()),
             ));
         }
         if grid.origin.z > volume.max.z {
             return Err(Error::options(
                 format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
-                "give a smaller --depth-pitch or a deeper --box",
+                "give a smaller --depth-pitch or a deeper --volume",
             ));
         }
         Ok(grid)

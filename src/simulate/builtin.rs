@@ -16,6 +16,7 @@ pub const KNOWN: &[(&str, &str)] = &[
     ("sphere", "a sphere of radius 0.2 m at z = 0.7 m"),
     ("spheres", "two spheres of radius 0.14 m at z = 0.72 and 1.00 m"),
     ("torus", "a tilted torus of radius 0.2 m at z = 0.7 m"),
+    ("occluder", "a plate at z = 0.5 m that hides part of a larger square at z = 0.9 m"),
     ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
 ];
 
@@ -34,6 +35,10 @@ pub fn named(spec: &str) -> Result<Scene> {
             "sphere" => vec![sphere(dvec3(0.0, 0.0, 0.7), 0.2)],
             "spheres" => vec![sphere(dvec3(-0.18, 0.10, 0.72), 0.14), sphere(dvec3(0.20, -0.12, 1.00), 0.14)],
             "torus" => vec![torus(dvec3(0.0, 0.0, 0.7), dvec3(0.25, 0.45, -1.0), 0.2, 0.07)],
+            "occluder" => vec![
+                rectangle(dvec3(0.0, 0.0, 0.9), DVec3::Y * 0.35, DVec3::X * 0.35),
+                rectangle(dvec3(0.18, 0.05, 0.5), DVec3::Y * 0.2, DVec3::X * 0.12),
+            ],
             "figure" => figure(dvec3(0.0, 0.0, 0.7), 0.85),
             _ => return Err(unknown(spec)),
         }

@@ -1,7 +1,7 @@
 //! Simulated captures: a hidden scene of meshes → transient histograms and true maps.
 //!
-//! A [`Scene`] is objects (triangle mesh and albedo) before a square relay wall at z = 0 that is scanned
-//! confocally. [`simulate`] renders the light transport by area sampling with true visibility and adds
+//! A [`Scene`] is objects (triangle mesh and albedo) before a square relay wall, flat at z = 0 or curved, that is
+//! scanned by laser and sensor in any [`Layout`]. [`simulate`] renders the light transport by area sampling with true visibility and adds
 //! photon noise if the scene asks for it; [`truth`] gives depth, normals and mask seen from the wall.
 //!
 //! ```
@@ -30,14 +30,17 @@ mod scene;
 mod shapes;
 mod truth;
 mod visibility;
+mod wall;
 
+pub use crate::transport::Reflectance;
 pub use figure::figure;
 pub use letters::letter;
 pub use mesh::{Mesh, Placement};
 pub use mesh_file::load_mesh;
 pub use noise::{Dark, photon_noise};
-pub use pairs::Pairs;
+pub use pairs::{Layout, Pairs};
 pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
-pub use scene::{Object, Reflectance, Scene};
+pub use scene::{Object, Scene};
 pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
 pub use truth::{DEFAULT_RESOLUTION, truth};
+pub use wall::WallShape;

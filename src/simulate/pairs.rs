@@ -1,9 +1,48 @@
 //! Pairs of wall points to render.
 
+use super::WallShape;
+use crate::capture::Capture;
 use crate::{Error, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3, dvec2};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
-/// Laser and sensor points of a scan, with the meanings of [`crate::capture::Capture`].
+/// How a scan of n × n wall points pairs laser and sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Layout {
+    /// Laser and sensor at every scan point together: n² pairs.
+    #[default]
+    Confocal,
+    /// The laser at one spot (x, y in metres), the sensor at every scan point: n² pairs.
+    OneLaser { spot: DVec2 },
+    /// The sensor at one spot (x, y in metres), the laser at every scan point: n² pairs.
+    OneSensor { spot: DVec2 },
+    /// Every one of `lasers` × `lasers` laser points with every scan point: lasers² · n² pairs.
+    Exhaustive { lasers: usize },
+    /// Laser and sensor points anywhere on the wall, drawn for each pair anew by `seed`: n² pairs.
+    Irregular { seed: u64 },
+}
+
+impl Layout {
+    /// Pairs of a scan of n × n points.
+    pub fn pair_count(self, scan: usize) -> f64 {
+        let lasers = match self {
+            Layout::Exhaustive { lasers } => lasers as f64,
+            _ => 1.0,
+        };
+        (lasers * scan as f64).powi(2)
+    }
+
+    /// The spot of one laser or one sensor point.
+    pub fn spot(self) -> Option<DVec2> {
+        match self {
+            Layout::OneLaser { spot } | Layout::OneSensor { spot } => Some(spot),
+            _ => None,
+        }
+    }
+}
+
+/// Laser and sensor points of a scan, with the meanings of [`Capture`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pairs {
     /// Scan shape (X, Y): pair `ix * Y + iy`.
@@ -19,16 +58,49 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// A confocal scan of n × n points at the centres of the cells of a square wall (side in metres).
-    pub fn confocal(n: usize, wall: f64) -> Pairs {
-        let points = cell_centres(n, wall);
-        Pairs { scan: [n, n], laser: points.clone(), sensor: points, laser_normal: None, sensor_normal: None }
+    /// The pairs of a scan of n × n points, at the centres of the cells of a square wall (side in metres), with
+    /// normals if the wall is not flat. Exhaustive pairs stand laser point by laser point: the scan is
+    /// [laser points, sensor points].
+    pub fn new(layout: Layout, n: usize, wall: f64, shape: WallShape) -> Pairs {
+        let grid = cell_centres(n, wall);
+        let ([nx, ny], laser, sensor) = match layout {
+            Layout::Confocal => ([n, n], grid.clone(), grid),
+            Layout::OneLaser { spot } => ([n, n], vec![spot; n * n], grid),
+            Layout::OneSensor { spot } => ([n, n], grid.clone(), vec![spot; n * n]),
+            Layout::Exhaustive { lasers } => {
+                let each = cell_centres(lasers, wall);
+                let laser = each.iter().flat_map(|&l| std::iter::repeat_n(l, grid.len())).collect();
+                ([each.len(), grid.len()], laser, grid.repeat(each.len()))
+            }
+            Layout::Irregular { seed } => {
+                let mut rng = Pcg64::seed_from_u64(seed);
+                let mut point = || dvec2(rng.random::<f64>() - 0.5, rng.random::<f64>() - 0.5) * wall;
+                let (laser, sensor) = (0..n * n).map(|_| (point(), point())).unzip();
+                ([n * n, 1], laser, sensor)
+            }
+        };
+        let on_wall = |points: &[DVec2]| points.iter().map(|p| shape.point(p.x, p.y, wall)).collect();
+        let normals =
+            |points: &[DVec2]| points.iter().map(|p| shape.normal(p.x, p.y, wall)).collect::<Option<_>>();
+        Pairs {
+            scan: [nx, ny],
+            laser_normal: normals(&laser),
+            sensor_normal: normals(&sensor),
+            laser: on_wall(&laser),
+            sensor: on_wall(&sensor),
+        }
     }
 
-    /// A scan of n × n laser points at the cells' centres with one fixed sensor point.
+    /// A confocal scan of n × n points of a flat wall.
+    pub fn confocal(n: usize, wall: f64) -> Pairs {
+        Pairs::new(Layout::Confocal, n, wall, WallShape::Flat)
+    }
+
+    /// A scan of n × n laser points of a flat wall with one fixed sensor point.
     pub fn one_sensor(n: usize, wall: f64, sensor: DVec3) -> Pairs {
+        let laser = Pairs::confocal(n, wall).laser;
         let sensor = vec![sensor; n * n];
-        Pairs { scan: [n, n], laser: cell_centres(n, wall), sensor, laser_normal: None, sensor_normal: None }
+        Pairs { scan: [n, n], laser, sensor, laser_normal: None, sensor_normal: None }
     }
 
     /// Whether laser and sensor point are the same in every pair.
@@ -36,10 +108,27 @@ impl Pairs {
         self.laser == self.sensor
     }
 
-    /// Whether only the sensor scans: one laser point, several sensor points.
+    /// Whether the sensor is the scanned side, as [`Capture::scanned_points`] tells it.
     pub fn sensor_scans(&self) -> bool {
-        let one = |points: &[DVec3]| points.windows(2).all(|p| p[0] == p[1]);
-        one(&self.laser) && !one(&self.sensor)
+        let capture = self.capture();
+        std::ptr::eq(capture.scanned_points(), capture.sensor.as_slice())
+    }
+
+    /// A capture of these pairs without a bin.
+    fn capture(&self) -> Capture {
+        Capture {
+            name: String::new(),
+            scan: self.scan,
+            laser: self.laser.clone(),
+            sensor: self.sensor.clone(),
+            laser_normal: self.laser_normal.clone(),
+            sensor_normal: self.sensor_normal.clone(),
+            bins: 0,
+            bin_width: 1.0,
+            t_start: 0.0,
+            histograms: Vec::new(),
+            integer_counts: false,
+        }
     }
 
     /// Checks lengths and values.
@@ -71,7 +160,7 @@ impl Pairs {
     }
 }
 
-fn cell_centres(n: usize, wall: f64) -> Vec<DVec3> {
+fn cell_centres(n: usize, wall: f64) -> Vec<DVec2> {
     let at = |i: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * wall;
-    (0..n * n).map(|k| DVec3::new(at(k / n), at(k % n), 0.0)).collect()
+    (0..n * n).map(|k| dvec2(at(k / n), at(k % n))).collect()
 }

@@ -38,7 +38,7 @@ pub struct Rendering {
     pub converged: bool,
 }
 
-/// Renders the scene's confocal scan and adds its photon noise, if it has any.
+/// Renders the scene's scan and adds its photon noise, if it has any.
 ///
 /// # Errors
 /// Those of [`render`] and [`photon_noise`].
@@ -50,7 +50,7 @@ pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     Ok(rendering)
 }
 
-/// Renders the scene's confocal scan, without photon noise; see [`render_pairs`].
+/// Renders the scene's scan, without photon noise; see [`render_pairs`].
 ///
 /// # Errors
 /// A scene that [`Scene::check`] refuses, or options out of range.
@@ -59,12 +59,20 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     render_pairs(scene, &scene.pairs(), options)
 }
 
-/// Renders the histograms of any pairs of wall points (the scene's `wall` and `scan` are not used).
+/// Renders the histograms of any pairs of wall points; of the scene's wall and scan only the number of bins
+/// comes.
 ///
 /// A surface element at x with albedo ρ, normal n and area A adds ρ·A·g / (r_l² r_s²) at path r_l + r_s,
-/// where it is seen from both wall points; g = max(0, n·ω) toward the scanned side for
-/// [`Reflectance::Cosine`], and max(0, n·ω_l) max(0, n·ω_s) max(0, -m_l·ω_l) max(0, -m_s·ω_s) with the
-/// wall normals m for [`Reflectance::Lambertian`]. Surfaces are one-sided and opaque. Each element's light
+/// where it is seen from both wall points (or faces both, without [`Scene::occlusion`]):
+///
+/// | reflectance | g |
+/// |---|---|
+/// | [`Reflectance::Cosine`] | max(0, n·ω) toward the scanned side (see [`Capture::scanned_points`]) |
+/// | [`Reflectance::Lambertian`] | max(0, n·ω_l) max(0, n·ω_s) max(0, -m_l·ω_l) max(0, -m_s·ω_s), m the wall's normals |
+/// | [`Reflectance::Retroreflective`] | 1, with 1 / (r_l r_s) in place of 1 / (r_l² r_s²) |
+/// | [`Reflectance::Isotropic`] | 1 |
+///
+/// Surfaces are one-sided and opaque. Each element's light
 /// is spread over the path lengths between its corners. What falls outside the bins is dropped.
 ///
 /// Samples are doubled until the noise is within `options.noise` or `options.max_samples` is reached. The
@@ -200,14 +208,14 @@ impl Renderer<'_> {
                 continue;
             }
             let seen = |from: DVec3| self.surfaces.visible(e.point, e.facing, e.object, from);
-            if seen(laser) && (self.confocal || seen(sensor)) {
+            if !self.scene.occlusion || seen(laser) && (self.confocal || seen(sensor)) {
                 deposit(&mut histogram, path, value);
             }
         }
         histogram
     }
 
-    /// g / (r_l² r_s²) for the vectors from the surface point to laser and sensor point.
+    /// g / (r_l² r_s²), or g / (r_l r_s) for retroreflective targets, for the vectors from the surface point to laser and sensor point.
     fn transport(&self, n: DVec3, to_l: DVec3, to_s: DVec3, wall: [DVec3; 2]) -> f64 {
         let (l2, s2) = (to_l.length_squared(), to_s.length_squared());
         let falloff = 1.0 / (l2 * s2);
@@ -219,6 +227,8 @@ impl Renderer<'_> {
                 let relay = (-wall[0].dot(to_l)).max(0.0) * (-wall[1].dot(to_s)).max(0.0);
                 surface * relay * falloff * falloff
             }
+            Reflectance::Retroreflective => falloff.sqrt(),
+            Reflectance::Isotropic => falloff,
         }
     }
 

@@ -1,20 +1,12 @@
 //! What to simulate: objects, wall, scan, bins, reflectance, noise.
 
-use super::{Dark, Mesh, Pairs, builtin};
+use super::{Dark, Layout, Mesh, Pairs, WallShape, builtin};
+use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
 use glam::DVec3;
 
 /// Largest capture that is rendered: 2³² histogram values (16 GiB).
 const MOST_VALUES: f64 = 4_294_967_296.0;
-
-/// How surfaces reflect; the formulas stand at [`super::render_pairs`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reflectance {
-    /// One cosine, at the hidden surface.
-    Cosine,
-    /// Cosines at the hidden surface and at the wall, towards laser and sensor.
-    Lambertian,
-}
 
 /// A mesh with one albedo.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,14 +25,20 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Side of the square wall in metres: it covers ±wall/2 in x and y at z = 0.
     pub wall: f64,
+    pub wall_shape: WallShape,
     /// Scan points per side, at the centres of scan × scan cells of the wall.
     pub scan: usize,
+    /// How laser and sensor points are paired.
+    pub layout: Layout,
+    /// Whether surfaces hide what is behind them, from the laser or from the sensor. The wall hides nothing.
+    pub occlusion: bool,
     /// Bin width in metres of path.
     pub bin_width: f64,
     /// Number of bins; `None`: enough for every path of the scene, a multiple of 32.
     pub bins: Option<usize>,
     /// Leading edge of bin 0 in metres of path.
     pub t_start: f64,
+    /// How surfaces reflect; the formulas stand at [`super::render_pairs`].
     pub reflectance: Reflectance,
     /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
@@ -51,14 +49,17 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of the given objects with the usual setting: a wall of 1 m, 32 × 32 points, bins of 6 mm
-    /// from path 0, cosine, no noise.
+    /// A scene of the given objects with the usual setting: a flat wall of 1 m, 32 × 32 points, confocal, bins
+    /// of 6 mm from path 0, cosine, with occlusion, no noise.
     pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {
         Scene {
             name: name.into(),
             objects,
             wall: 1.0,
+            wall_shape: WallShape::Flat,
             scan: 32,
+            layout: Layout::Confocal,
+            occlusion: true,
             bin_width: 0.006,
             bins: None,
             t_start: 0.0,
@@ -88,24 +89,30 @@ impl Scene {
         self.objects.iter_mut().for_each(|o| o.albedo = albedo);
     }
 
-    /// The number of bins of the capture: `bins`, or enough for the confocal scan of the wall.
+    /// The number of bins of the capture: `bins`, or enough for any two points of the wall, and for the spot if
+    /// the layout has one.
     pub fn bin_count(&self) -> usize {
         self.bins.unwrap_or_else(|| {
             let half = 0.5 * self.wall;
             let wall = [(-half, -half), (half, -half), (-half, half), (half, half)];
-            let corners = self.objects.iter().flat_map(|o| o.mesh.triangles.iter().flatten());
-            // The farthest point of a triangle from any wall point is a corner from a wall corner.
-            let far = corners
-                .flat_map(|p| wall.map(|(x, y)| p.distance(DVec3::new(x, y, 0.0))))
-                .fold(0.0, f64::max);
-            let bins = ((2.0 * far - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
+            let wall = wall.map(|(x, y)| DVec3::new(x, y, 0.0));
+            let corners = || self.objects.iter().flat_map(|o| o.mesh.triangles.iter().flatten());
+            // The farthest point of a triangle from any wall point is a corner from a wall corner; a bump is
+            // nearer.
+            let from = |points: &[DVec3]| {
+                corners().flat_map(|p| points.iter().map(|q| p.distance(*q))).fold(0.0, f64::max)
+            };
+            let far = from(&wall);
+            let spot = self.layout.spot().map(|s| from(&[DVec3::new(s.x, s.y, 0.0)]));
+            let longest = far + spot.map_or(far, |spot| spot.max(far));
+            let bins = ((longest - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
             (bins as usize + 1).next_multiple_of(32)
         })
     }
 
-    /// The confocal pairs of the scan.
+    /// The pairs of the scan.
     pub fn pairs(&self) -> Pairs {
-        Pairs::confocal(self.scan, self.wall)
+        Pairs::new(self.layout, self.scan, self.wall, self.wall_shape)
     }
 
     /// (xmin, xmax, ymin, ymax) of the wall in metres.
@@ -118,7 +125,7 @@ impl Scene {
     ///
     /// # Errors
     /// Settings that are not finite or out of range, no triangles, a corner that is not finite or not in
-    /// front of the wall (z > 0), a negative albedo, dark counts without photons, or too large a capture.
+    /// front of the whole wall (z > 0 of a flat one), a negative albedo, dark counts without photons, or too large a capture.
     pub fn check(&self) -> Result<()> {
         let positive = |what: &str, value: f64, unit: &str| {
             if value.is_finite() && value > 0.0 {
@@ -140,15 +147,27 @@ impl Scene {
                 "give at least one scan point and one bin",
             ));
         }
+        if let Some(spot) = self.layout.spot().filter(|s| !s.is_finite()) {
+            return Err(Error::options(
+                format!("the fixed laser or sensor point is at {spot}"),
+                "give x,y in metres, as 0.1,-0.2",
+            ));
+        }
+        if self.layout == (Layout::Exhaustive { lasers: 0 }) {
+            return Err(Error::options(
+                "0 x 0 laser points measure nothing",
+                "give at least one laser point",
+            ));
+        }
         self.check_objects()?;
         super::noise::check(self.photons, self.dark)?;
-        let values = (self.scan as f64).powi(2) * self.bin_count() as f64;
+        let pairs = self.layout.pair_count(self.scan);
+        let values = pairs * self.bin_count() as f64;
         if values > MOST_VALUES {
             return Err(Error::new(
                 Kind::Memory,
                 format!(
-                    "{0} x {0} scan points with {1} bins need {2:.0} GiB",
-                    self.scan,
+                    "{pairs} pairs with {} bins need {:.0} GiB",
                     self.bin_count(),
                     values / 2f64.powi(28)
                 ),
@@ -189,10 +208,14 @@ impl Scene {
                     "repair the mesh",
                 ));
             }
-            if let Some((lo, hi)) = mesh.bounds().filter(|(lo, _)| lo.z <= 0.0) {
+            let front = self.wall_shape.front(self.wall);
+            if let Some((lo, hi)) = mesh.bounds().filter(|(lo, _)| lo.z <= front) {
                 return Err(Error::input(
-                    format!("object {i} spans z = {:.4} to {:.4} m, into the wall at z = 0", lo.z, hi.z),
-                    "move it to z > 0, where the hidden scene is",
+                    format!(
+                        "object {i} spans z = {:.4} to {:.4} m, into the wall at z = {front}",
+                        lo.z, hi.z
+                    ),
+                    format!("move it to z > {front}, where the hidden scene is"),
                 ));
             }
         }

@@ -1,27 +1,33 @@
 //! The hidden volume that a capture can tell of.
 
-use glam::dvec3;
+use glam::{DVec3, dvec3};
 
 use crate::capture::Capture;
 use crate::transport::Volume;
 use crate::{Error, Result};
 
-/// The wall's lateral extent, and the depths from which a confocal pair's path falls into the gated bins, up
-/// to the last bin in which anything was measured; not nearer than `min_depth`. Metres.
+/// The lateral extent of the wall's scanned part (see [`Capture::wall_extent`]), and the depths from which the
+/// gated bins can have light, for any pairs and any wall. Metres.
 ///
-/// Errors: no such depth.
+/// The far end is the deepest point of any pair's longest path: a hidden point of path t lies on the ellipsoid
+/// with laser and sensor point as foci, and t is the end of the last bin in which that pair has signal. In a
+/// confocal scan of a flat wall that is half the longest path. The near end is where no path is too short for
+/// the gate, and at least `min_depth` in front of the wall's frontmost point: nothing between the bumps of a
+/// curved wall, and nothing behind it.
+///
+/// # Errors
+/// `Kind::Options` if no depth is left between the two.
 pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
     let [x0, x1, y0, y1] = capture.wall_extent();
-    let last = (0..capture.histograms.len())
-        .filter(|i| capture.histograms[*i] > 0.0)
-        .map(|i| i % capture.bins)
-        .max();
-    let t_last = capture.t_start + (last.unwrap_or(0) + 1) as f64 * capture.bin_width;
-    // A voxel over a far corner of the wall still reaches the first bin.
-    let diagonal = (x1 - x0).hypot(y1 - y0);
-    let nearest = (0.25 * capture.t_start.max(0.0).powi(2) - diagonal.powi(2)).max(0.0).sqrt();
-    let low = nearest.max(min_depth);
-    let high = 0.5 * t_last;
+    let points = || capture.laser.iter().chain(&capture.sensor);
+    let front = points().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);
+    // No voxel at depth z has a path below t if every wall point is nearer to the farthest corner.
+    let corners = [dvec3(x0, y0, 0.0), dvec3(x0, y1, 0.0), dvec3(x1, y0, 0.0), dvec3(x1, y1, 0.0)];
+    let aside = points().flat_map(|p| corners.map(|c| (p.x - c.x).hypot(p.y - c.y))).fold(0.0, f64::max);
+    let back = points().map(|p| p.z).fold(f64::INFINITY, f64::min);
+    let nearest = back + (0.25 * capture.t_start.max(0.0).powi(2) - aside.powi(2)).max(0.0).sqrt();
+    let low = nearest.max(front + min_depth);
+    let (high, t_last) = deepest(capture);
     if high <= low {
         return Err(Error::options(
             format!(
@@ -31,4 +37,64 @@ pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
         ));
     }
     Ok(Volume { min: dvec3(x0, y0, low), max: dvec3(x1, y1, high) })
+}
+
+/// The largest z that any pair's last signal can come from, and the longest path with signal.
+fn deepest(capture: &Capture) -> (f64, f64) {
+    let mut longest = capture.t_start + capture.bin_width;
+    let mut deepest = f64::NEG_INFINITY;
+    for (pair, histogram) in capture.histograms.chunks_exact(capture.bins.max(1)).enumerate() {
+        let Some(last) = histogram.iter().rposition(|v| *v > 0.0) else { continue };
+        let t = capture.t_start + (last + 1) as f64 * capture.bin_width;
+        longest = longest.max(t);
+        deepest = deepest.max(ellipsoid_top(capture.laser[pair], capture.sensor[pair], t));
+    }
+    // Without any signal the error tells of the first bin.
+    (if deepest.is_finite() { deepest } else { 0.5 * longest }, longest)
+}
+
+/// The largest z of the points x with |x - a| + |x - b| = t; -∞ if t is shorter than |a - b|.
+fn ellipsoid_top(a: DVec3, b: DVec3, t: f64) -> f64 {
+    let between = b - a;
+    let d2 = between.length_squared();
+    if t * t < d2 {
+        return f64::NEG_INFINITY;
+    }
+    // Half axes t/2 along the line of the foci and sqrt(t² - d²)/2 across; the line's own z adds to both.
+    let across = 0.25 * (t * t - d2);
+    0.5 * (a.z + b.z) + (across + 0.25 * between.z * between.z).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_top_of_an_ellipsoid() {
+        let a = dvec3(0.1, 0.2, 0.0);
+        assert!((ellipsoid_top(a, a, 2.0) - 1.0).abs() < 1e-12);
+        // Foci 0.6 m apart on the wall, path 1 m: half axes 0.5 and 0.4 m.
+        assert!((ellipsoid_top(dvec3(-0.3, 0.0, 0.0), dvec3(0.3, 0.0, 0.0), 1.0) - 0.4).abs() < 1e-12);
+        // Foci above each other: the long half axis is z's.
+        assert!((ellipsoid_top(dvec3(0.0, 0.0, 0.1), dvec3(0.0, 0.0, 0.5), 1.0) - 0.8).abs() < 1e-12);
+        assert_eq!(ellipsoid_top(DVec3::ZERO, DVec3::X, 0.9), f64::NEG_INFINITY);
+        // A tilted pair against a search along the surface.
+        let (a, b, t) = (dvec3(0.2, -0.1, 0.05), dvec3(-0.3, 0.4, 0.3), 1.1);
+        let centre = 0.5 * (a + b);
+        let mut best = f64::NEG_INFINITY;
+        for i in 0..400 {
+            for j in 0..400 {
+                let (u, v) = ((i as f64 / 400.0) * std::f64::consts::TAU, j as f64 / 400.0 * 1.6);
+                let direction = dvec3(v.sin() * u.cos(), v.sin() * u.sin(), v.cos());
+                let (mut low, mut high) = (0.0, 1.0);
+                for _ in 0..40 {
+                    let middle = 0.5 * (low + high);
+                    let x = centre + direction * middle;
+                    if x.distance(a) + x.distance(b) < t { low = middle } else { high = middle }
+                }
+                best = best.max((centre + direction * low).z);
+            }
+        }
+        assert!((ellipsoid_top(a, b, t) - best).abs() < 1e-4, "{best}");
+    }
 }

@@ -6,13 +6,14 @@ use crate::error::{Error, Result};
 /// Shifts every histogram of `capture` down by its own `legs` (metres, one per pair), so that only the inner
 /// path is left. A shift by a part of a bin splits each count linearly between two bins, which keeps the
 /// sum. Paths below zero are dropped. The new range begins with the earliest inner path recorded by any pair
-/// (at least 0) and ends with the last one recorded by all, or later where there is still signal.
+/// (at least 0) and ends with the last one recorded by all, or later where there is still signal. A pair whose
+/// leg is NaN (an unknown wall point) or whose histogram is NaN throughout stays NaN throughout.
 ///
 /// # Errors
-/// `Kind::Input` if a leg is not finite or if nothing is left.
+/// `Kind::Input` if a leg is infinite, all are NaN, or nothing is left.
 pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
     let (shortest, longest) =
-        legs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &l| (a.min(l), b.max(l)));
+        legs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b): (f64, f64), &l| (a.min(l), b.max(l)));
     let width = capture.bin_width;
     let t_start = (capture.t_start - longest).max(0.0);
     let bins = ((capture.t_end() - shortest - t_start) / width - 1e-6).ceil();
@@ -40,6 +41,10 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
     for ((from, to), leg) in
         capture.histograms.chunks_exact(capture.bins).zip(histograms.chunks_exact_mut(bins)).zip(legs)
     {
+        if leg.is_nan() || from.iter().all(|v| v.is_nan()) {
+            to.fill(f32::NAN);
+            continue;
+        }
         let shift = (capture.t_start - leg - t_start) / width;
         let (whole, part) = (shift.floor(), (shift - shift.floor()) as f32);
         // Rounding in the positions is no reason to smear: a millionth of a bin is none.
@@ -59,11 +64,11 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
     let common = (((capture.t_end() - longest - t_start) / width + 1e-6).floor().max(1.0) as usize).min(bins);
     let last = histograms
         .chunks_exact(bins)
-        .filter_map(|h| h.iter().rposition(|&v| v != 0.0))
+        .filter_map(|h| h.iter().rposition(|&v| v > 0.0))
         .max()
         .map_or(common, |b| common.max(b + 1));
     let histograms: Vec<f32> = histograms.chunks_exact(bins).flat_map(|h| &h[..last]).copied().collect();
-    let whole = histograms.iter().all(|v| v.fract() == 0.0);
+    let whole = histograms.iter().all(|v| v.is_nan() || v.fract() == 0.0);
     Ok(Capture {
         bins: last,
         t_start,

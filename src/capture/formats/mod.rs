@@ -2,6 +2,7 @@
 
 pub mod archive;
 pub mod array;
+mod exhaustive;
 pub mod legs;
 pub mod npz;
 pub mod ytal;
@@ -27,12 +28,31 @@ enum Contents {
     Unknown,
 }
 
-/// Reads a capture in any known format (npz, y-tal HDF5) and checks it. The name is the file's stem.
+/// A capture as it was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opened {
+    pub capture: Capture,
+    /// Pairs of the file that were left out because they were not measured.
+    pub dropped: usize,
+    /// What was left out and why, in sentences for people.
+    pub notes: Vec<String>,
+}
+
+/// Reads a capture in any known format (npz, y-tal HDF5), leaves out pairs that were not measured (see
+/// [`Capture::without_missing`]) and checks the rest. The name is the file's stem.
 ///
 /// # Errors
 /// `Kind::Input`, opening with the path: a missing, empty, cut or damaged file, a folder, an unknown format,
 /// missing arrays, or whatever [`Capture::check`] finds. `Kind::Memory` if the counts do not fit.
 pub fn read(path: &Path) -> Result<Capture> {
+    read_with_notes(path).map(|read| read.capture)
+}
+
+/// Reads a capture as [`read`] does, and says what was left out.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn read_with_notes(path: &Path) -> Result<Opened> {
     let place = path.display().to_string();
     let read = || {
         let mut capture = match contents(path)? {
@@ -45,8 +65,9 @@ pub fn read(path: &Path) -> Result<Capture> {
             Contents::Unknown => return Err(unknown("the format is not known")),
         };
         capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+        let (capture, dropped, notes) = capture.without_missing()?;
         capture.check()?;
-        Ok(capture)
+        Ok(Opened { capture, dropped, notes })
     };
     read().map_err(|e: Error| e.at(place))
 }
@@ -160,6 +181,13 @@ fn triples(what: &str, shape: &[usize], values: &[f64]) -> Result<Vec<DVec3>> {
         ));
     }
     Ok(values.chunks_exact(3).map(|v| DVec3::new(v[0], v[1], v[2])).collect())
+}
+
+/// Normals come as float32 at times: brings one back to unit length, but leaves a wrong one for the check, and a
+/// unit one to the last bit.
+fn unit(n: DVec3) -> DVec3 {
+    let off = (n.length() - 1.0).abs();
+    if (1e-12..1e-4).contains(&off) { n.normalize() } else { n }
 }
 
 /// Whether all values are whole and not negative, and the largest of them: what integer type holds them.

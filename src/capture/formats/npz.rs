@@ -3,6 +3,11 @@
 //! `H` [T, X, Y] counts (ix along +x, iy along +y); `sensor_xyz` and `laser_xyz` [X, Y, 3] pair by pair or
 //! [1, 3] for a single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars
 //! `delta_t` (bin width, metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing).
+//!
+//! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
+//! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3], or with points in a list on either side: `H`
+//! [T, L, S] with [L, 3] and [S, 3], and so on. It is read as the scan (laser points, sensor points), pair
+//! `l * S + s`. Normals have the shape of their points or are single.
 
 use std::path::Path;
 
@@ -10,7 +15,7 @@ use glam::DVec3;
 
 use super::archive::{Npz, npz_bytes};
 use super::array::{Array, transpose};
-use super::{compact, largest_count, per_pair, triples};
+use super::{compact, exhaustive, largest_count, per_pair, triples, unit};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::export::atomic;
@@ -24,17 +29,28 @@ const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start,
 pub fn read(path: &Path) -> Result<Capture> {
     let mut npz = Npz::open(path)?;
     let h = npz.require("H", WANTED)?;
-    let [bins, nx, ny] = h.shape[..] else {
+    let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
+    let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;
+    let bins = h.shape.first().copied().unwrap_or(0);
+    let (scan, laser, sensor) = if h.shape.len() > 2
+        && h.shape[1..] == [laser.places(), sensor.places()].concat()
+    {
+        let (lasers, sensors) = (laser.points.len(), sensor.points.len());
+        let pairs = lasers * sensors;
+        ([lasers, sensors], laser.spread(pairs, |p| p / sensors)?, sensor.spread(pairs, |p| p % sensors)?)
+    } else if let [_, nx, ny] = h.shape[..] {
+        ([nx, ny], laser.per_pair(nx * ny)?, sensor.per_pair(nx * ny)?)
+    } else {
         return Err(Error::input(
-            format!("H has shape {:?}, not three axes", h.shape),
-            "store H as [T, X, Y]: bins, then the scan along x and y",
+            format!(
+                "H has shape {:?} with laser_xyz {:?} and sensor_xyz {:?}, which do not go together",
+                h.shape, laser.shape, sensor.shape
+            ),
+            "store H as [T, X, Y] (bins, then the scan along x and y), or, with every combination of laser and \
+             sensor points, as [T, Lx, Ly, Sx, Sy] with laser_xyz [Lx, Ly, 3] and sensor_xyz [Sx, Sy, 3]",
         ));
     };
-    let pairs = nx * ny;
-    let laser = points(&mut npz, "laser_xyz", pairs)?;
-    let sensor = points(&mut npz, "sensor_xyz", pairs)?;
-    let laser_normal = normals(&mut npz, "laser_normal", pairs)?;
-    let sensor_normal = normals(&mut npz, "sensor_normal", pairs)?;
+    let pairs = scan[0] * scan[1];
     let Some(bin_width) = npz.scalar("delta_t")? else {
         npz.require("delta_t", WANTED)?;
         return Err(Error::input("delta_t is missing", WANTED));
@@ -42,11 +58,11 @@ pub fn read(path: &Path) -> Result<Capture> {
     let t_start = npz.scalar("t_start")?.unwrap_or(0.0);
     Ok(Capture {
         name: String::new(),
-        scan: [nx, ny],
-        laser,
-        sensor,
-        laser_normal,
-        sensor_normal,
+        scan,
+        laser: laser.0,
+        sensor: sensor.0,
+        laser_normal: laser.1,
+        sensor_normal: sensor.1,
         bins,
         bin_width,
         t_start,
@@ -55,47 +71,93 @@ pub fn read(path: &Path) -> Result<Capture> {
     })
 }
 
-fn points(npz: &mut Npz, name: &str, pairs: usize) -> Result<Vec<DVec3>> {
-    let array = npz.require(name, WANTED)?;
-    per_pair(name, triples(name, &array.shape, &array.to_f64())?, pairs)
+/// Wall points of one side as the file has them.
+struct Points {
+    names: [&'static str; 2],
+    shape: Vec<usize>,
+    points: Vec<DVec3>,
+    normals: Option<Vec<DVec3>>,
 }
 
-fn normals(npz: &mut Npz, name: &str, pairs: usize) -> Result<Option<Vec<DVec3>>> {
-    let Some(array) = npz.get(name)? else { return Ok(None) };
-    let given = triples(name, &array.shape, &array.to_f64())?;
-    // Normals come as float32 at times: bring them back to unit length, but leave a wrong one for the check.
-    let given = given.into_iter().map(|n| if (n.length() - 1.0).abs() < 1e-4 { n.normalize() } else { n });
-    per_pair(name, given.collect(), pairs).map(Some)
+/// Points and normals, one per pair.
+type PerPair = (Vec<DVec3>, Option<Vec<DVec3>>);
+
+impl Points {
+    fn read(npz: &mut Npz, name: &'static str, normal: &'static str) -> Result<Points> {
+        let array = npz.require(name, WANTED)?;
+        let points = triples(name, &array.shape, &array.to_f64())?;
+        let normals = match npz.get(normal)? {
+            None => None,
+            Some(array) => {
+                let given = triples(normal, &array.shape, &array.to_f64())?;
+                Some(given.into_iter().map(unit).collect())
+            }
+        };
+        Ok(Points { names: [name, normal], shape: array.shape.clone(), points, normals })
+    }
+
+    /// The axes along which the points are laid out.
+    fn places(&self) -> &[usize] {
+        &self.shape[..self.shape.len() - 1]
+    }
+
+    /// The points pair by pair, or a single one for all pairs.
+    fn per_pair(self, pairs: usize) -> Result<PerPair> {
+        let normals = self.normals.map(|n| per_pair(self.names[1], n, pairs)).transpose()?;
+        Ok((per_pair(self.names[0], self.points, pairs)?, normals))
+    }
+
+    /// The points of a list as each pair uses them.
+    fn spread(self, pairs: usize, place: impl Fn(usize) -> usize) -> Result<PerPair> {
+        let count = self.points.len();
+        let all = |list: &[DVec3]| (0..pairs).map(|p| list[place(p)]).collect::<Vec<_>>();
+        let normals = self.normals.map(|n| per_pair(self.names[1], n, count)).transpose()?;
+        Ok((all(&self.points), normals.as_deref().map(all)))
+    }
 }
 
-/// Writes a capture; equal captures give equal bytes. Counts become uint16 or uint32 where they are whole and
+/// Writes a capture, an exhaustive one whose pairs stand laser point by laser point in its compact form; equal
+/// captures give equal bytes. Counts become uint16 or uint32 where they are whole and
 /// fit, float32 otherwise. The file appears whole or not at all.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
 pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     capture.check()?;
-    let mut arrays = vec![("H", counts(capture))];
-    let mut add = |name, vectors: &[DVec3]| {
-        let (shape, values) = compact(vectors, capture.scan, &[1, 3]);
+    let mut arrays = Vec::new();
+    let mut add = |name, (shape, values): (Vec<usize>, Vec<f64>)| {
         arrays.push((name, Array::from_f64(&shape, &values)));
     };
-    add("sensor_xyz", &capture.sensor);
-    add("laser_xyz", &capture.laser);
-    if let Some(normals) = &capture.sensor_normal {
-        add("sensor_normal", normals);
-    }
-    if let Some(normals) = &capture.laser_normal {
-        add("laser_normal", normals);
-    }
+    let names = [("laser_xyz", "laser_normal"), ("sensor_xyz", "sensor_normal")];
+    let places = match exhaustive::sides(capture) {
+        Some(sides) => {
+            for ((points, normals), side) in names.into_iter().zip(&sides) {
+                let flat = |values: &[DVec3]| {
+                    let shape = vec![side.shape[0], side.shape[1], 3];
+                    (shape, values.iter().flat_map(|v| v.to_array()).collect())
+                };
+                add(points, flat(&side.points));
+                side.normals.iter().for_each(|n| add(normals, flat(n)));
+            }
+            [sides[0].shape, sides[1].shape].concat()
+        }
+        None => {
+            let all = [(&capture.laser, &capture.laser_normal), (&capture.sensor, &capture.sensor_normal)];
+            for ((name, normal), (points, normals)) in names.into_iter().zip(all) {
+                add(name, compact(points, capture.scan, &[1, 3]));
+                normals.iter().for_each(|n| add(normal, compact(n, capture.scan, &[1, 3])));
+            }
+            capture.scan.to_vec()
+        }
+    };
+    arrays.push(("H", counts(capture, &places)));
     arrays.push(("delta_t", Array::from_f64(&[], &[capture.bin_width])));
     arrays.push(("t_start", Array::from_f64(&[], &[capture.t_start])));
     atomic::write(path, &npz_bytes(&arrays)?)
 }
 
-fn counts(capture: &Capture) -> Array {
-    let [nx, ny] = capture.scan;
-    let shape = [capture.bins, nx, ny];
+fn counts(capture: &Capture, places: &[usize]) -> Array {
+    let shape = [&[capture.bins], places].concat();
     let h = transpose(&capture.histograms, capture.pair_count(), capture.bins);
     match largest_count(&h).filter(|_| capture.integer_counts) {
         Some(largest) if largest <= f32::from(u16::MAX) => {

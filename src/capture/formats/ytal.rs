@@ -17,7 +17,7 @@ use rust_hdf5::types::HBool;
 use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
 
 use super::array::transpose;
-use super::{compact, largest_count, legs, per_pair, triples};
+use super::{compact, exhaustive, largest_count, legs, per_pair, triples, unit};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::export::atomic;
@@ -100,7 +100,6 @@ fn read_file(path: &Path) -> Result<Capture> {
     };
     let normals = |what: &str, side| -> Result<Option<Vec<DVec3>>> {
         let Some((_, given)) = source.vectors(what)? else { return Ok(None) };
-        let unit = |n: DVec3| if (n.length() - 1.0).abs() < 1e-4 { n.normalize() } else { n };
         spread(what, side, given.into_iter().map(unit).collect()).map(Some)
     };
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
@@ -121,7 +120,8 @@ fn read_file(path: &Path) -> Result<Capture> {
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);
     }
-    capture.check()?;
+    // What was not measured is left out later: the rest must be sound.
+    capture.clone().without_missing()?.0.check()?;
     let legs = outer_legs(&source, &capture)?;
     legs::remove(&capture, &legs)
 }
@@ -275,8 +275,9 @@ fn enum_values(base: &DatatypeMessage, raw: &[u8]) -> Vec<f64> {
     raw.chunks_exact((*size as usize).clamp(1, 8)).map(value).collect()
 }
 
-/// Writes a capture in layout 1 (T, X, Y), with the inner path only and unknown devices. A side of a single
-/// point is stored as [1, 1, 3]. The file appears whole or not at all.
+/// Writes a capture with the inner path only and unknown devices: an exhaustive one whose pairs stand laser
+/// point by laser point in layout 2 (T, Lx, Ly, Sx, Sy), any other in layout 1 (T, X, Y), where a side of a
+/// single point is stored as [1, 1, 3]. The file appears whole or not at all.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
@@ -289,11 +290,40 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     })
 }
 
+/// Shape and values of one dataset of vectors.
+type Vectors = (Vec<usize>, Vec<f64>);
+
+/// Laser points, sensor points, laser normals, sensor normals, and the shape of H without its bins.
+fn stored(capture: &Capture) -> ([Option<Vectors>; 4], Vec<usize>) {
+    if let Some([laser, sensor]) = exhaustive::sides(capture) {
+        let shape = laser.shape.into_iter().chain(sensor.shape).collect();
+        let flat = |side: &exhaustive::Side, values: &[DVec3]| {
+            ([&side.shape[..], &[3]].concat(), values.iter().flat_map(|v| v.to_array()).collect())
+        };
+        let all = [
+            Some(flat(&laser, &laser.points)),
+            Some(flat(&sensor, &sensor.points)),
+            laser.normals.as_ref().map(|n| flat(&laser, n)),
+            sensor.normals.as_ref().map(|n| flat(&sensor, n)),
+        ];
+        return (all, shape);
+    }
+    let side = |values: &Vec<DVec3>| compact(values, capture.scan, &[1, 1, 3]);
+    let all = [
+        Some(side(&capture.laser)),
+        Some(side(&capture.sensor)),
+        capture.laser_normal.as_ref().map(side),
+        capture.sensor_normal.as_ref().map(side),
+    ];
+    (all, capture.scan.to_vec())
+}
+
 fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Error> {
     let file = H5File::create(path)?;
-    let [nx, ny] = capture.scan;
-    let shape = [capture.bins, nx, ny];
-    let chunk = [capture.bins.min(64), nx.min(16), ny.min(16)];
+    let (vectors, places) = stored(capture);
+    let shape = [&[capture.bins], &places[..]].concat();
+    let chunk: Vec<usize> =
+        std::iter::once(capture.bins.min(64)).chain(places.iter().map(|n| *n.min(&16))).collect();
     let h = transpose(&capture.histograms, capture.pair_count(), capture.bins);
     match largest_count(&h).filter(|&largest| capture.integer_counts && largest < 4_294_967_296.0) {
         Some(_) => {
@@ -314,22 +344,21 @@ fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Err
                 .write_raw(&h)?;
         }
     }
-    let vectors = |name: &str, given: Option<&Vec<DVec3>>| match given {
-        None => file.new_dataset::<f64>().null().create(name).map(|_| ()),
-        Some(given) => {
-            let (shape, values) = compact(given, capture.scan, &[1, 1, 3]);
-            file.new_dataset::<f64>().shape(shape).create(name)?.write_raw(&values)
+    let names = ["laser_grid_xyz", "sensor_grid_xyz", "laser_grid_normals", "sensor_grid_normals"];
+    for (name, vectors) in names.into_iter().zip(vectors) {
+        match vectors {
+            None => file.new_dataset::<f64>().null().create(name).map(|_| ())?,
+            Some((shape, values)) => {
+                file.new_dataset::<f64>().shape(shape).create(name)?.write_raw(&values)?
+            }
         }
-    };
-    vectors("laser_grid_xyz", Some(&capture.laser))?;
-    vectors("sensor_grid_xyz", Some(&capture.sensor))?;
-    vectors("laser_grid_normals", capture.laser_normal.as_ref())?;
-    vectors("sensor_grid_normals", capture.sensor_normal.as_ref())?;
+    }
     for unknown in ["laser_xyz", "sensor_xyz", "volume_format"] {
         file.new_dataset::<f64>().null().create(unknown)?;
     }
-    // H_format T_Sx_Sy; grid format X_Y_3.
-    for (name, value) in [("H_format", 1), ("laser_grid_format", 2), ("sensor_grid_format", 2)] {
+    // H_format T_Sx_Sy or T_Lx_Ly_Sx_Sy; grid format X_Y_3.
+    let format = if places.len() == 4 { 2 } else { 1 };
+    for (name, value) in [("H_format", format), ("laser_grid_format", 2), ("sensor_grid_format", 2)] {
         file.new_dataset::<i32>().shape([1]).create(name)?.write_raw(&[value])?;
     }
     file.new_dataset::<f64>().scalar().create("delta_t")?.write_raw(&[capture.bin_width])?;

@@ -1,0 +1,156 @@
+//! Wall normals from neighbouring points, where a capture has none.
+
+use glam::{DMat3, DVec3};
+
+use super::Capture;
+use super::nearest::Tree;
+use super::pairs::Distinct;
+use crate::error::{Error, Result};
+
+/// Neighbours of a point that its tangent plane is fitted to; on a lattice those all around it.
+const NEIGHBOURS: usize = 8;
+/// Points whose second principal variance is below this share of the first lie on a line.
+const COLLINEAR: f64 = 1e-6;
+
+impl Capture {
+    /// The capture with wall normals on both sides where the wall needs them: a planar wall keeps what it has,
+    /// and so does one whose normals are known. Else each unknown normal is that of a known one at the same
+    /// point, or of the plane through the nearest eight distinct wall points of both sides (weighted by
+    /// distance), facing the hidden side (+z). The note says what was assumed, `None` if nothing.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the wall points all lie on a line, so that they have no plane.
+    pub fn with_normals(&self) -> Result<(Capture, Option<String>)> {
+        let known = self.laser_normal.is_some() && self.sensor_normal.is_some();
+        if known || self.is_planar() {
+            return Ok((self.clone(), None));
+        }
+        let all: Vec<DVec3> = self.laser.iter().chain(&self.sensor).copied().collect();
+        let distinct = Distinct::of(&all, self.point_tolerance());
+        let points = distinct.pick(&all);
+        let mut normals: Vec<Option<DVec3>> = vec![None; points.len()];
+        let pairs = self.pair_count();
+        let given = [(self.laser_normal.as_ref(), 0), (self.sensor_normal.as_ref(), pairs)];
+        for (side, offset) in given {
+            for (pair, n) in side.into_iter().flatten().enumerate() {
+                normals[distinct.index[offset + pair]] = Some(*n);
+            }
+        }
+        let tree = Tree::new(&points);
+        let mut estimated = 0;
+        for (point, normal) in points.iter().zip(&mut normals).filter(|(_, n)| n.is_none()) {
+            *normal = Some(tangent(&points, &tree, *point).ok_or_else(|| {
+                Error::input(
+                    format!(
+                        "the wall is not flat, has no normals, and its {} points lie on a line: no plane goes \
+                         through them alone",
+                        points.len()
+                    ),
+                    "store sensor_normal and laser_normal in the capture",
+                )
+            })?);
+            estimated += 1;
+        }
+        let of = |offset: usize| -> Vec<DVec3> {
+            (0..pairs).map(|p| normals[distinct.index[offset + p]].unwrap_or(DVec3::Z)).collect()
+        };
+        let laser_normal = Some(self.laser_normal.clone().unwrap_or_else(|| of(0)));
+        let sensor_normal = Some(self.sensor_normal.clone().unwrap_or_else(|| of(pairs)));
+        let note = match estimated {
+            0 => "wall normals were taken from the other side's at the same points".to_string(),
+            n if n == points.len() => "wall normals were estimated from neighbouring points".to_string(),
+            n => format!(
+                "wall normals of {n} of {} points were estimated from neighbouring points",
+                points.len()
+            ),
+        };
+        Ok((Capture { laser_normal, sensor_normal, ..self.clone() }, Some(note)))
+    }
+}
+
+/// Unit normal of the plane through the points around `at`, towards +z; farther points are taken in as long as
+/// they lie on a line. `None` if all do.
+fn tangent(points: &[DVec3], tree: &Tree, at: DVec3) -> Option<DVec3> {
+    let mut count = NEIGHBOURS + 1;
+    loop {
+        let near = tree.nearest(at, count);
+        let reach = near.last().map_or(0.0, |f| f.0);
+        if reach > 0.0 {
+            // A Gaussian that falls to a seventh at the farthest.
+            let weighted: Vec<(f64, DVec3)> =
+                near.iter().map(|&(d, i)| ((-2.0 * d / reach).exp(), points[i])).collect();
+            if let Some(normal) = plane_normal(&weighted) {
+                return Some(if normal.z < 0.0 { -normal } else { normal });
+            }
+        }
+        if near.len() < count {
+            return None;
+        }
+        count = count.saturating_mul(2);
+    }
+}
+
+/// Direction of the least variance of weighted points; `None` if they lie on a line.
+fn plane_normal(weighted: &[(f64, DVec3)]) -> Option<DVec3> {
+    let total: f64 = weighted.iter().map(|w| w.0).sum();
+    let mean: DVec3 = weighted.iter().map(|(w, p)| *p * (*w / total)).sum();
+    let mut moments = DMat3::ZERO;
+    for (w, p) in weighted {
+        let d = *p - mean;
+        moments += DMat3::from_cols(d * d.x, d * d.y, d * d.z) * (w / total);
+    }
+    let (values, vectors) = eigen(moments);
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let [least, middle, most] = order;
+    (values[middle] > COLLINEAR * values[most]).then(|| vectors.col(least).normalize())
+}
+
+/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
+fn eigen(symmetric: DMat3) -> (DVec3, DMat3) {
+    let (mut m, mut vectors) = (symmetric, DMat3::IDENTITY);
+    for _ in 0..16 {
+        let mut off = 0.0;
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let apq = m.col(q)[p];
+            off += apq * apq;
+            if apq == 0.0 {
+                continue;
+            }
+            let theta = (m.col(q)[q] - m.col(p)[p]) / (2.0 * apq);
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
+            let s = t * c;
+            let mut rotation = DMat3::IDENTITY;
+            rotation.col_mut(p)[p] = c;
+            rotation.col_mut(q)[q] = c;
+            rotation.col_mut(q)[p] = s;
+            rotation.col_mut(p)[q] = -s;
+            m = rotation.transpose() * m * rotation;
+            vectors *= rotation;
+        }
+        let scale = m.col(0)[0].abs().max(m.col(1)[1].abs()).max(m.col(2)[2].abs());
+        if off.sqrt() <= 1e-15 * scale {
+            break;
+        }
+    }
+    (DVec3::new(m.col(0)[0], m.col(1)[1], m.col(2)[2]), vectors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec3;
+
+    #[test]
+    fn eigenvectors_of_a_symmetric_matrix() {
+        let m = DMat3::from_cols(dvec3(2.0, -1.0, 0.3), dvec3(-1.0, 5.0, 0.7), dvec3(0.3, 0.7, 1e-3));
+        let (values, vectors) = eigen(m);
+        for k in 0..3 {
+            let v = vectors.col(k);
+            assert!((m * v - v * values[k]).length() < 1e-12, "{k}");
+            assert!((v.length() - 1.0).abs() < 1e-12);
+        }
+        assert!((values.element_sum() - 7.001).abs() < 1e-12);
+    }
+}
