@@ -91,7 +91,7 @@ fn the_order_of_events_is_the_papers() {
     let gpu = gpu();
     let (_, capture) = letter(8);
     let o = small(1000);
-    let model = paper::model(&capture, &o);
+    let model = paper::model(&capture, &grid(&capture, &o), &o);
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     let laterals: Vec<usize> = plan.levels.iter().map(|l| l.grid.n[0]).collect();
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
@@ -240,13 +240,10 @@ fn what_cannot_run_is_refused_in_words() {
         reconstruct(&gpu, capture, g, o, memory, false, &mut unwatched(&mut |_| ControlFlow::Continue(())))
             .unwrap_err()
     };
-    let mut two_points = capture.clone();
-    two_points.laser.iter_mut().for_each(|p| p.x += 0.3);
-    assert!(refused(&two_points, &o, None).what.contains("confocal"));
     let error = refused(&capture, &o, Some(1 << 16));
     assert!(error.kind == Kind::Memory && error.what.contains("--memory"), "{error}");
     let deep = Grid { n: [8, 8, 40_000], ..grid(&capture, &o) };
-    let model = paper::model(&capture, &o);
+    let model = paper::model(&capture, &deep, &o);
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
     assert!(error.what.contains("40000 voxels deep"), "{error}");
     // Few workgroups make long chunks, none too long; too few for the pairs are refused.

@@ -79,7 +79,10 @@ fn variance_per_count_is_the_scale_of_scaled_photons() {
 #[test]
 fn the_model_carries_the_noise_in_its_own_units() {
     let capture = counts(500.0, 4.0, 90.0, 8);
-    let model = vector::model(&capture, &VectorOptions::default());
+    // General, so that no bin goes.
+    let o = VectorOptions { general: true, ..VectorOptions::default() };
+    let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), 16, capture.bin_width).unwrap();
+    let model = vector::model(&capture, &grid, &o);
     let scale = 1.0 / model.counts_per_unit;
     // A bin of n counts has the variance n, whatever was taken off; so has one of the background alone.
     for (counts, value) in capture.histograms.iter().zip(&model.measured).step_by(37) {
@@ -89,8 +92,8 @@ fn the_model_carries_the_noise_in_its_own_units() {
     }
     let dark: f64 = model.measured.chunks(256).map(|h| f64::from(h[250])).sum::<f64>() / 256.0;
     assert!(dark.abs() < 0.15 * 4.0 * scale, "the background is gone: {dark}");
-    let kept = VectorOptions { background: false, ..VectorOptions::default() };
-    let kept = vector::model(&capture, &kept);
+    let kept = VectorOptions { background: false, ..o };
+    let kept = vector::model(&capture, &grid, &kept);
     assert!(kept.measured.iter().all(|m| *m >= 0.0) && kept.variance[1] == 0.0);
 }
 
@@ -126,11 +129,11 @@ fn nothing_true_is_pruned_by_the_start() {
         let options = RenderOptions { noise: 0.02, ..Default::default() };
         let capture = simulate(&scene, &options).unwrap().capture;
         let o = VectorOptions { lateral: 32, coarse_to_fine: false, ..Default::default() };
-        let model = vector::model(&capture, &o);
         let volume = default_volume(&capture, o.min_depth).unwrap();
         let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
+        let model = vector::model(&capture, &grid, &o);
         let mut job = job(&gpu, &model, &grid, &o);
-        let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, capture.bins);
+        let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
         write(&mut job, "hat_taps", &hat);
         let s = vector::start(&job.plan, job.plan.finest(), &o);
         job.executor.run(&s).unwrap();

@@ -50,7 +50,7 @@ pub fn report_of(
 pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruction) -> Value {
     let mut all = json!({
         "solver": request.solver.name(),
-        "model": "cosine",
+        "model": solved.plan.reflectance,
         "preset": request.preset,
         "capture": loaded.input.path,
         "wall": loaded.input.wall,

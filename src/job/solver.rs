@@ -89,12 +89,12 @@ impl SolverOptions {
     ) -> Result<Plan> {
         match self {
             SolverOptions::Paper(o) => {
-                let model = paper::model(capture, o);
-                Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
+                let model = paper::model(capture, &grid, o);
+                Plan::new(&model, grid, capture.resolution(), o, abilities, with_volume)
             }
             SolverOptions::Vector(o) => {
-                let model = vector::model(capture, o);
-                Plan::new(&model, grid, capture.scan, o, abilities, with_volume)
+                let model = vector::model(capture, &grid, o);
+                Plan::new(&model, grid, capture.resolution(), o, abilities, with_volume)
             }
         }
     }

@@ -16,7 +16,9 @@ pub fn initialise(plan: &Plan, level: &Level) -> Schedule {
     s.fill("counts", bytes("counts"), 0);
     s.fill("histograms", bytes("histograms"), 0);
     s.fill("noise_state", bytes("noise_state"), 0);
-    s.dispatch("initialise", groups(level.grid.storage(), WORKGROUP)).bind("scene", level.scene);
+    s.dispatch("initialise", groups(level.grid.storage(), WORKGROUP))
+        .bind("scene", level.scene)
+        .bind("reachable", level.reachable);
     s.extend(compact(plan, level));
     s
 }
@@ -78,6 +80,7 @@ pub(super) fn keep(level: &Level, above: f64) -> Schedule {
     s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP))
         .bind("scene", level.scene)
         .bind("source", "gradient")
+        .bind("reachable", level.reachable)
         .with(Push { flags: (above as f32).to_bits(), ..Default::default() });
     s
 }

@@ -34,8 +34,10 @@ impl<'g> Job<'g> {
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         upload(executor, "taps", bytemuck::cast_slice(&taps))?;
-        for level in &plan.levels {
+        for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
             upload(executor, level.scene, bytemuck::bytes_of(&model.scene(&level.grid)))?;
+            let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
+            upload(executor, level.reachable, bytemuck::cast_slice(&bricks))?;
         }
         Ok(())
     }

@@ -34,11 +34,11 @@ pub struct Reconstruction {
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 
-/// The model that `options` make of a capture.
-pub fn model(capture: &Capture, options: &PaperOptions) -> Model {
+/// The model that `options` make of a capture for `grid`.
+pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
     let noise =
         if options.noise == NoiseTerm::Off { [0.0; 2] } else { [options.noise_base, options.noise_span] };
-    Model {
+    let mut model = Model {
         min_depth: options.min_depth,
         sampling: options.sampling,
         binning: options.binning,
@@ -51,7 +51,11 @@ pub fn model(capture: &Capture, options: &PaperOptions) -> Model {
         keep_above: options.keep_above,
         seed: options.seed,
         ..Model::new(capture, options.reflectance, options.peak, options.general)
+    };
+    if !options.general {
+        model.trim(grid);
     }
+    model
 }
 
 /// Runs the solver.
@@ -68,8 +72,8 @@ pub fn reconstruct(
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    let model = model(capture, options);
-    let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), with_volume)?;
+    let model = model(capture, &grid, options);
+    let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;
     let steps = Steps {
         start: domain::initialise(&job.plan, &job.plan.levels[0]),
@@ -99,7 +103,7 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
         maps: driven.maps,
         volume,
         trace: driven.trace,
-        empty_loss: mean_square(&job.model.measured),
+        empty_loss: empty_loss(&job.model),
         pairs: driven.pairs,
         solve_seconds: driven.seconds,
         device_bytes: job.executor.arena.bytes(),
@@ -108,6 +112,6 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
     })
 }
 
-fn mean_square(values: &[f32]) -> f64 {
-    values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / values.len().max(1) as f64
+fn empty_loss(model: &Model) -> f64 {
+    model.measured.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / model.elements as f64
 }

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use super::{Accumulation, NoiseTerm, PaperOptions};
 use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
 use crate::transport::kernels::*;
-use crate::transport::{Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling};
+use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling};
 use crate::{Error, Result};
 
 mod buffers;
 mod kernels;
+mod left_out;
 
 /// One lateral resolution of the coarse-to-fine sequence.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,10 +18,20 @@ pub struct Level {
     pub grid: Grid,
     /// Buffer that holds its constants.
     pub scene: &'static str,
+    /// Buffer that tells which bricks a bin can be reached from.
+    pub reachable: &'static str,
 }
 
-const SCENES: [&str; 8] =
-    ["scene_0", "scene_1", "scene_2", "scene_3", "scene_4", "scene_5", "scene_6", "scene_7"];
+const SCENES: [[&str; 2]; 8] = [
+    ["scene_0", "reachable_0"],
+    ["scene_1", "reachable_1"],
+    ["scene_2", "reachable_2"],
+    ["scene_3", "reachable_3"],
+    ["scene_4", "reachable_4"],
+    ["scene_5", "reachable_5"],
+    ["scene_6", "reachable_6"],
+    ["scene_7", "reachable_7"],
+];
 
 /// Workgroup and chunk sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +75,11 @@ pub struct Plan {
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
     pub buffers: Vec<BufferPlan>,
-    /// What this scene does not need, in words.
+    /// Whether each brick of each level can reach a bin.
+    pub reachable: Vec<Vec<bool>>,
+    /// Bins of the capture, whether or not a voxel reaches them.
+    pub all_bins: usize,
+    /// What this scene does not need and what that saves, in words.
     pub left_out: Vec<String>,
 }
 
@@ -82,6 +97,7 @@ pub struct Wanted {
     pub smooth_sigma: f64,
     pub smooth_truncate: f64,
     pub vectors: bool,
+    pub general: bool,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -98,6 +114,7 @@ impl From<&PaperOptions> for Wanted {
             smooth_sigma: o.smooth_sigma,
             smooth_truncate: o.smooth_truncate,
             vectors: false,
+            general: o.general,
         }
     }
 }
@@ -197,8 +214,15 @@ impl Plan {
             tuning,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
+            reachable: vec![],
+            all_bins: model.elements / model.pairs().max(1),
             left_out: vec![],
         };
+        let reachable = |l: &Level| match options.general {
+            true => vec![true; l.grid.storage() / BRICK_VOXELS],
+            false => model.reachable_bricks(&l.grid),
+        };
+        plan.reachable = plan.levels.iter().map(reachable).collect();
         plan.buffers = plan.list_buffers(with_volume);
         plan.left_out = plan.list_left_out();
         Ok(plan)
@@ -276,5 +300,9 @@ fn levels(finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Result<Vec<Le
             "use a smaller --lateral, or --no-coarse-to-fine",
         ));
     }
-    Ok((0..count).map(|i| Level { grid: finest.coarser(factor >> i), scene: SCENES[i] }).collect())
+    let level = |i: usize| {
+        let [scene, reachable] = SCENES[i];
+        Level { grid: finest.coarser(factor >> i), scene, reachable }
+    };
+    Ok((0..count).map(level).collect())
 }

@@ -103,6 +103,7 @@ impl From<&VectorOptions> for Wanted {
             smooth_sigma: SMOOTH_SIGMA,
             smooth_truncate: 4.0,
             vectors: true,
+            general: o.general,
         }
     }
 }
@@ -165,11 +166,11 @@ pub fn reconstruct(
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    let model = model(capture, options);
-    let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), with_volume)?;
+    let model = model(capture, &grid, options);
+    let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;
     let lateral = job.plan.levels[0].grid.pitch.x;
-    let hat = hat(HAT_SIGMA * lateral / capture.bin_width, capture.bins);
+    let hat = hat(HAT_SIGMA * lateral / capture.bin_width, job.plan.bins);
     upload(&mut job.executor, "hat_taps", bytemuck::cast_slice(&hat))?;
     let steps = Steps {
         start: start(&job.plan, &job.plan.levels[0], options),
@@ -183,8 +184,8 @@ pub fn reconstruct(
     finish(job, driven, with_volume)
 }
 
-/// The model that `options` make of a capture: scaled, the background taken off, its noise estimated.
-pub fn model(capture: &Capture, options: &VectorOptions) -> Model {
+/// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.
+pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     let mut model = Model {
         min_depth: options.min_depth,
         sampling: Sampling::Fixed,
@@ -201,5 +202,8 @@ pub fn model(capture: &Capture, options: &VectorOptions) -> Model {
         *m -= (level * scale) as f32;
     }
     model.variance = [per_count * scale, per_count * level * scale * scale];
+    if !options.general {
+        model.trim(grid);
+    }
     model
 }

@@ -4,6 +4,7 @@
 mod grid;
 pub mod kernels;
 mod model;
+mod reach;
 pub mod twin;
 mod wall;
 

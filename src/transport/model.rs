@@ -72,6 +72,8 @@ pub struct Model {
     pub t_start: f64,
     /// Measured histograms after scaling, `[pair * bins + bin]`.
     pub measured: Vec<f32>,
+    /// Bins of all pairs that the loss is a mean over: those of the capture, also where some are left out.
+    pub elements: usize,
     /// The measurement's peak after scaling.
     pub peak: f64,
     /// Counts per unit of `measured`.
@@ -91,6 +93,8 @@ pub struct Model {
     pub epsilon: f64,
     pub keep_above: f64,
     pub seed: u32,
+    /// Vector solver: power of the path in the weight of a bin's squared difference.
+    pub weight_power: f64,
     /// Vector solver: largest |v_xy| / |v_z|.
     pub cone: f64,
     /// Vector solver: photon variance per measured value, and of an empty bin.
@@ -110,6 +114,7 @@ impl Model {
         let largest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
         let scale = peak / f64::from(largest);
         Model {
+            elements: wall.pairs() * capture.bins,
             wall,
             reflectance,
             bins: capture.bins,
@@ -130,6 +135,7 @@ impl Model {
             epsilon: 1e-8,
             keep_above: 0.05,
             seed: 0,
+            weight_power: if reflectance == Reflectance::Retroreflective { 2.0 } else { 4.0 },
             cone: 1.0,
             variance: [0.0; 2],
             noise_factor: 0.0,
@@ -162,7 +168,6 @@ impl Model {
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
-        let elements = (self.pairs() * self.bins) as f64;
         SceneData {
             grid_x: grid.n[0] as u32,
             grid_y: grid.n[1] as u32,
@@ -187,7 +192,7 @@ impl Model {
             reference: self.reference as f32,
             nearest: self.nearest(grid) as f32,
             render_scale: (grid.pitch.x * grid.pitch.y * RENDER_FACTOR) as f32,
-            loss_scale: (1.0 / elements) as f32,
+            loss_scale: (1.0 / self.elements as f64) as f32,
             l1_scale: (self.l1 / grid.voxels() as f64) as f32,
             noise_base: (self.noise[0] * self.peak) as f32,
             noise_span: (self.noise[1] * self.peak) as f32,
@@ -195,6 +200,7 @@ impl Model {
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,
+            weight_power: self.weight_power as f32,
             cone: self.cone as f32,
             variance: self.variance[0] as f32,
             variance_floor: self.variance[1] as f32,

@@ -52,6 +52,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
     let measured: Vec<f32> = (0..n * n * bins).map(|_| random.uniform(0.0, 10.0) as f32).collect();
     let bin_width = 2.4 / bins as f64;
     Model {
+        elements: n * n * bins,
         wall: Wall::confocal(points),
         reflectance: Reflectance::Cosine,
         bins,
@@ -72,6 +73,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         epsilon: 1e-8,
         keep_above: 0.05,
         seed: 7,
+        weight_power: 4.0,
         cone: 1.5,
         variance: [0.1, 0.02],
         noise_factor: 2.0,
@@ -101,7 +103,7 @@ pub fn variant(base: &Model, geometry: Geometry, reflectance: Reflectance, curve
     let wall = Wall { geometry, scanned, others, normals };
     let elements = wall.pairs() * base.bins;
     let measured = (0..elements).map(|i| base.measured[i % base.measured.len()]).collect();
-    Model { wall, reflectance, measured, ..base.clone() }
+    Model { elements, wall, reflectance, measured, ..base.clone() }
 }
 
 /// Every way that pairs, walls and surfaces can be.

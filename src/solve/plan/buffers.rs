@@ -1,10 +1,10 @@
-//! Every buffer of a plan, and what it leaves out.
+//! Every buffer of a plan.
 
 use super::Plan;
 use crate::gpu::{BufferPlan, Place};
-use crate::solve::NoiseTerm;
+use crate::solve::schedule::pair_chunks;
+use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
-use crate::transport::{BRICK_VOXELS, Geometry, Gradient, Reflectance};
 
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
@@ -34,10 +34,12 @@ impl Plan {
             ("brick_offsets", voxels / BRICK_VOXELS as u64 * 4),
             ("active_voxels", voxels * 4),
             ("touched_voxels", if self.continuous { voxels * 4 } else { 0 }),
-            ("slot_of", voxels * 4),
+            // The vector solver asks nobody where a voxel's sample is.
+            ("slot_of", if self.vectors { 0 } else { voxels * 4 }),
             ("sample_points", voxels * 16),
             ("sample_normals", if self.reflectance.has_normals() { voxels * 16 } else { 0 }),
-            ("gradient", voxels * 16),
+            // A volume of the reduction; of sums between dispatches too, where one does not hold all pairs.
+            ("gradient", voxels * if self.vectors && pair_chunks(self).len() == 1 { 4 } else { 16 }),
             ("taps", (self.taps.len() + 1) as u64 * 4),
             ("counts", u64::from(COUNTS) * 4),
             ("arguments", u64::from(ARGUMENTS_FORWARD + sets) * 12),
@@ -48,6 +50,8 @@ impl Plan {
         let mut all: Vec<_> = device.iter().map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
         for level in &self.levels {
             all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
+            let bricks = level.grid.storage() / BRICK_VOXELS;
+            all.push(BufferPlan::new(level.reachable, bricks as u64 * 4, Place::Device));
         }
         all.push(BufferPlan::new("upload", elements * 4, Place::Upload));
         all.push(BufferPlan::new(
@@ -61,45 +65,5 @@ impl Plan {
             all.push(BufferPlan::new("mask_host", voxels / 8, Place::Readback));
         }
         all
-    }
-
-    pub(super) fn list_left_out(&self) -> Vec<String> {
-        let mut out = vec![];
-        match self.geometry {
-            Geometry::Confocal => {
-                out.push("the second distance of a pair: laser and sensor point are one".to_string());
-            }
-            Geometry::Product => out.push(format!(
-                "distances per pair: {} + {} points instead of 2 x {} ",
-                self.scanned, self.others, self.pairs
-            )),
-            Geometry::TwoPoints => {}
-        }
-        if !self.curved {
-            let why = match self.reflectance {
-                Reflectance::Lambertian => "it is flat".to_string(),
-                other => format!("the {} model does not ask for them", crate::job::plain(&other)),
-            };
-            out.push(format!("the wall's normals: {why}"));
-        }
-        if !self.reflectance.has_normals() {
-            out.push("the surfaces' normals: the model has no cosine".into());
-        }
-        if self.noise == NoiseTerm::Off {
-            out.push("the noise term: its weights, their moments and its kernel".into());
-        }
-        if self.vectors {
-            out.push("the optimiser's moments: the step comes from a bound".into());
-        }
-        if !self.continuous {
-            out.push("random sampling: interpolation, its adjoint and the list of touched voxels".into());
-        }
-        if self.gradient == Gradient::Published {
-            out.push("the falloff in the gradient".into());
-        }
-        if self.levels.len() == 1 {
-            out.push("doubling of the lateral resolution: the first grid is the last".into());
-        }
-        out
     }
 }

@@ -73,7 +73,7 @@ impl Plan {
             u("compact_count", "compact_count", &[]),
             u("compact_scan_active", "compact_scan", &[("TOTAL", COUNT_ACTIVE)]),
             u("compact_scan_touched", "compact_scan", &[("TOTAL", COUNT_TOUCHED)]),
-            u("compact_scatter_active", "compact_scatter", &[("WRITE_SLOTS", 1)]),
+            u("compact_scatter_active", "compact_scatter", &[("WRITE_SLOTS", 1 - vectors)]),
             u(
                 "arguments",
                 "arguments",

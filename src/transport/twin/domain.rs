@@ -2,18 +2,22 @@ use glam::DVec3;
 
 use super::render::{elu, toward_wall};
 use super::{Raw, Twin, random3};
-use crate::transport::Grid;
+use crate::transport::{BRICK_VOXELS, Grid};
 
-/// The first volume and domain: albedo uniform in [0, `span`), normals zero; active is what is not too near.
+/// The first volume and domain: albedo uniform in [0, `span`), normals zero; active is what is not too near and within reach of a bin.
 pub fn initialise(twin: &Twin, span: f64) -> (Vec<Raw>, Vec<bool>) {
     let near = twin.model.near_z(twin.grid);
+    let reachable = twin.model.reachable_bricks(twin.grid);
     let storage = 0..twin.grid.storage();
     let raw = storage
         .clone()
         .map(|i| [span * random3(i as u32, 0, 0, twin.model.seed)[0], 0.0, 0.0, 0.0])
         .collect();
-    let c = storage.map(|i| twin.grid.voxel(i));
-    (raw, c.map(|c| twin.grid.contains(c) && c[2] >= near).collect())
+    let allowed = |i: usize| {
+        let c = twin.grid.voxel(i);
+        twin.grid.contains(c) && c[2] >= near && reachable[i / BRICK_VOXELS]
+    };
+    (raw, storage.map(allowed).collect())
 }
 
 /// Weights 0..=radius of a Gaussian of `sigma` voxels cut off at `truncate` sigmas, summing to 1 over both
@@ -50,13 +54,14 @@ pub fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {
     volume
 }
 
-/// The domain after a reduction: above the given share of the maximum, and not too near.
+/// The domain after a reduction: above the given share of the maximum, not too near and within reach of a bin.
 pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {
     let above = twin.model.keep_above * smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     let near = twin.model.near_z(twin.grid);
+    let reachable = twin.model.reachable_bricks(twin.grid);
     let keep = |(i, v): (usize, &f64)| {
         let c = twin.grid.voxel(i);
-        twin.grid.contains(c) && c[2] >= near && *v > above
+        twin.grid.contains(c) && c[2] >= near && *v > above && reachable[i / BRICK_VOXELS]
     };
     smooth.iter().enumerate().map(keep).collect()
 }

@@ -42,7 +42,7 @@ pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
 /// `measure` the measurement counts as nothing.
 pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Vec<f64>, [f64; 2]) {
     let m = twin.model;
-    let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), accumulated.len() as f64);
+    let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
     let mut loss = [0.0; 2];
     let of_bin = |(i, sum): (usize, &f64)| {
         let difference = sum * render - if measure { f64::from(m.measured[i]) } else { 0.0 };
@@ -150,7 +150,7 @@ pub fn variance(twin: &Twin) -> Vec<f64> {
     let m = twin.model;
     let render = f64::from(m.scene(twin.grid).render_scale);
     let of_bin = |(i, value): (usize, &f32)| {
-        let scale = 2.0 / m.measured.len() as f64 * render * bin_weight(twin, i % m.bins);
+        let scale = 2.0 / m.elements as f64 * render * bin_weight(twin, i % m.bins);
         scale * scale * (m.variance[0] * f64::from(*value).max(0.0) + m.variance[1])
     };
     m.measured.iter().enumerate().map(of_bin).collect()

@@ -1,0 +1,84 @@
+//! What a scene does not need, and what is saved by leaving it out: exact for memory and for what is counted, and
+//! measured for time in docs/leave-out.md.
+
+use super::Plan;
+use crate::solve::NoiseTerm;
+use crate::solve::schedule::pair_chunks;
+use crate::transport::{Geometry, Gradient, Reflectance};
+
+impl Plan {
+    pub(super) fn list_left_out(&self) -> Vec<String> {
+        let voxels = self.finest().grid.storage() as u64;
+        let mut out = vec![];
+        let mut left = |what: String, saves: String| out.push(format!("{what} (saves {saves})"));
+        let (pairs, all) = (self.pairs, 2 * self.pairs);
+        match self.geometry {
+            Geometry::Confocal => left(
+                "the second distance of a pair: laser and sensor point are one".into(),
+                format!("{pairs} of {all} distances per voxel"),
+            ),
+            Geometry::Product => left(
+                "distances per pair: every scanned point meets every other one".into(),
+                format!(
+                    "all but 1 / {} of the scanned points' distances, all but 1 / {} of the others'",
+                    self.tuning.others_forward, self.tuning.lanes
+                ),
+            ),
+            Geometry::TwoPoints => {}
+        }
+        if !self.curved {
+            let why = match self.reflectance {
+                Reflectance::Lambertian => "it is flat",
+                _ => "the model does not ask for them",
+            };
+            let points = (self.scanned + self.others) as u64;
+            left(format!("the wall's normals: {why}"), mebibytes(points * 16));
+        }
+        if !self.reflectance.has_normals() {
+            left("the surfaces' normals: the model has no cosine".into(), mebibytes(voxels * 16));
+        }
+        if self.noise == NoiseTerm::Off {
+            let weights = (self.pairs * self.bins) as u64;
+            left("the noise term: its weights, their moments and its kernel".into(), mebibytes(weights * 12));
+        }
+        let unreached = self.all_bins - self.bins;
+        if unreached > 0 {
+            let bytes = (self.pairs * unreached) as u64 * if self.fixed_point() { 20 } else { 16 };
+            left(
+                format!("{unreached} of {} gated bins: no voxel's path ends in them", self.all_bins),
+                mebibytes(bytes),
+            );
+        }
+        let finest = self.reachable.last().expect("a plan has a level");
+        let dark = finest.iter().filter(|r| !**r).count();
+        if dark > 0 {
+            left(
+                format!("{dark} of {} bricks: no gated bin tells of them", finest.len()),
+                format!("up to {:.1} % of dense iterations", 100.0 * dark as f64 / finest.len() as f64),
+            );
+        }
+        if self.vectors {
+            left("the optimiser's moments: the step comes from a bound".into(), mebibytes(voxels * 24));
+            if pair_chunks(self).len() == 1 {
+                left("gradients in memory: one dispatch holds all pairs".into(), mebibytes(voxels * 12));
+            }
+        }
+        if !self.continuous {
+            left(
+                "random sampling: interpolation, its adjoint, the list of touched voxels".into(),
+                mebibytes(voxels * if self.vectors { 8 } else { 4 }),
+            );
+        }
+        if self.gradient == Gradient::Published {
+            left("the falloff in the gradient".into(), "a product per pair".into());
+        }
+        if self.levels.len() == 1 {
+            left("doubling: the first grid is the last".into(), "its dispatches".into());
+        }
+        out
+    }
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}

@@ -1,0 +1,91 @@
+//! What of a volume and of the bins light can tell of at all: the rest is left out before anything is allocated.
+
+use glam::{DVec3, dvec3};
+use rayon::prelude::*;
+
+use super::{Geometry, Grid, Model, Wall};
+
+/// An axis-aligned box, metres.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    min: DVec3,
+    max: DVec3,
+}
+
+impl Block {
+    fn nearest(&self, p: DVec3) -> f64 {
+        p.distance(p.clamp(self.min, self.max))
+    }
+
+    fn farthest(&self, p: DVec3) -> f64 {
+        (p - self.min).abs().max((p - self.max).abs()).length()
+    }
+
+    /// Bounds of the paths of a pair over points of the box.
+    fn paths(&self, wall: &Wall, pair: usize) -> [f64; 2] {
+        let points = wall.points_of(pair).map(|n| wall.point(n)[0]);
+        [points.map(|p| self.nearest(p)).iter().sum(), points.map(|p| self.farthest(p)).iter().sum()]
+    }
+}
+
+/// The shortest and the longest path of any pair over any point of the box (bounds of them).
+fn paths(wall: &Wall, block: Block) -> [f64; 2] {
+    let side = |points: &[DVec3]| {
+        let near = points.iter().map(|p| block.nearest(*p)).fold(f64::INFINITY, f64::min);
+        let far = points.iter().map(|p| block.farthest(*p)).fold(0.0, f64::max);
+        [near, far]
+    };
+    if wall.geometry == Geometry::Product {
+        let ([a, b], [c, d]) = (side(&wall.scanned), side(&wall.others));
+        return [a + c, b + d];
+    }
+    let all = (0..wall.pairs()).map(|pair| block.paths(wall, pair));
+    all.fold([f64::INFINITY, 0.0], |[low, high], [a, b]| [low.min(a), high.max(b)])
+}
+
+impl Model {
+    /// Whether a path of such bounds may reach a bin. A contribution is shared by the two bins around it.
+    fn reaches(&self, [low, high]: [f64; 2]) -> bool {
+        let end = self.t_start + self.bins as f64 * self.bin_width;
+        high >= self.t_start - self.bin_width && low <= end + self.bin_width
+    }
+
+    /// The part of `grid` from its first z index that may be active, with the half voxel that samples may stray.
+    fn block(&self, grid: &Grid, low: [usize; 3], high: [usize; 3]) -> Block {
+        let at = |c: [usize; 3], shift: f64| {
+            grid.position(dvec3(c[0] as f64 + shift, c[1] as f64 + shift, c[2] as f64 + shift))
+        };
+        Block { min: at(low, -0.5), max: at(high, 0.5) }
+    }
+
+    /// For every brick of `grid`, whether a pair's path over a point of it may reach a bin.
+    pub fn reachable_bricks(&self, grid: &Grid) -> Vec<bool> {
+        let bricks = grid.bricks();
+        let one = |i: usize| {
+            let brick = [i % bricks[0], i / bricks[0] % bricks[1], i / (bricks[0] * bricks[1])];
+            let low = brick.map(|b| 8 * b);
+            let high = [0, 1, 2].map(|a| (low[a] + 7).min(grid.n[a] - 1));
+            let block = self.block(grid, low, high);
+            (0..self.pairs()).any(|pair| self.reaches(block.paths(&self.wall, pair)))
+        };
+        (0..bricks.iter().product()).into_par_iter().map(one).collect()
+    }
+
+    /// Leaves out the bins that no path over a voxel of `grid` reaches: they cannot change, so they add the same to
+    /// the loss at every step. Returns how many went.
+    pub fn trim(&mut self, grid: &Grid) -> usize {
+        let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
+        let [near, far] = paths(&self.wall, self.block(grid, low, grid.n.map(|n| n - 1)));
+        let bin = |path: f64| (path - self.t_start) / self.bin_width;
+        let first = (bin(near) - 1.0).floor().max(0.0) as usize;
+        let last = ((bin(far) + 2.0).ceil().max(0.0) as usize).min(self.bins);
+        if first >= last {
+            return 0;
+        }
+        let before = self.bins;
+        self.measured = self.measured.chunks_exact(before).flat_map(|h| &h[first..last]).copied().collect();
+        self.t_start += first as f64 * self.bin_width;
+        self.bins = last - first;
+        before - self.bins
+    }
+}
