@@ -11,6 +11,7 @@ mod evaluate;
 pub mod inspect;
 mod overview;
 mod places;
+pub mod profile;
 mod request;
 mod scene;
 mod solver;

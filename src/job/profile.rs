@@ -1,0 +1,3 @@
+//! Where the time goes.
+
+pub mod limits;
