@@ -33,6 +33,7 @@ pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect};
+pub use places::check_file;
 pub use request::{Request, memory_bytes};
 pub use scene::{Simulated, Simulation, simulate};
 pub use solver::{SolverOptions, check_model, check_solver};

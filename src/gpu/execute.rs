@@ -135,14 +135,14 @@ impl<'g> Executor<'g> {
 
     /// Waits until `ticket` and all before it are done.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
-        let span = self.gpu.span("wait");
+        let _span = self.gpu.span("wait");
         let semaphores = [self.timeline];
         let values = [ticket.0];
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is alive.
         unsafe { self.gpu.raw().wait_semaphores(&info, u64::MAX) }
             .map_err(|e| self.gpu.failed("computing", e))?;
-        drop(span);
+        // Some drivers wait here only, for the time stamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
             self.read_times(&flight)?;

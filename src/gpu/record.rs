@@ -78,14 +78,22 @@ impl Executor<'_> {
             // The stamp before which all is done that the next command may have to wait for.
             let mut last = stamp();
             let mut pending = Pending::default();
+            let mut labels = 0;
             for step in steps(schedule) {
                 match step {
                     Step::Enter(stage) => {
+                        labels += 1;
                         gpu.open_label(c, &stage.to_string());
                         flight.stages.push(stage.clone());
                     }
-                    Step::Open(name) => gpu.open_label(c, name),
-                    Step::Close => gpu.close_label(c),
+                    Step::Open(name) => {
+                        labels += 1;
+                        gpu.open_label(c, name);
+                    }
+                    Step::Close => {
+                        labels -= 1;
+                        gpu.close_label(c);
+                    }
                     Step::Run(command) => {
                         let (reads, writes) = self.accesses(command);
                         if pending.conflicts(&reads, &writes) {
@@ -106,6 +114,7 @@ impl Executor<'_> {
                     }
                 }
             }
+            debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
             // What the host reads.
             barrier(device, c);
             stamp();
@@ -239,6 +248,7 @@ unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place};
 
     #[test]
     fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
@@ -280,5 +290,40 @@ mod tests {
             "domain / threshold",
         ];
         assert_eq!(seen, want);
+    }
+
+    #[test]
+    fn labels_balance_under_validation_and_times_are_in_order() {
+        let open = |validation| Gpu::open(&GpuOptions { validation, timings: true, ..GpuOptions::default() });
+        let gpu =
+            open(true).or_else(|_| open(false)).expect("a Vulkan device: `make setup` installs lavapipe");
+        let buffers =
+            [BufferPlan::new("result", 4, Place::Device), BufferPlan::new("back", 4, Place::Readback)];
+        let mut executor = Executor::new(&gpu, Arena::new(&gpu, &buffers, None).unwrap()).unwrap();
+        let code = crate::transport::kernels::KERNELS.iter().find(|k| k.name == "limit_empty").unwrap();
+        executor.add_kernel("count", code, &[]).unwrap();
+        let mut s = Schedule::default();
+        s.fill("result", 4, 0);
+        s.stage("first", &[("iteration", 1)]);
+        s.dispatch("count", [1, 1, 1]).with([1u32, 0, 0, 0]);
+        s.stage("second", &[]);
+        s.dispatch("count", [1, 1, 1]).with([2u32, 0, 0, 0]);
+        s.dispatch("count", [1, 1, 1]).with([3u32, 0, 0, 0]);
+        s.copy("result", "back", 4);
+        executor.run(&s).unwrap();
+        let counted = bytemuck::cast_slice::<u8, u32>(executor.arena.mapped("back"))[0];
+        let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
+        assert!(messages.is_empty(), "{messages:?}");
+        assert_eq!(counted, 6);
+        let kernels: Vec<_> = told.device.iter().map(|r| r.kernel).collect();
+        assert_eq!(kernels, ["fill", "count", "count", "count", "copy"]);
+        let stages: Vec<_> = told.device.iter().map(|r| r.stage.map(|s| told.stages[s].name)).collect();
+        assert_eq!(stages, [None, Some("first"), Some("second"), Some("second"), Some("second")]);
+        assert!(told.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{told:?}");
+        // All of it while the host was waiting, as far as the clocks agree.
+        let spans = |what| told.host.iter().filter(move |s| s.what == what);
+        let (submit, wait) = (spans("submit").next_back().unwrap(), spans("wait").next_back().unwrap());
+        assert!(told.device[0].from >= submit.from - 1e-3 && told.device[4].to <= wait.to + 1e-6, "{told:?}");
+        assert!(told.kernels["count"].code.name == "limit_empty");
     }
 }

@@ -81,6 +81,11 @@ impl Gpu {
         self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
     }
 
+    /// Whether the device's queue has time stamps.
+    pub fn has_clock(&self) -> bool {
+        self.tick > 0.0
+    }
+
     /// Seconds since the device was opened; 0 without `timings`.
     pub fn now(&self) -> f64 {
         self.recorder.as_ref().map_or(0.0, Recorder::now)
