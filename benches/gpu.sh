@@ -31,10 +31,14 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-[ -x "$binary" ] || { echo "gpu.sh: $binary is no program: build it (make build) or name it" >&2; exit 1; }
+[ -f "$binary" ] && [ -x "$binary" ] ||
+    { echo "gpu.sh: $binary is no program: build it (make build) or name it" >&2; exit 1; }
+binary=$(cd "$(dirname "$binary")" && pwd)/$(basename "$binary")
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+# Files by their bare names, so that no result tells where it was made.
+cd "$work"
 # The device's words may hold spaces.
 profile() { if [ -n "$device" ]; then "$binary" profile --device "$device" "$@"; else "$binary" profile "$@"; fi; }
 title() { printf '\n== %s\n' "$1"; }
@@ -48,45 +52,45 @@ else
 fi
 
 title "every pass against its float64 twin"
-profile --check --json "$work/check.json"
+profile --check --json check.json
 title "the scene"
 # shellcheck disable=SC2086 # a list
-"$binary" simulate figure $scene --out "$work/figure.npz" --quiet
+"$binary" simulate figure $scene --out figure.npz --quiet
 title "vector solver"
-profile "$work/figure.npz" --solver vector --lateral $lateral --iterations $vector --quiet --json "$work/vector.json"
+profile figure.npz --solver vector --lateral $lateral --iterations $vector --quiet --json vector.json
 title "paper's solver"
-profile "$work/figure.npz" --solver paper --lateral $lateral --iterations $paper --quiet --json "$work/paper.json"
+profile figure.npz --solver paper --lateral $lateral --iterations $paper --quiet --json paper.json
 paths=
 for path in owned float fixed fixed32 cas; do
     title "paper's solver, --accumulation $path"
     # A path that the device lacks is refused with its reason.
-    if profile "$work/figure.npz" --solver paper --lateral $lateral --no-coarse-to-fine --iterations $short \
-        --accumulation $path --quiet --json "$work/$path.json"; then
+    if profile figure.npz --solver paper --lateral $lateral --no-coarse-to-fine --iterations $short \
+        --accumulation $path --quiet --json "$path.json"; then
         paths="$paths $path"
     fi
 done
 
 # The first "name" and "driver" of the check are the device's.
-word() { sed -n "s/^ *\"$1\": \"\\(.*\\)\",*\$/\\1/p" "$work/check.json" | head -n 1; }
+word() { sed -n "s/^ *\"$1\": \"\\(.*\\)\",*\$/\\1/p" check.json | head -n 1; }
 slug() { printf '%s' "$1" | tr -cs 'A-Za-z0-9.' '-' | sed 's/^-*//; s/-*$//' | cut -c 1-60; }
 mkdir -p "$here/results"
 result="$here/results/$(slug "$(word name)")-$(slug "$(word driver)").json"
 {
     printf '{\n"device": "%s",\n"driver": "%s",\n"quick": %s,\n' "$(word name)" "$(word driver)" "$quick"
     printf '"check": '
-    cat "$work/check.json"
+    cat check.json
     for solver in vector paper; do
         printf ',\n"%s": ' "$solver"
-        cat "$work/$solver.json"
+        cat "$solver.json"
     done
     printf ',\n"accumulation": {'
     comma=
     for path in $paths; do
         printf '%s\n"%s": ' "$comma" "$path"
-        cat "$work/$path.json"
+        cat "$path.json"
         comma=,
     done
     printf '}\n}\n'
-} >"$work/result.json"
-mv "$work/result.json" "$result"
+} >result.json
+mv result.json "$result"
 printf '\nwrote     %s\n' "$result"

@@ -85,13 +85,13 @@ fn report(solver: &str, mut job: Job<'_>, mut start: Schedule, one: &dyn Fn(&Pla
 /// The same solve on a device that stamps every command and on one that does not, in turns.
 fn stamps() {
     let devices = [gpu(false), gpu(true)];
-    let capture = capture(32);
+    let capture = capture(16);
     let volume = default_volume(&capture, 0.5).expect("it has a signal");
-    let grid = Grid::new(volume, 32, 0.02).expect("a plain grid");
-    let options = VectorOptions { lateral: 32, iterations: 12, stop: false, ..VectorOptions::default() };
+    let grid = Grid::new(volume, 32, 0.04).expect("a plain grid");
+    let options = VectorOptions { lateral: 32, iterations: 8, stop: false, ..VectorOptions::default() };
     let options = VectorOptions { accumulation: Accumulation::Auto, min_depth: 0.5, ..options };
     let mut seconds: [Vec<f64>; 2] = [vec![], vec![]];
-    for run in 0..12 {
+    for run in 0..32 {
         // Who is first changes, so that a drift of the machine hits both.
         for k in [run % 2, 1 - run % 2] {
             let done = solve(&devices[k], &capture, grid, &options);
@@ -100,12 +100,18 @@ fn stamps() {
             }
         }
     }
-    let ratios: Vec<f64> = seconds[1].iter().zip(&seconds[0]).map(|(with, without)| with / without).collect();
+    let mut ratios: Vec<f64> =
+        seconds[1].iter().zip(&seconds[0]).map(|(with, without)| with / without).collect();
+    ratios.sort_by(f64::total_cmp);
+    let percent = |at: f64| 100.0 * (ratios[(at * (ratios.len() - 1) as f64).round() as usize] - 1.0);
     let least = |k: usize| seconds[k].iter().copied().fold(f64::INFINITY, f64::min);
     println!(
-        "\ntime stamps: device seconds with over without, {} pairs of runs: median {:+.2} %, of the best runs {:+.2} %",
+        "\ntime stamps: device seconds with over without, {} pairs of runs: median {:+.2} %, quartiles {:+.2} and \
+         {:+.2} %; of the best runs {:+.2} %",
         ratios.len(),
-        100.0 * (median(ratios) - 1.0),
+        percent(0.5),
+        percent(0.25),
+        percent(0.75),
         100.0 * (least(1) / least(0) - 1.0)
     );
 }

@@ -30,6 +30,7 @@ Examples:
   thirdbounce reconstruct statue.hdf5 --stride 2 --lateral 64 --preset captured --out statue
   thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
   thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
+  thirdbounce profile capture.npz --trace timeline.json
   thirdbounce compare z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
 
 Lengths are metres, times are metres of path (seconds times 299792458).";
