@@ -61,7 +61,9 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let done = profile::profile(&what, &loaded, &mut tell, &mut |progress| meter.hear(progress));
     meter.end();
-    print(&table(&done?));
+    let done = done?;
+    done.validation.iter().for_each(|message| say(&format!("validation: {message}")));
+    print(&table(&done));
     let files = [&args.json, &args.trace, &args.out].into_iter().flatten();
     let files: Vec<_> = files.map(|f| f.display().to_string()).collect();
     if !files.is_empty() {

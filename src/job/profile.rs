@@ -56,6 +56,9 @@ pub struct Profile {
     /// What the host did while solving, the calls and seconds of each; what lies inside another counts in both.
     pub host: BTreeMap<String, HostTime>,
     pub totals: Totals,
+    /// What the validation layer said, if it was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub validation: Vec<String>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -148,6 +151,7 @@ pub fn profile(
             peak_device_bytes: solved.device_bytes,
         },
         kernels,
+        validation: gpu.validation_messages(),
     };
     if let Some(file) = &what.trace {
         write_json(file, &trace::events(&recording, &gpu.info.name), false)?;
