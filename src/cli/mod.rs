@@ -10,6 +10,7 @@ mod input;
 mod interrupt;
 mod methods;
 mod options;
+mod profile;
 mod progress;
 mod reconstruct;
 mod simulate;
@@ -29,6 +30,7 @@ Examples:
   thirdbounce reconstruct statue.hdf5 --stride 2 --lateral 64 --preset captured --out statue
   thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
   thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
+  thirdbounce profile capture.npz --trace timeline.json
   thirdbounce compare z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
 
 Lengths are metres, times are metres of path (seconds times 299792458).";
@@ -60,6 +62,8 @@ enum Verb {
     Compare(Box<compare::Args>),
     /// Rewrite a capture as npz or as y-tal HDF5.
     Convert(convert::Args),
+    /// Tell where the time of a reconstruction goes: every kernel against the device's limits, idle time, a timeline.
+    Profile(Box<profile::Args>),
     /// List the Vulkan devices.
     Devices(devices::Args),
 }
@@ -108,13 +112,17 @@ fn run() -> Result<()> {
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Convert(args) => convert::run(&args),
+        Verb::Profile(args) => profile::run(&args),
         Verb::Devices(args) => devices::run(&args),
     }
 }
 
 /// The command with negative numbers let through to the checks that explain what is wanted.
 fn command() -> clap::Command {
-    Cli::command().mut_subcommands(|verb| {
+    let all = Cli::command().mut_subcommand("profile", |verb| {
+        verb.mut_arg("capture", |arg| arg.required(false).required_unless_present("check"))
+    });
+    all.mut_subcommands(|verb| {
         verb.mut_args(|arg| {
             let takes = arg.get_action().takes_values() && !arg.is_positional();
             if takes { arg.allow_negative_numbers(true) } else { arg }

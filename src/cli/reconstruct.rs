@@ -31,7 +31,7 @@ pub struct Args {
     /// Keep maps and pictures of these iterations too, in DIR/snapshots/000100 and so on
     #[arg(long, value_name = "I,I,...", value_delimiter = ',')]
     snapshots: Vec<usize>,
-    /// Print the time per kernel at the end; runs the kernels one by one
+    /// Print the time per kernel at the end (`thirdbounce profile` tells more)
     #[arg(long)]
     timings: bool,
     /// No progress and no notes, errors only

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
+use super::recording::Recorder;
 use crate::{Error, Result};
 
 /// How to open a device.
@@ -14,7 +15,7 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Turn on the Khronos validation layer with synchronisation checks.
     pub validation: bool,
-    /// Time every command by itself, at the price of running them one by one.
+    /// Time every command by itself and keep what host and device did when: [`Gpu::take_recording`].
     pub timings: bool,
 }
 
@@ -51,7 +52,10 @@ pub struct Gpu {
     pub info: DeviceInfo,
     pub accumulations: Accumulations,
     pub limits: Limits,
-    pub(super) timings: bool,
+    /// What happened when, where it was asked for.
+    pub(super) recorder: Option<Recorder>,
+    /// Registers and the like of pipelines, where they were asked for and the device tells them.
+    pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
     /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
     pub(super) tick: f64,
     pub(super) queue: vk::Queue,
@@ -123,6 +127,9 @@ impl Gpu {
         }
 
         let has_budget = offers(ext::memory_budget::NAME);
+        let has_statistics = options.timings
+            && offers(khr::pipeline_executable_properties::NAME)
+            && offers_statistics(&instance, physical);
         let mut wanted = Vec::new();
         if float {
             wanted.push(ext::shader_atomic_float::NAME.as_ptr());
@@ -130,6 +137,11 @@ impl Gpu {
         if has_budget {
             wanted.push(ext::memory_budget::NAME.as_ptr());
         }
+        if has_statistics {
+            wanted.push(khr::pipeline_executable_properties::NAME.as_ptr());
+        }
+        let mut use_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
         let mut use_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
             .shader_buffer_float32_atomics(true)
             .shader_buffer_float32_atomic_add(true);
@@ -148,6 +160,9 @@ impl Gpu {
         if float {
             create = create.push_next(&mut use_float);
         }
+        if has_statistics {
+            create = create.push_next(&mut use_statistics);
+        }
         let raw = unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
             Error::device(
                 format!("{} does not open ({e})", info.name),
@@ -160,7 +175,9 @@ impl Gpu {
         unsafe { instance.raw.get_physical_device_properties2(physical, &mut p2) };
         let l = properties.limits;
         let names = instance.debug_names.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
-        Ok(Gpu {
+        let statistics =
+            has_statistics.then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
+        let gpu = Gpu {
             info,
             accumulations: Accumulations { float, int64 },
             limits: Limits {
@@ -170,7 +187,8 @@ impl Gpu {
                 groups: l.max_compute_work_group_count,
                 subgroup: subgroup.subgroup_size,
             },
-            timings: options.timings,
+            recorder: options.timings.then(Recorder::new),
+            statistics,
             tick: if has_timestamps { f64::from(l.timestamp_period) } else { 0.0 },
             queue,
             family,
@@ -179,7 +197,9 @@ impl Gpu {
             names,
             device: Arc::new(OwnedDevice { raw, _instance: instance.clone() }),
             instance,
-        })
+        };
+        gpu.name(queue, "compute queue");
+        Ok(gpu)
     }
 
     pub fn abilities(&self) -> Abilities {
@@ -217,6 +237,23 @@ impl Gpu {
         let _ = unsafe { names.set_debug_utils_object_name(&info) };
     }
 
+    /// Opens a label around what is recorded into `commands` from here on: RenderDoc and Nsight show it.
+    pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &str) {
+        let Some(names) = &self.names else { return };
+        // A label without its text still closes as it should.
+        let text = std::ffi::CString::new(text).unwrap_or_default();
+        let info = vk::DebugUtilsLabelEXT::default().label_name(&text);
+        // SAFETY: the caller is recording into `commands`, and the label lives through the call.
+        unsafe { names.cmd_begin_debug_utils_label(commands, &info) };
+    }
+
+    /// Closes the label that was opened last.
+    pub(super) fn close_label(&self, commands: vk::CommandBuffer) {
+        let Some(names) = &self.names else { return };
+        // SAFETY: the caller is recording into `commands` and has opened a label in it.
+        unsafe { names.cmd_end_debug_utils_label(commands) };
+    }
+
     pub(super) fn raw(&self) -> &ash::Device {
         &self.device.raw
     }
@@ -239,6 +276,15 @@ impl Gpu {
             ),
         }
     }
+}
+
+/// Whether the device, which has the extension, has its feature too.
+fn offers_statistics(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    let mut feature = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+    let mut offered = vk::PhysicalDeviceFeatures2::default().push_next(&mut feature);
+    // SAFETY: the handle comes from this instance, and the device has the extension that the struct belongs to.
+    unsafe { instance.raw.get_physical_device_features2(physical, &mut offered) };
+    feature.pipeline_executable_info == vk::TRUE
 }
 
 fn choose(

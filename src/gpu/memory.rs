@@ -41,6 +41,7 @@ impl BufferPlan {
 pub(super) struct Buffer {
     pub handle: vk::Buffer,
     pub bytes: u64,
+    pub place: Place,
     allocation: Option<Allocation>,
 }
 
@@ -59,6 +60,7 @@ impl<'g> Arena<'g> {
     /// Errors: a buffer larger than the device can bind, a plan over budget (naming the largest buffers), an
     /// allocation that the driver refuses. Nothing stays allocated then.
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
+        let _span = gpu.span("allocate");
         check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
         let block = |place_is_host: bool| {
             let bytes = plan.iter().filter(|b| (b.place != Place::Device) == place_is_host);
@@ -102,7 +104,7 @@ impl<'g> Arena<'g> {
         // SAFETY: the device is alive; the memory bound is the allocation made for this very buffer.
         let handle = unsafe { device.create_buffer(&info, None) }.map_err(|e| refused(e.to_string()))?;
         self.gpu.name(handle, &plan.name);
-        let buffer = Buffer { handle, bytes: plan.bytes, allocation: None };
+        let buffer = Buffer { handle, bytes: plan.bytes, place: plan.place, allocation: None };
         self.buffers.insert(plan.name.clone(), buffer);
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");

@@ -8,13 +8,17 @@ mod execute;
 mod instance;
 mod memory;
 mod pipeline;
+mod record;
+mod recording;
 mod schedule;
+pub mod spirv;
 
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use instance::{DeviceInfo, DeviceKind, devices};
 pub use memory::{Arena, BufferPlan, Place};
-pub use schedule::{Command, Schedule, Size};
+pub use recording::{HostSpan, KernelMade, Ran, Recording};
+pub use schedule::{Command, Schedule, Size, Stage};
 
 /// One compiled kernel variant.
 #[derive(Debug, Clone, Copy)]

@@ -9,6 +9,7 @@ use super::{Arena, Binding, Gpu, KernelCode};
 use crate::{Error, Result};
 
 pub(super) struct Pipeline {
+    pub name: &'static str,
     pub handle: vk::Pipeline,
     pub layout: vk::PipelineLayout,
     set_layout: vk::DescriptorSetLayout,
@@ -20,7 +21,12 @@ pub(super) struct Pipeline {
 pub(super) const PUSH_BYTES: u32 = 4 * PUSH_WORDS as u32;
 
 impl Pipeline {
-    pub fn new(gpu: &Gpu, name: &str, code: &KernelCode, constants: &[(&str, u32)]) -> Result<Pipeline> {
+    pub fn new(
+        gpu: &Gpu,
+        name: &'static str,
+        code: &KernelCode,
+        constants: &[(&str, u32)],
+    ) -> Result<Pipeline> {
         let device = gpu.raw();
         let doing = format!("making kernel `{name}`");
         let failed = |e| gpu.failed(&doing, e);
@@ -51,6 +57,7 @@ impl Pipeline {
         })?;
 
         let mut made = Pipeline {
+            name,
             handle: vk::Pipeline::null(),
             layout: vk::PipelineLayout::null(),
             set_layout: vk::DescriptorSetLayout::null(),
@@ -77,7 +84,13 @@ impl Pipeline {
                     .module(made.module)
                     .name(c"main")
                     .specialization_info(&special);
-                let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout)];
+                let flags = if gpu.statistics.is_some() {
+                    vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
+                } else {
+                    vk::PipelineCreateFlags::empty()
+                };
+                let info =
+                    [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout).flags(flags)];
                 let made_pipelines = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
                 made.handle = made_pipelines.map_err(|(_, e)| e)?[0];
                 Ok(())
@@ -88,7 +101,40 @@ impl Pipeline {
             return Err(failed(e));
         }
         gpu.name(made.handle, name);
+        gpu.name(made.layout, name);
+        gpu.name(made.set_layout, name);
+        gpu.name(made.module, code.name);
         Ok(made)
+    }
+
+    /// What the driver tells of the compiled kernel (registers, shared memory, spills), in its own words; empty
+    /// where it tells nothing or was not asked.
+    pub fn statistics(&self, gpu: &Gpu) -> Vec<(String, f64)> {
+        let Some(asked) = &gpu.statistics else { return vec![] };
+        let info = vk::PipelineInfoKHR::default().pipeline(self.handle);
+        // SAFETY: the pipeline is alive and was made with CAPTURE_STATISTICS, as the extension is on.
+        let executables = unsafe { asked.get_pipeline_executable_properties(&info) }.unwrap_or_default();
+        let mut all = vec![];
+        for index in 0..executables.len() as u32 {
+            let info = vk::PipelineExecutableInfoKHR::default().pipeline(self.handle).executable_index(index);
+            // SAFETY: as above; the index is below the number of executables.
+            let told = unsafe { asked.get_pipeline_executable_statistics(&info) }.unwrap_or_default();
+            for s in told {
+                type Format = vk::PipelineExecutableStatisticFormatKHR;
+                // SAFETY: `format` says which member of the union the driver wrote, and the name ends in a zero.
+                let (value, name) = unsafe {
+                    let value = match s.format {
+                        Format::BOOL32 => f64::from(s.value.b32),
+                        Format::INT64 => s.value.i64 as f64,
+                        Format::UINT64 => s.value.u64 as f64,
+                        _ => s.value.f64,
+                    };
+                    (value, std::ffi::CStr::from_ptr(s.name.as_ptr()).to_string_lossy().into_owned())
+                };
+                all.push((name, value));
+            }
+        }
+        all
     }
 
     pub fn destroy(&self, gpu: &Gpu) {
@@ -139,12 +185,14 @@ impl DescriptorSets {
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; pools are destroyed with the executor.
             self.pools.push(unsafe { device.create_descriptor_pool(&info, None) }.map_err(failed)?);
+            gpu.name(self.pools[self.pools.len() - 1], "descriptor pool");
         }
         let layouts = [pipeline.set_layout];
         let pool = *self.pools.last().expect("made above");
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool, layout and buffers are alive as long as the executor.
         let set = unsafe { device.allocate_descriptor_sets(&info) }.map_err(failed)?[0];
+        gpu.name(set, &format!("{} of {}", pipeline.name, buffers.join(" ")));
         let infos: Vec<_> = key
             .1
             .iter()

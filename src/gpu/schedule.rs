@@ -37,6 +37,28 @@ pub enum Command {
         bytes: u64,
         value: u32,
     },
+    /// What follows, up to the next stage, belongs together: for labels and traces. Does nothing on the device.
+    Stage(Stage),
+}
+
+/// A part of the work by name, with numbers that tell it from others of that name.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Stage {
+    pub name: &'static str,
+    pub values: Vec<(&'static str, u64)>,
+}
+
+impl Stage {
+    pub fn value(&self, name: &str) -> Option<u64> {
+        self.values.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)?;
+        self.values.iter().try_for_each(|(n, v)| write!(f, " {n}={v}"))
+    }
 }
 
 /// A list of commands in order. Barriers are not in it: the executor derives them from what each reads and
@@ -78,6 +100,11 @@ impl Schedule {
         self.commands.push(Command::Fill { buffer, offset: 4 * u64::from(index), bytes: 4, value });
     }
 
+    /// Begins a stage.
+    pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {
+        self.commands.push(Command::Stage(Stage { name, values: values.to_vec() }));
+    }
+
     pub fn extend(&mut self, other: Schedule) {
         self.commands.extend(other.commands);
     }
@@ -97,20 +124,23 @@ impl Command {
         self
     }
 
-    /// Sets the push constants. For dispatches.
-    pub fn with(&mut self, values: impl bytemuck::Pod) -> &mut Command {
+    /// Sets the push constants, zero after those given. For dispatches. Panics if they are too many.
+    pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {
         if let Command::Dispatch { push, .. } = self {
-            *push = bytemuck::cast(values);
+            let given = bytemuck::bytes_of(&values);
+            *push = [0; PUSH_WORDS];
+            bytemuck::bytes_of_mut(push)[..given.len()].copy_from_slice(given);
         }
         self
     }
 
-    /// Kernel name, or "copy" or "fill".
+    /// Kernel name, "copy" or "fill", or the stage's name.
     pub fn name(&self) -> &'static str {
         match self {
             Command::Dispatch { kernel, .. } => kernel,
             Command::Copy { .. } => "copy",
             Command::Fill { .. } => "fill",
+            Command::Stage(stage) => stage.name,
         }
     }
 }
@@ -135,6 +165,7 @@ impl fmt::Display for Schedule {
                 Command::Fill { buffer, bytes, value, .. } => {
                     writeln!(f, "fill {buffer} {bytes} {value:#x}")?
                 }
+                Command::Stage(stage) => writeln!(f, "-- {stage}")?,
             }
         }
         Ok(())

@@ -12,9 +12,9 @@ use crate::export::{self, curves};
 use crate::gpu::Gpu;
 use crate::maps::Truth;
 use crate::measure::{Metrics, Reach, median, reach};
-use crate::solve::{Progress, Watch};
+use crate::solve::Progress;
 use crate::transport::Grid;
-use crate::{Error, Kind, Result};
+use crate::{Error, Result};
 
 /// What a comparison writes into its folder, beside a folder for each method.
 const FILES: [&str; 4] = ["error_vs_time.png", "error_vs_time.svg", "compare.md", "compare.json"];
@@ -75,7 +75,8 @@ pub fn compare(
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
     for (method, grid) in methods.iter().zip(&grids) {
-        warm_up(method, loaded, &gpu, *grid).map_err(|e| e.at(format!("method {:?}", method.name)))?;
+        solving::warm_up(&method.request, loaded, &gpu, *grid)
+            .map_err(|e| e.at(format!("method {:?}", method.name)))?;
     }
     let mut runs: Vec<Option<Runs>> = methods.iter().map(|_| None).collect();
     for number in 0..turns {
@@ -113,18 +114,6 @@ pub fn compare(
     comparison::write_json(&json, &report)?;
     files.extend([png, svg, page, json]);
     Ok(Compared { report, validation: gpu.validation_messages(), files })
-}
-
-/// Begins a solve and breaks off, so that drivers that compile at the first dispatch have done so before any
-/// time is taken, and what does not fit is found out before hours of work.
-fn warm_up(method: &Method, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
-    let mut stop = |_: &Progress| ControlFlow::Break(());
-    let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    let request = &method.request;
-    match request.solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
-        Err(e) if e.kind != Kind::Cancelled => Err(e),
-        _ => Ok(()),
-    }
 }
 
 /// The runs of one method.

@@ -26,7 +26,7 @@ pub struct Request {
     /// Index or part of the name of the device.
     pub device: Option<String>,
     pub validation: bool,
-    /// Time every kernel by itself, which is slower.
+    /// Time every kernel by itself and keep what host and device did when.
     pub timings: bool,
     /// Truth to measure the result against.
     pub truth: Option<PathBuf>,

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::{Loaded, Request};
-use crate::Result;
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
 use crate::solve::{Progress, Reconstruction, Watch};
 use crate::transport::Grid;
+use crate::{Kind, Result};
 
 /// What a solve yields, and its figures.
 pub struct Solved {
@@ -71,6 +71,17 @@ pub fn solve(
         along.insert(last.iteration, metrics.clone().brief());
     }
     Ok(Solved { solved, metrics, along, snapshots })
+}
+
+/// Begins a solve and breaks off, so that drivers that compile at the first dispatch have done so before any
+/// time is taken, and what does not fit is found out before hours of work.
+pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
+    let mut stop = |_: &Progress| ControlFlow::Break(());
+    let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
+    match request.solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
+        Err(e) if e.kind != Kind::Cancelled => Err(e),
+        _ => Ok(()),
+    }
 }
 
 impl Solved {

@@ -93,7 +93,9 @@ pub(super) fn drive(
     let mut clock = Clock { start: Instant::now(), paused: Duration::ZERO };
     let mut reader = Reader { gpu_before, trace: vec![], pairs: 0 };
     let mut flights: VecDeque<(Ticket, std::ops::Range<usize>, Level)> = VecDeque::new();
-    let mut block = std::mem::take(&mut steps.start);
+    let mut block = Schedule::default();
+    block.stage("start", &stage_values(&job.plan.levels[0], 0));
+    block.extend(std::mem::take(&mut steps.start));
     let (mut level, mut first) = (0, 0);
     let mut reached = job.plan.levels[0];
     // Known only behind: what the last block that was heard of had active. The first domain is all there is.
@@ -101,8 +103,12 @@ pub(super) fn drive(
     // What is due between the iteration before and the next.
     let mut change = Schedule::default();
     for i in 0..iterations {
-        block.extend(std::mem::take(&mut change));
         let here = job.plan.levels[level];
+        if !change.commands.is_empty() {
+            block.stage("domain", &stage_values(&here, i));
+            block.extend(std::mem::take(&mut change));
+        }
+        block.stage("iteration", &stage_values(&here, i));
         block.extend((steps.iteration)(&job.plan, &here, i));
         let done = i + 1;
         let last = done == iterations;
@@ -135,7 +141,7 @@ pub(super) fn drive(
             fitted |= at == *job.plan.finest() && steps.stop_below.is_some_and(|s| objective <= s);
             let maps = (measured && point.iteration == done).then(|| {
                 job.executor
-                    .run(&(steps.extract)(&at))
+                    .run(&maps_of(&steps, &at))
                     .map(|()| read_maps(&job.executor.arena, &at.grid, has_normals))
             });
             let progress = Progress { point, iterations, maps: maps.transpose()? };
@@ -158,10 +164,22 @@ pub(super) fn drive(
         let seconds = [clock.seconds(), job.executor.gpu_seconds()];
         reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
     }
-    job.executor.run(&(steps.extract)(&reached))?;
+    job.executor.run(&maps_of(&steps, &reached))?;
     let seconds = clock.seconds();
     let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
     Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds })
+}
+
+fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
+    s.extend((steps.extract)(level));
+    s
+}
+
+/// What labels and traces tell of a stage: the next iteration (from 0) and the level it runs at.
+fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 2] {
+    [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64)]
 }
 
 /// Seconds since the start, less the pauses.

@@ -1,0 +1,139 @@
+//! What an iteration costs beside its pairs: with an empty list of active voxels, kernel by kernel; and what time
+//! stamps behind every command add, by runs with and without in turns.
+//!
+//!     cargo bench --bench iteration
+
+mod scene;
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use scene::{capture, gpu, median};
+use thirdbounce::gpu::{DeviceKind, Gpu, Schedule};
+use thirdbounce::solve::{
+    Accumulation, Job, PaperOptions, Plan, Preset, VectorOptions, Watch, compact, default_volume, initialise,
+    iteration, paper, vector,
+};
+use thirdbounce::transport::Grid;
+
+fn main() {
+    empty();
+    stamps();
+}
+
+/// Iterations of both solvers that have nothing to do.
+fn empty() {
+    let gpu = gpu(true);
+    println!("{} ({})", gpu.info.name, gpu.info.driver);
+    for side in [8, 32] {
+        let capture = capture(side);
+        let grid = scene::grid(20_480);
+        let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+        let model = paper::model(&capture, &paper).expect("a confocal capture");
+        let plan = Plan::new(&model, grid, [32; 2], &paper, &gpu.abilities(), false).expect("a plan");
+        let job = Job::new(&gpu, model, plan, None).expect("memory");
+        let start = initialise(&job.plan, job.plan.finest());
+        report("paper", job, start, &|plan, i| iteration(plan, plan.finest(), i, 1));
+        let options = VectorOptions { iterations: 64, ..VectorOptions::default() };
+        let model = vector::model(&capture, &options).expect("a confocal capture");
+        let plan = Plan::new(&model, grid, [32; 2], &options, &gpu.abilities(), false).expect("a plan");
+        let job = Job::new(&gpu, model, plan, None).expect("memory");
+        let start = vector::start(&job.plan, job.plan.finest(), &options);
+        report("vector", job, start, &|plan, i| vector::iteration(plan, plan.finest(), i));
+    }
+}
+
+fn report(solver: &str, mut job: Job<'_>, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
+    const COUNT: u32 = 32;
+    let level = *job.plan.finest();
+    start.fill("mask", job.plan.bytes()["mask"], 0);
+    start.extend(compact(&job.plan, &level));
+    start.extend(one(&job.plan, 0));
+    job.executor.run(&start).expect("the start runs");
+    let mut all = Schedule::default();
+    (0..COUNT).for_each(|i| all.extend(one(&job.plan, i)));
+    let mut runs = vec![];
+    let before = job.executor.times().clone();
+    const RUNS: usize = 9;
+    for _ in 0..RUNS {
+        let device = job.executor.gpu_seconds();
+        let host = Instant::now();
+        job.executor.run(&all).expect("iterations run");
+        runs.push([job.executor.gpu_seconds() - device, host.elapsed().as_secs_f64()]);
+    }
+    let us = |k: usize| 1e6 * median(runs.iter().map(|r| r[k]).collect()) / f64::from(COUNT);
+    println!(
+        "\n{solver}, {} pairs x {} bins, nothing active: {:.0} us an iteration on the device, {:.0} on the host",
+        job.plan.pairs,
+        job.plan.bins,
+        us(0),
+        us(1)
+    );
+    for (name, time) in job.executor.times() {
+        let old = before.get(name).copied().unwrap_or_default();
+        let (calls, seconds) = (time.calls - old.calls, time.seconds - old.seconds);
+        if calls > 0 {
+            let each = 1e6 * seconds / (RUNS as f64 * f64::from(COUNT));
+            println!(
+                "  {name:<14}{:>5.1} dispatches {each:>9.1} us",
+                calls as f64 / (RUNS as f64 * f64::from(COUNT))
+            );
+        }
+    }
+}
+
+/// The same solve on a device that stamps every command and on one that does not, in turns.
+fn stamps() {
+    let devices = [gpu(false), gpu(true)];
+    let capture = capture(32);
+    let volume = default_volume(&capture, 0.5).expect("it has a signal");
+    let grid = Grid::new(volume, 32, 0.04).expect("a plain grid");
+    let options = VectorOptions { lateral: 32, iterations: 8, stop: false, ..VectorOptions::default() };
+    let options = VectorOptions { accumulation: Accumulation::Auto, min_depth: 0.5, ..options };
+    let mut seconds: [Vec<f64>; 2] = [vec![], vec![]];
+    for run in 0..18 {
+        // Who is first changes, so that a drift of the machine hits both.
+        for k in [run % 2, 1 - run % 2] {
+            let done = solve(&devices[k], &capture, grid, &options);
+            if run > 1 {
+                seconds[k].push(done);
+            }
+        }
+    }
+    let mut ratios: Vec<f64> =
+        seconds[1].iter().zip(&seconds[0]).map(|(with, without)| with / without).collect();
+    ratios.sort_by(f64::total_cmp);
+    let percent = |at: f64| 100.0 * (ratios[(at * (ratios.len() - 1) as f64).round() as usize] - 1.0);
+    let sum = |k: usize| seconds[k].iter().sum::<f64>();
+    println!(
+        "\ntime stamps: device seconds with over without, {} pairs of runs: median {:+.2} %, quartiles {:+.2} and \
+         {:+.2} %; of the sums {:+.2} %",
+        ratios.len(),
+        percent(0.5),
+        percent(0.25),
+        percent(0.75),
+        100.0 * (sum(1) / sum(0) - 1.0)
+    );
+}
+
+/// Device seconds of a solve. A device that is the processor shares it with others, whose work must not count: there
+/// it is the processor's seconds of this program.
+fn solve(gpu: &Gpu, capture: &thirdbounce::capture::Capture, grid: Grid, options: &VectorOptions) -> f64 {
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    let before = processor_seconds();
+    let done = vector::reconstruct(gpu, capture, grid, options, None, false, &mut watch).expect("it solves");
+    match (before, processor_seconds()) {
+        (Some(before), Some(after)) if gpu.info.kind == DeviceKind::Cpu => after - before,
+        _ => done.trace.last().map_or(0.0, |p| p.gpu_seconds),
+    }
+}
+
+/// Seconds that this program has had of all processors together, where the system tells (Linux: hundredths).
+fn processor_seconds() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name in brackets may hold spaces; behind it the 12th and 13th fields are user's and system's ticks.
+    let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
+    let ticks = |i: usize| fields.get(i)?.parse::<f64>().ok();
+    Some((ticks(11)? + ticks(12)?) / 100.0)
+}

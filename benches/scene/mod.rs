@@ -1,0 +1,73 @@
+//! What benches share: a synthetic scene of any size, and a job on it.
+#![allow(dead_code)] // each bench uses its part
+
+use glam::dvec3;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::{Gpu, GpuOptions, KernelTime};
+use thirdbounce::solve::{Accumulation, Job, PaperOptions, Plan, Preset};
+use thirdbounce::transport::{Grid, Model, Volume};
+
+pub const ACCUMULATIONS: [Accumulation; 5] =
+    [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas];
+
+/// The device that THIRDBOUNCE_DEVICE names, by index or part of its name; otherwise the best there is.
+pub fn gpu(timings: bool) -> Gpu {
+    let device = std::env::var("THIRDBOUNCE_DEVICE").ok();
+    Gpu::open(&GpuOptions { device, validation: false, timings }).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Histograms of a scan of `side` × `side` points on a 1 m wall, 512 bins of 6 mm.
+pub fn capture(side: usize) -> Capture {
+    let at = |i: usize| (i as f64 + 0.5) / side as f64 - 0.5;
+    let points: Vec<_> = (0..side * side).map(|i| dvec3(at(i / side), at(i % side), 0.0)).collect();
+    let bins = 512;
+    Capture {
+        name: "bench".into(),
+        scan: [side, side],
+        laser: points.clone(),
+        sensor: points,
+        laser_normal: None,
+        sensor_normal: None,
+        bins,
+        bin_width: 0.006,
+        t_start: 0.0,
+        histograms: (0..side * side * bins).map(|i| (i * 7919 % 101) as f32).collect(),
+        integer_counts: true,
+    }
+}
+
+/// About `active` voxels at 0.5 to 1 m.
+pub fn grid(active: usize) -> Grid {
+    let mut lateral = 32;
+    while lateral * lateral * 256 < active {
+        lateral *= 2;
+    }
+    let deep = (active as f64 / (lateral * lateral) as f64).max(1.0);
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.5), max: dvec3(0.5, 0.5, 1.0) };
+    Grid::new(volume, lateral, 0.5 / deep).expect("a plain grid")
+}
+
+/// The paper's solver on such a scene, every voxel active once its schedule has begun.
+pub fn job(
+    gpu: &Gpu,
+    side: usize,
+    active: usize,
+    accumulation: Accumulation,
+) -> thirdbounce::Result<Job<'_>> {
+    let options = PaperOptions { accumulation, iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+    let model = Model::new(&capture(side), 10.0);
+    // The scan's resolution is as good as the grid's: one level.
+    let grid = grid(active);
+    let plan = Plan::new(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;
+    Job::new(gpu, model, plan, None)
+}
+
+/// Device seconds of a kernel so far.
+pub fn spent(job: &Job<'_>, kernel: &str) -> f64 {
+    job.executor.times().get(kernel).copied().unwrap_or(KernelTime::default()).seconds
+}
+
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

@@ -1,0 +1,25 @@
+// How many atomic additions to a buffer a device issues where lanes of a workgroup add to neighbouring words and
+// workgroups to words of their own, as far as there are any: the forward kernel at its best. Every word has counted
+// every turn of those that own it in the end.
+#version 460
+#ifdef ACCUMULATE_FLOAT
+#extension GL_EXT_shader_atomic_float : require
+#define WORD float
+#else
+#define WORD uint
+#endif
+layout(local_size_x = 64) in;
+layout(push_constant) uniform Push { uint turns; float a; float b; } push;
+layout(std430, set = 0, binding = 1) buffer Result { WORD result[]; };
+const uint WORDS = 65536u;
+
+void main() {
+    uint base = (gl_WorkGroupID.x * 64u) & (WORDS - 1u);
+    uint lane = gl_LocalInvocationID.x;
+    for (uint i = 0u; i < push.turns; ++i) {
+        atomicAdd(result[base + ((lane + i) & 63u)], WORD(1));
+        atomicAdd(result[base + ((lane + i + 16u) & 63u)], WORD(1));
+        atomicAdd(result[base + ((lane + i + 32u) & 63u)], WORD(1));
+        atomicAdd(result[base + ((lane + i + 48u) & 63u)], WORD(1));
+    }
+}

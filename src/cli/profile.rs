@@ -1,0 +1,199 @@
+//! `thirdbounce profile CAPTURE`.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+use thirdbounce::export::report::Device;
+use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::job::profile::{
+    self, DeviceLimits, KernelProfile, Profile, ProfileRequest, check, device_of, limits, write_json,
+};
+use thirdbounce::{Error, Kind, Result};
+
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
+use super::progress::{Meter, say};
+use super::solver::SolverArgs;
+use super::tables::{bytes, number, seconds};
+use super::{interrupt, print};
+
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    capture: Option<CaptureArgs>,
+    /// Write the profile as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write what host and device did when, for Perfetto (ui.perfetto.dev) and chrome://tracing
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Folder for the maps [default: they are not written]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Instead of a capture: hold every pass of both solvers, on every accumulation path of the device, against its
+    /// float64 twin, and measure what the device does at most
+    #[arg(long, conflicts_with_all = ["capture", "trace", "out"])]
+    pub check: bool,
+    /// No progress and no notes, errors only
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    solver: SolverArgs,
+    #[command(flatten)]
+    grid: VolumeArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let Some(capture) = &args.capture else { return check_device(args) };
+    let (loaded, request) = load(capture, &args.solver, &args.grid, &args.device)?;
+    if !args.quiet {
+        loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    let (json, trace, out) = (args.json.clone(), args.trace.clone(), args.out.clone());
+    let what = ProfileRequest { request, json, trace, out };
+    interrupt::take_care();
+    let mut meter = Meter::new(args.quiet);
+    let mut tell = |text: &str| {
+        if !args.quiet {
+            say(text);
+        }
+    };
+    let done = profile::profile(&what, &loaded, &mut tell, &mut |progress| meter.hear(progress));
+    meter.end();
+    let done = done?;
+    done.validation.iter().for_each(|message| say(&format!("validation: {message}")));
+    print(&table(&done));
+    let files = [&args.json, &args.trace, &args.out].into_iter().flatten();
+    let files: Vec<_> = files.map(|f| f.display().to_string()).collect();
+    if !files.is_empty() {
+        print(&format!("wrote     {}", files.join("\n          ")));
+    }
+    Ok(())
+}
+
+/// What `--check` writes.
+#[derive(Serialize)]
+struct CheckReport {
+    device: Device,
+    limits: DeviceLimits,
+    checks: Vec<check::Checked>,
+}
+
+fn check_device(args: &Args) -> Result<()> {
+    if let Some(file) = &args.json {
+        thirdbounce::job::check_file(file)?;
+    }
+    let DeviceArgs { device, validation, .. } = &args.device;
+    let gpu = Gpu::open(&GpuOptions { device: device.clone(), validation: *validation, timings: false })?;
+    let checks = check::check(&gpu)?;
+    let limits = limits::measure(&gpu)?;
+    let mut text = format!("device    {} ({})\n", gpu.info.name, gpu.info.driver);
+    text += &format!("{:<10}{:<10}{:<14}{:>14}{:>10}\n", "solver", "adding", "pass", "error", "allowed");
+    for c in &checks {
+        let error = format!("{:.1e}{}", c.error, if c.passed() { "" } else { " WRONG" });
+        text +=
+            &format!("{:<10}{:<10}{:<14}{error:>14}{:>10.0e}\n", c.solver, c.accumulation, c.pass, c.allowed);
+    }
+    print(&(text + &limits_text(&limits)));
+    gpu.validation_messages().iter().for_each(|message| say(&format!("validation: {message}")));
+    let wrong = checks.iter().filter(|c| !c.passed()).count();
+    if let Some(file) = &args.json {
+        write_json(file, &CheckReport { device: device_of(&gpu), limits, checks }, true)?;
+    }
+    if wrong > 0 {
+        return Err(Error::new(
+            Kind::Device,
+            format!("{} computes {wrong} passes wrong", gpu.info.name),
+            "update its driver, or choose another device with --device; if that does not help, report it",
+        ));
+    }
+    Ok(())
+}
+
+fn limits_text(l: &DeviceLimits) -> String {
+    let float = l.global_atomic_float_per_s.map_or("none".into(), number);
+    format!(
+        "limits    per second: fma {}, inversesqrt {}, cached words {}, atomics: shared {}, global {}, float {float}\n\
+        \x20         copies {}/s read and written, a dispatch {}\n",
+        number(l.fma_per_s),
+        number(l.special_per_s),
+        number(l.load_per_s),
+        number(l.shared_atomic_per_s),
+        number(l.global_atomic_per_s),
+        bytes(l.copy_bytes_per_s as u64),
+        micro(l.dispatch_s),
+    )
+}
+
+fn micro(s: f64) -> String {
+    if s < 1e-3 { format!("{:.1} us", 1e6 * s) } else { seconds(s) }
+}
+
+fn table(p: &Profile) -> String {
+    let (t, g, i) = (&p.totals, &p.gaps, &p.iterations);
+    let mut out = format!("device    {} ({})\n{}\n", p.device.name, p.device.driver, limits_text(&p.limits));
+    out += &format!(
+        "{:<22}{:>7}{:>11}{:>8}{:>12}{:>12}{:>9}  {}\n",
+        "kernel",
+        "calls",
+        "seconds",
+        "share",
+        "pairs",
+        "pairs/s",
+        "of limit",
+        "limited by; registers, shared memory"
+    );
+    p.kernels.iter().for_each(|k| out += &line(k));
+    out += &format!("{:<22}{:>7}{:>11.4}\n\n", "all", "", t.device_s);
+    let per = |whole: f64| 100.0 * whole / t.solve_s.max(1e-12);
+    out += &format!(
+        "time      solved in {}; the device computed {} ({:.1} %), load {}, preparation {}\n",
+        seconds(t.solve_s),
+        seconds(t.device_s),
+        per(t.device_s),
+        seconds(t.load_s),
+        seconds(t.prepare_s),
+    );
+    out += &format!(
+        "idle      {} between dispatches, largest {}; {} between submissions, largest {}\n",
+        micro(g.within_s),
+        micro(g.largest_within_s),
+        micro(g.between_s),
+        micro(g.largest_between_s)
+    );
+    out += &format!(
+        "iteration {} on average over {}: passes over pairs {}, the rest {}\n",
+        micro(i.seconds),
+        i.count,
+        micro(i.pass_s),
+        micro(i.overhead_s)
+    );
+    let host: Vec<_> = p.host.iter().map(|(what, h)| format!("{what} {}", micro(h.seconds))).collect();
+    out + &format!("host      {}\nmemory    {}\n", host.join(", "), bytes(t.peak_device_bytes))
+}
+
+fn line(k: &KernelProfile) -> String {
+    let dash = || "-".to_string();
+    let pairs = if k.pairs > 0.0 { format!("{:.3e}", k.pairs) } else { dash() };
+    let rate = k.pairs_per_s.filter(|r| *r > 0.0).map_or_else(dash, |r| format!("{r:.3e}"));
+    let limit = k.share_of_limit.map_or_else(dash, |s| format!("{:.1} %", 100.0 * s));
+    let mut notes: Vec<String> = k.floor.iter().map(|f| f.bound().to_string()).collect();
+    notes.extend(k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}")));
+    format!(
+        "{:<22}{:>7}{:>11.4}{:>6.1} %{pairs:>12}{rate:>12}{limit:>9}  {}\n",
+        k.name,
+        k.calls,
+        k.seconds,
+        100.0 * k.share,
+        notes.join(", ")
+    )
+}
+
+/// Whether a driver's statistic is of registers, shared memory or spills.
+fn tells(name: &str) -> bool {
+    let name = name.to_lowercase();
+    ["register", "gpr", "shared", "lds", "spill", "local memory", "scratch", "occupancy"]
+        .iter()
+        .any(|word| name.contains(word))
+}

@@ -1,0 +1,329 @@
+//! Writes a schedule into a command buffer: barriers where hazards are, labels, time stamps.
+
+use ash::vk;
+
+use super::execute::{Executor, Flight};
+use super::pipeline::Pipeline;
+use super::recording::Mark;
+use super::{Command, Schedule, Size, Stage};
+use crate::Result;
+
+/// What is written for a schedule, command by command and with its labels.
+#[derive(Debug, PartialEq)]
+enum Step<'s> {
+    /// Opens a label for the stage.
+    Enter(&'s Stage),
+    /// Opens a label.
+    Open(&'static str),
+    /// Closes what was opened last.
+    Close,
+    Run(&'s Command),
+}
+
+/// A label around every command, and one around the commands of every stage.
+fn steps(schedule: &Schedule) -> Vec<Step<'_>> {
+    let mut all = vec![];
+    let mut in_stage = false;
+    for command in &schedule.commands {
+        if let Command::Stage(stage) = command {
+            if in_stage {
+                all.push(Step::Close);
+            }
+            all.push(Step::Enter(stage));
+            in_stage = true;
+        } else {
+            all.extend([Step::Open(command.name()), Step::Run(command), Step::Close]);
+        }
+    }
+    if in_stage {
+        all.push(Step::Close);
+    }
+    all
+}
+
+/// Time stamps that a submission of `schedule` may take.
+pub(super) fn stamps(schedule: &Schedule, timings: bool) -> u32 {
+    if timings { 2 * schedule.commands.len() as u32 + 2 } else { 2 }
+}
+
+impl Executor<'_> {
+    pub(super) fn record(&mut self, schedule: &Schedule, flight: &mut Flight) -> Result<()> {
+        let gpu = self.gpu;
+        let device = gpu.raw();
+        let c = flight.commands;
+        let failed = |e| gpu.failed("recording", e);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let queries = flight.queries;
+        let timed = queries != vk::QueryPool::null();
+        let mut taken = 0;
+        let mut stamp = || {
+            if timed {
+                // SAFETY: `taken` is below the pool's size, see `stamps`. A stamp waits for what is before it and
+                // holds nothing up that is behind it.
+                unsafe {
+                    device.cmd_write_timestamp(c, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, taken)
+                };
+                taken += 1;
+            }
+            taken.saturating_sub(1)
+        };
+        // SAFETY: the command buffer is not in flight; every handle recorded lives as long as the executor.
+        unsafe {
+            device.begin_command_buffer(c, &begin).map_err(failed)?;
+            if timed {
+                device.cmd_reset_query_pool(c, queries, 0, stamps(schedule, gpu.recorder.is_some()));
+            }
+            // What earlier submissions wrote.
+            barrier(device, c);
+            // The stamp before which all is done that the next command may have to wait for.
+            let mut last = stamp();
+            let mut pending = Pending::default();
+            let mut labels = 0;
+            for step in steps(schedule) {
+                match step {
+                    Step::Enter(stage) => {
+                        labels += 1;
+                        gpu.open_label(c, &stage.to_string());
+                        flight.stages.push(stage.clone());
+                    }
+                    Step::Open(name) => {
+                        labels += 1;
+                        gpu.open_label(c, name);
+                    }
+                    Step::Close => {
+                        labels -= 1;
+                        gpu.close_label(c);
+                    }
+                    Step::Run(command) => {
+                        let (reads, writes) = self.accesses(command);
+                        if pending.conflicts(&reads, &writes) {
+                            barrier(device, c);
+                            pending.clear();
+                            if gpu.recorder.is_some() {
+                                last = stamp();
+                            }
+                        }
+                        pending.add(reads, writes);
+                        self.record_one(c, command)?;
+                        if gpu.recorder.is_some() {
+                            let from = last;
+                            last = stamp();
+                            let stage = flight.stages.len().checked_sub(1);
+                            flight.marks.push(Mark { kernel: command.name(), stage, from, to: last });
+                        }
+                    }
+                }
+            }
+            debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
+            // What the host reads.
+            barrier(device, c);
+            stamp();
+            flight.stamps = taken;
+            device.end_command_buffer(c).map_err(failed)
+        }
+    }
+
+    /// Buffers that a command reads and writes.
+    fn accesses(&self, command: &Command) -> (Vec<&'static str>, Vec<&'static str>) {
+        match command {
+            Command::Dispatch { size, bind, kernel, .. } => {
+                let bindings = self.pipeline(kernel).bindings;
+                let named = |b: &super::Binding| buffer_of(bind, b.name);
+                let mut reads: Vec<_> = bindings.iter().filter(|b| b.reads).map(named).collect();
+                if let Size::Indirect(buffer, _) = size {
+                    reads.push(buffer);
+                }
+                (reads, bindings.iter().filter(|b| b.writes).map(named).collect())
+            }
+            Command::Copy { from, to, .. } => (vec![from], vec![to]),
+            Command::Fill { buffer, .. } => (vec![], vec![buffer]),
+            Command::Stage(_) => (vec![], vec![]),
+        }
+    }
+
+    fn pipeline(&self, kernel: &str) -> &Pipeline {
+        self.pipelines.get(kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"))
+    }
+
+    unsafe fn record_one(&mut self, c: vk::CommandBuffer, command: &Command) -> Result<()> {
+        let device = self.gpu.raw();
+        // SAFETY: see `record`, the only caller; sizes are asserted against the buffers.
+        unsafe {
+            match command {
+                Command::Dispatch { kernel, size, bind, push } => {
+                    let pipeline = self.pipelines.get(kernel);
+                    let pipeline = pipeline.unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
+                    let buffers: Vec<_> = pipeline.bindings.iter().map(|b| buffer_of(bind, b.name)).collect();
+                    let set = self.sets.get(self.gpu, &self.arena, pipeline, &buffers)?;
+                    let point = vk::PipelineBindPoint::COMPUTE;
+                    device.cmd_bind_pipeline(c, point, pipeline.handle);
+                    device.cmd_bind_descriptor_sets(c, point, pipeline.layout, 0, &[set], &[]);
+                    let stage = vk::ShaderStageFlags::COMPUTE;
+                    device.cmd_push_constants(c, pipeline.layout, stage, 0, bytemuck::cast_slice(push));
+                    match size {
+                        Size::Groups(g) => {
+                            let most = self.gpu.limits.groups;
+                            assert!(
+                                (0..3).all(|i| g[i] <= most[i]),
+                                "`{kernel}`: {g:?} workgroups, at most {most:?}"
+                            );
+                            device.cmd_dispatch(c, g[0], g[1], g[2]);
+                        }
+                        Size::Indirect(buffer, offset) => {
+                            let b = self.arena.get(buffer);
+                            assert!(offset + 12 <= b.bytes, "`{kernel}`: arguments beyond `{buffer}`");
+                            device.cmd_dispatch_indirect(c, b.handle, *offset);
+                        }
+                    }
+                }
+                Command::Copy { from, from_offset, to, to_offset, bytes } => {
+                    let (a, b) = (self.arena.get(from), self.arena.get(to));
+                    assert!(
+                        from_offset + bytes <= a.bytes && to_offset + bytes <= b.bytes,
+                        "copy {from} -> {to}"
+                    );
+                    let region =
+                        vk::BufferCopy { src_offset: *from_offset, dst_offset: *to_offset, size: *bytes };
+                    device.cmd_copy_buffer(c, a.handle, b.handle, &[region]);
+                }
+                Command::Fill { buffer, offset, bytes, value } => {
+                    let b = self.arena.get(buffer);
+                    assert!(offset + bytes <= b.bytes, "fill beyond `{buffer}`");
+                    device.cmd_fill_buffer(c, b.handle, *offset, *bytes, *value);
+                }
+                Command::Stage(_) => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn buffer_of(bind: &[(&'static str, &'static str)], block: &'static str) -> &'static str {
+    bind.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| buffer)
+}
+
+/// Reads and writes since the last barrier.
+#[derive(Default)]
+struct Pending {
+    reads: Vec<&'static str>,
+    writes: Vec<&'static str>,
+}
+
+impl Pending {
+    fn conflicts(&self, reads: &[&'static str], writes: &[&'static str]) -> bool {
+        reads.iter().any(|r| self.writes.contains(r))
+            || writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
+    }
+
+    fn add(&mut self, reads: Vec<&'static str>, writes: Vec<&'static str>) {
+        self.reads.extend(reads);
+        self.writes.extend(writes);
+    }
+
+    fn clear(&mut self) {
+        self.reads.clear();
+        self.writes.clear();
+    }
+}
+
+/// Everything before is done and visible to everything after, indirect arguments and the host included.
+unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
+    let before = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+    let after = before | vk::PipelineStageFlags::DRAW_INDIRECT | vk::PipelineStageFlags::HOST;
+    let memory = [vk::MemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+        .dst_access_mask(
+            vk::AccessFlags::SHADER_READ
+                | vk::AccessFlags::SHADER_WRITE
+                | vk::AccessFlags::UNIFORM_READ
+                | vk::AccessFlags::TRANSFER_READ
+                | vk::AccessFlags::TRANSFER_WRITE
+                | vk::AccessFlags::INDIRECT_COMMAND_READ
+                | vk::AccessFlags::HOST_READ,
+        )];
+    // SAFETY: the caller is recording into `c`.
+    unsafe { device.cmd_pipeline_barrier(c, before, after, vk::DependencyFlags::empty(), &memory, &[], &[]) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place};
+
+    #[test]
+    fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
+        let mut p = Pending::default();
+        assert!(!p.conflicts(&["a"], &["b"]));
+        p.add(vec!["a"], vec!["b"]);
+        assert!(!p.conflicts(&["a", "c"], &["d"]), "read after read, and other buffers");
+        assert!(p.conflicts(&["b"], &[]), "read after write");
+        assert!(p.conflicts(&[], &["a"]), "write after read");
+        assert!(p.conflicts(&[], &["b"]), "write after write");
+        p.clear();
+        assert!(!p.conflicts(&["b"], &["a", "b"]));
+    }
+
+    #[test]
+    fn every_command_has_a_label_inside_its_stage_and_all_are_closed() {
+        let mut s = Schedule::default();
+        s.dispatch("before", [1, 1, 1]);
+        s.stage("iteration", &[("iteration", 4), ("lateral", 32)]);
+        s.dispatch("forward", [1, 1, 1]);
+        s.fill("counts", 4, 0);
+        s.stage("domain", &[]);
+        s.dispatch("threshold", [1, 1, 1]);
+        let (mut open, mut seen) = (vec![], vec![]);
+        for step in steps(&s) {
+            match step {
+                Step::Enter(stage) => open.push(stage.to_string()),
+                Step::Open(name) => open.push(name.to_string()),
+                Step::Close => assert!(open.pop().is_some(), "closed before it was opened"),
+                Step::Run(_) => seen.push(open.join(" / ")),
+            }
+        }
+        assert!(open.is_empty(), "left open: {open:?}");
+        let iteration = "iteration iteration=4 lateral=32";
+        let want = [
+            "before",
+            &format!("{iteration} / forward"),
+            &format!("{iteration} / fill"),
+            "domain / threshold",
+        ];
+        assert_eq!(seen, want);
+    }
+
+    #[test]
+    fn labels_balance_under_validation_and_times_are_in_order() {
+        let open = |validation| Gpu::open(&GpuOptions { validation, timings: true, ..GpuOptions::default() });
+        let gpu =
+            open(true).or_else(|_| open(false)).expect("a Vulkan device: `make setup` installs lavapipe");
+        let buffers =
+            [BufferPlan::new("result", 4, Place::Device), BufferPlan::new("back", 4, Place::Readback)];
+        let mut executor = Executor::new(&gpu, Arena::new(&gpu, &buffers, None).unwrap()).unwrap();
+        let code = crate::transport::kernels::KERNELS.iter().find(|k| k.name == "limit_empty").unwrap();
+        executor.add_kernel("count", code, &[]).unwrap();
+        let mut s = Schedule::default();
+        s.fill("result", 4, 0);
+        s.stage("first", &[("iteration", 1)]);
+        s.dispatch("count", [1, 1, 1]).with([1u32, 0, 0, 0]);
+        s.stage("second", &[]);
+        s.dispatch("count", [1, 1, 1]).with([2u32, 0, 0, 0]);
+        s.dispatch("count", [1, 1, 1]).with([3u32, 0, 0, 0]);
+        s.copy("result", "back", 4);
+        executor.run(&s).unwrap();
+        let counted = bytemuck::cast_slice::<u8, u32>(executor.arena.mapped("back"))[0];
+        let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
+        assert!(messages.is_empty(), "{messages:?}");
+        assert_eq!(counted, 6);
+        let kernels: Vec<_> = told.device.iter().map(|r| r.kernel).collect();
+        assert_eq!(kernels, ["fill", "count", "count", "count", "copy"]);
+        let stages: Vec<_> = told.device.iter().map(|r| r.stage.map(|s| told.stages[s].name)).collect();
+        assert_eq!(stages, [None, Some("first"), Some("second"), Some("second"), Some("second")]);
+        assert!(told.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{told:?}");
+        // All of it while the host was waiting, as far as the clocks agree.
+        let spans = |what| told.host.iter().filter(move |s| s.what == what);
+        let (submit, wait) = (spans("submit").next_back().unwrap(), spans("wait").next_back().unwrap());
+        assert!(told.device[0].from >= submit.from - 1e-3 && told.device[4].to <= wait.to + 1e-6, "{told:?}");
+        assert!(told.kernels["count"].code.name == "limit_empty");
+    }
+}

@@ -1,0 +1,190 @@
+//! What host and device did when, where a device was opened with `timings`.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use super::{Gpu, KernelCode, Stage};
+
+/// Something the host did. Seconds since the device was opened.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HostSpan {
+    pub what: &'static str,
+    pub from: f64,
+    pub to: f64,
+}
+
+/// A command that the device ran: a kernel, "copy" or "fill". Seconds on the host's clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ran {
+    pub kernel: &'static str,
+    /// Index in [`Recording::stages`], if a stage had begun.
+    pub stage: Option<usize>,
+    /// Commands of one submission share this.
+    pub submission: u64,
+    /// When all that it had to wait for was done, and when it was.
+    pub from: f64,
+    pub to: f64,
+}
+
+/// A kernel as it was made.
+#[derive(Debug, Clone)]
+pub struct KernelMade {
+    pub code: KernelCode,
+    pub constants: Vec<(String, u32)>,
+    /// What the driver tells of the compiled kernel, in its own words; empty where it tells nothing.
+    pub statistics: Vec<(String, f64)>,
+}
+
+/// All of it.
+#[derive(Debug, Clone, Default)]
+pub struct Recording {
+    pub host: Vec<HostSpan>,
+    pub stages: Vec<Stage>,
+    pub device: Vec<Ran>,
+    pub kernels: BTreeMap<&'static str, KernelMade>,
+}
+
+pub(super) struct Recorder {
+    start: Instant,
+    held: Mutex<Held>,
+}
+
+#[derive(Default)]
+struct Held {
+    /// Device times count from the first stamp that was read.
+    recording: Recording,
+    first_tick: Option<u64>,
+    /// Host's clock less device's: no submission was seen to end before it did, so the smallest difference that
+    /// any of them shows is the nearest to the truth.
+    offset: Option<f64>,
+}
+
+/// A span of the host's time; it ends where this is dropped.
+#[must_use]
+pub struct OpenSpan<'g> {
+    recorder: Option<&'g Recorder>,
+    what: &'static str,
+    from: f64,
+}
+
+impl Gpu {
+    /// Begins a span of the host's time. Costs nothing without `timings`.
+    pub fn span(&self, what: &'static str) -> OpenSpan<'_> {
+        let recorder = self.recorder.as_ref();
+        OpenSpan { recorder, what, from: recorder.map_or(0.0, Recorder::now) }
+    }
+
+    /// What was recorded since the device was opened or this was last called; nothing without `timings`. The
+    /// kernels that were made stay.
+    pub fn take_recording(&self) -> Recording {
+        self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
+    }
+
+    /// Whether the device's queue has time stamps.
+    pub fn has_clock(&self) -> bool {
+        self.tick > 0.0
+    }
+
+    /// Seconds since the device was opened; 0 without `timings`.
+    pub fn now(&self) -> f64 {
+        self.recorder.as_ref().map_or(0.0, Recorder::now)
+    }
+}
+
+impl Drop for OpenSpan<'_> {
+    fn drop(&mut self) {
+        let Some(recorder) = self.recorder else { return };
+        let span = HostSpan { what: self.what, from: self.from, to: recorder.now() };
+        recorder.with(|held| held.recording.host.push(span));
+    }
+}
+
+/// A command's place in a submission: its stage and its time stamps.
+pub(super) struct Mark {
+    pub kernel: &'static str,
+    pub stage: Option<usize>,
+    pub from: u32,
+    pub to: u32,
+}
+
+impl Recorder {
+    pub fn new() -> Recorder {
+        Recorder { start: Instant::now(), held: Mutex::default() }
+    }
+
+    fn now(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    fn with<T>(&self, work: impl FnOnce(&mut Held) -> T) -> T {
+        // Every change leaves a whole recording, so one that panicked has spoilt nothing.
+        work(&mut self.held.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    pub fn made(&self, name: &'static str, made: KernelMade) {
+        self.with(|held| held.recording.kernels.insert(name, made));
+    }
+
+    /// Takes in a submission that has just been seen to be over. `tick` is in seconds.
+    pub fn ran(&self, submission: u64, marks: &[Mark], stages: &[Stage], stamps: &[u64], tick: f64) {
+        let seen = self.now();
+        self.with(|held| {
+            let first = *held.first_tick.get_or_insert(stamps[0]);
+            // A device's clock may be restarted; what is before the first stamp then counts as negative.
+            let seconds = |stamp: u64| stamp.wrapping_sub(first) as i64 as f64 * tick;
+            let last = stamps.iter().copied().map(seconds).fold(f64::NEG_INFINITY, f64::max);
+            held.offset = Some(held.offset.map_or(seen - last, |o| o.min(seen - last)));
+            let before = held.recording.stages.len();
+            held.recording.stages.extend_from_slice(stages);
+            held.recording.device.extend(marks.iter().map(|m| Ran {
+                kernel: m.kernel,
+                stage: m.stage.map(|s| before + s),
+                submission,
+                from: seconds(stamps[m.from as usize]),
+                to: seconds(stamps[m.to as usize]),
+            }));
+        });
+    }
+
+    fn take(&self) -> Recording {
+        self.with(|held| {
+            let kernels = held.recording.kernels.clone();
+            let mut taken =
+                std::mem::replace(&mut held.recording, Recording { kernels, ..Recording::default() });
+            let offset = held.offset.unwrap_or(0.0);
+            for ran in &mut taken.device {
+                ran.from += offset;
+                ran.to += offset;
+            }
+            taken.host.sort_by(|a, b| a.from.total_cmp(&b.from).then(b.to.total_cmp(&a.to)));
+            taken
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn device_times_lie_on_the_hosts_clock_by_the_submission_that_was_seen_soonest() {
+        let recorder = Recorder::new();
+        let mark = |kernel| [Mark { kernel, stage: Some(0), from: 0, to: 1 }];
+        let stage = [Stage { name: "s", values: vec![("i", 3)] }];
+        let tick = 1e-9;
+        // The device's clock starts elsewhere. The first is seen late, the second soon.
+        let at = |seconds: f64| 7_000_000_000 + (seconds * 1e9) as u64;
+        recorder.ran(1, &mark("a"), &stage, &[at(0.0), at(1e-6)], tick);
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        let soon = recorder.now();
+        recorder.ran(2, &mark("b"), &stage, &[at(0.5), at(1.0)], tick);
+        let taken = recorder.take();
+        let [a, b] = taken.device[..] else { panic!("{:?}", taken.device) };
+        assert!((b.to - a.from - 1.0).abs() < 1e-9 && (a.to - a.from - 1e-6).abs() < 1e-12, "{a:?} {b:?}");
+        // By the second alone it would end when it was seen; the first was seen 1 s of device time earlier.
+        assert!((b.to - soon).abs() < 1e-3, "{b:?} seen at {soon}");
+        assert_eq!((a.stage, b.stage), (Some(0), Some(1)), "stages of their own");
+        assert!(recorder.take().device.is_empty(), "taken is taken");
+    }
+}

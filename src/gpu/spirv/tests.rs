@@ -1,0 +1,113 @@
+use super::flow::count;
+use super::module::Module;
+use super::{Counts, count_loop};
+use crate::transport::kernels::KERNELS;
+
+/// A loop that loads x, stores 1 / sqrt(x x + x), and twice that before where the constant of number 10 is 1.
+fn module(special: u32) -> Counts {
+    let mut words = vec![0x0723_0203, 0x0001_0500, 0, 100, 0];
+    let mut emit = |op: u32, rest: &[u32]| {
+        words.push((rest.len() as u32 + 1) << 16 | op);
+        words.extend_from_slice(rest);
+    };
+    let (main, float, uint, truth, pointer) = (1, 2, 3, 4, 5);
+    let (zero, one, given, is_one, buffer) = (10, 11, 12, 13, 20);
+    emit(15, &[5, main, 0x6e69_616d, 0]);
+    emit(71, &[given, 1, 10]);
+    emit(22, &[float, 32]);
+    emit(21, &[uint, 32, 0]);
+    emit(20, &[truth]);
+    emit(32, &[pointer, 12, float]);
+    emit(43, &[uint, zero, 0]);
+    emit(43, &[uint, one, 1]);
+    emit(50, &[uint, given, 7]);
+    emit(52, &[truth, is_one, 170, given, one]);
+    emit(59, &[pointer, buffer, 12]);
+    emit(54, &[uint, main, 0, 99]);
+    let (before, head, body, extra, rest, again, behind) = (40, 41, 42, 43, 44, 45, 46);
+    let (i, next, go_on, x, square, sum, root, twice, unused, same) =
+        (60, 61, 62, 63, 64, 65, 66, 67, 68, 69);
+    emit(248, &[before]);
+    emit(249, &[head]);
+    emit(248, &[head]);
+    emit(245, &[uint, i, zero, before, next, again]);
+    emit(176, &[truth, go_on, i, given]);
+    emit(246, &[behind, again, 0]);
+    emit(250, &[go_on, body, behind]);
+    emit(248, &[body]);
+    emit(61, &[float, x, buffer]);
+    emit(133, &[float, square, x, x]);
+    emit(129, &[float, sum, square, x]);
+    emit(12, &[float, root, 90, 32, sum]);
+    emit(133, &[float, unused, root, x]);
+    // The same in every turn.
+    emit(128, &[uint, same, given, given]);
+    emit(247, &[rest, 0]);
+    emit(250, &[is_one, extra, rest]);
+    emit(248, &[extra]);
+    emit(129, &[float, twice, root, root]);
+    emit(62, &[buffer, twice]);
+    emit(249, &[rest]);
+    emit(248, &[rest]);
+    emit(62, &[buffer, root]);
+    emit(249, &[again]);
+    emit(248, &[again]);
+    emit(128, &[uint, next, i, one]);
+    emit(249, &[head]);
+    emit(248, &[behind]);
+    emit(253, &[]);
+    emit(56, &[]);
+    let parsed = Module::parse(&words, &[(10, special)].into()).expect("a whole module");
+    count(&parsed).expect("a loop")
+}
+
+#[test]
+fn a_turn_counts_what_is_done_in_it_under_the_constants_at_hand() {
+    // x x + x is one fma; comparison, branch and increment; what is unused or the same in every turn is not there.
+    let without =
+        Counts { fma: 1, special: 1, other: 3, broadcasts: 1, stores: 1, bytes: 8, ..Counts::default() };
+    assert_eq!(module(7), without);
+    assert_eq!(module(1), Counts { fma: 2, stores: 2, bytes: 12, ..without });
+    assert_eq!(module(7).issued(), 7);
+}
+
+fn of(name: &str, constants: &[(&str, u32)]) -> Counts {
+    let code = KERNELS.iter().find(|k| k.name == name).expect("a kernel of the table");
+    count_loop(code, constants).expect("a loop over pairs or voxels")
+}
+
+#[test]
+fn the_passes_count_as_they_are_written() {
+    let forward = of("forward_owned", &[("SPLIT", 0)]);
+    assert_eq!((forward.special, forward.atomics), (1, 0), "{forward:?}: one root, plain adds");
+    assert_eq!((forward.loads, forward.stores), (1, 1), "{forward:?}: one bin is read and written");
+    assert!(forward.broadcasts >= 7, "{forward:?}: all lanes read the same sample");
+    let split = of("forward_owned", &[("SPLIT", 1)]);
+    assert_eq!((split.loads, split.stores), (2, 2), "{split:?}: two bins");
+    assert_eq!(of("forward_float", &[("SPLIT", 1)]).atomics, 2);
+    assert_eq!(of("forward_float", &[("SPLIT", 0)]).atomics, 1);
+    let lambertian = of("forward_owned", &[("SPLIT", 0), ("REFLECTANCE", 1)]);
+    assert!(lambertian.special >= 2 && lambertian.fma > forward.fma, "{lambertian:?}: a cosine more");
+    let published = of("backward", &[("SPLIT", 0), ("EXACT", 0)]);
+    let exact = of("backward", &[("SPLIT", 0), ("EXACT", 1)]);
+    assert!(exact.fma > published.fma, "the falloff costs: {published:?} {exact:?}");
+    assert_eq!(
+        (published.stores, published.atomics, published.special),
+        (0, 0, 1),
+        "{published:?}: a gather"
+    );
+    // Slices sum in a loop of their own, which is not the one over pairs.
+    assert_eq!(of("backward", &[("SPLIT", 0), ("EXACT", 0), ("SLICES", 4)]).special, 1);
+}
+
+#[test]
+fn limits_count_what_they_say() {
+    let fma = of("limit_fma", &[]);
+    assert_eq!((fma.fma, fma.special, fma.loads), (32, 0, 0), "{fma:?}");
+    assert_eq!(of("limit_special", &[]).special, 8);
+    let load = of("limit_load", &[]);
+    assert_eq!((load.loads, load.broadcasts), (4, 0), "{load:?}");
+    assert_eq!(of("limit_shared_atomic", &[]).shared_atomics, 4);
+    assert_eq!(of("limit_global_atomic", &[]).atomics, 4);
+    assert_eq!(of("limit_global_atomic_float", &[]).atomics, 4);
+}

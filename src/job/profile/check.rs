@@ -1,0 +1,302 @@
+//! Whether a device computes what the float64 twins do: an iteration of each solver on a small simulated scene, on
+//! every accumulation path that the device offers.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec3, dvec3};
+use serde::{Deserialize, Serialize};
+
+use super::super::account::plain;
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::{BufferPlan, Command, Gpu, Place, Schedule};
+use crate::simulate::{RenderOptions, Scene, simulate};
+use crate::solve::{
+    Accumulation, Job, PaperOptions, Plan, Preset, VectorOptions, compact, default_volume, iteration, paper,
+    upload, vector,
+};
+use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE};
+use crate::transport::twin::{self, Raw, Sample, Twin};
+use crate::transport::{Grid, Model};
+
+/// A pass that was held against its twin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Checked {
+    pub solver: String,
+    pub accumulation: String,
+    /// "sample", "forward" (with the residual), "backward", "update", ...
+    pub pass: String,
+    /// Largest difference over the largest true value.
+    pub error: f64,
+    pub allowed: f64,
+}
+
+impl Checked {
+    /// Not so if the device gave NaN.
+    pub fn passed(&self) -> bool {
+        self.error <= self.allowed
+    }
+}
+
+/// fp32 over some thousand additions, whose sums may cancel.
+const ALLOWED: f64 = 1e-4;
+
+/// Runs and compares them all.
+///
+/// # Errors
+/// The device's. A pass that differs is no error here: see [`Checked::passed`].
+pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
+    let scene = Scene { scan: 6, bin_width: 0.02, ..Scene::named("letter-Z")? };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.2, ..RenderOptions::default() })?.capture;
+    let mut all = vec![];
+    use Accumulation::{Cas, Fixed, Fixed32, Float, Owned};
+    for accumulation in [Float, Fixed, Fixed32, Cas, Owned] {
+        if accumulation == Float && !gpu.accumulations.float {
+            continue;
+        }
+        check_paper(gpu, &capture, accumulation, &mut all)?;
+        check_vector(gpu, &capture, accumulation, &mut all)?;
+    }
+    Ok(all)
+}
+
+const LATERAL: usize = 12;
+
+fn check_paper(
+    gpu: &Gpu,
+    capture: &Capture,
+    accumulation: Accumulation,
+    all: &mut Vec<Checked>,
+) -> Result<()> {
+    let options = PaperOptions {
+        lateral: LATERAL,
+        iterations: 1,
+        coarse_to_fine: false,
+        accumulation,
+        ..PaperOptions::preset(Preset::Synthetic)
+    };
+    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let model = paper::model(capture, &grid, &options);
+    let plan = Plan::new(&model, grid, capture.scan, &options, &gpu.abilities(), false)?;
+    let mut job = readable(gpu, model, plan)?;
+    let model = job.model.clone();
+    let twin = Twin { model: &model, grid: &grid };
+
+    let raw: Vec<Raw> = (0..grid.storage()).map(|i| random(i).map(|u| f64::from(3.0 * u - 1.5))).collect();
+    let active = twin::compact(&domain(&twin, &raw));
+    let mut mask = vec![0u32; grid.storage() / 32];
+    active.iter().for_each(|i| mask[*i as usize / 32] |= 1 << (i % 32));
+    write_raw(&mut job, "raw", &raw)?;
+    upload(&mut job.executor, "mask", bytemuck::cast_slice(&mask))?;
+    let bytes = job.plan.bytes();
+    let mut s = Schedule::default();
+    for buffer in ["counts", "histograms", "moment_first", "moment_second"] {
+        s.fill(buffer, bytes[buffer], 0);
+    }
+    s.extend(compact(&job.plan, job.plan.finest()));
+    s.extend(iteration(&job.plan, job.plan.finest(), 0, 1));
+    job.executor.run(&s)?;
+
+    // Every pass is held against its twin on what the pass before it left on the device.
+    let mut note = |pass, error| all.push(checked("paper", accumulation, pass, error));
+    let got = read_samples(&mut job, active.len())?;
+    let want = twin::sample(&twin, 0, &active, &raw);
+    let flat = |samples: &[Sample]| -> Vec<f64> {
+        let one = |s: &Sample| [s.point.to_array(), s.normal.to_array(), [s.albedo, s.length, 0.0]].concat();
+        samples.iter().flat_map(one).collect()
+    };
+    note("sample", error(&flat(&got), &flat(&want)));
+    let residual = read_floats(&mut job, "residual", model.pairs() * model.bins)?;
+    let (want, _) = twin::residual(&twin, &twin::forward(&twin, &got), &[]);
+    note("forward", error(&residual, &want));
+    let gradient = read_raw(&mut job, "gradient", active.len())?;
+    note("backward", error(&gradient.concat(), &twin::backward(&twin, &got, &residual).concat()));
+    let touched = twin::compact(&twin::dilate(&grid, &set(&active, grid.storage())));
+    let (mut want, rest) = (raw, vec![[0.0; 4]; grid.storage()]);
+    let (mut first, mut second) = (rest.clone(), rest);
+    twin::update(&twin, 0, 1, &active, &touched, &gradient, &mut want, &mut first, &mut second);
+    // Adam's first step is the sign of a sum that may vanish: its moments tell whether the sum is right.
+    let got = read_raw(&mut job, "moment_first", grid.storage())?;
+    note("update", error(&got.concat(), &first.concat()));
+    Ok(())
+}
+
+fn check_vector(
+    gpu: &Gpu,
+    capture: &Capture,
+    accumulation: Accumulation,
+    all: &mut Vec<Checked>,
+) -> Result<()> {
+    let options = VectorOptions {
+        lateral: LATERAL,
+        iterations: 2,
+        coarse_to_fine: false,
+        accumulation,
+        ..VectorOptions::default()
+    };
+    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let model = vector::model(capture, &grid, &options);
+    let plan = Plan::new(&model, grid, capture.scan, &options, &gpu.abilities(), false)?;
+    let mut job = readable(gpu, model, plan)?;
+    let model = job.model.clone();
+    let twin = Twin { model: &model, grid: &grid };
+    let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
+    upload(&mut job.executor, "hat_taps", bytemuck::cast_slice(&hat))?;
+    let level = *job.plan.finest();
+    let mut s = vector::start(&job.plan, &level, &options);
+    // After the first iteration there is something to render; momentum it must be given.
+    s.extend(vector::iteration(&job.plan, &level, 0));
+    s.set("momentum", MOMENTUM_BETA, 0.5f32.to_bits());
+    job.executor.run(&s)?;
+
+    let storage = grid.storage();
+    let vectors = |raw: Vec<Raw>| -> Vec<DVec3> { raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect() };
+    let count = read::<u32>(&mut job, "counts", 1)?[0] as usize;
+    let active = read::<u32>(&mut job, "active_voxels", count)?;
+    let mut v = vectors(read_raw(&mut job, "raw", storage)?);
+    let mut before = vectors(read_raw(&mut job, "before", storage)?);
+    let momentum = read_floats(&mut job, "momentum", MOMENTUM_BETA.max(MOMENTUM_SHARE) as usize + 1)?;
+    let bounds = read_floats(&mut job, "bounds", 2 * storage)?;
+    let bounds: Vec<[f64; 2]> = bounds.chunks(2).map(|b| [b[0], b[1]]).collect();
+    job.executor.run(&vector::iteration(&job.plan, &level, 1))?;
+
+    let mut note = |pass, error| all.push(checked("vector", accumulation, pass, error));
+    let flat = |v: &[DVec3]| -> Vec<f64> { v.iter().flat_map(|v| v.to_array()).collect() };
+    let directions = |s: &[Sample]| -> Vec<f64> { s.iter().flat_map(|s| s.normal.to_array()).collect() };
+    let got = read_samples(&mut job, count)?;
+    let want = twin::extrapolate(&twin, &active, &v, &before, momentum[MOMENTUM_BETA as usize]);
+    note("extrapolate", error(&directions(&got), &directions(&want)));
+    let residual = read_floats(&mut job, "residual", model.pairs() * model.bins)?;
+    let accumulated = twin::forward(&twin, &got);
+    let (want, _) = twin::residual_weighted(&twin, &accumulated, true);
+    note("forward", error(&residual, &want));
+    let gradient = twin::gradient_vectors(&twin, &got, &residual);
+    let share = momentum[MOMENTUM_SHARE as usize];
+    twin::step(&twin, &active, &got, &gradient, &bounds, share, &mut v, &mut before);
+    note("backward", error(&flat(&vectors(read_raw(&mut job, "raw", storage)?)), &flat(&v)));
+    Ok(())
+}
+
+fn checked(solver: &str, accumulation: Accumulation, pass: &str, error: f64) -> Checked {
+    let (solver, pass) = (solver.into(), pass.into());
+    Checked { solver, accumulation: plain(&accumulation), pass, error, allowed: ALLOWED }
+}
+
+/// The job with a buffer through which every other can be read.
+fn readable<'g>(gpu: &'g Gpu, model: Model, mut plan: Plan) -> Result<Job<'g>> {
+    let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
+    plan.buffers.push(BufferPlan::new("back", largest, Place::Readback));
+    Job::new(gpu, model, plan, None)
+}
+
+/// Four repeatable numbers in [0, 1).
+fn random(i: usize) -> [f32; 4] {
+    std::array::from_fn(|k| twin::random3(i as u32, k as u32, 0, 1)[0] as f32)
+}
+
+/// A fifth of the voxels that may be active, less those of which some path runs so near to the edge of a bin that
+/// fp32 and float64 may choose different ones.
+fn domain(twin: &Twin, raw: &[Raw]) -> Vec<bool> {
+    let (model, grid) = (twin.model, twin.grid);
+    let near = model.near_z(grid);
+    let clear = |i: u32| {
+        let s = twin::sample(twin, 0, &[i], raw)[0];
+        (0..model.pairs()).all(|pair| {
+            let position = (model.wall.path(pair, s.point) - model.t_start) / model.bin_width;
+            (position - position.round()).abs() > 1e-4
+        })
+    };
+    let on = |i: usize| {
+        let c = grid.voxel(i);
+        grid.contains(c) && c[2] >= near && random(i + 7919)[0] < 0.2 && clear(i as u32)
+    };
+    (0..grid.storage()).map(on).collect()
+}
+
+fn set(list: &[u32], length: usize) -> Vec<bool> {
+    let mut mask = vec![false; length];
+    list.iter().for_each(|i| mask[*i as usize] = true);
+    mask
+}
+
+/// NaN if the device gave one.
+fn error(got: &[f64], want: &[f64]) -> f64 {
+    let largest = want.iter().fold(1e-300f64, |a, b| a.max(b.abs()));
+    let worst = got.iter().zip(want).map(|(g, w)| (g - w).abs()).max_by(f64::total_cmp);
+    worst.unwrap_or(f64::NAN) / largest
+}
+
+fn read<T: bytemuck::Pod>(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<T>> {
+    let bytes = count * size_of::<T>();
+    if bytes == 0 {
+        return Ok(vec![]);
+    }
+    let mut s = Schedule::default();
+    let (to, bytes) = ("back", bytes as u64);
+    s.commands.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
+    job.executor.run(&s)?;
+    Ok(bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("back")[..bytes as usize]))
+}
+
+fn read_floats(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<f64>> {
+    Ok(read::<f32>(job, from, count)?.into_iter().map(f64::from).collect())
+}
+
+fn read_raw(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<Raw>> {
+    Ok(read::<[f32; 4]>(job, from, count)?.into_iter().map(|r| r.map(f64::from)).collect())
+}
+
+fn read_samples(job: &mut Job<'_>, count: usize) -> Result<Vec<Sample>> {
+    let points = read_raw(job, "sample_points", count)?;
+    let normals = read_raw(job, "sample_normals", count)?;
+    let one = |(p, n): (&Raw, &Raw)| Sample {
+        point: dvec3(p[0], p[1], p[2]),
+        albedo: p[3],
+        normal: dvec3(n[0], n[1], n[2]),
+        length: n[3],
+    };
+    Ok(points.iter().zip(&normals).map(one).collect())
+}
+
+fn write_raw(job: &mut Job<'_>, to: &'static str, raw: &[Raw]) -> Result<()> {
+    let words: Vec<[f32; 4]> = raw.iter().map(|r| r.map(|v| v as f32)).collect();
+    upload(&mut job.executor, to, bytemuck::cast_slice(&words))
+}
+
+/// The largest error of every pass, for a table: ((solver, pass), error).
+pub fn worst(all: &[Checked]) -> BTreeMap<(String, String), f64> {
+    let mut worst = BTreeMap::new();
+    for c in all {
+        let error: &mut f64 = worst.entry((c.solver.clone(), c.pass.clone())).or_insert(0.0);
+        // A NaN stays.
+        *error = if c.error > *error || c.error.is_nan() { c.error } else { *error };
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::GpuOptions;
+
+    #[test]
+    fn this_device_computes_as_the_twins_on_every_path() {
+        let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
+        let all = check(&gpu).unwrap();
+        assert_eq!(all.len(), 7 * if gpu.accumulations.float { 5 } else { 4 });
+        for c in &all {
+            println!("{c:?}");
+            assert!(c.passed() && c.error > 0.0, "{c:?}");
+        }
+        assert_eq!(worst(&all).len(), 7);
+    }
+
+    #[test]
+    fn what_differs_does_not_pass() {
+        let c = |error| checked("paper", Accumulation::Owned, "forward", error);
+        assert!(c(1e-6).passed() && !c(1e-3).passed() && !c(f64::NAN).passed());
+        assert!(worst(&[c(1e-6), c(f64::NAN), c(1e-5)]).values().all(|e| e.is_nan()));
+        assert!(error(&[1.0, f64::NAN], &[1.0, 2.0]).is_nan());
+        assert_eq!(error(&[1.0, 3.0], &[1.0, 2.0]), 0.5);
+    }
+}

@@ -1,0 +1,335 @@
+//! What a device can do at most, measured by kernels that do one thing each (`glsl/limit_*.comp`).
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::gpu::{Arena, BufferPlan, DeviceKind, Executor, Gpu, Place, Schedule};
+use crate::solve::upload;
+use crate::transport::kernels::KERNELS;
+use crate::{Error, Result};
+
+/// The most of each per second. A fused multiply-add counts once.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct DeviceLimits {
+    pub fma_per_s: f64,
+    /// Inverse square roots, for all special functions.
+    pub special_per_s: f64,
+    /// Words loaded that the nearest cache holds.
+    pub load_per_s: f64,
+    pub shared_atomic_per_s: f64,
+    pub global_atomic_per_s: f64,
+    /// Null where the device has no fp32 atomics.
+    pub global_atomic_float_per_s: Option<f64>,
+    /// Bytes read and written by a copy from buffer to buffer.
+    pub copy_bytes_per_s: f64,
+    /// Seconds of a dispatch that does next to nothing, with the barrier before it.
+    pub dispatch_s: f64,
+}
+
+/// A kernel that measures one limit.
+struct Probe {
+    kernel: &'static str,
+    /// Loop turns of an invocation, far below what drivers allow.
+    turns: u32,
+    /// What is measured, per turn of an invocation.
+    per_turn: u32,
+    /// What word `i` of the result must be, given turns and workgroups of one dispatch and dispatches.
+    right: fn(word: u32, i: u32, did: [u32; 3]) -> bool,
+}
+
+const LANES: u32 = 64;
+/// Most workgroups of one dispatch.
+const GROUPS: u32 = 32_768;
+/// Words that the atomic kernels walk, and that the load kernel reads: as the kernels have it.
+const ATOMIC_WORDS: u32 = 65_536;
+const TABLE_WORDS: u32 = 2_048;
+
+const FMA: Probe = Probe { kernel: "limit_fma", turns: 1024, per_turn: 32, right: fma_right };
+const SPECIAL: Probe = Probe { kernel: "limit_special", turns: 512, per_turn: 8, right: special_right };
+const LOAD: Probe = Probe { kernel: "limit_load", turns: 512, per_turn: 4, right: load_right };
+const SHARED: Probe = Probe { kernel: "limit_shared_atomic", turns: 512, per_turn: 4, right: shared_right };
+const GLOBAL: Probe = Probe { kernel: "limit_global_atomic", turns: 64, per_turn: 4, right: global_right };
+const FLOAT: Probe =
+    Probe { kernel: "limit_global_atomic_float", turns: 64, per_turn: 4, right: global_float_right };
+
+fn fma_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
+    // 16 chains count two per turn from 0..8, four zeros and four ones.
+    f32::from_bits(word) == (32 * turns + 32) as f32
+}
+
+fn special_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
+    let sum: f64 = (1..=8).flat_map(|s| (0..turns).map(move |i| f64::from(s + i).sqrt().recip())).sum();
+    (f64::from(f32::from_bits(word)) / sum - 1.0).abs() < 1e-4
+}
+
+fn load_right(word: u32, i: u32, [turns, ..]: [u32; 3]) -> bool {
+    let at = |step: u32| table((i % LANES + 64 * step) % TABLE_WORDS);
+    word == (0..4 * turns).fold(0u32, |sum, step| sum.wrapping_add(at(step)))
+}
+
+/// Word `i` of the table that the load kernel reads.
+fn table(i: u32) -> u32 {
+    i.wrapping_mul(2_654_435_761)
+}
+
+fn shared_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
+    word == 4 * turns
+}
+
+/// How often a word was added to: four times per turn by every workgroup that owns it.
+fn additions(i: u32, [turns, groups, dispatches]: [u32; 3]) -> u32 {
+    let owners = ATOMIC_WORDS / LANES;
+    let mine = groups / owners + u32::from(i / LANES < groups % owners);
+    4 * turns * mine * dispatches
+}
+
+fn global_right(word: u32, i: u32, did: [u32; 3]) -> bool {
+    word == additions(i, did)
+}
+
+fn global_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
+    f32::from_bits(word) == additions(i, did) as f32
+}
+
+/// Measures them all: best of several runs, each sized to some tens of milliseconds on the device at hand.
+///
+/// # Errors
+/// The device's, and a device that computes wrong.
+pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
+    let mut bench = Bench::new(gpu)?;
+    let float = gpu.accumulations.float;
+    Ok(DeviceLimits {
+        fma_per_s: bench.rate(&FMA)?,
+        special_per_s: bench.rate(&SPECIAL)?,
+        load_per_s: bench.rate(&LOAD)?,
+        shared_atomic_per_s: bench.rate(&SHARED)?,
+        global_atomic_per_s: bench.rate(&GLOBAL)?,
+        global_atomic_float_per_s: if float { Some(bench.rate(&FLOAT)?) } else { None },
+        copy_bytes_per_s: bench.copy()?,
+        dispatch_s: bench.dispatch()?,
+    })
+}
+
+/// Runs that are compared; a run is grown until it takes so long.
+const RUNS: usize = 4;
+const LONG_ENOUGH: f64 = 0.02;
+
+struct Bench<'g> {
+    gpu: &'g Gpu,
+    executor: Executor<'g>,
+    copied: u64,
+}
+
+impl<'g> Bench<'g> {
+    fn new(gpu: &'g Gpu) -> Result<Bench<'g>> {
+        let result = u64::from(GROUPS * LANES) * 4;
+        // Beyond the caches of a GPU; what is free may be little, and a buffer's size is limited.
+        let most = if gpu.info.kind == DeviceKind::Cpu { 32 << 20 } else { 512 << 20 };
+        let copied = (gpu.free_memory() / 8).min(most).min(gpu.limits.storage_range) / 4096 * 4096;
+        let copied = copied.max(4096);
+        let plan = [
+            BufferPlan::new("result", result, Place::Device),
+            BufferPlan::new("table", u64::from(TABLE_WORDS) * 4, Place::Device),
+            BufferPlan::new("from", copied, Place::Device),
+            BufferPlan::new("to", copied, Place::Device),
+            BufferPlan::new("upload", u64::from(TABLE_WORDS) * 4, Place::Upload),
+            BufferPlan::new("back", result, Place::Readback),
+        ];
+        let mut executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
+        let words: Vec<u32> = (0..TABLE_WORDS).map(table).collect();
+        upload(&mut executor, "table", bytemuck::cast_slice(&words))?;
+        Ok(Bench { gpu, executor, copied })
+    }
+
+    fn add(&mut self, kernel: &'static str) -> Result<()> {
+        let code = KERNELS.iter().find(|k| k.name == kernel).expect("limit kernels are in the table");
+        self.executor.add_kernel(kernel, code, &[])
+    }
+
+    /// Device seconds of a schedule; the host's where the device has no clock.
+    fn seconds(&mut self, schedule: &Schedule) -> Result<f64> {
+        let (before, start) = (self.executor.gpu_seconds(), Instant::now());
+        self.executor.run(schedule)?;
+        let device = self.executor.gpu_seconds() - before;
+        Ok(if device > 0.0 { device } else { start.elapsed().as_secs_f64() })
+    }
+
+    /// Grows `units` until a run takes long enough, then yields units and seconds of the best of several runs.
+    fn best(&mut self, mut units: u64, schedule: &dyn Fn(u64) -> Schedule) -> Result<(u64, f64)> {
+        // The first run may compile.
+        self.seconds(&schedule(1))?;
+        let mut taken = self.seconds(&schedule(units))?;
+        while taken < LONG_ENOUGH {
+            let factor = (1.3 * LONG_ENOUGH / taken.max(1e-6)).clamp(1.5, 64.0);
+            units = (units as f64 * factor).ceil() as u64;
+            taken = self.seconds(&schedule(units))?;
+        }
+        for _ in 1..RUNS {
+            taken = taken.min(self.seconds(&schedule(units))?);
+        }
+        Ok((units, taken))
+    }
+
+    fn rate(&mut self, probe: &Probe) -> Result<f64> {
+        self.add(probe.kernel)?;
+        let (groups, seconds) = self.best(64, &|groups| passes(probe, groups))?;
+        self.check(probe, groups)?;
+        let (x, dispatches) = split(groups);
+        let invocations = u64::from(x) * u64::from(dispatches) * u64::from(LANES);
+        Ok((invocations * u64::from(probe.turns) * u64::from(probe.per_turn)) as f64 / seconds)
+    }
+
+    /// Whether a run of the kernel leaves what it must.
+    fn check(&mut self, probe: &Probe, groups: u64) -> Result<()> {
+        let (x, dispatches) = split(groups);
+        let words = x * LANES;
+        let mut s = Schedule::default();
+        s.fill("result", u64::from(GROUPS * LANES) * 4, 0);
+        s.extend(passes(probe, groups));
+        s.copy("result", "back", u64::from(words) * 4);
+        self.executor.run(&s)?;
+        let got: &[u32] = bytemuck::cast_slice(self.executor.arena.mapped("back"));
+        let did = [probe.turns, x, dispatches];
+        // Words that no invocation owns stay as they were. A prime step meets every lane of some workgroup.
+        let owned = if probe.per_turn == 4 && probe.turns == 64 { words.min(ATOMIC_WORDS) } else { words };
+        match (0..owned).step_by(61).find(|i| !(probe.right)(got[*i as usize], *i, did)) {
+            Some(i) => Err(self.wrong(&format!("{} gives {:#x} in word {i}", probe.kernel, got[i as usize]))),
+            None => Ok(()),
+        }
+    }
+
+    fn wrong(&self, what: &str) -> Error {
+        Error::device(
+            format!("{} computes wrong: {what}", self.gpu.info.name),
+            "update its driver, or choose another device with --device",
+        )
+    }
+
+    fn copy(&mut self) -> Result<f64> {
+        let bytes = self.copied;
+        const PATTERN: u32 = 0x600d_c0de;
+        let mut before = Schedule::default();
+        before.fill("from", bytes, PATTERN);
+        before.fill("to", bytes, 0);
+        self.executor.run(&before)?;
+        let (copies, seconds) = self.best(1, &|n| {
+            let mut s = Schedule::default();
+            (0..n).for_each(|_| s.copy("from", "to", bytes));
+            s
+        })?;
+        let mut after = Schedule::default();
+        let seen = bytes.min(u64::from(GROUPS * LANES) * 4);
+        after.copy("to", "back", seen);
+        self.executor.run(&after)?;
+        let back: &[u32] = bytemuck::cast_slice(&self.executor.arena.mapped("back")[..seen as usize]);
+        if back.iter().any(|w| *w != PATTERN) {
+            return Err(self.wrong("a copy does not arrive"));
+        }
+        Ok((2 * bytes * copies) as f64 / seconds)
+    }
+
+    fn dispatch(&mut self) -> Result<f64> {
+        self.add("limit_empty")?;
+        let dispatches = |n: u64| {
+            let mut s = Schedule::default();
+            for _ in 0..n {
+                s.dispatch("limit_empty", [1, 1, 1]).with([1u32, 0, 0, 0]);
+            }
+            s
+        };
+        let mut zero = Schedule::default();
+        zero.fill("result", 4, 0);
+        self.seconds(&dispatches(1))?;
+        let count = 500;
+        let mut best = f64::INFINITY;
+        for _ in 0..RUNS {
+            self.executor.run(&zero)?;
+            best = best.min(self.seconds(&dispatches(count))?);
+        }
+        let mut read = Schedule::default();
+        read.copy("result", "back", 4);
+        self.executor.run(&read)?;
+        let counted = bytemuck::cast_slice::<u8, u32>(self.executor.arena.mapped("back"))[0];
+        if u64::from(counted) != count {
+            return Err(self.wrong(&format!("of {count} dispatches in order {counted} count")));
+        }
+        Ok(best / count as f64)
+    }
+}
+
+/// Workgroups of a dispatch and dispatches, for so many workgroups in all or a few more.
+fn split(groups: u64) -> (u32, u32) {
+    let dispatches = groups.div_ceil(u64::from(GROUPS)).max(1);
+    (groups.div_ceil(dispatches) as u32, dispatches as u32)
+}
+
+fn passes(probe: &Probe, groups: u64) -> Schedule {
+    let (x, dispatches) = split(groups);
+    let mut s = Schedule::default();
+    for _ in 0..dispatches {
+        s.dispatch(probe.kernel, [x, 1, 1]).with([probe.turns, 1f32.to_bits(), 1f32.to_bits(), 0]);
+    }
+    s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::GpuOptions;
+
+    fn gpu() -> Gpu {
+        let open = |validation| Gpu::open(&GpuOptions { validation, ..GpuOptions::default() });
+        open(true).or_else(|_| open(false)).expect("a Vulkan device: `make setup` installs lavapipe")
+    }
+
+    #[test]
+    fn every_limit_kernel_computes_what_it_says() {
+        let gpu = gpu();
+        let mut bench = Bench::new(&gpu).unwrap();
+        let float = gpu.accumulations.float.then_some(&FLOAT);
+        for probe in [&FMA, &SPECIAL, &LOAD, &SHARED, &GLOBAL].into_iter().chain(float) {
+            bench.add(probe.kernel).unwrap();
+            // More groups than there are sets of atomic words, and not a multiple of them.
+            bench.check(probe, 1100).unwrap();
+            // What is right for other work is wrong for this.
+            let off = Probe { turns: probe.turns - 1, ..*probe };
+            let mut s = Schedule::default();
+            s.fill("result", u64::from(GROUPS * LANES) * 4, 0);
+            s.extend(passes(&off, 4));
+            s.copy("result", "back", 4);
+            bench.executor.run(&s).unwrap();
+            let word = bytemuck::cast_slice::<u8, u32>(bench.executor.arena.mapped("back"))[0];
+            assert!((probe.right)(word, 0, [off.turns, 4, 1]), "{}", probe.kernel);
+            assert!(
+                !(probe.right)(word, 0, [probe.turns, 4, 1]),
+                "{}: a turn less goes unseen",
+                probe.kernel
+            );
+        }
+        assert!(gpu.validation_messages().is_empty(), "{:?}", gpu.validation_messages());
+    }
+
+    #[test]
+    fn work_is_split_into_dispatches_that_devices_take() {
+        assert_eq!(split(1), (1, 1));
+        assert_eq!(split(u64::from(GROUPS)), (GROUPS, 1));
+        assert_eq!(split(u64::from(GROUPS) + 1), (GROUPS / 2 + 1, 2));
+        let (x, n) = split(1_000_000);
+        assert!(x <= GROUPS && u64::from(x) * u64::from(n) >= 1_000_000);
+    }
+
+    #[test]
+    fn all_limits_are_found_in_seconds() {
+        let gpu = gpu();
+        let start = Instant::now();
+        let l = measure(&gpu).unwrap();
+        println!("{l:?} in {:?}", start.elapsed());
+        let rates =
+            [l.fma_per_s, l.special_per_s, l.load_per_s, l.shared_atomic_per_s, l.global_atomic_per_s];
+        assert!(rates.iter().all(|r| *r > 1e6 && r.is_finite()), "{l:?}");
+        assert_eq!(l.global_atomic_float_per_s.is_some(), gpu.accumulations.float);
+        assert!(l.copy_bytes_per_s > 1e7 && l.dispatch_s > 1e-8 && l.dispatch_s < 0.1, "{l:?}");
+        assert!(l.fma_per_s > l.special_per_s, "{l:?}");
+    }
+}

@@ -1,0 +1,222 @@
+//! `thirdbounce profile`, as people run it: what its files hold, and that what is wrong is said.
+
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+fn thirdbounce(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_thirdbounce")).args(arguments).output().expect("the binary runs")
+}
+
+#[track_caller]
+fn succeed(arguments: &[&str]) -> String {
+    let output = thirdbounce(arguments);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}\n{error}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[track_caller]
+fn fail(arguments: &[&str], code: i32, words: &str) {
+    let output = thirdbounce(arguments);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}\n{error}");
+    assert!(error.contains(words) && !error.contains("internal error"), "{words:?} is not in\n{error}");
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
+}
+
+/// A small capture, and a profile of each solver with its timeline.
+struct Profiled {
+    folder: tempfile::TempDir,
+    /// By solver: table, profile, timeline.
+    runs: Vec<(&'static str, String, Value, Value)>,
+}
+
+impl Profiled {
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).display().to_string()
+    }
+}
+
+fn profiled() -> &'static Profiled {
+    static ONCE: OnceLock<Profiled> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        let mut all = Profiled { folder: tempfile::tempdir().expect("a temporary folder"), runs: vec![] };
+        let capture = all.path("z.npz");
+        let scan = ["--scan", "12", "--bin-width", "0.02", "--noise", "0.1"];
+        succeed(&[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
+        let paper: &[&str] = &["--double-every", "8", "--reduce-every", "4"];
+        let vector: &[&str] = &["--coarse-iterations", "8"];
+        for (solver, more) in [("paper", paper), ("vector", vector)] {
+            let name = |ending: &str| all.folder.path().join(format!("{solver}{ending}"));
+            let (profile, trace) = (name(".json"), name(".trace.json"));
+            let files = [profile.display().to_string(), trace.display().to_string()];
+            let short = ["profile", &capture, "--solver", solver, "--lateral", "24", "--iterations", "16"];
+            let out = name("-maps").display().to_string();
+            let out = ["--json", &files[0], "--trace", &files[1], "--out", &out, "--quiet"];
+            let text = succeed(&[&short[..], more, &out[..]].concat());
+            all.runs.push((solver, text, json(&profile), json(&trace)));
+        }
+        all
+    })
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("{key} is no number in {value}"))
+}
+
+#[test]
+fn the_profile_holds_every_kernel_with_its_figures() {
+    for (solver, text, profile, _) in &profiled().runs {
+        for key in
+            ["version", "device", "settings", "limits", "kernels", "iterations", "gaps", "host", "totals"]
+        {
+            assert!(!profile[key].is_null(), "{solver}: {key}");
+        }
+        assert!(!profile["device"]["name"].as_str().unwrap().is_empty());
+        assert!(!profile["device"]["driver"].as_str().unwrap().is_empty());
+        let kernels = profile["kernels"].as_array().unwrap();
+        for k in kernels {
+            for key in ["calls", "seconds", "pairs", "share"] {
+                assert!(number(k, key) >= 0.0, "{k}");
+            }
+            assert!(k.get("pairs_per_s").is_some() && k.get("share_of_limit").is_some(), "{k}");
+            assert!(text.contains(k["name"].as_str().unwrap()), "the table lists {}", k["name"]);
+        }
+        let of = |name: &str| kernels.iter().find(|k| k["name"] == name);
+        let passes: &[&str] = match *solver {
+            "paper" => &["forward", "backward"],
+            _ => &["forward", "forward_bound", "backward_step", "backward_bound_step", "backward_project"],
+        };
+        for name in passes {
+            let k = of(name).unwrap_or_else(|| panic!("{solver} runs {name}"));
+            let (pairs, seconds, rate) = (number(k, "pairs"), number(k, "seconds"), number(k, "pairs_per_s"));
+            assert!(pairs > 0.0 && (rate * seconds / pairs - 1.0).abs() < 1e-9, "{k}");
+            let share = number(k, "share_of_limit");
+            // Every limit is an upper one; a machine shared with others may have been slower when it was measured.
+            assert!(share > 0.001 && share < 2.0, "{k}");
+            assert!(number(&k["counts"], "special") >= 1.0 && number(&k["counts"], "fma") > 8.0, "{k}");
+        }
+        // Forward and backward see the same voxels: the trace's sum of pairs.
+        let total = number(&profile["totals"], "pairs");
+        assert_eq!(number(of(passes[0]).unwrap(), "pairs"), total);
+        let back = if *solver == "paper" { "backward" } else { "backward_step" };
+        assert_eq!(number(of(back).unwrap(), "pairs"), total);
+        assert_eq!(number(of("finish").unwrap(), "pairs"), 0.0);
+        assert!(of("finish").unwrap()["pairs_per_s"].is_null());
+        assert_eq!(number(of("finish").unwrap(), "calls"), 16.0, "one an iteration");
+        assert_eq!(number(&profile["iterations"], "count"), 16.0);
+    }
+}
+
+#[test]
+fn the_parts_are_no_more_than_the_whole() {
+    for (solver, _, profile, _) in &profiled().runs {
+        let totals = &profile["totals"];
+        let kernels = profile["kernels"].as_array().unwrap();
+        let sum: f64 = kernels.iter().map(|k| number(k, "seconds")).sum();
+        assert!((sum / number(totals, "device_s") - 1.0).abs() < 1e-9);
+        let idle = number(&profile["gaps"], "within_s") + number(&profile["gaps"], "between_s");
+        let solve = number(totals, "solve_s");
+        assert!(sum + idle <= solve, "{solver}: busy {sum}, idle {idle}, in all {solve}");
+        assert!(sum > 0.1 * solve, "{solver}: on lavapipe the device is what takes the time");
+        let shares: f64 = kernels.iter().map(|k| number(k, "share")).sum();
+        assert!((shares - 1.0).abs() < 1e-9);
+        let iteration = &profile["iterations"];
+        let parts = number(iteration, "pass_s") + number(iteration, "overhead_s");
+        assert!((parts / number(iteration, "seconds") - 1.0).abs() < 1e-9);
+        assert!(number(iteration, "overhead_s") > 0.0 && number(iteration, "pass_s") > 0.0);
+    }
+}
+
+#[test]
+fn the_timeline_has_two_lanes_whose_events_nest() {
+    for (solver, _, profile, trace) in &profiled().runs {
+        let events = trace["traceEvents"].as_array().unwrap();
+        let slices = |lane: u64| -> Vec<&Value> {
+            events.iter().filter(|e| e["ph"] == "X" && e["tid"] == lane).collect()
+        };
+        let (host, device) = (slices(1), slices(2));
+        for what in
+            ["load", "plan", "allocate", "make kernel", "upload", "record", "submit", "wait", "export"]
+        {
+            assert!(host.iter().any(|e| e["name"] == what), "{solver}: no {what} on the host");
+        }
+        for k in profile["kernels"].as_array().unwrap() {
+            let calls = device.iter().filter(|e| e["name"] == k["kernel"]).count();
+            let own = match k["kernel"].as_str().unwrap() {
+                // Uploads are copies too, outside of the solver's stages.
+                "copy" | "fill" => number(k, "calls") <= calls as f64,
+                _ => number(k, "calls") == calls as f64,
+            };
+            assert!(own, "{solver}: {calls} of {k}");
+        }
+        let forward: Vec<_> = device.iter().filter(|e| e["name"] == "forward").collect();
+        assert!(forward.iter().any(|e| e["args"]["iteration"] == 15 && e["args"]["lateral"] == 24));
+        assert!(
+            forward.iter().any(|e| e["args"]["iteration"] == 0 && e["args"]["lateral"] == 12),
+            "coarse first"
+        );
+        for lane in [&host, &device] {
+            assert_nested(solver, lane);
+        }
+        let first =
+            events.iter().filter(|e| e["ph"] == "X").map(|e| number(e, "ts")).fold(f64::MAX, f64::min);
+        assert_eq!(first, 0.0);
+    }
+}
+
+/// Two events of a lane lie apart, or one holds the other.
+fn assert_nested(solver: &str, lane: &[&Value]) {
+    let mut spans: Vec<(f64, f64, &str)> = lane
+        .iter()
+        .map(|e| (number(e, "ts"), number(e, "ts") + number(e, "dur"), e["name"].as_str().unwrap()))
+        .collect();
+    spans.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    // Nanoseconds are whole; sums of them in doubles are nearly so.
+    const SLACK: f64 = 1e-3;
+    let mut open: Vec<(f64, f64, &str)> = vec![];
+    for span in spans {
+        while open.last().is_some_and(|o| o.1 <= span.0 + SLACK) {
+            open.pop();
+        }
+        if let Some(o) = open.last() {
+            assert!(span.1 <= o.1 + SLACK, "{solver}: {span:?} reaches out of {o:?}");
+        }
+        open.push(span);
+    }
+}
+
+#[test]
+fn the_device_is_held_against_the_twins() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("check.json");
+    let text = succeed(&["profile", "--check", "--json", &file.display().to_string()]);
+    for words in ["backward", "cas", "fixed32", "extrapolate", "inversesqrt"] {
+        assert!(text.contains(words), "{words:?} is not in\n{text}");
+    }
+    assert!(!text.contains("WRONG"), "{text}");
+    let told = json(&file);
+    assert!(number(&told["limits"], "fma_per_s") > 0.0);
+    let checks = told["checks"].as_array().unwrap();
+    assert!(checks.len() >= 28 && checks.iter().all(|c| number(c, "error") <= number(c, "allowed")));
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let capture = profiled().path("z.npz");
+    fail(&["profile"], 2, "CAPTURE");
+    fail(&["profile", "--stride", "2"], 2, "CAPTURE");
+    fail(&["profile", &capture, "--check"], 2, "--check");
+    fail(&["profile", "/nonexistent/z.npz"], 1, "no such file");
+    fail(&["profile", &capture, "--json", "/"], 1, "is a folder");
+    fail(&["profile", &capture, "--trace", &format!("{capture}/trace.json")], 1, "no folder");
+    fail(&["profile", &capture, "--iterations", "0"], 1, "--iterations");
+    fail(&["profile", &capture, "--device", "no such device"], 1, "no device is called");
+    fail(&["profile", "--check", "--device", "no such device"], 1, "no device is called");
+}
