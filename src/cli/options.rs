@@ -181,6 +181,9 @@ pub struct VectorArgs {
     /// Weight of the group term in standard deviations of the gradient's photon noise
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     noise_factor: Option<f64>,
+    /// Weight of the roughness term in group terms: more holds neighbours together, 0 does not
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    roughness: Option<f64>,
     /// Renew the bounds that steps come from after so many iterations
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     bound_every: Option<usize>,
@@ -205,6 +208,7 @@ impl VectorArgs {
             ("coarse-iterations", self.coarse_iterations.is_some()),
             ("start-above", self.start_above.is_some()),
             ("noise-factor", self.noise_factor.is_some()),
+            ("roughness", self.roughness.is_some()),
             ("bound-every", self.bound_every.is_some()),
             ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
@@ -232,6 +236,7 @@ impl VectorArgs {
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
             start_above: self.start_above.unwrap_or(base.start_above),
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
+            roughness: self.roughness.unwrap_or(base.roughness),
             bound_every: self.bound_every.unwrap_or(base.bound_every),
             step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),

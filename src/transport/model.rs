@@ -72,6 +72,8 @@ pub struct Model {
     pub variance: [f64; 2],
     /// Vector solver: the group term in standard deviations of the gradient's photon noise.
     pub noise_factor: f64,
+    /// Vector solver: weight of the roughness term, in group terms.
+    pub roughness: f64,
 }
 
 /// The renderer multiplies by (lateral pitch)² and this (METHOD: the paper's constant).
@@ -105,6 +107,7 @@ impl Model {
             cone: 1.0,
             variance: [0.0; 2],
             noise_factor: 0.0,
+            roughness: 0.0,
         }
     }
 
@@ -164,6 +167,7 @@ impl Model {
             variance: self.variance[0] as f32,
             variance_floor: self.variance[1] as f32,
             noise_factor: self.noise_factor as f32,
+            roughness: self.roughness as f32,
             // A little above, against rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(4)) as f32,
         }

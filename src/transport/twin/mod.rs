@@ -18,9 +18,9 @@ pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
 };
 pub use vector::{
-    Bound, Momentum, Shine, Told, backproject, bound, extract_vectors, extrapolate, filter,
+    Bound, Momentum, Rough, Shine, Told, backproject, bound, extract_vectors, extrapolate, filter,
     finish_accelerated, forward_vectors, gradient_vectors, into_cone, lengths, objective_vectors, points,
-    residual_weighted, settle, shrink, step, variance,
+    residual_weighted, roughness, settle, shrink, step, variance,
 };
 
 use super::{Grid, Model};

@@ -47,6 +47,52 @@ pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], b
     samples
 }
 
+/// A voxel's part of the roughness term.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Rough {
+    /// Half of what it has with each neighbour.
+    pub energy: f64,
+    /// The term's slope along its vector.
+    pub gradient: DVec3,
+}
+
+/// The roughness of the active voxels' vectors, the samples' directions: the sum over neighbours of
+/// mu |y_i - y_j|² / 2, where mu is the smaller one's roughness * lambda / peak, or what its step allows. `bounds` are
+/// (D, lambda) by storage index.
+pub fn roughness(
+    twin: &Twin,
+    active: &[u32],
+    samples: &[Sample],
+    bounds: &[[f64; 2]],
+    share: f64,
+    peak: f64,
+) -> Vec<Rough> {
+    let grid = twin.grid;
+    let mut slots = vec![None; grid.storage()];
+    active.iter().enumerate().for_each(|(slot, i)| slots[*i as usize] = Some(slot));
+    let mu = |i: u32| {
+        let [d, lambda] = bounds[i as usize];
+        (twin.model.roughness * lambda / peak).min(share * d / 12.0)
+    };
+    let mut all = vec![Rough::default(); active.len()];
+    for (a, i) in active.iter().enumerate().filter(|_| peak > 0.0) {
+        let here = grid.voxel(*i as usize);
+        // Each pair once, from its lower side.
+        for axis in 0..3 {
+            let mut there = here;
+            there[axis] += 1;
+            let Some(b) = grid.contains(there).then(|| slots[grid.index(there)]).flatten() else { continue };
+            let mu = mu(*i).min(mu(active[b]));
+            let jump = samples[a].normal - samples[b].normal;
+            for (slot, sign) in [(a, 1.0), (b, -1.0)] {
+                all[slot].energy += 0.25 * mu * jump.length_squared();
+                all[slot].gradient += sign * mu * jump;
+            }
+        }
+    }
+    all
+}
+
 /// Accumulated histograms, before the render scale.
 pub fn forward_vectors(twin: &Twin, samples: &[Sample], shine: Shine) -> Vec<f64> {
     accumulate(twin, samples, |k, s| match shine {
@@ -108,13 +154,13 @@ pub fn shrink(v: DVec3, by: f64) -> DVec3 {
 /// What a voxel's step adds to the partial sums.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Told {
-    /// The group term at y.
+    /// The group term and the roughness at y.
     pub group: f64,
     /// D (y - v') . (v' - v): positive where the momentum leads uphill.
     pub against: f64,
 }
 
-/// The proximal gradient step from y, the samples' directions: v and `before` change in place. `bounds` are
+/// The proximal gradient step from y, the samples' directions (their `length` is the roughness there): v and `before` change in place. `bounds` are
 /// (D, lambda) by storage index; `share` is what part of D is divided by. A voxel without a bound holds nothing.
 #[allow(clippy::too_many_arguments)] // the kernel's bindings
 pub fn step(
@@ -136,7 +182,7 @@ pub fn step(
         };
         before[i] = v[i];
         v[i] = next;
-        Told { group: lambda * y.length(), against: d * (y - next).dot(next - before[i]) }
+        Told { group: lambda * y.length() + s.length, against: d * (y - next).dot(next - before[i]) }
     };
     active.iter().zip(samples).zip(gradient).map(one).collect()
 }
