@@ -297,14 +297,19 @@ pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {
     v.iter().zip(active).map(|(v, a)| if *a { v.length() } else { 0.0 }).collect()
 }
 
-/// The surface of every column: where the longest vector is, with the albedo of a surface that fills several
-/// voxels of a column, each with less: the sum of |v_z| over two lateral voxels' depth to both sides.
+/// The surface of every column, from the voxels within two lateral voxels' depth of the longest vector: a slanted
+/// surface fills several, each with less. Albedo is the 3/2 norm of their lengths, depth that of the farthest one that
+/// is longer than half of the longest, whose direction is the normal.
 pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
     let grid = twin.grid;
-    let depth = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
+    let reach = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
+    let near = twin.model.near_z(grid);
     columns(twin, &lengths(v, active), |[x, y, z]| {
-        let around = z.saturating_sub(depth)..=(z + depth).min(grid.n[2] - 1);
-        let indices = around.map(|z| grid.index([x, y, z])).filter(|i| active[*i]);
-        (-indices.map(|i| v[i].z).sum::<f64>(), v[grid.index([x, y, z])])
+        let at = |z: &usize| v[grid.index([x, y, *z])];
+        let around = z.saturating_sub(reach).max(near)..=(z + reach).min(grid.n[2] - 1);
+        let around: Vec<usize> = around.filter(|z| active[grid.index([x, y, *z])]).collect();
+        let norm = around.iter().map(|z| at(z).length().powf(1.5)).sum::<f64>().powf(1.0 / 1.5);
+        let far = around.iter().rev().find(|far| at(far).length() > 0.5 * at(&z).length());
+        (norm, *far.unwrap_or(&z), at(&z))
     })
 }
