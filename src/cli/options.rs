@@ -4,7 +4,7 @@
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, VectorOptions};
+use thirdbounce::solve::{Accumulation, Decay, NoiseTerm, PaperOptions, VectorOptions};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// One of the words that `T` is written as in files.
@@ -37,6 +37,10 @@ pub struct PaperArgs {
     /// Adam's step [default: 1]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     learning_rate: Option<f64>,
+    /// How the learning rate falls over all iterations [default: none]
+    #[arg(long, value_name = "HOW", value_parser = word::<Decay>(&["none", "cosine"]),
+        help_heading = "Optimiser (defaults as published)")]
+    learning_rate_decay: Option<Decay>,
     /// Decay of Adam's first moment [default: 0.9]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     beta1: Option<f64>,
@@ -113,6 +117,7 @@ impl PaperArgs {
     pub fn own(&self) -> Option<&'static str> {
         let given = [
             ("learning-rate", self.learning_rate.is_some()),
+            ("learning-rate-decay", self.learning_rate_decay.is_some()),
             ("beta1", self.beta1.is_some()),
             ("beta2", self.beta2.is_some()),
             ("epsilon", self.epsilon.is_some()),
@@ -148,6 +153,7 @@ impl PaperArgs {
             smooth_truncate: self.smooth_truncate.unwrap_or(base.smooth_truncate),
             min_depth: self.min_depth.unwrap_or(base.min_depth),
             learning_rate: self.learning_rate.unwrap_or(base.learning_rate),
+            learning_rate_decay: self.learning_rate_decay.unwrap_or(base.learning_rate_decay),
             beta1: self.beta1.unwrap_or(base.beta1),
             beta2: self.beta2.unwrap_or(base.beta2),
             epsilon: self.epsilon.unwrap_or(base.epsilon),

@@ -62,6 +62,8 @@ pub struct Model {
     /// Constant and learnt part of the noise term, relative to the peak; zero without one.
     pub noise: [f64; 2],
     pub learning_rate: f64,
+    /// Iterations over which the learning rate falls to nothing, 0 for never.
+    pub decay_over: f64,
     pub betas: [f64; 2],
     pub epsilon: f64,
     pub keep_above: f64,
@@ -100,6 +102,7 @@ impl Model {
             l1: 0.001,
             noise: [0.0; 2],
             learning_rate: 1.0,
+            decay_over: 0.0,
             betas: [0.9, 0.999],
             epsilon: 1e-8,
             keep_above: 0.05,
@@ -160,6 +163,7 @@ impl Model {
             noise_base: (self.noise[0] * self.peak) as f32,
             noise_span: (self.noise[1] * self.peak) as f32,
             learning_rate: self.learning_rate as f32,
+            decay_over: self.decay_over as f32,
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,

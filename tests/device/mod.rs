@@ -67,6 +67,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         l1: 0.01,
         noise: [0.0; 2],
         learning_rate: 1.0,
+        decay_over: 0.0,
         betas: [0.9, 0.999],
         epsilon: 1e-8,
         keep_above: 0.05,

@@ -12,7 +12,7 @@ mod vector;
 pub use domain::{
     compact, dilate, double_domain, double_raw, extract, gaussian, initialise, smooth, taps, threshold,
 };
-pub use optimise::{noise, update};
+pub use optimise::{learning_rate, noise, update};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
