@@ -2,10 +2,10 @@
 // sees, and the roughness term there: its energy beside y, its gradient where the step goes on summing. One
 // invocation owns one active voxel and reads its six neighbours, as far as they are active. Points are the voxels'
 // centres, set once per domain by points.comp.
-//   sum over pairs of neighbours of mu |y_i - y_j|^2 / 2,  mu = min(mu_i, mu_j),  mu_i = roughness lambda_i / peak
-// with peak the largest smoothed albedo, so that it has lambda's unit: where photons are few neighbours hold
-// together, and without noise lambda is nothing and so is mu. mu_i is never so large that it would ask for shorter
-// steps than D does.
+//   sum over pairs of neighbours of mu |y_i - y_j|^2 / 2,  mu = min(mu_i, mu_j),  mu_i = roughness lambda_i^2 / (D_i peak^2)
+// with peak the largest smoothed albedo: the variance of the noise over that of the albedo, as a Gaussian prior on
+// jumps has it. Where photons are few neighbours hold together; without noise lambda is nothing and so is mu. mu_i
+// is never so large that it would ask for shorter steps than D does.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -32,8 +32,10 @@ vec3 extrapolated(uint index) {
 float stiffness(uint index) {
     vec2 bound = bounds[index];
     float peak = uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
+    if (!(peak > 0.0 && bound.x > 0.0)) return 0.0;
+    float noise = bound.y / peak;
     // 12 is the largest eigenvalue of the six neighbours' Laplacian.
-    return peak > 0.0 ? min(scene.roughness * bound.y / peak, momentum[MOMENTUM_SHARE] * bound.x / 12.0) : 0.0;
+    return min(scene.roughness * noise * noise / bound.x, momentum[MOMENTUM_SHARE] * bound.x / 12.0);
 }
 
 void main() {

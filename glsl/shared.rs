@@ -37,7 +37,7 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("variance", "float", "photon variance per measured value"),
     ("variance_floor", "float", "variance of an empty bin"),
     ("noise_factor", "float", "kappa: weight of the group term in standard deviations"),
-    ("roughness", "float", "weight of the roughness term, in group terms"),
+    ("roughness", "float", "weight of the roughness term"),
     ("kernel_bound", "float", "no pair's kernel is larger than this"),
 ];
 

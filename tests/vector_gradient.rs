@@ -64,7 +64,7 @@ fn the_gradient_is_the_slope_of_the_weighted_objective() {
 #[test]
 fn the_roughness_gradient_is_its_slope_and_its_stiffness_is_within_the_bound() {
     let (mut m, grid, active) = scene(35, 1.5);
-    m.roughness = 0.3;
+    m.roughness = 0.9;
     let twin = Twin { model: &m, grid: &grid };
     let mut random = Random::new(36);
     let bounds: Vec<[f64; 2]> =

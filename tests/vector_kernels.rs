@@ -16,7 +16,7 @@ use thirdbounce::transport::{Grid, Model, Volume};
 fn points_and_extrapolate() {
     let gpu = gpu();
     let (mut model, grid) = (scene(3, 40, 1), grid());
-    model.roughness = 0.3;
+    model.roughness = 0.9;
     let twin = Twin { model: &model, grid: &grid };
     let domain = state(&model, &grid, 0.3, 2).1;
     let active = twin::compact(&domain);

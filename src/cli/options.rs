@@ -187,7 +187,7 @@ pub struct VectorArgs {
     /// Weight of the group term in standard deviations of the gradient's photon noise
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     noise_factor: Option<f64>,
-    /// Weight of the roughness term in group terms: more holds neighbours together, 0 does not
+    /// Weight of the roughness term: more holds neighbours closer together where photons are few
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     roughness: Option<f64>,
     /// Renew the bounds that steps come from after so many iterations

@@ -49,8 +49,7 @@ pub struct VectorOptions {
     pub start_above: f64,
     /// λ in standard deviations of the photon noise in a voxel's gradient.
     pub noise_factor: f64,
-    /// Weight of the roughness term, in group terms: a jump between neighbours as large as the smoothed albedo's
-    /// maximum costs half of this times λ.
+    /// Weight of the roughness term, which holds neighbours together as λ² does.
     pub roughness: f64,
     /// Largest |v_xy| / |v_z| of a surface.
     pub cone: f64,
@@ -80,7 +79,7 @@ impl Default for VectorOptions {
             keep_above: 0.05,
             start_above: 0.02,
             noise_factor: 3.0,
-            roughness: 0.3,
+            roughness: 30.0,
             cone: 2.0,
             lambertian: false,
             background: true,

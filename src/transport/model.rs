@@ -74,7 +74,7 @@ pub struct Model {
     pub variance: [f64; 2],
     /// Vector solver: the group term in standard deviations of the gradient's photon noise.
     pub noise_factor: f64,
-    /// Vector solver: weight of the roughness term, in group terms.
+    /// Vector solver: weight of the roughness term.
     pub roughness: f64,
 }
 

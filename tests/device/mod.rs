@@ -75,7 +75,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         cone: 1.5,
         variance: [0.1, 0.02],
         noise_factor: 2.0,
-        roughness: 0.3,
+        roughness: 0.9,
     }
 }
 

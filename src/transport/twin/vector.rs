@@ -57,7 +57,7 @@ pub struct Rough {
 }
 
 /// The roughness of the active voxels' vectors, the samples' directions: the sum over neighbours of
-/// mu |y_i - y_j|² / 2, where mu is the smaller one's roughness * lambda / peak, or what its step allows. `bounds` are
+/// mu |y_i - y_j|² / 2, where mu is the smaller one's roughness * lambda² / (D peak²), or what its step allows. `bounds` are
 /// (D, lambda) by storage index.
 pub fn roughness(
     twin: &Twin,
@@ -72,7 +72,7 @@ pub fn roughness(
     active.iter().enumerate().for_each(|(slot, i)| slots[*i as usize] = Some(slot));
     let mu = |i: u32| {
         let [d, lambda] = bounds[i as usize];
-        (twin.model.roughness * lambda / peak).min(share * d / 12.0)
+        if d > 0.0 { (twin.model.roughness * (lambda / peak).powi(2) / d).min(share * d / 12.0) } else { 0.0 }
     };
     let mut all = vec![Rough::default(); active.len()];
     for (a, i) in active.iter().enumerate().filter(|_| peak > 0.0) {
