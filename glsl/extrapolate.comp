@@ -1,6 +1,12 @@
 // The point at which FISTA takes its next step: y = v + beta (v - v before), into the samples that every pair
-// sees: as directions, or as albedos where surfaces have none. One invocation owns one active voxel. Points are the
-// voxels' centres, set once per domain by points.comp.
+// sees, and the roughness term there: its energy beside y, its gradient where the step goes on summing. One
+// invocation owns one active voxel and reads its six neighbours, as far as they are active. Points are the voxels'
+// centres, set once per domain by points.comp.
+//   sum over pairs of neighbours of mu |y_i - y_j|^2 / 2,  mu = min(mu_i, mu_j),  mu_i = roughness lambda_i^2 / (D_i peak^2)
+// with peak the largest smoothed albedo: the variance of the noise over that of the albedo, as a Gaussian prior on
+// jumps has it. Where photons are few neighbours hold together; without noise lambda is nothing and so is mu. mu_i
+// is never so large that it would ask for shorter steps than D does.
+// Surfaces without a direction are vectors along -z, and leave their albedo instead of y.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -13,9 +19,27 @@ layout(std430, set = 0, binding = 3) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Before { vec4 before[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Momentum { float momentum[]; };
 layout(std430, set = 0, binding = 6) writeonly buffer SampleNormals { vec4 sample_normals[]; };
-layout(std430, set = 0, binding = 7) writeonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 7) readonly buffer Mask { uint mask[]; };
+layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda, by voxel
+layout(std430, set = 0, binding = 9) writeonly buffer Gradient { vec4 gradient[]; };
+layout(std430, set = 0, binding = 10) writeonly buffer SamplePoints { vec4 sample_points[]; };
 
 shared float peaks[WORKGROUP];
+
+vec3 extrapolated(uint index) {
+    vec3 v = raw[index].xyz;
+    return v + momentum[MOMENTUM_BETA] * (v - before[index].xyz);
+}
+
+// The weight of a voxel's roughness by itself.
+float stiffness(uint index) {
+    vec2 bound = bounds[index];
+    float peak = uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
+    if (!(peak > 0.0 && bound.x > 0.0)) return 0.0;
+    float noise = bound.y / peak;
+    // 12 is the largest eigenvalue of the six neighbours' Laplacian.
+    return min(scene.roughness * noise * noise / bound.x, momentum[MOMENTUM_SHARE] * bound.x / 12.0);
+}
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -23,10 +47,33 @@ void main() {
     float magnitude = 0.0;
     if (slot < counts[COUNT_ACTIVE]) {
         uint index = active_voxels[slot];
-        vec3 v = raw[index].xyz;
-        vec3 y = v + momentum[MOMENTUM_BETA] * (v - before[index].xyz);
-        if (NORMALS) sample_normals[slot] = vec4(y, 0.0);
-        else sample_points[slot].w = -y.z;
+        vec3 y = extrapolated(index);
+        float own = stiffness(index);
+        vec3 along = vec3(0.0);
+        float energy = 0.0;
+        if (own > 0.0) {
+            ivec3 c = ivec3(voxel_at(index));
+            for (uint side = 0u; side < 6u; ++side) {
+                ivec3 n = c;
+                n[side >> 1] += (side & 1u) == 0u ? -1 : 1;
+                // Below zero is beyond the grid, too.
+                if (!in_grid(uvec3(n))) continue;
+                uint other = voxel_index(uvec3(n));
+                if ((mask[other >> 5] >> (other & 31u) & 1u) == 0u) continue;
+                vec3 jump = y - extrapolated(other);
+                float mu = min(own, stiffness(other));
+                along += mu * jump;
+                // Half of the pair's; the other half is the neighbour's.
+                energy += 0.25 * mu * dot(jump, jump);
+            }
+        }
+        if (NORMALS) {
+            sample_normals[slot] = vec4(y, energy);
+            gradient[slot] = vec4(0.0, along);
+        } else {
+            sample_points[slot].w = -y.z;
+            gradient[slot] = vec4(-along.z, energy, 0.0, 0.0);
+        }
         magnitude = length(y);
     }
     peaks[lane] = magnitude;

@@ -31,7 +31,8 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("noise_base", "float", "b * peak"),
     ("noise_span", "float", "lambda * peak"),
     ("learning_rate", "float", "Adam"),
-    ("beta1", "float", ""),
+    ("decay_over", "float", "iterations over which the learning rate falls to nothing, 0 for never"),
+    ("beta1", "float", "Adam"),
     ("beta2", "float", ""),
     ("epsilon", "float", ""),
     ("cone", "float", "largest |v_xy| / |v_z| of a surface vector"),
@@ -39,6 +40,7 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("variance_floor", "float", "variance of an empty bin"),
     ("noise_factor", "float", "kappa: weight of the group term in standard deviations"),
     ("weight_power", "float", "of the path in the weight of a squared difference (vector solver)"),
+    ("roughness", "float", "weight of the roughness term"),
     ("kernel_bound", "float", "no pair's kernel is larger than this"),
 ];
 

@@ -7,7 +7,8 @@
 // |v_z|. In this order they are the proximal map of both together: the cone shortens, and the threshold is for what
 // is left.
 // Surfaces without a direction are vectors along -z: the cone then keeps albedo from going below zero.
-// Partial sums: the group term at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
+// The sums begin with the roughness's gradient, which extrapolate.comp leaves. Partial sums: the group term and the
+// roughness at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -20,7 +21,7 @@ layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
-layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
+layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; }; // y, its roughness
 layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
@@ -90,8 +91,9 @@ void main() {
             vec2 bound = bounds[index] * vec2(momentum[MOMENTUM_SHARE], 1.0);
             vec3 v = raw[index].xyz;
             vec3 g = NORMALS ? sum.yzw : vec3(0.0, 0.0, -sum.x);
+            float rough = NORMALS ? sample_normals[slot].w : sum.y;
             vec3 next = bound.x > 0.0 ? shrink(into_cone(y - g / bound.x), bound.y / bound.x) : vec3(0.0);
-            told = vec2(bound.y * length(y), bound.x * dot(y - next, next - v));
+            told = vec2(bound.y * length(y) + rough, bound.x * dot(y - next, next - v));
             before[index] = vec4(v, 0.0);
             raw[index] = vec4(next, 0.0);
         }

@@ -1,7 +1,7 @@
 // Adjoint of the interpolation and Adam in one pass. One invocation owns one touched voxel (active, or a
 // neighbour of one): it gathers from the samples of the 27 voxels around it, whose points it draws anew from
 // their counters, so nothing is scattered and no atomics are needed. Adam: Kingma & Ba 2015, with its bias
-// correction counted from the last restart.
+// correction counted from the last restart; its rate may fall as half a cosine over the whole solve.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -17,6 +17,8 @@ layout(std430, set = 0, binding = 4) readonly buffer Gradient { vec4 gradient[];
 layout(std430, set = 0, binding = 5) buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 6) buffer MomentFirst { vec4 moment_first[]; };
 layout(std430, set = 0, binding = 7) buffer MomentSecond { vec4 moment_second[]; };
+
+const float PI = 3.14159265;
 
 vec4 gathered(uvec3 c) {
     vec4 sum = vec4(0.0);
@@ -47,7 +49,9 @@ void main() {
     float step = float(push.step);
     vec4 m_hat = m / (1.0 - pow(scene.beta1, step));
     vec4 v_hat = v / (1.0 - pow(scene.beta2, step));
-    raw[index] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    float rate = scene.learning_rate;
+    if (scene.decay_over > 0.0) rate *= 0.5 + 0.5 * cos(PI * min(float(push.iteration) / scene.decay_over, 1.0));
+    raw[index] -= rate * m_hat / (sqrt(v_hat) + scene.epsilon);
     moment_first[index] = m;
     moment_second[index] = v;
 }

@@ -316,11 +316,16 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
 #[test]
 fn update_continuous_and_fixed() {
     let gpu = gpu();
-    for sampling in [Sampling::Continuous, Sampling::Fixed] {
+    // At iteration 4 the learning rate is whole, half of it, next to nothing, nothing.
+    let decays = [(0.0, 1.0), (8.0, 0.5), (4.5, 0.0302), (3.0, 0.0)];
+    for ((decay_over, rate), sampling) in
+        decays.into_iter().zip([Sampling::Continuous, Sampling::Fixed].repeat(2))
+    {
         let mut model = model(3, 40, 12);
-        model.sampling = sampling;
+        (model.sampling, model.decay_over) = (sampling, decay_over);
         let grid = grid();
         let twin = Twin { model: &model, grid: &grid };
+        assert!((twin::learning_rate(&twin, 4) / model.learning_rate - rate).abs() < 1e-4);
         let (mut raw, domain) = state(&model, &grid, 0.2, 13);
         let mut random = Random::new(14);
         let active = twin::compact(&domain);

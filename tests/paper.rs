@@ -11,7 +11,7 @@ use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::paper::{self, reconstruct};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, default_volume, due,
+    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, default_volume, due,
 };
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
 
@@ -21,6 +21,7 @@ fn published_defaults() {
     assert_eq!((o.lateral, o.iterations, o.coarse_to_fine, o.reduce), (128, 1000, true, true));
     assert_eq!((o.double_every, o.restart_every, o.reduce_every), (100, 100, 50));
     assert_eq!((o.keep_above, o.smooth_sigma, o.smooth_truncate, o.min_depth), (0.05, 3.0, 4.0, 0.2));
+    assert_eq!(o.learning_rate_decay, Decay::None);
     assert_eq!((o.learning_rate, o.beta1, o.beta2, o.epsilon), (1.0, 0.9, 0.999, 1e-8));
     assert_eq!((o.l1, o.noise, o.peak, o.initial_albedo), (0.001, NoiseTerm::Off, 10.0, 1.0));
     assert_eq!(

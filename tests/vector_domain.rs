@@ -218,7 +218,7 @@ fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
 }
 
 #[test]
-fn extract_sums_the_albedo_of_a_column() {
+fn extract_takes_a_column_from_all_of_its_surface() {
     let gpu = gpu();
     let (model, grid) = (scene(3, 40, 29), grid());
     let twin = Twin { model: &model, grid: &grid };
@@ -233,8 +233,9 @@ fn extract_sums_the_albedo_of_a_column() {
     let s = extract(job.plan.finest());
     job.executor.run(&s).unwrap();
     let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped("columns_host"));
-    let (mut found, mut empty, mut summed) = (0, 0, 0);
-    for (g, w) in got.iter().zip(twin::extract_vectors(&twin, &v, &domain)) {
+    let brightest = twin::lengths(&v, &domain);
+    let (mut found, mut empty, mut together, mut farther) = (0, 0, 0, 0);
+    for (i, (g, w)) in got.iter().zip(twin::extract_vectors(&twin, &v, &domain)).enumerate() {
         let Some(w) = w else {
             assert_eq!(*g, [0.0; 8]);
             empty += 1;
@@ -245,8 +246,11 @@ fn extract_sums_the_albedo_of_a_column() {
         close(g[0], w.albedo);
         close(g[1], w.depth);
         (0..3).for_each(|k| close(g[4 + k], w.normal[k]));
-        summed += usize::from(w.albedo > 1.6);
+        let column = (0..grid.n[2]).map(|z| brightest[grid.index([i / grid.n[1], i % grid.n[1], z])]);
+        let (z, longest) = column.enumerate().fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+        together += usize::from(w.albedo > 1.2 * longest);
+        farther += usize::from(w.depth > grid.origin.z + (z as f64 + 0.5) * grid.pitch.z);
     }
-    assert!(found > 80 && empty > 5 && summed > 10, "{found} {empty} {summed}");
+    assert!(found > 80 && empty > 5 && together > 10 && farther > 10, "{found} {empty} {together} {farther}");
     assert_valid(&gpu);
 }

@@ -61,6 +61,35 @@ fn the_gradient_is_the_slope_of_the_weighted_objective() {
     }
 }
 
+/// Each pair's energy is half here and half there, and none is so stiff that a step of 1 / (share D) would overshoot.
+#[test]
+fn the_roughness_gradient_is_its_slope_and_its_stiffness_is_within_the_bound() {
+    let (mut m, grid, active) = scene(35, 1.5);
+    m.roughness = 0.9;
+    let twin = Twin { model: &m, grid: &grid };
+    let mut random = Random::new(36);
+    let bounds: Vec<[f64; 2]> =
+        (0..grid.storage()).map(|_| [random.uniform(1.0, 6.0), random.uniform(0.0, 1.0)]).collect();
+    let at = |raw: &[Raw]| {
+        let v: Vec<DVec3> = raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
+        let samples = twin::extrapolate(&twin, &active, &v, &v, 0.0);
+        (twin::roughness(&twin, &active, &samples, &bounds, 0.5, 0.7), samples)
+    };
+    let energy = |raw: &[Raw]| at(raw).0.iter().map(|r| r.energy).sum::<f64>();
+    let mut one = || random.uniform(-1.0, 1.0);
+    let raw: Vec<Raw> = (0..grid.storage()).map(|_| [one(), one(), one(), 0.0]).collect();
+    let (rough, samples) = at(&raw);
+    let mut gradient = vec![[0.0; 4]; grid.storage()];
+    for (i, r) in active.iter().zip(&rough) {
+        gradient[*i as usize] = [r.gradient.x, r.gradient.y, r.gradient.z, 0.0];
+    }
+    assert_gradient(&raw, &gradient, energy);
+    let most = |(i, s): (&u32, &Sample)| 0.5 * bounds[*i as usize][0] * s.normal.length_squared();
+    assert!(energy(&raw) <= 0.5 * active.iter().zip(&samples).map(most).sum::<f64>());
+    // Alike vectors are not rough.
+    assert_eq!(energy(&vec![[0.3, 0.1, -1.0, 0.0]; grid.storage()]), 0.0);
+}
+
 /// De Pierro's bound: x M x <= sum of D |x|^2 with M the normal operator of any of the models, and equal to it
 /// for the isotropic one where all x are one.
 #[test]

@@ -9,31 +9,71 @@ use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, Job, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Bound, Momentum, Sample, Told, Twin};
+use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, Told, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
 
 #[test]
 fn points_and_extrapolate() {
+    check_extrapolate(Reflectance::Cosine);
+    check_extrapolate(Reflectance::Isotropic);
+}
+
+fn check_extrapolate(reflectance: Reflectance) {
     let gpu = gpu();
     let (model, grid) = (scene(3, 40, 1), grid());
+    let model = Model { reflectance, roughness: 0.9, ..model };
+    let directed = reflectance.has_normals();
     let twin = Twin { model: &model, grid: &grid };
-    let active = twin::compact(&state(&model, &grid, 0.3, 2).1);
-    let (v, before) = (vectors(grid.storage(), 3), vectors(grid.storage(), 4));
+    let domain = state(&model, &grid, 0.3, 2).1;
+    let active = twin::compact(&domain);
+    let (mut v, mut before) = (vectors(grid.storage(), 3), vectors(grid.storage(), 4));
+    if !directed {
+        v.iter_mut().chain(&mut before).for_each(|v| *v = v.z * DVec3::Z);
+    }
+    // Some have no bound, for some the step limits the roughness, for some the noise does.
+    let mut random = Random::new(5);
+    let mut bound = || if random.uniform(0.0, 1.0) < 0.1 { 0.0 } else { random.uniform(0.0, 1.0) };
+    let bounds: Vec<[f32; 2]> = (0..grid.storage()).map(|_| [6.0 * bound() as f32, bound() as f32]).collect();
+    let wide: Vec<[f64; 2]> = bounds.iter().map(|b| b.map(f64::from)).collect();
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     write_vectors(&mut job, "raw", &v);
     write_vectors(&mut job, "before", &before);
     write(&mut job, "active_voxels", &active);
-    for beta in [0.0, 0.75] {
-        write_momentum(&mut job, Momentum { beta, ..REST });
+    write(&mut job, "bounds", &bounds);
+    write_mask(&mut job, "mask", &domain);
+    for (beta, smooth) in [(0.0, 0.8f32), (0.75, 0.8), (0.75, 0.0), (0.75, f32::INFINITY)] {
+        write_momentum(&mut job, Momentum { beta, share: 0.75, ..REST });
         set_counts(&mut job, active.len(), 0.0);
+        let count = active.len() as u32;
+        write(&mut job, "counts", &[count, count, 0, smooth.to_bits()]);
         run_start(&mut job, &["points"]);
         run_iteration(&mut job, 0, &["extrapolate"]);
         let want = twin::extrapolate(&twin, &active, &v, &before, beta);
-        let got = read_samples(&mut job, active.len());
-        for (g, w) in got.iter().zip(&want) {
-            assert!((g.point - w.point).length() < 1e-6 && g.albedo == 1.0, "{g:?} {w:?}");
-            assert!((g.normal - w.normal).length() < 1e-6, "{g:?} {w:?}");
+        let rough = twin::roughness(&twin, &active, &want, &wide, 0.75, f64::from(smooth));
+        let points = read_raw(&mut job, "sample_points", active.len());
+        for (g, w) in points.iter().zip(&want) {
+            assert!((dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-6, "{g:?} {w:?}");
+            assert!((g[3] - w.albedo).abs() < 1e-6, "{g:?} {w:?}");
         }
+        // (y, energy) and slope; where surfaces have no direction y is the albedo, and energy lies beside the slope.
+        let sums = read_raw(&mut job, "gradient", active.len());
+        let energy: Vec<f64> = if directed {
+            let normals = read_raw(&mut job, "sample_normals", active.len());
+            for (g, w) in normals.iter().zip(&want) {
+                assert!((dvec3(g[0], g[1], g[2]) - w.normal).length() < 1e-6, "{g:?} {w:?}");
+            }
+            normals.iter().map(|n| n[3]).collect()
+        } else {
+            sums.iter().map(|s| s[1]).collect()
+        };
+        assert!(error(energy, rough.iter().map(|r| r.energy)) < 3e-6);
+        let slope = |s: &Raw| if directed { dvec3(s[1], s[2], s[3]) } else { dvec3(0.0, 0.0, -s[0]) };
+        let got: Vec<DVec3> = sums.iter().map(slope).collect();
+        let slopes: Vec<DVec3> = rough.iter().map(|r| r.gradient).collect();
+        assert!(error(flat(&got), flat(&slopes)) < 3e-6);
+        let rough = rough.iter().filter(|r| r.energy > 0.0).count();
+        let none = smooth == 0.0 || smooth.is_infinite();
+        assert!(if none { rough == 0 } else { rough > active.len() / 2 && rough < active.len() });
         let peak = want.iter().fold(0.0f64, |a, s| a.max(s.normal.length()));
         let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
         let told = f64::from(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]));
@@ -165,12 +205,24 @@ impl StepCase {
         Twin { model: &self.model, grid: &self.grid }
     }
 
+    /// Directions at y, and some roughness there.
     fn samples(&self) -> Vec<Sample> {
-        rounded(&twin::extrapolate(&self.twin(), &self.active, &self.v, &self.before, BETA))
+        let y = twin::extrapolate(&self.twin(), &self.active, &self.v, &self.before, BETA);
+        let mut random = Random::new(41);
+        let rough = |s| Sample { length: random.uniform(0.0, 0.1), ..s };
+        rounded(&y.into_iter().map(rough).collect::<Vec<_>>())
+    }
+
+    /// What the roughness has left in the sums.
+    fn rough(&self) -> Vec<DVec3> {
+        let along = if self.model.reflectance.has_normals() { DVec3::ONE } else { DVec3::Z };
+        let one = |v: DVec3| (0.2 * v * along).map(|v| f64::from(v as f32));
+        vectors(self.active.len(), 42).into_iter().map(one).collect()
     }
 
     fn gradient(&self, samples: &[Sample]) -> Vec<DVec3> {
-        twin::gradient_vectors(&self.twin(), samples, &self.residual)
+        let data = twin::gradient_vectors(&self.twin(), samples, &self.residual);
+        data.into_iter().zip(self.rough()).map(|(d, r)| d + r).collect()
     }
 
     fn write(&self, job: &mut Job<'_>) {
@@ -181,6 +233,13 @@ impl StepCase {
         write(job, "bounds", &self.bounds.iter().map(|b| b.map(|b| b as f32)).collect::<Vec<[f32; 2]>>());
         write_momentum(job, Momentum { beta: BETA, share: SHARE, ..REST });
         write_samples(job, &self.samples());
+        let directed = self.model.reflectance.has_normals();
+        let sum = |(r, s): (&DVec3, &Sample)| match directed {
+            true => [0.0, r.x, r.y, r.z],
+            false => [-r.z, s.length, 0.0, 0.0],
+        };
+        let sums: Vec<Raw> = self.rough().iter().zip(&self.samples()).map(sum).collect();
+        write_raw(job, "gradient", &sums);
         set_counts(job, self.active.len(), 1.0);
     }
 
@@ -233,7 +292,7 @@ fn step_in_slices_and_groups() {
         let pairs = case.model.pairs() as u32;
         s.dispatch("step", [groups, 1, 1]).bind("scene", job.plan.finest().scene).with(Push {
             last: pairs,
-            flags: BACKWARD_FINISH,
+            flags: BACKWARD_CONTINUE | BACKWARD_FINISH,
             ..Default::default()
         });
         job.executor.run(&s).unwrap();

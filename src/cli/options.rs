@@ -4,7 +4,7 @@
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, VectorOptions};
+use thirdbounce::solve::{Accumulation, Decay, NoiseTerm, PaperOptions, VectorOptions};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// One of the words that `T` is written as in files.
@@ -37,6 +37,10 @@ pub struct PaperArgs {
     /// Adam's step [default: 1]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     learning_rate: Option<f64>,
+    /// How the learning rate falls over all iterations [default: none]
+    #[arg(long, value_name = "HOW", value_parser = word::<Decay>(&["none", "cosine"]),
+        help_heading = "Optimiser (defaults as published)")]
+    learning_rate_decay: Option<Decay>,
     /// Decay of Adam's first moment [default: 0.9]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
     beta1: Option<f64>,
@@ -113,6 +117,7 @@ impl PaperArgs {
     pub fn own(&self) -> Option<&'static str> {
         let given = [
             ("learning-rate", self.learning_rate.is_some()),
+            ("learning-rate-decay", self.learning_rate_decay.is_some()),
             ("beta1", self.beta1.is_some()),
             ("beta2", self.beta2.is_some()),
             ("epsilon", self.epsilon.is_some()),
@@ -148,6 +153,7 @@ impl PaperArgs {
             smooth_truncate: self.smooth_truncate.unwrap_or(base.smooth_truncate),
             min_depth: self.min_depth.unwrap_or(base.min_depth),
             learning_rate: self.learning_rate.unwrap_or(base.learning_rate),
+            learning_rate_decay: self.learning_rate_decay.unwrap_or(base.learning_rate_decay),
             beta1: self.beta1.unwrap_or(base.beta1),
             beta2: self.beta2.unwrap_or(base.beta2),
             epsilon: self.epsilon.unwrap_or(base.epsilon),
@@ -183,6 +189,9 @@ pub struct VectorArgs {
     /// Weight of the group term in standard deviations of the gradient's photon noise
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     noise_factor: Option<f64>,
+    /// Weight of the roughness term: more holds neighbours closer together where photons are few
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    roughness: Option<f64>,
     /// Renew the bounds that steps come from after so many iterations
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     bound_every: Option<usize>,
@@ -207,6 +216,7 @@ impl VectorArgs {
             ("coarse-iterations", self.coarse_iterations.is_some()),
             ("start-above", self.start_above.is_some()),
             ("noise-factor", self.noise_factor.is_some()),
+            ("roughness", self.roughness.is_some()),
             ("bound-every", self.bound_every.is_some()),
             ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
@@ -234,6 +244,7 @@ impl VectorArgs {
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
             start_above: self.start_above.unwrap_or(base.start_above),
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
+            roughness: self.roughness.unwrap_or(base.roughness),
             bound_every: self.bound_every.unwrap_or(base.bound_every),
             step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),

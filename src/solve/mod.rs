@@ -17,7 +17,7 @@ pub use domain::{compact, double, due, extract, initialise, reduce, restart};
 pub use drive::{Progress, TracePoint, Watch};
 pub use extent::default_volume;
 pub use job::{Job, upload};
-pub use options::{Accumulation, NoiseTerm, PaperOptions, Preset};
+pub use options::{Accumulation, Decay, NoiseTerm, PaperOptions, Preset};
 pub use paper::{Reconstruction, VolumeMap};
 pub use plan::{Level, Plan, Tuning, Wanted};
 pub use schedule::iteration;

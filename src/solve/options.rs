@@ -26,6 +26,16 @@ pub enum NoiseTerm {
     Histogram,
 }
 
+/// What becomes of the learning rate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Decay {
+    /// It stays (the paper).
+    None,
+    /// It falls as half a cosine, to nothing at the last iteration.
+    Cosine,
+}
+
 /// How rendered values are added up in the histograms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -67,6 +77,7 @@ pub struct PaperOptions {
     /// Nothing nearer than this is ever active, metres.
     pub min_depth: f64,
     pub learning_rate: f64,
+    pub learning_rate_decay: Decay,
     pub beta1: f64,
     pub beta2: f64,
     pub epsilon: f64,
@@ -108,6 +119,7 @@ impl PaperOptions {
             smooth_truncate: 4.0,
             min_depth: 0.2,
             learning_rate: 1.0,
+            learning_rate_decay: Decay::None,
             beta1: 0.9,
             beta2: 0.999,
             epsilon: 1e-8,

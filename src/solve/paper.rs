@@ -2,7 +2,7 @@
 
 use super::drive::{Driven, Steps, TracePoint, Watch, drive};
 use super::job::{Job, read_volume};
-use super::{NoiseTerm, PaperOptions, Plan, domain, iteration};
+use super::{Decay, NoiseTerm, PaperOptions, Plan, domain, iteration};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Gpu, KernelTime, Schedule};
@@ -46,6 +46,11 @@ pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
         l1: options.l1,
         noise,
         learning_rate: options.learning_rate,
+        decay_over: if options.learning_rate_decay == Decay::Cosine {
+            options.iterations as f64
+        } else {
+            0.0
+        },
         betas: [options.beta1, options.beta2],
         epsilon: options.epsilon,
         keep_above: options.keep_above,

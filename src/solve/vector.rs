@@ -1,11 +1,12 @@
 //! The accelerated solver: falloff-weighted least squares in the vector albedo v = albedo * normal.
 //!
-//! minimise  Σ w(t) (A v - h)² / (P T)  +  Σ λ_i |v_i|   over v_z <= 0, |v_xy| <= cone |v_z|
+//! minimise  Σ w(t) (A v - h)² / (P T)  +  Σ λ_i |v_i|  +  Σ μ_ij |v_i - v_j|² / 2   over v_z <= 0, |v_xy| <= cone |v_z|
 //!
 //! by accelerated proximal gradient with adaptive restart. Weighting the squares by the inverse falloff makes near
 //! and far surfaces weigh alike. Three things come from the data, not from the user: the step of every voxel from
 //! a bound of the operator on the domain at hand (De Pierro's separable surrogate, exact while no cosine changes
-//! its sign), λ_i from the photon noise that reaches the voxel's gradient, and the background from the quietest
+//! its sign), λ_i from the photon noise that reaches the voxel's gradient (and from it μ_ij, which holds neighbours
+//! together where photons are few), and the background from the quietest
 //! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense.
 
 use serde::{Deserialize, Serialize};
@@ -48,6 +49,8 @@ pub struct VectorOptions {
     pub start_above: f64,
     /// λ in standard deviations of the photon noise in a voxel's gradient.
     pub noise_factor: f64,
+    /// Weight of the roughness term, which holds neighbours together as λ² does.
+    pub roughness: f64,
     /// Largest |v_xy| / |v_z| of a surface.
     pub cone: f64,
     pub reflectance: Reflectance,
@@ -77,6 +80,7 @@ impl Default for VectorOptions {
             keep_above: 0.05,
             start_above: 0.02,
             noise_factor: 3.0,
+            roughness: 30.0,
             cone: 2.0,
             reflectance: Reflectance::Cosine,
             general: false,
@@ -139,7 +143,11 @@ impl VectorOptions {
         if self.step_share > 1.0 {
             return bad("step-share", self.step_share.to_string(), "a positive number up to 1");
         }
-        for (name, value) in [("noise-factor", self.noise_factor), ("min-depth", self.min_depth)] {
+        for (name, value) in [
+            ("noise-factor", self.noise_factor),
+            ("roughness", self.roughness),
+            ("min-depth", self.min_depth),
+        ] {
             if !(value.is_finite() && value >= 0.0) {
                 return bad(name, value.to_string(), "zero or a positive number");
             }
@@ -193,6 +201,7 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
         gradient: Gradient::Exact,
         cone: options.cone,
         noise_factor: options.noise_factor,
+        roughness: options.roughness,
         ..Model::new(capture, options.reflectance, options.peak, options.general)
     };
     let level = if options.background { background(capture) } else { 0.0 };

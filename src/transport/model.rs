@@ -89,6 +89,8 @@ pub struct Model {
     /// Constant and learnt part of the noise term, relative to the peak; zero without one.
     pub noise: [f64; 2],
     pub learning_rate: f64,
+    /// Iterations over which the learning rate falls to nothing, 0 for never.
+    pub decay_over: f64,
     pub betas: [f64; 2],
     pub epsilon: f64,
     pub keep_above: f64,
@@ -101,6 +103,8 @@ pub struct Model {
     pub variance: [f64; 2],
     /// Vector solver: the group term in standard deviations of the gradient's photon noise.
     pub noise_factor: f64,
+    /// Vector solver: weight of the roughness term.
+    pub roughness: f64,
 }
 
 /// The renderer multiplies by (lateral pitch)² and this (METHOD: the paper's constant).
@@ -131,6 +135,7 @@ impl Model {
             l1: 0.001,
             noise: [0.0; 2],
             learning_rate: 1.0,
+            decay_over: 0.0,
             betas: [0.9, 0.999],
             epsilon: 1e-8,
             keep_above: 0.05,
@@ -139,6 +144,7 @@ impl Model {
             cone: 1.0,
             variance: [0.0; 2],
             noise_factor: 0.0,
+            roughness: 0.0,
         }
     }
 
@@ -197,6 +203,7 @@ impl Model {
             noise_base: (self.noise[0] * self.peak) as f32,
             noise_span: (self.noise[1] * self.peak) as f32,
             learning_rate: self.learning_rate as f32,
+            decay_over: self.decay_over as f32,
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,
@@ -205,6 +212,7 @@ impl Model {
             variance: self.variance[0] as f32,
             variance_floor: self.variance[1] as f32,
             noise_factor: self.noise_factor as f32,
+            roughness: self.roughness as f32,
             // A little above, against rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
         }

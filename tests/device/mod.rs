@@ -69,6 +69,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         l1: 0.01,
         noise: [0.0; 2],
         learning_rate: 1.0,
+        decay_over: 0.0,
         betas: [0.9, 0.999],
         epsilon: 1e-8,
         keep_above: 0.05,
@@ -77,6 +78,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         cone: 1.5,
         variance: [0.1, 0.02],
         noise_factor: 2.0,
+        roughness: 0.9,
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::Plan;
 use crate::gpu::{BufferPlan, Place};
-use crate::solve::schedule::pair_chunks;
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -38,8 +37,7 @@ impl Plan {
             ("slot_of", if self.vectors { 0 } else { voxels * 4 }),
             ("sample_points", voxels * 16),
             ("sample_normals", if self.reflectance.has_normals() { voxels * 16 } else { 0 }),
-            // A volume of the reduction; of sums between dispatches too, where one does not hold all pairs.
-            ("gradient", voxels * if self.vectors && pair_chunks(self).len() == 1 { 4 } else { 16 }),
+            ("gradient", voxels * 16),
             ("taps", (self.taps.len() + 1) as u64 * 4),
             ("counts", u64::from(COUNTS) * 4),
             ("arguments", u64::from(ARGUMENTS_FORWARD + sets) * 12),

@@ -3,7 +3,6 @@
 
 use super::Plan;
 use crate::solve::NoiseTerm;
-use crate::solve::schedule::pair_chunks;
 use crate::transport::{Geometry, Gradient, Reflectance};
 
 impl Plan {
@@ -59,9 +58,6 @@ impl Plan {
         }
         if self.vectors {
             left("the optimiser's moments: the step comes from a bound".into(), mebibytes(voxels * 24));
-            if pair_chunks(self).len() == 1 {
-                left("gradients in memory: one dispatch holds all pairs".into(), mebibytes(voxels * 12));
-            }
         }
         if !self.continuous {
             left(

@@ -24,12 +24,14 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     }
     s.extend(domain::smooth(level, "gaussian_x_volume"));
     s.extend(domain::keep(level, options.start_above));
+    // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
+    s.set("counts", COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     s.extend(settle(plan, level));
     s.extend(bounds(plan, level));
     s
 }
 
-/// One iteration: extrapolate, forward, weighted residual, step, finish.
+/// One iteration: extrapolate (and roughness), forward, weighted residual, step, finish.
 pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     let mut s = Schedule::default();
     let push = Push { iteration, ..Default::default() };
@@ -39,6 +41,8 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     s.extend(forward(plan, level, "forward"));
     s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene).with(push);
     for chunk in pair_chunks(plan) {
+        // The sums begin with the roughness.
+        let chunk = Push { flags: chunk.flags | BACKWARD_CONTINUE, ..chunk };
         s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
             .bind("scene", level.scene)
             .with(chunk);

@@ -122,7 +122,7 @@ pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
     pub albedo: f64,
-    /// Of the brightest active voxel, metres.
+    /// Of the brightest active voxel or, of vectors, of the farthest of its surface, metres.
     pub depth: f64,
     pub normal: DVec3,
 }
@@ -133,15 +133,16 @@ pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool]) -> Vec<Option<Column>>
         raw.iter().zip(active).map(|(r, a)| if *a { r[0].max(0.0) } else { 0.0 }).collect();
     columns(twin, &albedo, |c| {
         let i = twin.grid.index(c);
-        (albedo[i], toward_wall(raw[i]))
+        (albedo[i], c[2], toward_wall(raw[i]))
     })
 }
 
-/// Columns by the brightest voxel of a volume. `surface` gives the albedo and a direction of any length there.
+/// Columns by the brightest voxel of a volume. `surface` gives the albedo, the voxel whose depth it is, and a direction of any
+/// length there.
 pub(super) fn columns(
     twin: &Twin,
     volume: &[f64],
-    surface: impl Fn([usize; 3]) -> (f64, DVec3),
+    surface: impl Fn([usize; 3]) -> (f64, usize, DVec3),
 ) -> Vec<Option<Column>> {
     let grid = twin.grid;
     let albedo = |c: [usize; 3]| volume[grid.index(c)];
@@ -155,9 +156,9 @@ pub(super) fn columns(
                 }
             }
             maps.push((best.0 > 0.0).then(|| {
-                let (albedo, direction) = surface([x, y, best.1]);
+                let (albedo, z, direction) = surface([x, y, best.1]);
                 let normal = direction.normalize_or_zero();
-                Column { albedo, depth: grid.origin.z + best.1 as f64 * grid.pitch.z, normal }
+                Column { albedo, depth: grid.origin.z + z as f64 * grid.pitch.z, normal }
             }));
         }
     }

@@ -12,15 +12,15 @@ mod vector;
 pub use domain::{
     compact, dilate, double_domain, double_raw, extract, gaussian, initialise, smooth, taps, threshold,
 };
-pub use optimise::{noise, update};
+pub use optimise::{learning_rate, noise, update};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
 };
 pub use vector::{
-    Bound, Momentum, Told, backproject, bound, extract_vectors, extrapolate, filter, finish_accelerated,
-    forward_bound, gradient_vectors, into_cone, lengths, objective_vectors, points, residual_weighted,
-    settle, shrink, step, variance,
+    Bound, Momentum, Rough, Told, backproject, bound, extract_vectors, extrapolate, filter,
+    finish_accelerated, forward_bound, gradient_vectors, into_cone, lengths, objective_vectors, points,
+    residual_weighted, roughness, settle, shrink, step, variance,
 };
 
 use super::{Grid, Model};

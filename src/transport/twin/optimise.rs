@@ -39,11 +39,12 @@ pub fn update(
             }
         }
     }
+    let rate = learning_rate(twin, iteration);
     for index in touched {
         let i = *index as usize;
         for k in 0..4 {
             let mut state = [raw[i][k], first[i][k], second[i][k]];
-            adam(twin, step, sums[i][k], &mut state);
+            adam(twin, rate, step, sums[i][k], &mut state);
             [raw[i][k], first[i][k], second[i][k]] = state;
         }
     }
@@ -59,17 +60,30 @@ pub fn noise(twin: &Twin, step: u32, residual: &[f64], state: &mut [[f64; 3]]) {
         let of_sum: f64 =
             if per_histogram { residual[i * m.bins..(i + 1) * m.bins].iter().sum() } else { residual[i] };
         let sigmoid = 1.0 / (1.0 + (-s[0]).exp());
-        adam(twin, step, of_sum / render * m.noise[1] * m.peak * sigmoid * (1.0 - sigmoid), s);
+        adam(
+            twin,
+            m.learning_rate,
+            step,
+            of_sum / render * m.noise[1] * m.peak * sigmoid * (1.0 - sigmoid),
+            s,
+        );
     }
 }
 
+/// The volume's learning rate: constant, or half a cosine over the solve.
+pub fn learning_rate(twin: &Twin, iteration: u32) -> f64 {
+    let m = twin.model;
+    let done = if m.decay_over > 0.0 { (f64::from(iteration) / m.decay_over).min(1.0) } else { 0.0 };
+    m.learning_rate * (0.5 + 0.5 * (std::f64::consts::PI * done).cos())
+}
+
 /// Kingma & Ba 2015, algorithm 1.
-fn adam(twin: &Twin, step: u32, gradient: f64, [value, first, second]: &mut [f64; 3]) {
+fn adam(twin: &Twin, rate: f64, step: u32, gradient: f64, [value, first, second]: &mut [f64; 3]) {
     let m = twin.model;
     let [b1, b2] = m.betas;
     *first = b1 * *first + (1.0 - b1) * gradient;
     *second = b2 * *second + (1.0 - b2) * gradient * gradient;
     let first_hat = *first / (1.0 - b1.powi(step as i32));
     let second_hat = *second / (1.0 - b2.powi(step as i32));
-    *value -= m.learning_rate * first_hat / (second_hat.sqrt() + m.epsilon);
+    *value -= rate * first_hat / (second_hat.sqrt() + m.epsilon);
 }

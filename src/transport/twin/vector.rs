@@ -32,6 +32,52 @@ pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], b
     samples
 }
 
+/// A voxel's part of the roughness term.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Rough {
+    /// Half of what it has with each neighbour.
+    pub energy: f64,
+    /// The term's slope along its vector.
+    pub gradient: DVec3,
+}
+
+/// The roughness of the active voxels' vectors, the samples' directions: the sum over neighbours of
+/// mu |y_i - y_j|² / 2, where mu is the smaller one's roughness * lambda² / (D peak²), or what its step allows. `bounds` are
+/// (D, lambda) by storage index.
+pub fn roughness(
+    twin: &Twin,
+    active: &[u32],
+    samples: &[Sample],
+    bounds: &[[f64; 2]],
+    share: f64,
+    peak: f64,
+) -> Vec<Rough> {
+    let grid = twin.grid;
+    let mut slots = vec![None; grid.storage()];
+    active.iter().enumerate().for_each(|(slot, i)| slots[*i as usize] = Some(slot));
+    let mu = |i: u32| {
+        let [d, lambda] = bounds[i as usize];
+        if d > 0.0 { (twin.model.roughness * (lambda / peak).powi(2) / d).min(share * d / 12.0) } else { 0.0 }
+    };
+    let mut all = vec![Rough::default(); active.len()];
+    for (a, i) in active.iter().enumerate().filter(|_| peak > 0.0) {
+        let here = grid.voxel(*i as usize);
+        // Each pair once, from its lower side.
+        for axis in 0..3 {
+            let mut there = here;
+            there[axis] += 1;
+            let Some(b) = grid.contains(there).then(|| slots[grid.index(there)]).flatten() else { continue };
+            let mu = mu(*i).min(mu(active[b]));
+            let jump = samples[a].normal - samples[b].normal;
+            for (slot, sign) in [(a, 1.0), (b, -1.0)] {
+                all[slot].energy += 0.25 * mu * jump.length_squared();
+                all[slot].gradient += sign * mu * jump;
+            }
+        }
+    }
+    all
+}
+
 /// Accumulated histograms of unit albedo without the surface's cosines, before the render scale: no vectors of at
 /// most unit length give more.
 pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
@@ -89,13 +135,13 @@ pub fn shrink(v: DVec3, by: f64) -> DVec3 {
 /// What a voxel's step adds to the partial sums.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Told {
-    /// The group term at y.
+    /// The group term and the roughness at y.
     pub group: f64,
     /// D (y - v') . (v' - v): positive where the momentum leads uphill.
     pub against: f64,
 }
 
-/// The proximal gradient step from y, the samples' directions: v and `before` change in place. `bounds` are
+/// The proximal gradient step from y, the samples' directions (their `length` is the roughness there): v and `before` change in place. `bounds` are
 /// (D, lambda) by storage index; `share` is what part of D is divided by. A voxel without a bound holds nothing.
 #[allow(clippy::too_many_arguments)] // the kernel's bindings
 pub fn step(
@@ -117,7 +163,7 @@ pub fn step(
         };
         before[i] = v[i];
         v[i] = next;
-        Told { group: lambda * y.length(), against: d * (y - next).dot(next - before[i]) }
+        Told { group: lambda * y.length() + s.length, against: d * (y - next).dot(next - before[i]) }
     };
     active.iter().zip(samples).zip(gradient).map(one).collect()
 }
@@ -234,14 +280,19 @@ pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {
     v.iter().zip(active).map(|(v, a)| if *a { v.length() } else { 0.0 }).collect()
 }
 
-/// The surface of every column: where the longest vector is, with the albedo of a surface that fills several
-/// voxels of a column, each with less: the sum of |v_z| over two lateral voxels' depth to both sides.
+/// The surface of every column, from the voxels within two lateral voxels' depth of the longest vector: a slanted
+/// surface fills several, each with less. Albedo is the 3/2 norm of their lengths, depth that of the farthest one that
+/// is longer than half of the longest, whose direction is the normal.
 pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
     let grid = twin.grid;
-    let depth = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
+    let reach = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
+    let near = twin.model.near_z(grid);
     columns(twin, &lengths(v, active), |[x, y, z]| {
-        let around = z.saturating_sub(depth)..=(z + depth).min(grid.n[2] - 1);
-        let indices = around.map(|z| grid.index([x, y, z])).filter(|i| active[*i]);
-        (-indices.map(|i| v[i].z).sum::<f64>(), v[grid.index([x, y, z])])
+        let at = |z: &usize| v[grid.index([x, y, *z])];
+        let around = z.saturating_sub(reach).max(near)..=(z + reach).min(grid.n[2] - 1);
+        let around: Vec<usize> = around.filter(|z| active[grid.index([x, y, *z])]).collect();
+        let norm = around.iter().map(|z| at(z).length().powf(1.5)).sum::<f64>().powf(1.0 / 1.5);
+        let far = around.iter().rev().find(|far| at(far).length() > 0.5 * at(&z).length());
+        (norm, *far.unwrap_or(&z), at(&z))
     })
 }
