@@ -1,8 +1,9 @@
 // Renders transients where every scanned point makes a pair with every other point. A workgroup owns LANES scanned
 // points, OTHERS other points and a chunk of active voxels; a lane owns one scanned point and the histograms it has
 // with the OTHERS. Its arm to a voxel is found once for all of them. The arms to the other points are the same for all
-// lanes: the workgroup finds those of BLOCK voxels together, into shared memory. So a pair costs one addition of
-// distances and one product, plus 1 / OTHERS and 1 / LANES of an arm.
+// lanes: with SHARED the workgroup finds those of BLOCK voxels together, into shared memory, so a pair costs one sum of
+// distances and one product, plus 1 / OTHERS and 1 / LANES of an arm. Without, every lane finds them for itself: on a
+// CPU a lane is a part of a vector, which finds one arm or eight in the same time, and barriers cost more than arms.
 // OWNED as in forward.comp. Loop turns: CHUNK * (OTHERS + 1) and a few.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -22,6 +23,7 @@ layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint BOUND = 0u; // as in forward.comp
 layout(constant_id = 14) const uint OTHERS = 1u;
+layout(constant_id = 15) const uint SHARED = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
@@ -32,10 +34,9 @@ layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 float fixed_scale;
 #endif
 #include "accumulate.glsl"
-#include "wall.glsl"
 
 const uint BLOCK = 64u;
-shared vec2 other_arms[BLOCK * OTHERS]; // distance, everything the other arm gives to the value
+shared vec2 other_arms[SHARED * BLOCK * OTHERS + 1u]; // distance, everything the other arm gives to the value
 
 // An arm's part of the value, for a surface of such direction.
 float part(Arm arm, vec3 direction, bool directed) {
@@ -43,6 +44,20 @@ float part(Arm arm, vec3 direction, bool directed) {
     if (REFLECTANCE == LAMBERTIAN) value *= arm.wall;
     if (BOUND == 0u && directed) value *= max(dot(direction, arm.toward), 0.0);
     return value;
+}
+
+vec2 other_arm(vec3 there, vec3 normal, uint slot) {
+    vec4 s = sample_points[slot];
+    Arm b = arm_to(there, normal, s.xyz);
+    // The cosine model has none toward the other point.
+    vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
+    float value = part(b, v / max(length(v), 1e-30), REFLECTANCE == LAMBERTIAN);
+    return vec2(b.distance, value * (BOUND == 0u ? s.w : 1.0));
+}
+
+// Adds what a pair's two arms make together.
+void meet(Arm a, float value, vec2 b, uint other, uint point) {
+    accumulate_at((other * scene.scanned + point) * scene.bins, bin_of(a.distance + b.x), value * b.y);
 }
 
 void main() {
@@ -58,31 +73,42 @@ void main() {
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
+    uint normals = scene.scanned + scene.others;
     vec3 here = owned ? wall[point].xyz : vec3(0.0);
-    vec3 normal = owned && CURVED != 0u ? wall[scene.scanned + scene.others + point].xyz : vec3(0.0);
+    vec3 normal = owned && CURVED != 0u ? wall[normals + point].xyz : vec3(0.0);
+    if (SHARED == 0u) {
+        if (!owned) return;
+        vec3 there[OTHERS];
+        vec3 there_normal[OTHERS];
+        for (uint k = 0u; k < OTHERS; ++k) {
+            uint at = scene.scanned + other + min(k, others - 1u);
+            there[k] = wall[at].xyz;
+            there_normal[k] = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
+        }
+        for (uint slot = begin; slot < end; ++slot) {
+            Arm a = arm_to(here, normal, sample_points[slot].xyz);
+            float value = part(a, NORMALS ? sample_normals[slot].xyz : vec3(0.0), NORMALS);
+            for (uint k = 0u; k < OTHERS; ++k) {
+                if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), other + k, point);
+            }
+        }
+        return;
+    }
     for (uint block = begin; block < end; block += BLOCK) {
         uint held = min(BLOCK, end - block);
         barrier();
         for (uint i = lane; i < held * OTHERS; i += LANES) {
             if (i % OTHERS >= others) continue;
-            uint slot = block + i / OTHERS;
-            vec4 s = sample_points[slot];
-            Arm b = arm_at(scene.scanned + other + i % OTHERS, s.xyz);
-            // The cosine model has none toward the other point.
-            vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
-            float value = part(b, v / max(length(v), 1e-30), REFLECTANCE == LAMBERTIAN);
-            other_arms[i] = vec2(b.distance, value * (BOUND == 0u ? s.w : 1.0));
+            uint at = scene.scanned + other + i % OTHERS;
+            vec3 there_normal = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
+            other_arms[i] = other_arm(wall[at].xyz, there_normal, block + i / OTHERS);
         }
         barrier();
         if (!owned) continue;
         for (uint i = 0u; i < held; ++i) {
             Arm a = arm_to(here, normal, sample_points[block + i].xyz);
             float value = part(a, NORMALS ? sample_normals[block + i].xyz : vec3(0.0), NORMALS);
-            for (uint k = 0u; k < others; ++k) {
-                vec2 b = other_arms[i * OTHERS + k];
-                uint row = ((other + k) * scene.scanned + point) * scene.bins;
-                accumulate_at(row, bin_of(a.distance + b.x), value * b.y);
-            }
+            for (uint k = 0u; k < others; ++k) meet(a, value, other_arms[i * OTHERS + k], other + k, point);
         }
     }
 }

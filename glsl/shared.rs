@@ -63,7 +63,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
         "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe",
     ),
     ("PAIR_CHUNK", 24576, "pairs per dispatch of the backward kernel, for the same reason"),
-    ("OTHERS_FORWARD", 8, "other points that a workgroup of the forward kernel takes at once"),
+    ("OTHERS_FORWARD", 4, "other points that a workgroup of the forward kernel takes at once"),
     ("OTHERS_BACKWARD", 4, "the same for an invocation of the backward kernels, in registers"),
     ("COUNT_ACTIVE", 0, "index in `counts`: active voxels"),
     ("COUNT_TOUCHED", 1, "index in `counts`: voxels that a sample may read"),

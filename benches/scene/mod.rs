@@ -5,7 +5,7 @@ use glam::dvec3;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, GpuOptions, KernelTime};
 use thirdbounce::solve::{Accumulation, Job, PaperOptions, Plan, Preset};
-use thirdbounce::transport::{Grid, Model, Volume};
+use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 
 pub const ACCUMULATIONS: [Accumulation; 5] =
     [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas];
@@ -55,7 +55,7 @@ pub fn job(
     accumulation: Accumulation,
 ) -> thirdbounce::Result<Job<'_>> {
     let options = PaperOptions { accumulation, iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
-    let model = Model::new(&capture(side), 10.0);
+    let model = Model::new(&capture(side), Reflectance::Cosine, 10.0, false);
     // The scan's resolution is as good as the grid's: one level.
     let grid = grid(active);
     let plan = Plan::new(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;

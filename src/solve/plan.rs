@@ -47,6 +47,8 @@ pub struct Tuning {
     /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
     pub others_forward: u32,
     pub others_backward: u32,
+    /// A product's forward kernel finds the other points' arms together, through shared memory.
+    pub share_arms: bool,
 }
 
 /// Variants, sizes and buffers of one job.
@@ -170,7 +172,8 @@ impl Plan {
         // A product's lane turns once for every other point too, and fills shared memory.
         let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
         let chunk = if owned { owned_chunk } else { chunk };
-        let mut tuning = Tuning { lanes, chunk, voxels, slices, others_forward, others_backward };
+        let mut tuning =
+            Tuning { lanes, chunk, voxels, slices, others_forward, others_backward, share_arms: !cpu };
         if !owned {
             // So many chunks that one dispatch holds them all, even if every voxel is active.
             tuning.chunk = tuning.chunk.max(grid.storage().div_ceil(device.limits.groups[1] as usize) as u32);

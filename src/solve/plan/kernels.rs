@@ -58,6 +58,7 @@ impl Plan {
         let mut tile_constants = vec![("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
         if product {
             tile_constants.push(("OTHERS", t.others_forward));
+            tile_constants.push(("SHARED", u32::from(t.share_arms)));
         }
         let others = ("OTHERS", t.others_backward);
         let gather_constants =
