@@ -58,7 +58,7 @@ pub struct Args {
         value_parser = word::<Reflectance>(&["cosine", "lambertian", "retroreflective", "isotropic"]))]
     reflectance: Reflectance,
     /// Whether surfaces hide what is behind them
-    #[arg(long, value_name = "ON|OFF", default_value = "on",
+    #[arg(long, value_name = "ON|OFF", default_value = "on", action = clap::ArgAction::Set,
         value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
     occlusion: bool,
     /// Albedo of everything
