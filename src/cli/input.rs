@@ -148,8 +148,8 @@ pub fn load(
     let (input, memory) = (capture.input(solver)?, device.memory()?);
     let (volume, volume_file) = grid.volume()?;
     let mut loaded = job::load(&input)?;
-    let (preset, note, solver) = solver.resolve(None, &loaded.capture);
-    loaded.notes.extend(note);
+    let (preset, notes, solver) = solver.resolve(None, &loaded.capture);
+    loaded.notes.extend(notes);
     let request = Request {
         preset: Some(preset),
         depth_pitch: grid.depth_pitch,

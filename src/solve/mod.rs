@@ -3,6 +3,7 @@
 //! [`paper`] is the ECCV 2024 solver; [`Plan`] is what a job needs of the device, made before anything is
 //! allocated.
 
+mod assume;
 mod domain;
 mod drive;
 mod extent;
@@ -13,6 +14,7 @@ mod plan;
 mod schedule;
 pub mod vector;
 
+pub use assume::{assume_reflectance, falloff_slope};
 pub use domain::{compact, double, due, extract, initialise, reduce, restart};
 pub use drive::{Progress, TracePoint, Watch};
 pub use extent::default_volume;

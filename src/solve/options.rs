@@ -139,6 +139,19 @@ impl PaperOptions {
         }
     }
 
+    /// These with the published values for other scenes: a lower threshold of the reduction where laser and sensor
+    /// point differ, a weaker noise term for captures of retroreflective surfaces.
+    pub fn suited(mut self, confocal: bool, reflectance: Reflectance) -> PaperOptions {
+        self.reflectance = reflectance;
+        if !confocal {
+            self.keep_above = 0.03;
+        }
+        if reflectance == Reflectance::Retroreflective {
+            (self.noise_base, self.noise_span) = (0.004, 0.0012);
+        }
+        self
+    }
+
     /// Errors: the first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
         let bad = |option: &str, value: String, want: &str| {
