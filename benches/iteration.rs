@@ -29,13 +29,13 @@ fn empty() {
         let capture = capture(side);
         let grid = scene::grid(20_480);
         let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
-        let model = paper::model(&capture, &paper).expect("a confocal capture");
+        let model = paper::model(&capture, &grid, &paper);
         let plan = Plan::new(&model, grid, [32; 2], &paper, &gpu.abilities(), false).expect("a plan");
         let job = Job::new(&gpu, model, plan, None).expect("memory");
         let start = initialise(&job.plan, job.plan.finest());
         report("paper", job, start, &|plan, i| iteration(plan, plan.finest(), i, 1));
         let options = VectorOptions { iterations: 64, ..VectorOptions::default() };
-        let model = vector::model(&capture, &options).expect("a confocal capture");
+        let model = vector::model(&capture, &grid, &options);
         let plan = Plan::new(&model, grid, [32; 2], &options, &gpu.abilities(), false).expect("a plan");
         let job = Job::new(&gpu, model, plan, None).expect("memory");
         let start = vector::start(&job.plan, job.plan.finest(), &options);

@@ -1,0 +1,201 @@
+//! What leaving out saves: for each thing that a scene may do without, the same iterations with and without it, in
+//! turns, as the table of docs/leave-out.md.
+//!
+//!     cargo bench --bench leave_out
+
+mod scene;
+
+use std::time::Instant;
+
+use glam::DVec3;
+use scene::{capture, gpu, median};
+use thirdbounce::capture::{Capture, Gate};
+use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::solve::{
+    Job, NoiseTerm, PaperOptions, Plan, Preset, VectorOptions, compact, initialise, iteration, vector,
+};
+use thirdbounce::transport::{Grid, Model, Reflectance, Sampling};
+
+/// Runs of each side; iterations of a run.
+const RUNS: usize = 7;
+const COUNT: u32 = 4;
+
+/// One side of a comparison: a job, and its iteration.
+struct Side<'g> {
+    job: Job<'g>,
+    each: Schedule,
+}
+
+fn main() {
+    let gpu = gpu(false);
+    println!("{} ({}), medians of {RUNS} runs in turns\n", gpu.info.name, gpu.info.driver);
+    println!("| left out | scene | time of an iteration, without / with | memory, without / with |");
+    println!("|---|---|---|---|");
+    let grid = scene::grid(65_536);
+    let confocal = capture(16);
+    let one_laser = spread(&confocal, |_, n| n == 0);
+    let exhaustive = spread(&capture(4), |_, _| true);
+    let vector = |capture: &Capture, reflectance, general| {
+        vector_side(&gpu, capture, grid, VectorOptions { reflectance, general, ..VectorOptions::default() })
+    };
+
+    use Reflectance::{Cosine, Isotropic, Lambertian};
+    compare(
+        "second distance, wall's normals, unreached bins and bricks (`--general` has them)",
+        "confocal, 256 pairs",
+        vector(&confocal, Cosine, false),
+        vector(&confocal, Cosine, true),
+    );
+    compare(
+        "distances per pair: one per point",
+        "one laser point, 256 sensor points",
+        vector(&one_laser, Cosine, false),
+        vector(&one_laser, Cosine, true),
+    );
+    compare(
+        "distances per pair: one per point",
+        "16 laser x 16 sensor points",
+        vector(&exhaustive, Cosine, false),
+        vector(&exhaustive, Cosine, true),
+    );
+    compare(
+        "wall's normals",
+        "confocal, Lambertian, flat",
+        vector(&confocal, Lambertian, false),
+        vector(&tilted(&confocal), Lambertian, false),
+    );
+    compare(
+        "surfaces' normals (another model)",
+        "confocal, isotropic for cosine",
+        vector(&confocal, Isotropic, false),
+        vector(&confocal, Cosine, false),
+    );
+    compare(
+        "both second cosines (another model)",
+        "confocal, cosine for Lambertian",
+        vector(&confocal, Cosine, false),
+        vector(&confocal, Lambertian, false),
+    );
+    let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+    compare(
+        "noise term",
+        "confocal, paper's solver",
+        paper_side(&gpu, &confocal, grid, &paper),
+        paper_side(&gpu, &confocal, grid, &PaperOptions { noise: NoiseTerm::Bin, ..paper.clone() }),
+    );
+    compare(
+        "random sampling",
+        "confocal, paper's solver",
+        paper_side(&gpu, &confocal, grid, &PaperOptions { sampling: Sampling::Fixed, ..paper.clone() }),
+        paper_side(&gpu, &confocal, grid, &paper),
+    );
+    // Bins from 1.8 m on see only what is deeper than 0.55 m or so, far off the axis.
+    let gated = confocal.gated(Gate { from: 1.8, to: f64::INFINITY }).expect("a gate inside");
+    compare(
+        "unreached bricks and bins",
+        "confocal, paper's solver, gate from 1.8 m",
+        paper_side(&gpu, &gated, grid, &paper),
+        paper_side(&gpu, &gated, grid, &PaperOptions { general: true, ..paper.clone() }),
+    );
+    compare(
+        "bins outside the gate",
+        "confocal, paper's solver, gate from 1.8 m",
+        paper_side(&gpu, &gated, grid, &paper),
+        paper_side(&gpu, &confocal, grid, &paper),
+    );
+    let half = confocal.subset(128, 1).expect("half of the pairs");
+    compare(
+        "pairs without signal",
+        "confocal, half of the pairs dead",
+        vector(&half, Cosine, false),
+        vector(&confocal, Cosine, false),
+    );
+}
+
+/// Pairs of every point with those that `kept` keeps of the others.
+fn spread(base: &Capture, kept: impl Fn(usize, usize) -> bool) -> Capture {
+    let points = &base.sensor;
+    let combine = |other: usize| (0..points.len()).map(move |p| (other, p));
+    let pairs: Vec<(usize, usize)> =
+        (0..points.len()).filter(|o| kept(points.len(), *o)).flat_map(combine).collect();
+    let bins = base.bins;
+    let shift = DVec3::new(0.001, 0.002, 0.0);
+    Capture {
+        scan: [pairs.len() / points.len(), points.len()],
+        laser: pairs.iter().map(|p| points[p.0] + shift).collect(),
+        sensor: pairs.iter().map(|p| points[p.1]).collect(),
+        histograms: pairs
+            .iter()
+            .flat_map(|p| &base.histograms[p.1 * bins..(p.1 + 1) * bins])
+            .copied()
+            .collect(),
+        ..base.clone()
+    }
+}
+
+/// The same capture with normals that are not (0, 0, 1).
+fn tilted(base: &Capture) -> Capture {
+    let normals = vec![DVec3::new(0.1, 0.0, 1.0).normalize(); base.laser.len()];
+    Capture { laser_normal: Some(normals.clone()), sensor_normal: Some(normals), ..base.clone() }
+}
+
+fn vector_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: VectorOptions) -> Side<'g> {
+    let model = vector::model(capture, &grid, &options);
+    let plan = plan(&model, grid, &options, gpu);
+    let mut job = Job::new(gpu, model, plan, None).expect("memory");
+    // Every voxel active: the back-projection is asked to keep all that is above nothing.
+    let mut start =
+        vector::start(&job.plan, job.plan.finest(), &VectorOptions { start_above: 0.0, ..options });
+    everything(&job, &mut start);
+    job.executor.run(&start).expect("the start runs");
+    let each = vector::iteration(&job.plan, job.plan.finest(), 0);
+    Side { job, each }
+}
+
+fn paper_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: &PaperOptions) -> Side<'g> {
+    let model = thirdbounce::solve::paper::model(capture, &grid, options);
+    let plan = plan(&model, grid, options, gpu);
+    let mut job = Job::new(gpu, model, plan, None).expect("memory");
+    let start = initialise(&job.plan, job.plan.finest());
+    job.executor.run(&start).expect("the start runs");
+    let each = iteration(&job.plan, job.plan.finest(), 0, 1);
+    Side { job, each }
+}
+
+fn plan(model: &Model, grid: Grid, options: impl Into<thirdbounce::solve::Wanted>, gpu: &Gpu) -> Plan {
+    // The scan's resolution is as good as the grid's: one level.
+    Plan::new(model, grid, [grid.n[0]; 2], options, &gpu.abilities(), false).expect("a plan")
+}
+
+/// All voxels of the storage active, so that both sides of a comparison walk the same list.
+fn everything(job: &Job<'_>, start: &mut Schedule) {
+    start.fill("mask", job.plan.bytes()["mask"], u32::MAX);
+    start.extend(compact(&job.plan, job.plan.finest()));
+    start.indirect("points", "arguments", 0).bind("scene", job.plan.finest().scene);
+}
+
+fn compare<'g>(what: &str, of: &str, mut without: Side<'g>, mut with: Side<'g>) {
+    let mut seconds = [vec![], vec![]];
+    for run in 0..=RUNS {
+        for (k, side) in [&mut without, &mut with].into_iter().enumerate() {
+            let start = Instant::now();
+            for _ in 0..COUNT {
+                side.job.executor.run(&side.each).expect("an iteration runs");
+            }
+            // The first warms up.
+            if run > 0 {
+                seconds[k].push(start.elapsed().as_secs_f64() / f64::from(COUNT));
+            }
+        }
+    }
+    let ratio = median(seconds[0].iter().zip(&seconds[1]).map(|(a, b)| a / b).collect());
+    let bytes = [&without, &with].map(|s| s.job.plan.buffers.iter().map(|b| b.bytes).sum::<u64>() as f64);
+    let [a, b] = seconds.map(|s| 1e3 * median(s));
+    let mib = bytes.map(|b| b / f64::from(1 << 20));
+    println!(
+        "| {what} | {of} | {ratio:.2} ({a:.1} / {b:.1} ms) | {:.2} ({:.1} / {:.1} MiB) |",
+        bytes[0] / bytes[1],
+        mib[0],
+        mib[1]
+    );
+}
