@@ -108,7 +108,7 @@ impl SolverArgs {
         let general = self.general || base.is_some_and(|b| b.general);
         // `check` has let through these two only.
         if name == "vector" {
-            let start = VectorOptions { reflectance, general, ..VectorOptions::default() };
+            let start = VectorOptions { general, ..VectorOptions::default() }.suited(confocal, reflectance);
             let start = base.map_or(start.clone(), |b| b.vector.over(&b.paper, start));
             return self.vector.over(&self.paper, start).into();
         }

@@ -118,7 +118,19 @@ const SMOOTH_SIGMA: f64 = 1.0;
 /// The Mexican hat of the back-projection, in lateral voxels of path.
 pub const HAT_SIGMA: f64 = 1.5;
 
+/// Iterations where laser and sensor point differ: half of a path moves, and so half as fast (docs/scenes.md).
+const ITERATIONS_OF_TWO_POINTS: usize = 150;
+
 impl VectorOptions {
+    /// These with what suits other scenes.
+    pub fn suited(mut self, confocal: bool, reflectance: Reflectance) -> VectorOptions {
+        self.reflectance = reflectance;
+        if !confocal {
+            self.iterations = ITERATIONS_OF_TWO_POINTS;
+        }
+        self
+    }
+
     /// Errors: the first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
         let bad = |option: &str, value: String, want: &str| {
