@@ -21,9 +21,10 @@ layout(std430, set = 0, binding = 6) readonly buffer AgainstPartials { float aga
 void main() {
     uint lane = gl_LocalInvocationID.x;
     vec4 sum = vec4(0.0);
-    uint loss_groups = (scene.pairs * scene.bins + WORKGROUP - 1u) / WORKGROUP;
+    uint tile = WORKGROUP * RESIDUAL_BINS;
+    uint losses = (scene.pairs * scene.bins + tile - 1u) / tile * WORKGROUP;
     uint voxel_groups = (counts[COUNT_ACTIVE] + VOXELS - 1u) / VOXELS;
-    for (uint i = lane; i < loss_groups; i += WORKGROUP) sum.xy += loss_partials[i];
+    for (uint i = lane; i < losses; i += WORKGROUP) sum.xy += loss_partials[i];
     for (uint i = lane; i < voxel_groups; i += WORKGROUP) {
         sum.z += l1_partials[i];
         if (ACCELERATED != 0u) sum.w += against_partials[i];

@@ -39,7 +39,7 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("variance", "float", "photon variance per measured value"),
     ("variance_floor", "float", "variance of an empty bin"),
     ("noise_factor", "float", "kappa: weight of the group term in standard deviations"),
-    ("weight_power", "float", "of the path in the weight of a squared difference (vector solver)"),
+    ("weight_power", "float", "of the path in the weight of a squared difference, 4 or 2 (vector solver)"),
     ("roughness", "float", "weight of the roughness term"),
     ("kernel_bound", "float", "no pair's kernel is larger than this"),
 ];
@@ -57,6 +57,7 @@ const PUSH: &[(&str, &str, &str)] = &[
 const NUMBERS: &[(&str, u32, &str)] = &[
     ("GROUPS_X", 32768, "groups along x before a dispatch goes on along y"),
     ("WORKGROUP", 64, "invocations of a kernel without a size of its own"),
+    ("RESIDUAL_BINS", 16, "bins of an invocation of the residual kernel"),
     (
         "OWNED_CHUNK",
         32768,

@@ -165,8 +165,7 @@ fn residual_with_and_without_noise_term() {
             run(&mut job, &["residual"], 0, 1);
             let got: Vec<f32> = read(&mut job, "residual", elements);
             assert!(error(got.iter().map(|v| f64::from(*v)), want) < 3e-6);
-            let partials: Vec<[f32; 2]> =
-                read(&mut job, "loss_partials", elements.div_ceil(WORKGROUP as usize));
+            let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(elements));
             assert!(partials.iter().all(|p| p[0] == p[1]), "the paper's objective is the plain one");
             let sum: f64 = partials.iter().map(|v| f64::from(v[1])).sum();
             assert!((sum / elements as f64 / loss - 1.0).abs() < 1e-5);
@@ -371,8 +370,7 @@ fn finish_sums_and_resets() {
     let grid = grid();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let mut random = Random::new(16);
-    let loss: Vec<f32> =
-        (0..2 * (16 * 50usize).div_ceil(64)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
+    let loss: Vec<f32> = (0..2 * losses(16 * 50)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
     let l1: Vec<f32> = (0..777usize.div_ceil(64)).map(|_| random.uniform(0.0, 50.0) as f32).collect();
     write(&mut job, "loss_partials", &loss);
     write(&mut job, "l1_partials", &l1);

@@ -95,7 +95,7 @@ pub struct Model {
     pub epsilon: f64,
     pub keep_above: f64,
     pub seed: u32,
-    /// Vector solver: power of the path in the weight of a bin's squared difference.
+    /// Vector solver: power of the path in the weight of a bin's squared difference, 4 or 2 as the falloff's.
     pub weight_power: f64,
     /// Vector solver: largest |v_xy| / |v_z|.
     pub cone: f64,

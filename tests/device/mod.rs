@@ -9,6 +9,7 @@ use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{BufferPlan, Command, Gpu, GpuOptions, Place, Schedule};
 use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Progress, Wanted, Watch};
 use thirdbounce::solve::{Job, upload};
+use thirdbounce::transport::kernels::{RESIDUAL_BINS, WORKGROUP};
 use thirdbounce::transport::twin::{Raw, Sample, Twin};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, Volume, Wall};
 
@@ -293,6 +294,12 @@ pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
     let scene = job.plan.finest().scene;
     s.dispatch("arguments", [1, 1, 1]).bind("scene", scene);
     job.executor.run(&s).expect("a dispatch runs");
+}
+
+/// Partial losses that the residual kernel leaves of so many bins.
+pub fn losses(elements: usize) -> usize {
+    let tile = WORKGROUP as usize * RESIDUAL_BINS as usize;
+    elements.div_ceil(tile) * WORKGROUP as usize
 }
 
 /// A watch that only hears.

@@ -42,7 +42,10 @@ impl Plan {
             ("counts", u64::from(COUNTS) * 4),
             ("arguments", u64::from(ARGUMENTS_FORWARD + sets) * 12),
             ("l1_partials", voxels.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
-            ("loss_partials", elements.div_ceil(u64::from(WORKGROUP)) * 8),
+            (
+                "loss_partials",
+                elements.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP) * 8,
+            ),
             ("columns", columns),
         ];
         let mut all: Vec<_> = device.iter().map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();

@@ -39,7 +39,9 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
         .bind("scene", level.scene)
         .with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene).with(push);
+    s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP * RESIDUAL_BINS))
+        .bind("scene", level.scene)
+        .with(push);
     for chunk in pair_chunks(plan) {
         // The sums begin with the roughness.
         let chunk = Push { flags: chunk.flags | BACKWARD_CONTINUE, ..chunk };
@@ -98,7 +100,7 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
-    s.dispatch("residual_bound", groups(elements, WORKGROUP)).bind("scene", scene);
+    s.dispatch("residual_bound", groups(elements, WORKGROUP * RESIDUAL_BINS)).bind("scene", scene);
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
     for chunk in pair_chunks(plan) {
         s.indirect("bound_step", "arguments", sample).bind("scene", scene).with(chunk);
