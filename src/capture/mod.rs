@@ -15,7 +15,7 @@ pub mod pairs;
 pub mod scan;
 pub mod summary;
 
-pub use formats::{Opened, read, read_with_notes, write};
+pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};
 pub use summary::Summary;

@@ -21,7 +21,8 @@ pub fn run(args: &Args) -> Result<()> {
     let opened = capture::read_with_notes(&args.from)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     interrupt::take_care();
-    capture::write(&opened.capture, &args.to)?;
+    let notes = capture::write(&opened.capture, &args.to)?;
+    notes.iter().for_each(|note| say(&format!("note: {note}")));
     print(&format!("{}\nwrote     {}", opened.capture.summary(), args.to.display()));
     Ok(())
 }

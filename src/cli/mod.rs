@@ -71,6 +71,9 @@ enum Verb {
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     std::panic::set_hook(Box::new(|panic| {
+        if thirdbounce::capture::formats::hdf5::is_guarded() {
+            return;
+        }
         let payload = panic.payload();
         let message = payload.downcast_ref::<&str>().copied();
         let message =
