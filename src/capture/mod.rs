@@ -6,6 +6,7 @@
 
 pub mod check;
 mod choose;
+mod doubts;
 pub mod formats;
 pub mod gate;
 mod lattice;
@@ -13,6 +14,7 @@ mod nearest;
 mod normals;
 pub mod pairs;
 pub mod scan;
+mod sum;
 pub mod summary;
 
 pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};

@@ -60,7 +60,7 @@ enum Verb {
     Evaluate(evaluate::Args),
     /// Set methods side by side on one capture: error against run time.
     Compare(Box<compare::Args>),
-    /// Rewrite a capture as npz or as y-tal HDF5.
+    /// Rewrite a capture of any format as npz, y-tal HDF5 or Stanford MATLAB, summed or thinned if asked for.
     Convert(convert::Args),
     /// Tell where the time of a reconstruction goes: every kernel against the device's limits, idle time, a timeline.
     Profile(Box<profile::Args>),
