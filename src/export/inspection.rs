@@ -108,7 +108,7 @@ fn mean_histogram(drawing: &mut Drawing, capture: &Capture) {
     drawing.text("path (m)", [x + w, y + h + 42.0], 10.0, Anchor::End, INK);
 }
 
-/// Values over the scan as a square, +x to the right and +y up: bright is small, dark is large.
+/// Values over the scan as a square, +x to the right and +y up: bright is large, dark is small.
 fn map(values: &[f32], [nx, ny]: [usize; 2], low: f64, high: f64) -> Picture {
     let side = MAPS[1] as usize;
     let mut picture = Picture::new(side, side);
@@ -118,7 +118,7 @@ fn map(values: &[f32], [nx, ny]: [usize; 2], low: f64, high: f64) -> Picture {
     for row in 0..h {
         for column in 0..w {
             let value = f64::from(values[column * nx / w * ny + (h - 1 - row) * ny / h]);
-            let share = if high > low { (value - low) / (high - low) } else { 0.0 };
+            let share = if high > low { (high - value) / (high - low) } else { 0.0 };
             let ink = if value.is_nan() { BACKGROUND } else { colour(share) };
             picture.fill((side - w) / 2 + column, (side - h) / 2 + row, 1, 1, ink);
         }
