@@ -4,6 +4,7 @@
 //! histogram counts the inner path laser point → hidden point → sensor point. Bin b of width Δ collects
 //! path lengths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 
+pub mod calibrate;
 pub mod check;
 mod choose;
 mod doubts;

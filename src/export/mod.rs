@@ -3,6 +3,7 @@
 
 pub mod atomic;
 mod axis;
+pub mod calibration;
 pub mod comparison;
 pub mod curves;
 pub mod depth_error;
