@@ -12,10 +12,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use common::{assert_error, place};
-use fixtures::{
-    Matrix, Stored, hdf5, matlab_file, matlab_matrix, matlab_struct, matlab5, matlab5_struct, matrix, scalar,
-    vector,
-};
+use fixtures::{Matrix, Stored, matlab_file, matlab_matrix, matlab_struct, matlab5, matrix, scalar, vector};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use readers::{counts, every_reader};

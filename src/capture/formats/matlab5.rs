@@ -173,8 +173,8 @@ impl Matlab5 {
         Some(Element { kind: first, content, next })
     }
 
-    /// Flags, dimensions and name of a matrix element's content, and where its values begin. The content may be
-    /// known in part only (`known`), its whole length is `claimed`.
+    /// Flags, dimensions and name of a matrix element's content, and where its values begin. Only these need be
+    /// within `known`.
     fn header(&self, block: usize, known: Range<usize>) -> Result<(Found, usize)> {
         let flags = self.element(block, known.clone())?;
         let dims = self.element(block, flags.next..known.end)?;
