@@ -27,11 +27,22 @@ pub struct CaptureArgs {
     /// Use all paths: neither look for direct light nor, for --preset captured, for the half with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
-    #[command(flatten)]
-    pub unsaid: UnsaidArgs,
+    // Not flattened from UnsaidArgs: a group within a group would hide from clap whether a capture was given.
+    /// Scale the wall so that its outermost scan points are SIZE metres apart
+    #[arg(long, value_name = "SIZE", help_heading = "Capture")]
+    pub wall: Option<f64>,
+    /// Bin width in metres of path (picoseconds times 0.000299792458), for files that do not say it
+    #[arg(long, value_name = "M", help_heading = "Capture")]
+    pub bin_width: Option<f64>,
+    /// Which bounce of a rendered Z-NLOS capture counts: third, all, or a number from 2 [default: third]
+    #[arg(long, value_name = "WHICH", help_heading = "Capture")]
+    pub bounce: Option<String>,
+    /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
+    #[arg(long, value_name = "FILE", help_heading = "Capture")]
+    pub tof: Option<PathBuf>,
 }
 
-/// What a capture file may not say.
+/// What a capture file may not say, for verbs that take no solver.
 #[derive(Args)]
 pub struct UnsaidArgs {
     /// Scale the wall so that its outermost scan points are SIZE metres apart
@@ -61,13 +72,12 @@ impl UnsaidArgs {
 
 impl CaptureArgs {
     pub fn input(&self, solver: &SolverArgs) -> Result<job::Input> {
-        let given = self.unsaid.given()?;
         Ok(job::Input {
             path: self.capture.clone(),
-            wall: given.wall,
-            bin_width: given.bin_width,
-            bounce: given.bounce,
-            time_of_flight: given.time_of_flight,
+            wall: self.wall,
+            bin_width: self.bin_width,
+            bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
+            time_of_flight: self.tof.clone(),
             stride: self.stride,
             subset: self.subset,
             subset_seed: solver.seed(),
