@@ -44,6 +44,12 @@ pub struct Input {
     pub path: PathBuf,
     /// Scale the wall so that its outermost scan points are so many metres apart.
     pub wall: Option<f64>,
+    /// Bin width in metres of path, where the file does not say it.
+    pub bin_width: Option<f64>,
+    /// Bounces that count, of formats that keep them apart.
+    pub bounce: Option<capture::Bounce>,
+    /// File with the times of flight to the wall, of formats that keep them in a second file.
+    pub time_of_flight: Option<PathBuf>,
     /// Keep every so-manieth scan point in x and in y; `None` keeps all.
     pub stride: Option<usize>,
     /// Keep so many pairs, drawn at random after the stride; `None` keeps all.
@@ -56,6 +62,18 @@ pub struct Input {
     pub no_auto_gate: bool,
     /// The set of parameters to come; `None` takes [`preset_for`]. Captures get the published gate.
     pub preset: Option<Preset>,
+}
+
+impl Input {
+    /// What the user says beyond the file.
+    pub fn given(&self) -> capture::Given {
+        capture::Given {
+            wall: self.wall,
+            bin_width: self.bin_width,
+            bounce: self.bounce,
+            time_of_flight: self.time_of_flight.clone(),
+        }
+    }
 }
 
 /// A capture that is ready to be reconstructed.
@@ -90,10 +108,11 @@ impl Loaded {
 /// published.
 ///
 /// # Errors
-/// Those of [`capture::read`]; a wall, stride, subset or gate that does not fit the capture.
+/// Those of [`capture::read_given`]; a wall, stride, subset or gate that does not fit the capture.
 pub fn load(input: &Input) -> Result<Loaded> {
     let start = Instant::now();
-    let capture::Opened { mut capture, dropped, mut notes } = capture::read_with_notes(&input.path)?;
+    let capture::Opened { mut capture, dropped, mut notes } =
+        capture::read_given(&input.path, &input.given())?;
     // Before the scan is thinned, while neighbours are near.
     let mut normals_estimated = false;
     match capture.with_normals() {

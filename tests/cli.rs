@@ -99,8 +99,16 @@ fn from_a_simulated_capture_to_measured_maps() {
     assert!(text.contains("IoU") && text.contains("backward"), "{text}");
     assert!(progress.contains("--preset synthetic") && progress.contains("iteration 30/30"), "{progress}");
 
-    let names =
-        ["maps.npz", "maps.exr", "albedo.png", "depth.png", "normal.png", "points.ply", "report.json"];
+    let names = [
+        "maps.npz",
+        "maps.exr",
+        "albedo.png",
+        "depth.png",
+        "normal.png",
+        "points.ply",
+        "mesh.ply",
+        "report.json",
+    ];
     for name in names {
         assert!(std::fs::metadata(result.join(name)).is_ok_and(|m| m.len() > 0), "{name}");
     }

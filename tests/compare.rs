@@ -154,7 +154,10 @@ fn a_trace_with_figures_and_snapshots() {
     assert_eq!(measured, [4, 8, 12, 16, 20, 24, 28, 30]);
     for name in ["000006", "000020", "000030"] {
         let files = entries(&at("often/snapshots").join(name));
-        assert_eq!(files, ["albedo.png", "depth.png", "maps.exr", "maps.npz", "normal.png", "points.ply"]);
+        assert_eq!(
+            files,
+            ["albedo.png", "depth.png", "maps.exr", "maps.npz", "mesh.ply", "normal.png", "points.ply"]
+        );
     }
     let maps = |place: &str| std::fs::read(at(place).join("maps.npz")).unwrap();
     assert!(maps("often/snapshots/000030") == maps("often"), "the last snapshot is the result");

@@ -258,8 +258,8 @@ fn equal_results_give_equal_bytes() {
         let inner = folder.path().join("made/when/missing");
         let mut paths = export::write_maps(&inner, &maps()).unwrap();
         paths.push(inner.join("report.json"));
-        report::write(&paths[6], &a_report()).unwrap();
-        assert_eq!(std::fs::read_dir(&inner).unwrap().count(), 7, "nothing else is left");
+        report::write(&paths[7], &a_report()).unwrap();
+        assert_eq!(std::fs::read_dir(&inner).unwrap().count(), 8, "nothing else is left");
         paths.iter().map(|p| std::fs::read(p).unwrap()).collect::<Vec<_>>()
     };
     assert!(files() == files());
@@ -306,4 +306,45 @@ fn impossible_places_are_errors() {
     short.mask.pop();
     assert_error(export::write_maps(folder.path(), &short), Kind::Input, &["mask holds 7 values"]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn the_mesh_is_cut_at_jumps_and_faces_the_wall() {
+    // 4 x 3 pixels of 0.1 m: a slanted sheet, its last row 1 m behind, one pixel dark.
+    let mut m = Maps {
+        nx: 4,
+        ny: 3,
+        extent: [0.0, 0.4, 0.0, 0.3],
+        albedo: vec![1.0; 12],
+        depth: (0..12).map(|p| 0.5 + 0.05 * (p % 3) as f32 + if p / 3 == 3 { 1.0 } else { 0.0 }).collect(),
+        normal: vec![[0.0, 0.0, -1.0]; 12],
+        mask: vec![],
+        mask_fraction: 0.0,
+    };
+    m.albedo[0] = 0.0;
+    m.set_mask(0.25);
+    let (_folder, path) = place("mesh.ply");
+    export::mesh::write(&path, &m).unwrap();
+    let mut file = std::fs::File::open(&path).unwrap();
+    let parsed =
+        ply_rs_bw::parser::Parser::<ply_rs_bw::ply::DefaultElement>::new().read_ply(&mut file).unwrap();
+    use ply_rs_bw::ply::Property;
+    let (vertices, faces) = (&parsed.payload["vertex"], &parsed.payload["face"]);
+    let at = |v: usize, name: &str| match vertices[v][name] {
+        Property::Float(value) => value,
+        _ => panic!("{name} is no float"),
+    };
+    // Of the three columns before the jump: eight pixels that are lit; three whole squares and half of one. The far
+    // column is one pixel wide and has none.
+    assert_eq!((vertices.len(), faces.len()), (8, 7));
+    for face in faces {
+        let Property::ListInt(corners) = &face["vertex_indices"] else { panic!("no list of indices") };
+        let p: Vec<[f32; 3]> =
+            corners.iter().map(|c| ["x", "y", "z"].map(|name| at(*c as usize, name))).collect();
+        let [a, b] = [1, 2].map(|k| [0, 1].map(|c| p[k][c] - p[0][c]));
+        assert!(a[0] * b[1] - a[1] * b[0] < 0.0, "a triangle faces away from the wall: {p:?}");
+        assert!(p.iter().all(|p| p[2] < 1.0), "a triangle spans the jump: {p:?}");
+    }
+    m.mask.fill(false);
+    export::mesh::write(&path, &m).unwrap();
 }

@@ -4,8 +4,10 @@
 //! histogram counts the inner path laser point → hidden point → sensor point. Bin b of width Δ collects
 //! path lengths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 
+pub mod calibrate;
 pub mod check;
 mod choose;
+mod doubts;
 pub mod formats;
 pub mod gate;
 mod lattice;
@@ -13,9 +15,10 @@ mod nearest;
 mod normals;
 pub mod pairs;
 pub mod scan;
+mod sum;
 pub mod summary;
 
-pub use formats::{Opened, read, read_with_notes, write};
+pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};
 pub use summary::Summary;

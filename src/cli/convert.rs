@@ -4,24 +4,50 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, capture};
 
+use super::input::UnsaidArgs;
 use super::progress::say;
 use super::{interrupt, print};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Capture to read
+    /// Capture to read: a file of any known format, or the folder of one that has several
     #[arg(value_name = "IN")]
     from: PathBuf,
-    /// Capture to write: .npz, or .hdf5 for y-tal
+    /// Capture to write: .npz, .hdf5 for y-tal, or .mat for meas and tofgrid as in Stanford's f-k captures
     #[arg(value_name = "OUT")]
     to: PathBuf,
+    /// Sum every N neighbouring bins
+    #[arg(long, value_name = "N")]
+    bin: Option<usize>,
+    /// Keep every Nth scan point in x and in y
+    #[arg(long, value_name = "N")]
+    stride: Option<usize>,
+    /// Sum the histograms of every N x N neighbouring scan points
+    #[arg(long, value_name = "N", conflicts_with = "stride")]
+    sum: Option<usize>,
+    #[command(flatten)]
+    unsaid: UnsaidArgs,
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let opened = capture::read_with_notes(&args.from)?;
+    let opened = capture::read_given(&args.from, &args.unsaid.given()?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    let mut capture = opened.capture;
+    if let Some(size) = args.unsaid.wall {
+        capture.set_wall(size)?;
+    }
+    if let Some(n) = args.stride {
+        capture = capture.stride(n)?;
+    }
+    if let Some(n) = args.sum {
+        capture = capture.summed(n)?;
+    }
+    if let Some(n) = args.bin {
+        capture = capture.binned(n)?;
+    }
     interrupt::take_care();
-    capture::write(&opened.capture, &args.to)?;
-    print(&format!("{}\nwrote     {}", opened.capture.summary(), args.to.display()));
+    let notes = capture::write(&capture, &args.to)?;
+    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    print(&format!("{}\nwrote     {}", capture.summary(), args.to.display()));
     Ok(())
 }

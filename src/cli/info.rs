@@ -1,11 +1,14 @@
 //! `thirdbounce info CAPTURE`.
 
-use thirdbounce::Result;
+use std::path::PathBuf;
+
 use thirdbounce::job::{self, Inspection};
+use thirdbounce::{Result, export};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
+use super::progress::say;
 use super::solver::SolverArgs;
-use super::{json, print, tables};
+use super::{interrupt, json, print, tables};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -14,6 +17,10 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Draw the mean histogram, the peaks' paths and the counts over the scan: into this .png, or into capture.png of
+    /// this folder
+    #[arg(long, value_name = "DIR or FILE")]
+    png: Option<PathBuf>,
     #[command(flatten)]
     solver: SolverArgs,
     #[command(flatten)]
@@ -26,6 +33,13 @@ pub fn run(args: &Args) -> Result<()> {
     args.grid.volume_only()?;
     let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
     let found = job::inspect(&request, &loaded)?;
+    if let Some(place) = &args.png {
+        let named = place.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) && !place.is_dir();
+        let path = if named { place.clone() } else { place.join("capture.png") };
+        interrupt::take_care();
+        export::inspection::write(&path, &loaded.capture)?;
+        say(&format!("wrote {}", path.display()));
+    }
     print(&if args.json { json(&found)? } else { text(&found) });
     Ok(())
 }
@@ -36,6 +50,7 @@ fn text(found: &Inspection) -> String {
     let b = &found.volume;
     let mut out = format!("{}\n", found.capture);
     found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
+    found.doubts.iter().for_each(|doubt| out += &format!("doubt     {doubt}\n"));
     out += &format!(
         "\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n\
          box       x {:.4} to {:.4} m, y {:.4} to {:.4} m, z {:.4} to {:.4} m\n",

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use thirdbounce::capture::Gate;
+use thirdbounce::capture::{Bounce, Gate, Given};
 use thirdbounce::job::{self, Loaded, Request};
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
@@ -13,7 +13,7 @@ use super::solver::SolverArgs;
 /// The capture and what of it is used.
 #[derive(Args)]
 pub struct CaptureArgs {
-    /// Capture file: npz, or y-tal HDF5
+    /// Capture: a file (npz, HDF5 or MATLAB), or the folder of one that has several
     pub capture: PathBuf,
     /// Use every Nth scan point in x and in y
     #[arg(long, value_name = "N", help_heading = "Capture")]
@@ -27,9 +27,47 @@ pub struct CaptureArgs {
     /// Use all paths: neither look for direct light nor, for --preset captured, for the half with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
+    // Not flattened from UnsaidArgs: a group within a group would hide from clap whether a capture was given.
     /// Scale the wall so that its outermost scan points are SIZE metres apart
     #[arg(long, value_name = "SIZE", help_heading = "Capture")]
     pub wall: Option<f64>,
+    /// Bin width in metres of path (picoseconds times 0.000299792458), for files that do not say it
+    #[arg(long, value_name = "M", help_heading = "Capture")]
+    pub bin_width: Option<f64>,
+    /// Which bounce of a rendered Z-NLOS capture counts: third, all, or a number from 2 [default: third]
+    #[arg(long, value_name = "WHICH", help_heading = "Capture")]
+    pub bounce: Option<String>,
+    /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
+    #[arg(long, value_name = "FILE", help_heading = "Capture")]
+    pub tof: Option<PathBuf>,
+}
+
+/// What a capture file may not say, for verbs that take no solver.
+#[derive(Args)]
+pub struct UnsaidArgs {
+    /// Scale the wall so that its outermost scan points are SIZE metres apart
+    #[arg(long, value_name = "SIZE", help_heading = "Capture")]
+    pub wall: Option<f64>,
+    /// Bin width in metres of path (picoseconds times 0.000299792458), for files that do not say it
+    #[arg(long, value_name = "M", help_heading = "Capture")]
+    pub bin_width: Option<f64>,
+    /// Which bounce of a rendered Z-NLOS capture counts: third, all, or a number from 2 [default: third]
+    #[arg(long, value_name = "WHICH", help_heading = "Capture")]
+    pub bounce: Option<String>,
+    /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
+    #[arg(long, value_name = "FILE", help_heading = "Capture")]
+    pub tof: Option<PathBuf>,
+}
+
+impl UnsaidArgs {
+    pub fn given(&self) -> Result<Given> {
+        Ok(Given {
+            wall: self.wall,
+            bin_width: self.bin_width,
+            bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
+            time_of_flight: self.tof.clone(),
+        })
+    }
 }
 
 impl CaptureArgs {
@@ -37,6 +75,9 @@ impl CaptureArgs {
         Ok(job::Input {
             path: self.capture.clone(),
             wall: self.wall,
+            bin_width: self.bin_width,
+            bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
+            time_of_flight: self.tof.clone(),
             stride: self.stride,
             subset: self.subset,
             subset_seed: solver.seed(),

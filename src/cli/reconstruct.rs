@@ -15,7 +15,7 @@ use super::{interrupt, print, tables};
 pub struct Args {
     #[command(flatten)]
     capture: CaptureArgs,
-    /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, report.json
+    /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, mesh.ply, report.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Measure the result against this truth

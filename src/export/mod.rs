@@ -2,11 +2,15 @@
 //! results give equal bytes.
 
 pub mod atomic;
+mod axis;
+pub mod calibration;
 pub mod comparison;
 pub mod curves;
 pub mod depth_error;
 pub mod drawing;
 pub mod exr;
+pub mod inspection;
+pub mod mesh;
 pub mod npz;
 pub mod picture;
 pub mod ply;
@@ -21,19 +25,20 @@ use crate::error::Result;
 use crate::maps::Maps;
 
 /// Writes the maps in every form into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
-/// `depth.png`, `normal.png`, `points.ply`. Returns the paths.
+/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`. Returns the paths.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
 pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
     type Writer = fn(&Path, &Maps) -> Result<()>;
-    let writers: [(&str, Writer); 6] = [
+    let writers: [(&str, Writer); 7] = [
         ("maps.npz", npz::write_maps),
         ("maps.exr", exr::write),
         ("albedo.png", png::write_albedo),
         ("depth.png", png::write_depth),
         ("normal.png", png::write_normal),
         ("points.ply", ply::write),
+        ("mesh.ply", mesh::write),
     ];
     let mut written = Vec::new();
     for (name, write) in writers {

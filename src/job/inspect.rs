@@ -17,6 +17,8 @@ pub struct Inspection {
     pub capture: Summary,
     /// What was done to the capture.
     pub notes: Vec<String>,
+    /// What about it looks wrong.
+    pub doubts: Vec<String>,
     pub preset: Option<Preset>,
     pub options: SolverOptions,
     /// Voxels along x, y, z.
@@ -81,6 +83,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     Ok(Inspection {
         capture: loaded.summary(),
         notes: loaded.notes.clone(),
+        doubts: capture.doubts(),
         preset: request.preset,
         options: request.solver.clone(),
         grid: grid.n,

@@ -8,8 +8,16 @@ use crate::export::atomic::cannot;
 use crate::{Error, Result};
 
 /// What a run writes into its folder.
-const RESULTS: [&str; 7] =
-    ["maps.npz", "maps.exr", "albedo.png", "depth.png", "normal.png", "points.ply", "report.json"];
+const RESULTS: [&str; 8] = [
+    "maps.npz",
+    "maps.exr",
+    "albedo.png",
+    "depth.png",
+    "normal.png",
+    "points.ply",
+    "mesh.ply",
+    "report.json",
+];
 
 /// Whether `folder` can take the results of a run; it need not exist.
 pub fn check_results(folder: &Path) -> Result<()> {

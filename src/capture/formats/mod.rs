@@ -1,11 +1,28 @@
-//! Capture files, one module per format. Which one a file is in is decided by its contents, not its name.
+//! Capture files, one module per format. Which one a file is in is decided by its contents, not its name; some
+//! formats are several files in a folder.
 
 pub mod archive;
 pub mod array;
+pub mod ccsocr;
 mod exhaustive;
+mod frame;
+pub mod general;
+mod given;
+pub mod hdf5;
+pub mod lct;
 pub mod legs;
+pub mod matlab;
+pub mod matlab5;
+pub mod netf;
 pub mod npz;
+pub mod phasor;
+pub mod set;
+pub mod stanford;
+pub mod variables;
 pub mod ytal;
+pub mod znlos;
+
+pub use given::{Bounce, Given};
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -25,6 +42,7 @@ enum Contents {
     Hdf5,
     Matlab5,
     Npy,
+    Folder,
     Unknown,
 }
 
@@ -38,14 +56,15 @@ pub struct Opened {
     pub notes: Vec<String>,
 }
 
-/// Reads a capture in any known format (npz, y-tal HDF5), leaves out pairs that were not measured (see
+/// Reads a capture in any known format, leaves out pairs that were not measured (see
 /// [`Capture::without_missing`]) and checks the rest. The name is the file's stem.
 ///
 /// # Errors
-/// `Kind::Input`, opening with the path: a missing, empty, cut or damaged file, a folder, an unknown format,
-/// missing arrays, or whatever [`Capture::check`] finds. `Kind::Memory` if the counts do not fit.
+/// `Kind::Input`, opening with the path: a missing, empty, cut or damaged file, a folder without a capture, an
+/// unknown format, missing arrays, or whatever [`Capture::check`] finds. `Kind::Options` if the file leaves
+/// something unsaid that has no usual value (see [`Given`]). `Kind::Memory` if the counts do not fit.
 pub fn read(path: &Path) -> Result<Capture> {
-    read_with_notes(path).map(|read| read.capture)
+    read_given(path, &Given::default()).map(|read| read.capture)
 }
 
 /// Reads a capture as [`read`] does, and says what was left out.
@@ -53,45 +72,131 @@ pub fn read(path: &Path) -> Result<Capture> {
 /// # Errors
 /// Those of [`read`].
 pub fn read_with_notes(path: &Path) -> Result<Opened> {
+    read_given(path, &Given::default())
+}
+
+/// Reads a capture as [`read`] does, with what the user says beyond the file.
+///
+/// # Errors
+/// Those of [`read`]; `Kind::Options` for a bin width or a choice of bounce that the file leaves no room for.
+pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
     let place = path.display().to_string();
     let read = || {
+        let mut notes = Vec::new();
         let mut capture = match contents(path)? {
             Contents::Zip => npz::read(path)?,
-            Contents::Hdf5 => ytal::read(path)?,
-            Contents::Matlab5 => {
-                return Err(unknown("MATLAB v5 files are not read"));
+            Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
+                read_set(&mut set::Set::open(path)?, given, &mut notes)?
             }
             Contents::Npy => return Err(unknown("a single npy array has no wall points or bin width")),
             Contents::Unknown => return Err(unknown("the format is not known")),
         };
         capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-        let (capture, dropped, notes) = capture.without_missing()?;
+        let (capture, dropped, missing) = capture.without_missing()?;
+        notes.extend(missing);
         capture.check()?;
         Ok(Opened { capture, dropped, notes })
     };
     read().map_err(|e: Error| e.at(place))
 }
 
-/// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`. The file
-/// appears whole or not at all.
+/// Reads the format that the arrays' names tell.
+fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+    let no_bounce = |what: &str| match given.bounce {
+        None => Ok(()),
+        Some(_) => Err(Error::options(
+            format!("--bounce was given, but {what} does not keep bounces apart"),
+            "leave --bounce out",
+        )),
+    };
+    let says_width = |what: &str| match given.bin_width {
+        None => Ok(()),
+        Some(_) => Err(Error::options(
+            format!("--bin-width was given, but {what} says how wide its bins are"),
+            "leave --bin-width out",
+        )),
+    };
+    if set.any("meas") || set.any("tofgrid") {
+        no_bounce("a Stanford f-k capture")?;
+        return stanford::read(set, given, notes);
+    }
+    if given.time_of_flight.is_some() {
+        return Err(Error::options(
+            "--tof was given, but there is no meas, the counts of a Stanford f-k capture",
+            "leave --tof out",
+        ));
+    }
+    if ["C_i", "C_d", "sub_Sig"].iter().any(|name| set.any(name)) {
+        no_bounce("a CC-SOCR capture")?;
+        return ccsocr::read(set, given, notes);
+    }
+    let positions = set.any("cameraGridPositions");
+    if ["laserpoints", "detectpoints"].iter().any(|name| set.any(name)) {
+        no_bounce("a General-NLOS capture")?;
+        return general::read(set, given, notes);
+    }
+    let file = match set.holding("cameraGridPositions")? {
+        Some(file) => file,
+        None => set.first().ok_or_else(|| unknown("the folder is empty"))?,
+    };
+    if positions {
+        says_width("a file with Z-NLOS names")?;
+        let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
+        return if axes == 3 {
+            no_bounce("a NeTF capture")?;
+            netf::read(file, notes)
+        } else {
+            znlos::read(file, given, notes)
+        };
+    }
+    no_bounce("the file")?;
+    if file.have(&["H"]) || file.have(&["laser_grid_xyz"]) {
+        says_width("a y-tal capture")?;
+        return ytal::read(file);
+    }
+    if file.have(&["data_t"]) {
+        return Err(unknown("it looks like NLOS-Dirac HDF5, which y-tal deprecated and which is not read"));
+    }
+    if file.have(&["dataset/data"]) {
+        says_width("a phasor-field capture")?;
+        return phasor::read_2019(file, notes);
+    }
+    if file.have(&["rect_data", "width"]) {
+        return lct::read(file, given, notes);
+    }
+    if file.have(&["rect_data", "ts"]) {
+        says_width("a phasor-field capture")?;
+        return phasor::read_2020(file, notes);
+    }
+    matlab::read(file, given, notes)
+}
+
+/// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if
+/// it ends in `.mat`. The file appears whole or not at all. Yields what the format could not hold, in sentences
+/// for people.
 ///
 /// # Errors
-/// `Kind::Input` for a capture that fails [`Capture::check`], `Kind::Options` for another ending,
-/// `Kind::Output` if it cannot be written.
-pub fn write(capture: &Capture, path: &Path) -> Result<()> {
+/// `Kind::Input` for a capture that fails [`Capture::check`], `Kind::Options` for another ending or a capture
+/// that the format cannot hold, `Kind::Output` if it cannot be written.
+pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     match ending.as_str() {
-        "npz" => npz::write(capture, path),
-        "hdf5" | "h5" => ytal::write(capture, path),
+        "npz" => npz::write(capture, path).map(|()| vec![]),
+        "hdf5" | "h5" => ytal::write(capture, path).map(|()| vec![]),
+        "mat" => stanford::write(capture, path),
         _ => Err(Error::options(
             format!("{}: the ending says no capture format", path.display()),
-            "name the file .npz or .hdf5 (y-tal)",
+            "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
         )),
     }
 }
 
 fn unknown(what: &str) -> Error {
-    Error::input(what, "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t) or as y-tal HDF5")
+    Error::input(
+        what,
+        "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, or one of the known MATLAB \
+         files",
+    )
 }
 
 fn contents(path: &Path) -> Result<Contents> {
@@ -105,7 +210,7 @@ fn contents(path: &Path) -> Result<Contents> {
     };
     let meta = std::fs::metadata(path).map_err(unreadable)?;
     if meta.is_dir() {
-        return Err(Error::input("is a folder, not a capture file", "give the capture file inside it"));
+        return Ok(Contents::Folder);
     }
     if !meta.is_file() {
         return Err(Error::input("is not a regular file", "copy the capture to a file first"));
@@ -146,7 +251,8 @@ fn contents(path: &Path) -> Result<Contents> {
         }
         at = if at == 0 { 512 } else { at * 2 };
     }
-    Ok(if head.starts_with(b"MATLAB 5.0") { Contents::Matlab5 } else { Contents::Unknown })
+    let version_5 = matches!(head.get(124..128), Some(b"\x00\x01IM" | b"\x01\x00MI"));
+    Ok(if version_5 || head.starts_with(b"MATLAB 5.0") { Contents::Matlab5 } else { Contents::Unknown })
 }
 
 /// The length of an HDF5 file as its superblock says (the reader does not look), if it can be told.

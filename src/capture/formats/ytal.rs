@@ -9,60 +9,36 @@
 //! or share a single one. Layouts 2 and 4 hold every combination: the scan becomes (laser points, sensor
 //! points), pair `l * S + s`, unless one side is a single point.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use glam::DVec3;
 use rust_hdf5::types::HBool;
-use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
+use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
 
 use super::array::transpose;
+use super::variables::Variables;
 use super::{compact, exhaustive, largest_count, legs, per_pair, triples, unit};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::export::atomic;
-
-/// No filter of HDF5 in use shrinks data more than this.
-const MOST_DEFLATED: u64 = 1100;
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths
 /// that include the outer legs without telling where the devices are.
-pub fn read(path: &Path) -> Result<Capture> {
-    // Damaged files make the HDF5 reader panic at times; that is a damaged file, not our end.
-    catch_unwind(AssertUnwindSafe(|| read_file(path)))
-        .unwrap_or_else(|_| Err(damaged("its inner structure makes no sense")))
-}
-
-fn damaged(e: impl std::fmt::Display) -> Error {
-    Error::input(
-        format!("the HDF5 file cannot be read: {e}"),
-        "the file is damaged or cut short: fetch it anew",
-    )
-}
-
-/// An open file and how many bytes it has, to judge the sizes that its datasets claim.
-struct Source {
-    file: H5File,
-    bytes: u64,
-}
-
-fn read_file(path: &Path) -> Result<Capture> {
-    let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
-    let file = H5File::options().no_locking().open(path).map_err(damaged)?;
-    let source = Source { file, bytes };
-    let (shape, h, integer_counts) = source.histograms()?;
+pub fn read(source: &Variables) -> Result<Capture> {
+    let h = source.counts("H")?;
+    let (shape, integer_counts) = (h.shape, h.integer);
     let format = match source.number("H_format")? {
         Some(format) => format as i64,
         None if shape.len() == 3 => 1,
         None => 0,
     };
     let (laser_shape, laser) =
-        source.vectors("laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
+        vectors(source, "laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
     let (sensor_shape, sensor) =
-        source.vectors("sensor_grid_xyz")?.ok_or_else(|| source.missing("sensor_grid_xyz"))?;
+        vectors(source, "sensor_grid_xyz")?.ok_or_else(|| source.missing("sensor_grid_xyz"))?;
     let (l, s) = (laser.len(), sensor.len());
     let (scan, exhaustive) = match (format, &shape[..]) {
         (1, &[_, x, y]) => ([x, y], false),
@@ -73,6 +49,12 @@ fn read_file(path: &Path) -> Result<Capture> {
         (4, &[_, 1, n]) => (grid_of(n, &[&sensor_shape]), true),
         (4, &[_, n, 1]) => (grid_of(n, &[&laser_shape]), true),
         (4, &[_, li, si]) => ([li, si], true),
+        (10..=13, _) => {
+            return Err(Error::input(
+                format!("H_format {format}: H was transformed to frequencies"),
+                "save it in the time domain, as T_Sx_Sy or another of H_format 1 to 4",
+            ));
+        }
         _ => {
             return Err(Error::input(
                 format!("H has shape {shape:?} and H_format {format}, which do not go together"),
@@ -99,7 +81,7 @@ fn read_file(path: &Path) -> Result<Capture> {
         }
     };
     let normals = |what: &str, side| -> Result<Option<Vec<DVec3>>> {
-        let Some((_, given)) = source.vectors(what)? else { return Ok(None) };
+        let Some((_, given)) = vectors(source, what)? else { return Ok(None) };
         spread(what, side, given.into_iter().map(unit).collect()).map(Some)
     };
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
@@ -114,7 +96,7 @@ fn read_file(path: &Path) -> Result<Capture> {
         bins: shape[0],
         bin_width: source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?,
         t_start: source.number("t_start")?.unwrap_or(0.0),
-        histograms: transpose(&h, shape[0], pairs),
+        histograms: transpose(&h.values, shape[0], pairs),
         integer_counts,
     };
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
@@ -122,7 +104,7 @@ fn read_file(path: &Path) -> Result<Capture> {
     }
     // What was not measured is left out later: the rest must be sound.
     capture.clone().without_missing()?.0.check()?;
-    let legs = outer_legs(&source, &capture)?;
+    let legs = outer_legs(source, &capture)?;
     legs::remove(&capture, &legs)
 }
 
@@ -141,9 +123,9 @@ fn grid_of(n: usize, shapes: &[&[usize]]) -> [usize; 2] {
     grid.unwrap_or([n, 1])
 }
 
-fn outer_legs(source: &Source, capture: &Capture) -> Result<Vec<f64>> {
+fn outer_legs(source: &Variables, capture: &Capture) -> Result<Vec<f64>> {
     let device = |name: &str| -> Result<DVec3> {
-        match source.vectors(name)?.map(|(_, points)| points) {
+        match vectors(source, name)?.map(|(_, points)| points) {
             Some(points) if points.len() == 1 => Ok(points[0]),
             _ => Err(Error::input(
                 format!(
@@ -159,120 +141,11 @@ fn outer_legs(source: &Source, capture: &Capture) -> Result<Vec<f64>> {
     Ok(pairs.map(|(l, s)| laser.distance(*l) + sensor.distance(*s)).collect())
 }
 
-impl Source {
-    fn missing(&self, name: &str) -> Error {
-        let mut there = self.file.dataset_names();
-        there.sort();
-        let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
-        Error::input(
-            format!("there is no dataset {name}, or it is empty (the file holds {there})"),
-            "a y-tal capture needs H, H_format, delta_t, laser_grid_xyz and sensor_grid_xyz",
-        )
-    }
-
-    /// The dataset, `None` if it is missing or has an empty dataspace.
-    fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
-        let dataset = match self.file.dataset(name) {
-            Ok(dataset) => dataset,
-            Err(Hdf5Error::NotFound(_)) => return Ok(None),
-            Err(e) => return Err(damaged(e).at(format!("dataset {name}"))),
-        };
-        if dataset.is_null() || dataset.shape().contains(&0) {
-            return Ok(None);
-        }
-        // The HDF5 reader takes memory for the sizes that a file claims, and a failed allocation ends the
-        // program: look at them first, those of chunks too.
-        let claim = |shape: &[usize]| {
-            let bytes = shape.iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
-            bytes.is_some_and(|size| size / MOST_DEFLATED <= self.bytes)
-        };
-        if !claim(&dataset.shape()) || dataset.chunk_dims().is_some_and(|chunk| !claim(&chunk)) {
-            return Err(Error::input(
-                format!(
-                    "dataset {name} claims shape {:?}, chunks {:?}, in a file of {} bytes",
-                    dataset.shape(),
-                    dataset.chunk_dims(),
-                    self.bytes
-                ),
-                "the file is damaged or malicious: fetch or write it anew",
-            ));
-        }
-        Ok(Some(dataset))
-    }
-
-    /// `H` as float32 in C order, and whether it was stored as integers.
-    fn histograms(&self) -> Result<(Vec<usize>, Vec<f32>, bool)> {
-        let dataset = self.dataset("H")?.ok_or_else(|| self.missing("H"))?;
-        let wrong = |e: Hdf5Error| damaged(e).at("dataset H");
-        let float = matches!(dataset.datatype().map_err(wrong)?, DatatypeMessage::FloatingPoint { .. });
-        let values: Vec<f32> = match (float, dataset.element_size()) {
-            (true, 8) => {
-                dataset.read_numeric_as::<f64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
-            }
-            (true, _) => dataset.read_numeric_as::<f32>().map_err(wrong)?,
-            (false, _) => {
-                dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
-            }
-        };
-        let shape = dataset.shape();
-        if shape.iter().product::<usize>() != values.len() {
-            return Err(damaged(format!("H holds {} values for shape {shape:?}", values.len())));
-        }
-        Ok((shape, values, !float))
-    }
-
-    /// All numbers of a small dataset in float64; truth values and enums as their number.
-    fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
-        let Some(dataset) = self.dataset(name)? else { return Ok(None) };
-        let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
-        let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
-            DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,
-            DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
-                dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f64).collect()
-            }
-            DatatypeMessage::Enum { base, .. } => {
-                enum_values(&base, &dataset.read_raw_bytes().map_err(wrong)?)
-            }
-            other => {
-                return Err(Error::input(
-                    format!("dataset {name} is of type {other}, not a number"),
-                    format!("store {name} as plain numbers"),
-                ));
-            }
-        };
-        Ok((!values.is_empty()).then(|| (dataset.shape(), values)))
-    }
-
-    /// A dataset of a single number.
-    fn number(&self, name: &str) -> Result<Option<f64>> {
-        match self.numbers(name)? {
-            None => Ok(None),
-            Some((_, values)) if values.len() == 1 => Ok(Some(values[0])),
-            Some((shape, _)) => Err(Error::input(
-                format!("{name} has shape {shape:?}, not a single number"),
-                format!("store {name} as a scalar"),
-            )),
-        }
-    }
-
-    fn vectors(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<DVec3>)>> {
-        let Some((shape, values)) = self.numbers(name)? else { return Ok(None) };
-        let vectors = triples(name, &shape, &values)?;
-        Ok(Some((shape, vectors)))
-    }
-}
-
-/// The numbers behind an enum's raw elements (truth values are an enum of one byte).
-fn enum_values(base: &DatatypeMessage, raw: &[u8]) -> Vec<f64> {
-    let DatatypeMessage::FixedPoint { size, byte_order, .. } = base else { return Vec::new() };
-    let value = |element: &[u8]| {
-        let digit = |n: u64, byte: &u8| (n << 8) | u64::from(*byte);
-        match byte_order {
-            ByteOrder::LittleEndian => element.iter().rev().fold(0, digit) as f64,
-            ByteOrder::BigEndian => element.iter().fold(0, digit) as f64,
-        }
-    };
-    raw.chunks_exact((*size as usize).clamp(1, 8)).map(value).collect()
+/// Vectors and the shape of their array.
+fn vectors(source: &Variables, name: &str) -> Result<Option<(Vec<usize>, Vec<DVec3>)>> {
+    let Some((shape, values)) = source.numbers(name)? else { return Ok(None) };
+    let vectors = triples(name, &shape, &values)?;
+    Ok(Some((shape, vectors)))
 }
 
 /// Writes a capture with the inner path only and unknown devices: an exhaustive one whose pairs stand laser

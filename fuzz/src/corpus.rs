@@ -1,0 +1,37 @@
+//! Writes the first inputs, the fixtures of the tests, into corpus/TARGET: `cargo run --bin corpus`.
+
+#[path = "../../tests/common/fixtures.rs"]
+mod fixtures;
+#[path = "../../tests/common/readers.rs"]
+mod readers;
+
+use std::path::Path;
+
+use thirdbounce::capture::{read_given, write};
+
+fn main() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    let scratch = std::env::temp_dir().join(format!("thirdbounce-corpus-{}", std::process::id()));
+    std::fs::create_dir_all(&scratch).expect("a folder to work in");
+    let put = |target: &str, from: &Path| {
+        let folder = corpus.join(target);
+        std::fs::create_dir_all(&folder).expect("the corpus folder");
+        let name = from.file_name().expect("a file");
+        std::fs::copy(from, folder.join(name)).expect("the input is written");
+    };
+    let targets = ["znlos", "netf", "stanford", "lct", "one_array", "ccsocr", "general", "phasor"];
+    for (name, file, opened, given) in readers::every_reader(&scratch) {
+        if let Some(target) = targets.iter().find(|t| name.starts_with(**t)) {
+            put(target, &file);
+        }
+        // The same capture as our own formats write it.
+        let capture = read_given(&opened, &given).expect("a whole fixture").capture;
+        for (target, ending) in [("npz", "npz"), ("ytal", "h5")] {
+            let path = scratch.join(format!("from_{name}.{ending}"));
+            write(&capture, &path).expect("it is written");
+            put(target, &path);
+        }
+    }
+    std::fs::remove_dir_all(&scratch).expect("the folder goes");
+    println!("wrote {}", corpus.display());
+}

@@ -1,0 +1,25 @@
+//! What all fuzz targets do: open bytes as a capture. Any error will do, a panic or a hang will not, and what opens
+//! must be sound.
+
+use thirdbounce::capture::{Given, read_given};
+
+/// Opens bytes as a file of that name. Each process has a folder of its own, so that several may run side by side;
+/// no other file is ever in it.
+pub fn open(bytes: &[u8], name: &str, given: &Given) {
+    let folder = std::env::temp_dir().join(format!("thirdbounce-fuzz-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder for the input");
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).expect("the input is written");
+    match read_given(&path, given) {
+        Ok(opened) => opened.capture.check().expect("a capture that was opened is sound"),
+        Err(error) => assert!(!error.what.is_empty() && !error.mend.is_empty()),
+    }
+}
+
+pub fn wall() -> Given {
+    Given { wall: Some(1.0), ..Given::default() }
+}
+
+pub fn wall_and_bins() -> Given {
+    Given { bin_width: Some(0.01), ..wall() }
+}

@@ -1,0 +1,173 @@
+//! Time zero of a confocal capture from one small target.
+//!
+//! A point p is met from the wall point w after the path t with (t/2)² − |w|² = |p|² − 2 w·p: linear in w, if time
+//! zero is right. With a shift it is not, as (t/2)² bends another way. The residual of the best straight fit, in metres
+//! of path, tells how well a shift fits; its least value is the estimate.
+//!
+//! How well it is known depends on the wall's width over the target's distance and on the counts: a 3 cm target half a
+//! metre before a 1 m wall of 16 x 16 points is found to a bin of 6 mm with 1,000 photons in the strongest bin; 200
+//! leave 1.1 bins.
+//!
+//! Only a small target will do: the light of a ball is that of a point its diameter later, and of a wide scene no one
+//! path per wall point is known.
+
+use glam::DVec3;
+
+use super::{Capture, PairKind};
+use crate::error::{Error, Result};
+
+/// Bins around a histogram's peak over which its middle is taken.
+const AROUND: usize = 6;
+/// The best fit may leave so many bins; more is no single small target.
+const MOST_LEFT: f64 = 1.0;
+
+/// Residuals over shifts, and the best shift.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// Metres of path to be added to every path (to `t_start`).
+    pub shift: f64,
+    /// Root mean square of what the best fit leaves, in metres of path.
+    pub residual: f64,
+    /// The target's place in metres.
+    pub target: DVec3,
+    /// (shift, residual) in metres, a bin apart.
+    pub curve: Vec<[f64; 2]>,
+    /// Histograms that were used.
+    pub used: usize,
+}
+
+/// Estimates the shift of time zero among those of up to `reach` bins in either direction.
+///
+/// # Errors
+/// `Kind::Options` if `reach` is 0; `Kind::Input` if the capture is not confocal, if too few histograms have a
+/// peak, if the best shift lies at the end of the range, or if no shift makes it the capture of one small target.
+pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
+    if reach == 0 {
+        return Err(Error::options("--reach 0 leaves no shift to try", "give a number of bins, usually 40"));
+    }
+    if capture.pair_kind() != PairKind::Confocal {
+        return Err(Error::input(
+            format!("the capture is no confocal scan: {}", capture.pair_kind()),
+            "calibrate with a confocal capture of one small target",
+        ));
+    }
+    let mut seen: Vec<Seen> = (capture.histograms.chunks_exact(capture.bins).zip(&capture.sensor))
+        .filter_map(|(h, w)| {
+            let (bin, counts) = middle(h)?;
+            Some(Seen { wall: *w, path: capture.t_start + bin * capture.bin_width, counts })
+        })
+        .collect();
+    let width = capture.bin_width;
+    let at = |seen: &[Seen], shift: f64| fit(seen, shift).map_or(f64::INFINITY, |f| f.residual);
+    let best = |seen: &[Seen]| {
+        let shifts = (0..=2 * reach).map(|k| (k as f64 - reach as f64) * width);
+        shifts.min_by(|a, b| at(seen, *a).total_cmp(&at(seen, *b))).unwrap_or(0.0)
+    };
+    // Again and again without the histograms whose peak is not the target's.
+    for _ in 0..6 {
+        let Some(found) = fit(&seen, best(&seen)) else { break };
+        let mut off: Vec<f64> = found.left.iter().map(|v| v.abs()).collect();
+        off.sort_unstable_by(f64::total_cmp);
+        let most = (3.0 * off[off.len() / 2]).max(width);
+        let mut left = found.left.into_iter();
+        seen.retain(|_| left.next().is_some_and(|v| v.abs() <= most));
+    }
+    if seen.len() < 12 || 2 * seen.len() < capture.pair_count() {
+        return Err(Error::input(
+            format!("only {} of {} histograms have the peak of one target", seen.len(), capture.pair_count()),
+            "calibrate with a capture of one small bright target, gated to its light (--gate)",
+        ));
+    }
+    let coarse = best(&seen);
+    let curve: Vec<[f64; 2]> = (0..=2 * reach)
+        .map(|k| (k as f64 - reach as f64) * width)
+        .map(|shift| [shift, at(&seen, shift)])
+        .collect();
+    if (coarse.abs() / width - reach as f64).abs() < 0.5 {
+        return Err(Error::input(
+            format!("the residual falls up to the end of the range, {reach} bins"),
+            "give a larger --reach, or a capture of one small target",
+        ));
+    }
+    // Golden section between the neighbours.
+    let (mut low, mut high) = (coarse - width, coarse + width);
+    for _ in 0..40 {
+        let third = 0.381_966 * (high - low);
+        if at(&seen, low + third) < at(&seen, high - third) { high -= third } else { low += third }
+    }
+    let shift = 0.5 * (low + high);
+    let unfit = || {
+        Error::input(
+            "no point explains the peaks at any shift",
+            "calibrate with a capture of one small bright target",
+        )
+    };
+    let found = fit(&seen, shift).ok_or_else(unfit)?;
+    if found.residual > MOST_LEFT * width {
+        return Err(Error::input(
+            format!(
+                "at the best shift the peaks are {:.2} bins off those of a point",
+                found.residual / width
+            ),
+            "calibrate with a capture of one small bright target, gated to its light (--gate)",
+        ));
+    }
+    Ok(Calibration { shift, residual: found.residual, target: found.target, curve, used: seen.len() })
+}
+
+/// The middle of a histogram's peak in bins, above its median, and its counts.
+fn middle(histogram: &[f32]) -> Option<(f64, f64)> {
+    let mut sorted = histogram.to_vec();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let dark = sorted[sorted.len() / 2];
+    let peak = (0..histogram.len()).max_by(|a, b| histogram[*a].total_cmp(&histogram[*b]).then(b.cmp(a)))?;
+    let bins = peak.saturating_sub(AROUND)..(peak + AROUND + 1).min(histogram.len());
+    let above = |b: usize| f64::from((histogram[b] - dark).max(0.0));
+    let sum: f64 = bins.clone().map(above).sum();
+    (sum > 0.0).then(|| (bins.map(|b| above(b) * (b as f64 + 0.5)).sum::<f64>() / sum, sum))
+}
+
+/// A wall point, the path of its peak, and the counts of the peak: the more, the better the path is known.
+struct Seen {
+    wall: DVec3,
+    path: f64,
+    counts: f64,
+}
+
+struct Fit {
+    residual: f64,
+    /// What is left of each path.
+    left: Vec<f64>,
+    target: DVec3,
+}
+
+/// The best point for paths that are shifted, over a wall taken as flat: unknown are |p|², p.x and p.y.
+fn fit(seen: &[Seen], shift: f64) -> Option<Fit> {
+    let centre = seen.iter().map(|s| s.wall).sum::<DVec3>() / seen.len().max(1) as f64;
+    let half = |t: f64| 0.5 * (t + shift);
+    let (mut normal, mut right) = (glam::DMat3::ZERO, DVec3::ZERO);
+    // An error of the path is d times one of its squared half, and its variance falls with the counts.
+    let row = |w: DVec3| DVec3::new(1.0, w.x - centre.x, w.y - centre.y);
+    let value = |w: DVec3, d: f64| d * d - (w - centre).length_squared();
+    for s in seen {
+        let (w, d) = (s.wall, half(s.path));
+        if d <= 0.0 {
+            return None;
+        }
+        let (a, weight) = (row(w), s.counts / (d * d));
+        normal += glam::DMat3::from_cols(a * a.x, a * a.y, a * a.z) * weight;
+        right += a * (value(w, d) * weight);
+    }
+    if normal.determinant().is_nan() || normal.determinant() <= 0.0 {
+        return None;
+    }
+    let found = normal.inverse() * right;
+    let off = |s: &Seen| (value(s.wall, half(s.path)) - row(s.wall).dot(found)) / half(s.path);
+    let left: Vec<f64> = seen.iter().map(off).collect();
+    let (sum, counts) =
+        left.iter().zip(seen).fold((0.0, 0.0), |(a, n), (v, s)| (a + s.counts * v * v, n + s.counts));
+    let residual = (sum / counts).sqrt();
+    let aside = DVec3::new(-0.5 * found.y, -0.5 * found.z, 0.0);
+    let depth = (found.x - aside.length_squared()).max(0.0).sqrt();
+    Some(Fit { residual, left, target: centre + aside + DVec3::Z * depth })
+}

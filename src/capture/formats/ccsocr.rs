@@ -1,0 +1,92 @@
+//! Captures of CC-SOCR (Liu, Wang, Li and others 2021/2023), three MATLAB v5 files: `C_i` and `C_d` (P, 3), the
+//! laser and sensor points as whole numbers (depth, horizontal, vertical), and `sub_Sig` (P, T), the counts of
+//! each pair in bins of 32 ps. The length of one step is not in the files.
+
+use glam::DVec3;
+
+use super::frame;
+use super::given::Given;
+use super::set::Set;
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+
+const PICOSECONDS: f64 = 32.0;
+
+/// Reads a capture without checking its values; see [`super::read`].
+///
+/// # Errors
+/// `Kind::Options` without a wall size, `Kind::Input` for missing arrays or shapes that do not agree.
+pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+    set.add_beside(&["C_i", "C_d", "sub_Sig"].map(|name| format!("{name}.mat")))?;
+    let points = |name: &str| -> Result<Vec<DVec3>> {
+        let file = set.holding(name)?.ok_or_else(|| missing(name))?;
+        let (shape, values) = file.numbers(name)?.ok_or_else(|| file.missing(name))?;
+        let [3, pairs] = shape[..] else {
+            return Err(Error::input(
+                format!("{name} has shape {shape:?} (MATLAB's reversed), not three coordinates of each pair"),
+                format!("{name} is (P, 3): depth, horizontal, vertical"),
+            ));
+        };
+        Ok((0..pairs).map(|p| DVec3::new(values[pairs + p], values[2 * pairs + p], values[p])).collect())
+    };
+    let (mut laser, mut sensor) = (points("C_i")?, points("C_d")?);
+    let file = set.holding("sub_Sig")?.ok_or_else(|| missing("sub_Sig"))?;
+    let counts = file.counts("sub_Sig")?;
+    let (pairs, integer_counts) = (laser.len(), counts.whole());
+    let [bins, rows] = counts.shape[..] else {
+        return Err(Error::input(
+            format!("sub_Sig has {} axes", counts.shape.len()),
+            "sub_Sig is (P, T): bins of each pair",
+        ));
+    };
+    if rows != pairs || sensor.len() != pairs {
+        return Err(Error::input(
+            format!("C_i holds {pairs} points, C_d {} and sub_Sig {rows} histograms", sensor.len()),
+            "all three hold one row per pair: give the files of one capture",
+        ));
+    }
+    let (low, high) = laser
+        .iter()
+        .chain(&sensor)
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+    let steps = (high - low).x.max((high - low).y);
+    if !(steps.is_finite() && steps > 0.0) {
+        return Err(Error::input(
+            "all points of C_i and C_d are one",
+            "check that the files hold the coordinates of a scan",
+        ));
+    }
+    let step = given.wall("a CC-SOCR capture")? / steps;
+    let middle = DVec3::new(0.5 * (low.x + high.x), 0.5 * (low.y + high.y), 0.0);
+    for p in laser.iter_mut().chain(&mut sensor) {
+        *p = (*p - middle) * step;
+    }
+    let bin_width = given.bin_width("a CC-SOCR capture", Some(PICOSECONDS), notes)?;
+    // The rows of a lattice, if these are the rows of one, one after the other.
+    let row = laser.windows(2).position(|w| w[0].x != w[1].x).map_or(pairs, |p| p + 1);
+    let lattice = laser == sensor
+        && pairs % row == 0
+        && laser.chunks(row).all(|r| r.iter().zip(&laser).all(|(p, first)| p.y == first.y && p.x == r[0].x));
+    let scan = if lattice { [pairs / row, row] } else { [pairs, 1] };
+    let capture = Capture {
+        name: String::new(),
+        scan,
+        laser,
+        sensor,
+        laser_normal: None,
+        sensor_normal: None,
+        bins,
+        bin_width,
+        t_start: 0.0,
+        histograms: super::array::transpose(&counts.values, bins, pairs),
+        integer_counts,
+    };
+    Ok(if lattice { frame::in_order(capture) } else { capture })
+}
+
+fn missing(name: &str) -> Error {
+    Error::input(
+        format!("there is no file with {name}"),
+        "a CC-SOCR capture is a folder with C_i.mat, C_d.mat and sub_Sig.mat: give that folder",
+    )
+}

@@ -1,0 +1,150 @@
+//! From the frame of a file into ours: regular scans of a flat wall, the order of the pairs, walls that face
+//! another way than +z.
+
+use glam::{DMat3, DVec3};
+
+use super::variables::Counts;
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+
+/// The largest distance of a vector from (0, 0, 1) that is put down to rounding.
+const STRAIGHT: f64 = 1e-3;
+
+/// The points of a scan that lies regularly on the wall at z = 0, centred, `[ix * ny + iy]`, the outermost
+/// `wall` metres apart along the longer side.
+pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
+    let spacing = wall / (nx.max(ny).max(2) - 1) as f64;
+    let at = |i: usize, n: usize| (i as f64 - 0.5 * (n as f64 - 1.0)) * spacing;
+    (0..nx).flat_map(|ix| (0..ny).map(move |iy| DVec3::new(at(ix, nx), at(iy, ny), 0.0))).collect()
+}
+
+/// A confocal scan of a flat wall from counts [T, X, rows from the top], as pictures in MATLAB, (row, column, t),
+/// come out of its files.
+///
+/// # Errors
+/// `Kind::Input` if the counts have another number of axes than three.
+pub fn pictures(name: &str, counts: Counts, wall: f64, bin_width: f64) -> Result<Capture> {
+    let [bins, nx, ny] = counts.shape[..] else {
+        return Err(Error::input(
+            format!("{name} has {} axes, not three (rows, columns, bins)", counts.shape.len()),
+            format!("store {name} in MATLAB as (y, x, t)"),
+        ));
+    };
+    let pairs = nx * ny;
+    let mut histograms = vec![0.0; counts.values.len()];
+    for (bin, picture) in counts.values.chunks_exact(pairs).enumerate() {
+        for (at, value) in picture.iter().enumerate() {
+            let (ix, row) = (at / ny, at % ny);
+            histograms[(ix * ny + ny - 1 - row) * bins + bin] = *value;
+        }
+    }
+    let points = lattice([nx, ny], wall);
+    Ok(Capture {
+        name: String::new(),
+        scan: [nx, ny],
+        laser: points.clone(),
+        sensor: points,
+        laser_normal: None,
+        sensor_normal: None,
+        bins,
+        bin_width,
+        t_start: 0.0,
+        integer_counts: counts.whole(),
+        histograms,
+    })
+}
+
+/// The capture with its pairs in the order of ours, ix along +x and iy along +y, where the scan is a lattice in
+/// another order.
+pub fn in_order(capture: Capture) -> Capture {
+    let [a, b] = capture.scan;
+    let points = capture.scanned_points();
+    if a < 2 || b < 2 || points.len() != a * b {
+        return capture;
+    }
+    let (along_a, along_b) = (points[b] - points[0], points[1] - points[0]);
+    let swapped = along_a.x.abs() + along_b.y.abs() < along_a.y.abs() + along_b.x.abs();
+    let (x_step, y_step) = if swapped { (along_b, along_a) } else { (along_a, along_b) };
+    let [nx, ny] = if swapped { [b, a] } else { [a, b] };
+    let from = |ix: usize, iy: usize| {
+        let ix = if x_step.x < 0.0 { nx - 1 - ix } else { ix };
+        let iy = if y_step.y < 0.0 { ny - 1 - iy } else { iy };
+        if swapped { iy * b + ix } else { ix * b + iy }
+    };
+    let order: Vec<usize> =
+        (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))).map(|(x, y)| from(x, y)).collect();
+    if order.iter().enumerate().all(|(to, from)| to == *from) {
+        return capture;
+    }
+    let pick = |values: &[DVec3]| order.iter().map(|&p| values[p]).collect::<Vec<_>>();
+    let bins = capture.bins;
+    Capture {
+        scan: [nx, ny],
+        laser: pick(&capture.laser),
+        sensor: pick(&capture.sensor),
+        laser_normal: capture.laser_normal.as_deref().map(pick),
+        sensor_normal: capture.sensor_normal.as_deref().map(pick),
+        histograms: order
+            .iter()
+            .flat_map(|&p| &capture.histograms[p * bins..(p + 1) * bins])
+            .copied()
+            .collect(),
+        ..capture
+    }
+}
+
+/// Turns and shifts the capture so that its wall lies near z = 0 and faces +z; `towards` is a point of the hidden
+/// scene, if the file tells one. A wall that does already is left alone to the last bit.
+///
+/// # Errors
+/// `Kind::Input` if the wall's points lie on a line and no normal tells where it faces.
+pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<String>) -> Result<Capture> {
+    let all = || capture.laser.iter().chain(&capture.sensor).filter(|p| p.is_finite());
+    let count = all().count().max(1) as f64;
+    let centre = all().sum::<DVec3>() / count;
+    let known: DVec3 = capture.laser_normal.iter().chain(&capture.sensor_normal).flatten().sum();
+    let mut facing = match known.try_normalize() {
+        Some(normal) => normal,
+        None => match thinnest(all().map(|p| *p - centre)) {
+            Some(normal) => normal,
+            None => return Ok(capture),
+        },
+    };
+    let side = towards.map_or(0.0, |p| (p - centre).dot(facing));
+    if side < 0.0 || (side == 0.0 && known == DVec3::ZERO && facing.z < 0.0) {
+        facing = -facing;
+        if known != DVec3::ZERO {
+            notes.push("the wall's normals point away from the hidden scene: they are turned round".into());
+            for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {
+                *n = -*n;
+            }
+        }
+    }
+    if facing.distance(DVec3::Z) < STRAIGHT && centre.z.abs() < STRAIGHT {
+        return Ok(capture);
+    }
+    // y stays up as far as it can; for a wall that is a floor or a ceiling z becomes up.
+    let up = if facing.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
+    let across = up.cross(facing).normalize();
+    let turn = DMat3::from_cols(across, facing.cross(across), facing).transpose();
+    let shift = DVec3::Z * (turn * centre).z;
+    for p in capture.laser.iter_mut().chain(&mut capture.sensor) {
+        *p = turn * *p - shift;
+    }
+    for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {
+        *n = turn * *n;
+    }
+    notes.push(format!(
+        "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is turned to face +z, and lies at z = 0",
+        facing.x, facing.y, facing.z
+    ));
+    Ok(capture)
+}
+
+/// The coordinate axis along which the points spread least, none if they spread along no two.
+fn thinnest(points: impl Iterator<Item = DVec3>) -> Option<DVec3> {
+    let spread = points.fold(DVec3::ZERO, |s, p| s.max(p.abs()));
+    let mut axes = [(spread.x, DVec3::X), (spread.y, DVec3::Y), (spread.z, DVec3::Z)];
+    axes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    (axes[1].0 > 0.0 && axes[0].0 < 0.5 * axes[1].0).then_some(axes[0].1)
+}

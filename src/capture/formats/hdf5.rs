@@ -1,0 +1,193 @@
+//! Arrays of an HDF5 file, by name; MATLAB v7.3 files are HDF5 behind a user block.
+//!
+//! A dataset in a group goes by `group/name`. Shapes are those of the file, in C order: MATLAB's dimensions
+//! come out reversed.
+
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
+
+use super::variables::Counts;
+use crate::error::{Error, Result};
+
+/// No filter of HDF5 in use shrinks data more than this.
+const MOST_DEFLATED: u64 = 1100;
+/// Numbers that are not counts (points, normals, settings) never come near this many.
+const MOST_NUMBERS: usize = 1 << 28;
+
+/// An open file and how many bytes it has, to judge the sizes that its datasets claim.
+pub struct Hdf5 {
+    file: H5File,
+    bytes: u64,
+}
+
+fn damaged(e: impl std::fmt::Display) -> Error {
+    Error::input(
+        format!("the HDF5 file cannot be read: {e}"),
+        "the file is damaged or cut short: fetch it anew",
+    )
+}
+
+thread_local! {
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is reading a file whose damage may make the HDF5 reader panic: such a panic becomes an error
+/// and is none to tell the user of.
+pub fn is_guarded() -> bool {
+    GUARDED.get()
+}
+
+/// Damaged files make the HDF5 reader panic at times; that is a damaged file, not our end.
+fn guarded<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
+    let before = GUARDED.replace(true);
+    let done = catch_unwind(AssertUnwindSafe(read));
+    GUARDED.set(before);
+    done.unwrap_or_else(|_| Err(damaged("its inner structure makes no sense")))
+}
+
+impl Hdf5 {
+    /// Opens a file for reading.
+    ///
+    /// # Errors
+    /// `Kind::Input` for a damaged file.
+    pub fn open(path: &Path) -> Result<Hdf5> {
+        let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
+        let file = guarded(|| H5File::options().no_locking().open(path).map_err(damaged))?;
+        Ok(Hdf5 { file, bytes })
+    }
+
+    /// Names of the datasets, sorted.
+    pub fn names(&self) -> Vec<String> {
+        let mut names = self.file.dataset_names();
+        names.sort();
+        names
+    }
+
+    /// The shape of a dataset, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged or claims an absurd size.
+    pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+        guarded(|| Ok(self.dataset(name)?.map(|d| d.shape())))
+    }
+
+    /// The dataset, `None` if it is missing or has an empty dataspace.
+    fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
+        let dataset = match self.file.dataset(name) {
+            Ok(dataset) => dataset,
+            Err(Hdf5Error::NotFound(_)) => return Ok(None),
+            Err(e) => return Err(damaged(e).at(format!("dataset {name}"))),
+        };
+        if dataset.is_null() || dataset.shape().contains(&0) {
+            return Ok(None);
+        }
+        let elsewhere = dataset.external_files().is_ok_and(|files| !files.is_empty())
+            || dataset.virtual_mappings().is_ok_and(|maps| !maps.is_empty());
+        if elsewhere {
+            return Err(Error::input(
+                format!("dataset {name} keeps its values in other files"),
+                "rewrite the file with the values inside (h5repack does it)",
+            ));
+        }
+        // The HDF5 reader takes memory for the sizes that a file claims, and a failed allocation ends the
+        // program: look at them first, those of chunks too.
+        let claim = |shape: &[usize]| {
+            let bytes = shape.iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
+            bytes.is_some_and(|size| size / MOST_DEFLATED <= self.bytes)
+        };
+        if !claim(&dataset.shape()) || dataset.chunk_dims().is_some_and(|chunk| !claim(&chunk)) {
+            return Err(Error::input(
+                format!(
+                    "dataset {name} claims shape {:?}, chunks {:?}, in a file of {} bytes",
+                    dataset.shape(),
+                    dataset.chunk_dims(),
+                    self.bytes
+                ),
+                "the file is damaged or malicious: fetch or write it anew",
+            ));
+        }
+        Ok(Some(dataset))
+    }
+
+    /// A dataset as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged, no numbers, or claims an absurd size.
+    pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
+        guarded(|| {
+            let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
+            let values: Vec<f32> = match (dataset.datatype().map_err(wrong)?, dataset.element_size()) {
+                (DatatypeMessage::FloatingPoint { .. }, 8) => {
+                    dataset.read_numeric_as::<f64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
+                }
+                (DatatypeMessage::FloatingPoint { .. }, _) => {
+                    dataset.read_numeric_as::<f32>().map_err(wrong)?
+                }
+                (DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. }, _) => {
+                    dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
+                }
+                (other, _) => return Err(no_number(name, &other)),
+            };
+            let float = matches!(dataset.datatype().map_err(wrong)?, DatatypeMessage::FloatingPoint { .. });
+            let shape = dataset.shape();
+            if shape.iter().product::<usize>() != values.len() {
+                return Err(damaged(format!("{name} holds {} values for shape {shape:?}", values.len())));
+            }
+            Ok(Some(Counts { shape, values, integer: !float }))
+        })
+    }
+
+    /// All numbers of a small dataset in float64, C order; truth values and enums as their number. `None` if it
+    /// is missing or empty.
+    ///
+    /// # Errors
+    /// As [`Hdf5::counts`].
+    pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
+        guarded(|| {
+            let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            let shape = dataset.shape();
+            if shape.iter().product::<usize>() > MOST_NUMBERS {
+                return Err(Error::input(
+                    format!("dataset {name} has shape {shape:?}, too large for points or settings"),
+                    "check that the right file was given",
+                ));
+            }
+            let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
+            let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
+                DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,
+                DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
+                    dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f64).collect()
+                }
+                DatatypeMessage::Enum { base, .. } => {
+                    enum_values(&base, &dataset.read_raw_bytes().map_err(wrong)?)
+                }
+                other => return Err(no_number(name, &other)),
+            };
+            Ok((!values.is_empty()).then_some((shape, values)))
+        })
+    }
+}
+
+fn no_number(name: &str, found: &DatatypeMessage) -> Error {
+    Error::input(
+        format!("dataset {name} is of type {found}, not a number"),
+        format!("store {name} as plain numbers"),
+    )
+}
+
+/// The numbers behind an enum's raw elements (truth values are an enum of one byte).
+fn enum_values(base: &DatatypeMessage, raw: &[u8]) -> Vec<f64> {
+    let DatatypeMessage::FixedPoint { size, byte_order, .. } = base else { return Vec::new() };
+    let value = |element: &[u8]| {
+        let digit = |n: u64, byte: &u8| (n << 8) | u64::from(*byte);
+        match byte_order {
+            ByteOrder::LittleEndian => element.iter().rev().fold(0, digit) as f64,
+            ByteOrder::BigEndian => element.iter().fold(0, digit) as f64,
+        }
+    };
+    raw.chunks_exact((*size as usize).clamp(1, 8)).map(value).collect()
+}

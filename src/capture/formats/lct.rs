@@ -1,0 +1,33 @@
+//! Captures of the light-cone transform (O'Toole, Lindell, Wetzstein 2018), MATLAB v5 or v7.3.
+//!
+//! `rect_data` (y, x, t) counts, rows from the top; `width` is **half** the wall in metres, that is the distance
+//! of the outermost points from the middle. Bins of 4 ps are not in the file. The direct light is: their code
+//! zeroes the first 600 bins, here the automatic gate leaves it out.
+
+use super::frame;
+use super::given::Given;
+use super::variables::Variables;
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+
+const PICOSECONDS: f64 = 4.0;
+
+/// Reads a capture without checking its values; see [`super::read`].
+///
+/// # Errors
+/// `Kind::Input` for missing arrays or shapes that do not fit.
+pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+    let half = file.number("width")?.ok_or_else(|| file.missing("width"))?;
+    if !(half.is_finite() && half > 0.0) {
+        return Err(Error::input(
+            format!("width is {half}"),
+            "width is half the wall in metres, the distance of the outermost scan points from the middle",
+        ));
+    }
+    notes.push(format!(
+        "width is half the wall, as in its publication: the outermost points are {} m apart",
+        2.0 * half
+    ));
+    let bin_width = given.bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
+    frame::pictures("rect_data", file.counts("rect_data")?, 2.0 * half, bin_width)
+}

@@ -1,0 +1,376 @@
+//! Arrays of a MATLAB v5 file (what `save` writes without `-v7.3`), plain or compressed, of either byte order.
+//!
+//! Numeric and logical arrays are read, fields of a struct as `struct/field`; text, cells, sparse matrices and
+//! objects are passed over. Source of the format: "MAT-File Format", MathWorks. Every size is held against the
+//! bytes that are there before any memory is taken.
+
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+
+use flate2::read::ZlibDecoder;
+
+use super::variables::Counts;
+use crate::error::{Error, Result};
+
+/// Deflate never shrinks data more than 1032 times; a larger claim is a lie.
+const MOST_DEFLATED: usize = 1100;
+/// An array's flags, dimensions and name stand within so many bytes.
+const PREFIX: usize = 4096;
+/// Arrays of a file, fields of a struct, and structs within structs: more is no capture.
+const MOST_ARRAYS: usize = 4096;
+const DEEPEST: usize = 4;
+/// Numbers that are not counts (points, settings) never come near this many.
+const MOST_NUMBERS: usize = 1 << 28;
+
+const MATRIX: u32 = 14;
+const COMPRESSED: u32 = 15;
+const STRUCT: u8 = 2;
+
+/// A file that was read, and where its arrays stand in it.
+pub struct Matlab5 {
+    /// The file, then what was inflated of it.
+    blocks: Vec<Vec<u8>>,
+    big_endian: bool,
+    arrays: Vec<Found>,
+}
+
+/// Where an array stands.
+#[derive(Debug, Clone)]
+struct Found {
+    name: String,
+    class: u8,
+    complex: bool,
+    /// In C order: MATLAB's dimensions reversed.
+    shape: Vec<usize>,
+    block: usize,
+    /// The matrix element's content, or the deflated element.
+    at: Range<usize>,
+    deflated: bool,
+}
+
+/// A tag, the content behind it, and where the next element begins.
+struct Element {
+    kind: u32,
+    content: Range<usize>,
+    next: usize,
+}
+
+fn damaged(what: impl std::fmt::Display) -> Error {
+    Error::input(
+        format!("the MATLAB file cannot be read: {what}"),
+        "the file is damaged or cut short: fetch it anew",
+    )
+}
+
+impl Matlab5 {
+    /// Reads a file and lists its arrays; values are decoded when asked for.
+    ///
+    /// # Errors
+    /// `Kind::Input` for a damaged file, without the path (see [`Error::at`]).
+    pub fn open(path: &Path) -> Result<Matlab5> {
+        let bytes = std::fs::read(path)
+            .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path and the disk"))?;
+        Matlab5::parse(bytes)
+    }
+
+    /// Lists the arrays of a file's bytes.
+    ///
+    /// # Errors
+    /// `Kind::Input` for damaged bytes.
+    pub fn parse(bytes: Vec<u8>) -> Result<Matlab5> {
+        let big_endian = match bytes.get(124..128) {
+            Some([0, 1, b'I', b'M']) => false,
+            Some([1, 0, b'M', b'I']) => true,
+            Some(_) => return Err(damaged("its header names no version 5")),
+            None => return Err(damaged("it ends within its header")),
+        };
+        let end = bytes.len();
+        let mut file = Matlab5 { blocks: vec![bytes], big_endian, arrays: vec![] };
+        let mut at = 128;
+        while at < end {
+            let element = file.element(0, at..end)?;
+            at = element.next;
+            match element.kind {
+                MATRIX => file.list(0, element.content, "", 0)?,
+                COMPRESSED => file.list_deflated(element.content)?,
+                _ => {}
+            }
+        }
+        file.arrays.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(file)
+    }
+
+    /// Names of the arrays, sorted.
+    pub fn names(&self) -> Vec<String> {
+        self.arrays.iter().filter(|a| a.class != STRUCT).map(|a| a.name.clone()).collect()
+    }
+
+    /// The shape of an array in C order, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// None as yet: shapes are known since the file was opened.
+    pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+        Ok(self.find(name).map(|a| a.shape.clone()))
+    }
+
+    /// An array as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged, complex or no numbers.
+    pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
+        let Some(found) = self.find(name) else { return Ok(None) };
+        let values = self.decode(found, |v| v as f32).map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some(Counts { shape: found.shape.clone(), values, integer: (8..=15).contains(&found.class) }))
+    }
+
+    /// An array in float64 and C order, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// As [`Matlab5::counts`], or if it is too large for points or settings.
+    pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
+        let Some(found) = self.find(name) else { return Ok(None) };
+        if found.shape.iter().product::<usize>() > MOST_NUMBERS {
+            return Err(Error::input(
+                format!("array {name} has shape {:?}, too large for points or settings", found.shape),
+                "check that the right file was given",
+            ));
+        }
+        let values = self.decode(found, |v| v).map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some((found.shape.clone(), values)))
+    }
+
+    fn find(&self, name: &str) -> Option<&Found> {
+        self.arrays.iter().find(|a| a.name == name && a.class != STRUCT && !a.shape.contains(&0))
+    }
+
+    fn word(&self, block: usize, at: usize) -> Option<u32> {
+        let bytes: [u8; 4] = self.blocks[block].get(at..at.checked_add(4)?)?.try_into().ok()?;
+        Some(if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+    }
+
+    /// The element that begins at the start of `within`, its content wholly inside.
+    fn element(&self, block: usize, within: Range<usize>) -> Result<Element> {
+        self.tag(block, within.clone())
+            .filter(|e| e.content.end <= within.end)
+            .ok_or_else(|| damaged(format!("the element at byte {} goes beyond the end", within.start)))
+    }
+
+    /// The element that begins at the start of `within`; its content may go beyond.
+    fn tag(&self, block: usize, within: Range<usize>) -> Option<Element> {
+        let at = within.start;
+        let first = self.word(block, at)?;
+        if first >> 16 != 0 {
+            // Up to four bytes stand within the tag itself.
+            let size = (first >> 16) as usize;
+            let content = at + 4..at + 4 + size;
+            return (size <= 4).then_some(Element { kind: first & 0xffff, content, next: at + 8 });
+        }
+        let size = self.word(block, at.checked_add(4)?)? as usize;
+        let content = at + 8..(at + 8).checked_add(size)?;
+        // Compressed elements are not padded.
+        let next = if first == COMPRESSED { content.end } else { content.end.checked_next_multiple_of(8)? };
+        Some(Element { kind: first, content, next })
+    }
+
+    /// Flags, dimensions and name of a matrix element's content, and where its values begin. Only these need be
+    /// within `known`.
+    fn header(&self, block: usize, known: Range<usize>) -> Result<(Found, usize)> {
+        let flags = self.element(block, known.clone())?;
+        let dims = self.element(block, flags.next..known.end)?;
+        let name = self.element(block, dims.next..known.end)?;
+        let word = self.word(block, flags.content.start).unwrap_or(0);
+        if flags.content.len() < 8 || dims.content.len() % 4 != 0 || dims.content.len() > 32 * 4 {
+            return Err(damaged(format!("the array at byte {} has no proper header", known.start)));
+        }
+        let mut shape = Vec::new();
+        for at in dims.content.clone().step_by(4) {
+            let size = self.word(block, at).and_then(|d| i32::try_from(d).ok());
+            let size = size.ok_or_else(|| damaged("an array has a dimension below zero"))?;
+            shape.push(size as usize);
+        }
+        shape.reverse();
+        let text = self.blocks[block].get(name.content).unwrap_or_default();
+        let found = Found {
+            name: String::from_utf8_lossy(text).into_owned(),
+            class: word as u8,
+            complex: word & 0x800 != 0,
+            shape,
+            block,
+            at: known,
+            deflated: false,
+        };
+        Ok((found, name.next))
+    }
+
+    /// Lists a matrix element, and the fields of a struct.
+    fn list(&mut self, block: usize, content: Range<usize>, path: &str, depth: usize) -> Result<()> {
+        if content.is_empty() {
+            return Ok(());
+        }
+        let (mut found, values) = self.header(block, content.clone())?;
+        if !path.is_empty() {
+            found.name = path.to_string();
+        }
+        let (class, one) = (found.class, found.shape.iter().all(|&d| d == 1));
+        let name = found.name.clone();
+        self.keep(found)?;
+        if class == STRUCT && one && depth < DEEPEST {
+            self.list_fields(block, values..content.end, &name, depth)?;
+        }
+        Ok(())
+    }
+
+    fn list_fields(&mut self, block: usize, within: Range<usize>, path: &str, depth: usize) -> Result<()> {
+        let length = self.element(block, within.clone())?;
+        let size = self.word(block, length.content.start).unwrap_or(0) as usize;
+        let names = self.element(block, length.next..within.end)?;
+        if size == 0 || size > 256 || names.content.len() / size > MOST_ARRAYS {
+            return Err(damaged(format!("the struct {path} has no proper field names")));
+        }
+        let text = self.blocks[block][names.content.clone()].to_vec();
+        let mut at = names.next;
+        for name in text.chunks_exact(size) {
+            let name = name.split(|b| *b == 0).next().unwrap_or_default();
+            let field = self.element(block, at..within.end)?;
+            if field.kind != MATRIX {
+                return Err(damaged(format!("a field of the struct {path} is no array")));
+            }
+            at = field.next;
+            let path = format!("{path}/{}", String::from_utf8_lossy(name));
+            self.list(block, field.content, &path, depth + 1)?;
+        }
+        Ok(())
+    }
+
+    /// Lists a compressed matrix element by its first bytes; a struct is inflated, anything else when asked for.
+    fn list_deflated(&mut self, at: Range<usize>) -> Result<()> {
+        let mut start = Vec::new();
+        let inflated =
+            ZlibDecoder::new(&self.blocks[0][at.clone()]).take(PREFIX as u64).read_to_end(&mut start);
+        let length = start.len();
+        self.blocks.push(start);
+        let block = self.blocks.len() - 1;
+        let listed = (|| {
+            let tag = self.tag(block, 0..length).ok_or_else(|| damaged("a compressed array is empty"))?;
+            if tag.kind != MATRIX {
+                return Ok(None);
+            }
+            let (found, _) = self.header(block, 8..tag.content.end.min(length))?;
+            Ok(Some(Found { block: 0, at: at.clone(), deflated: true, ..found }))
+        })();
+        self.blocks.pop();
+        // What could be inflated tells most; a cut is found where the values are wanted.
+        match (listed, inflated) {
+            (Ok(None), _) => Ok(()),
+            (Ok(Some(found)), _) if found.class == STRUCT => {
+                let whole = self.inflate(&at)?;
+                self.blocks.push(whole);
+                let block = self.blocks.len() - 1;
+                let content = self.element(block, 0..self.blocks[block].len())?.content;
+                self.list(block, content, "", 0)
+            }
+            (Ok(Some(found)), _) => self.keep(found),
+            (Err(_), Err(e)) => Err(damaged(e)),
+            (Err(e), Ok(_)) => Err(e),
+        }
+    }
+
+    fn keep(&mut self, found: Found) -> Result<()> {
+        if self.arrays.len() >= MOST_ARRAYS {
+            return Err(damaged(format!("it holds more than {MOST_ARRAYS} arrays")));
+        }
+        self.arrays.push(found);
+        Ok(())
+    }
+
+    /// A compressed element, whole.
+    fn inflate(&self, at: &Range<usize>) -> Result<Vec<u8>> {
+        let mut decoder = ZlibDecoder::new(&self.blocks[0][at.clone()]);
+        let mut tag = [0u8; 8];
+        decoder.read_exact(&mut tag).map_err(damaged)?;
+        let size: [u8; 4] = [tag[4], tag[5], tag[6], tag[7]];
+        let size = if self.big_endian { u32::from_be_bytes(size) } else { u32::from_le_bytes(size) } as usize;
+        if size / MOST_DEFLATED > at.len() {
+            return Err(Error::input(
+                format!("a compressed array claims {size} bytes in {} compressed ones", at.len()),
+                "the file is damaged or malicious: fetch or write it anew",
+            ));
+        }
+        let mut whole = tag.to_vec();
+        whole.try_reserve_exact(size).map_err(|_| {
+            Error::memory(format!("an array needs {size} bytes"), "close other programs or crop the capture")
+        })?;
+        decoder.take(size as u64).read_to_end(&mut whole).map_err(damaged)?;
+        if whole.len() < 8 + size {
+            return Err(damaged(format!(
+                "a compressed array ends after {} of {size} bytes",
+                whole.len() - 8
+            )));
+        }
+        Ok(whole)
+    }
+
+    /// The values of an array, in the order of the file.
+    fn decode<T>(&self, found: &Found, to: impl Fn(f64) -> T) -> Result<Vec<T>> {
+        let count = found.shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d));
+        let count = count.ok_or_else(|| damaged("its dimensions do not fit any memory"))?;
+        if !(6..=15).contains(&found.class) || found.complex {
+            let class = match found.class {
+                1 => "a cell array",
+                3 => "an object",
+                4 => "text",
+                5 => "a sparse matrix",
+                _ if found.complex => "complex",
+                _ => "of an unknown class",
+            };
+            return Err(Error::input(format!("is {class}, not plain numbers"), "store it as a plain array"));
+        }
+        if !found.deflated {
+            return self.values(found.block, found.at.clone(), count, to);
+        }
+        // As a file of its own.
+        let inner =
+            Matlab5 { blocks: vec![self.inflate(&found.at)?], big_endian: self.big_endian, arrays: vec![] };
+        let content = inner.element(0, 0..inner.blocks[0].len())?.content;
+        inner.values(0, content, count, to)
+    }
+
+    fn values<T>(
+        &self,
+        block: usize,
+        content: Range<usize>,
+        count: usize,
+        to: impl Fn(f64) -> T,
+    ) -> Result<Vec<T>> {
+        let (_, at) = self.header(block, content.clone())?;
+        let element = self.element(block, at..content.end)?;
+        let bytes = &self.blocks[block][element.content.clone()];
+        macro_rules! decode {
+            ($type:ty) => {{
+                let (values, rest) = bytes.as_chunks::<{ size_of::<$type>() }>();
+                if values.len() != count || !rest.is_empty() {
+                    return Err(damaged(format!("{} bytes hold no {count} values", bytes.len())));
+                }
+                let big = self.big_endian;
+                let value = |b: &[u8; size_of::<$type>()]| {
+                    to(if big { <$type>::from_be_bytes(*b) } else { <$type>::from_le_bytes(*b) } as f64)
+                };
+                Ok(values.iter().map(value).collect())
+            }};
+        }
+        match element.kind {
+            1 => decode!(i8),
+            2 => decode!(u8),
+            3 => decode!(i16),
+            4 => decode!(u16),
+            5 => decode!(i32),
+            6 => decode!(u32),
+            7 => decode!(f32),
+            9 => decode!(f64),
+            12 => decode!(i64),
+            13 => decode!(u64),
+            kind => Err(damaged(format!("its values are of the unknown type {kind}"))),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Captures that NeTF (Shen and others 2021) prepared: MATLAB v5 with the names of Z-NLOS.
+//!
+//! `data` (t, i, j) with the outer legs removed, `cameraGridPositions` 3×(I·J), j fastest, optional
+//! `laserGridPositions` of one or as many points, `deltaT` (metres, or seconds where it is below a millionth),
+//! `hiddenVolumePosition`. A confocal file counts the way **one way**: bin b is at the distance b · deltaT, twice
+//! that in path. Here everything is path.
+
+use glam::DVec3;
+
+use super::given::METRES_PER_PICOSECOND;
+use super::variables::Variables;
+use super::{frame, per_pair, znlos};
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+
+/// No bin of light is as short in metres, none as long in seconds.
+const LONGEST_SECONDS: f64 = 1e-6;
+
+/// Reads a capture without checking its values; see [`super::read`].
+///
+/// # Errors
+/// `Kind::Input` for missing arrays or shapes that do not agree.
+pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+    let sensors = znlos::Grid::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
+    let lasers = znlos::Grid::read(file, "laser")?;
+    let counts = file.counts("data")?;
+    let integer_counts = counts.whole();
+    // MATLAB's (t, i, j) comes as [j, i, t].
+    let [nj, ni, bins] = counts.shape[..] else {
+        return Err(Error::input(
+            format!("data has {} axes, not three", counts.shape.len()),
+            "data is (t, i, j) in MATLAB",
+        ));
+    };
+    let pairs = ni * nj;
+    let points = in_rows("cameraGridPositions", &sensors.points, sensors.shape, [ni, nj])?;
+    let confocal = lasers.is_none();
+    let laser = match &lasers {
+        None => points.clone(),
+        Some(grid) if grid.points.len() == 1 => per_pair("laserGridPositions", grid.points.clone(), pairs)?,
+        Some(grid) => in_rows("laserGridPositions", &grid.points, grid.shape, [ni, nj])?,
+    };
+    let width = file.number("deltaT")?.ok_or_else(|| file.missing("deltaT"))?;
+    let metres = if width < LONGEST_SECONDS { width * 1e12 * METRES_PER_PICOSECOND } else { width };
+    if confocal {
+        notes.push(format!(
+            "deltaT is taken one way, as NeTF does: a bin is {:.6} m of path, the outer legs are removed already",
+            2.0 * metres
+        ));
+    }
+    let capture = Capture {
+        name: String::new(),
+        scan: [ni, nj],
+        laser,
+        sensor: points,
+        laser_normal: None,
+        sensor_normal: None,
+        bins,
+        bin_width: if confocal { 2.0 * metres } else { metres },
+        t_start: 0.0,
+        histograms: (0..pairs)
+            .flat_map(|p| {
+                let at = (p % nj * ni + p / nj) * bins;
+                &counts.values[at..at + bins]
+            })
+            .copied()
+            .collect(),
+        integer_counts,
+    };
+    let towards = file.point("hiddenVolumePosition")?;
+    Ok(frame::in_order(frame::facing_z(capture, towards, notes)?))
+}
+
+/// Points `[i * J + j]`, stored in a list of that order or as MATLAB's (3, I, J) or (I, J, 3).
+fn in_rows(name: &str, points: &[DVec3], shape: [usize; 2], [ni, nj]: [usize; 2]) -> Result<Vec<DVec3>> {
+    if points.len() != ni * nj {
+        return Err(Error::input(
+            format!("{name} holds {} points for {ni} x {nj} histograms", points.len()),
+            "give one point per histogram",
+        ));
+    }
+    // A list has one axis; a grid comes with its axes reversed, i fastest.
+    let list = shape[1] == 1 || shape[0] == 1;
+    Ok((0..ni * nj).map(|p| if list { points[p] } else { points[p % nj * ni + p / nj] }).collect())
+}

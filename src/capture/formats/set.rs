@@ -1,0 +1,125 @@
+//! The files of a capture: a single one, or those of a folder that belong together.
+
+use std::path::{Path, PathBuf};
+
+use super::variables::Variables;
+use crate::error::{Error, Result};
+
+/// Files of a folder that are looked into.
+const MOST_FILES: usize = 256;
+
+/// Names of arrays by which a file is known to belong to a capture of several files.
+const KNOWN: [&str; 9] =
+    ["meas", "tofgrid", "C_i", "C_d", "sub_Sig", "laserpoints", "detectpoints", "data", "dataset/data"];
+
+/// Opened files.
+pub struct Set {
+    path: PathBuf,
+    folder: bool,
+    files: Vec<(PathBuf, Variables)>,
+}
+
+impl Set {
+    /// The file at `path`, or the files of the folder at `path` that hold arrays of a known name.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it cannot be read, or if no file of the folder is of use.
+    pub fn open(path: &Path) -> Result<Set> {
+        let mut set = Set { path: path.to_path_buf(), folder: path.is_dir(), files: vec![] };
+        if !set.folder {
+            set.files.push((path.to_path_buf(), Variables::open(path)?));
+            return Ok(set);
+        }
+        let listed = std::fs::read_dir(path)
+            .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path"))?;
+        let mut files: Vec<PathBuf> = listed.flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        let of_use = |p: &PathBuf| p.is_file() && ends_in(p, &["mat", "hdf5", "h5"]);
+        for file in files.into_iter().filter(of_use).take(MOST_FILES) {
+            // A damaged file is told of if nothing else fits; others may be whole.
+            let Ok(variables) = Variables::open(&file) else { continue };
+            if variables.names().iter().any(|n| KNOWN.contains(&n.as_str())) {
+                set.files.push((file, variables));
+            }
+        }
+        if set.files.is_empty() {
+            return Err(Error::input(
+                "is a folder without the .mat or .hdf5 files of a capture",
+                "give the capture file inside it; formats of several files are Stanford f-k (meas, tofgrid), \
+                 CC-SOCR (C_i, C_d, sub_Sig) and General-NLOS (data, laserpoints, detectpoints)",
+            ));
+        }
+        Ok(set)
+    }
+
+    /// The file that holds an array, `None` if there is none.
+    ///
+    /// # Errors
+    /// `Kind::Input` if several do.
+    pub fn holding(&self, name: &str) -> Result<Option<&Variables>> {
+        let all: Vec<_> = self.files.iter().filter(|(_, file)| file.have(&[name])).collect();
+        match all[..] {
+            [] => Ok(None),
+            [(_, file)] => Ok(Some(file)),
+            _ => {
+                let names: Vec<_> = all.iter().map(|(path, _)| file_name(path)).collect();
+                Err(Error::input(
+                    format!("the folder holds {} files with {name}: {}", names.len(), names.join(", ")),
+                    "give the one that is meant, by its path",
+                ))
+            }
+        }
+    }
+
+    /// Adds the files of these names beside the one that was given, as far as there are any; none for a folder,
+    /// whose files are all known.
+    ///
+    /// # Errors
+    /// `Kind::Input` if one of them is damaged.
+    pub fn add_beside(&mut self, names: &[String]) -> Result<()> {
+        if self.folder {
+            return Ok(());
+        }
+        let folder = self.path.parent().map(Path::to_path_buf).unwrap_or_default();
+        for path in names.iter().map(|name| folder.join(name)) {
+            let known = self.files.iter().any(|(p, _)| *p == path);
+            if !known && path.is_file() {
+                self.add(&path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a file.
+    ///
+    /// # Errors
+    /// `Kind::Input`, with its path, if it cannot be read.
+    pub fn add(&mut self, path: &Path) -> Result<()> {
+        let file = Variables::open(path).map_err(|e| e.at(path.display()))?;
+        self.files.push((path.to_path_buf(), file));
+        Ok(())
+    }
+
+    /// The name of the file that was given, empty for a folder.
+    pub fn name(&self) -> String {
+        if self.folder { String::new() } else { file_name(&self.path) }
+    }
+
+    /// The first file: the only one, unless a folder was given.
+    pub fn first(&self) -> Option<&Variables> {
+        self.files.first().map(|(_, file)| file)
+    }
+
+    /// Whether any file holds an array of that name.
+    pub fn any(&self, name: &str) -> bool {
+        self.files.iter().any(|(_, file)| file.have(&[name]))
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
+
+fn ends_in(path: &Path, endings: &[&str]) -> bool {
+    path.extension().is_some_and(|e| endings.iter().any(|known| e.eq_ignore_ascii_case(known)))
+}

@@ -1,0 +1,193 @@
+//! Captures of the f-k migration data set (Lindell, Wetzstein, O'Toole 2019), MATLAB v7.3 or v5.
+//!
+//! `meas` (y, x, t) counts, rows from the top, bins of 32 ps; `tofgrid` (y, x), in a second file as a rule, the
+//! time in picoseconds from the laser's pulse to the wall point and back to the sensor. Every histogram is
+//! shifted by floor(tofgrid / bin) whole bins and, as in the published code, 512 bins are kept (all bins if no
+//! histogram is shifted). Their scans are 2 m wide; the file does not say it. Bins that a gated detector did not
+//! record stay zero.
+
+use std::path::Path;
+
+use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
+
+use super::frame;
+use super::given::{Given, METRES_PER_PICOSECOND};
+use super::set::Set;
+use crate::capture::{Capture, PairKind};
+use crate::error::{Error, Result};
+use crate::export::atomic;
+
+const PICOSECONDS: f64 = 32.0;
+const WALL: f64 = 2.0;
+/// Bins that the published code keeps.
+const KEPT: usize = 512;
+
+/// Reads a capture without checking its values; see [`super::read`].
+///
+/// # Errors
+/// `Kind::Input` if counts or times of flight are missing, or do not fit each other.
+pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+    if let Some(path) = &given.time_of_flight {
+        set.add(path)?;
+    } else if !(set.any("meas") && set.any("tofgrid")) {
+        let name = set.name();
+        let beside = ["tof.mat".into(), name.replace("meas", "tof"), name.replace("tof", "meas")];
+        set.add_beside(&beside)?;
+    }
+    let Some(file) = set.holding("meas")? else {
+        return Err(Error::input(
+            "holds tofgrid, the times of flight, but there is no meas, the counts, beside it",
+            "give the file with meas and name this one by --tof FILE, or give the folder of both",
+        ));
+    };
+    let Some((tof_shape, tof)) = (match set.holding("tofgrid")? {
+        Some(file) => file.numbers("tofgrid")?,
+        None => None,
+    }) else {
+        return Err(Error::input(
+            "holds meas, but tofgrid, the times of flight to the wall points, is neither in it nor in a file beside it",
+            "name the file with tofgrid by --tof FILE, or give the folder of both",
+        ));
+    };
+    let counts = file.counts("meas")?;
+    if counts.shape.len() != 3 || counts.shape[1..] != tof_shape[..] {
+        return Err(Error::input(
+            format!("meas has shape {:?} and tofgrid {tof_shape:?}, which do not go together", counts.shape),
+            "meas is (y, x, t) in MATLAB and tofgrid (y, x), of the same scan",
+        ));
+    }
+    let bin_width = given.bin_width("a Stanford f-k capture", Some(PICOSECONDS), notes)?;
+    let wall = match given.wall {
+        Some(_) => given.wall("a Stanford f-k capture")?,
+        None => {
+            notes.push(format!(
+                "a Stanford f-k capture does not say how wide the wall is: {WALL} m are taken, as in its publication (--wall)"
+            ));
+            WALL
+        }
+    };
+    let ny = counts.shape[2];
+    let capture = frame::pictures("meas", counts, wall, bin_width)?;
+    // [X, rows] as the counts: to pairs.
+    let per_pair: Vec<f64> = (0..tof.len()).map(|p| tof[(p / ny) * ny + ny - 1 - p % ny]).collect();
+    rectified(capture, &per_pair, notes)
+}
+
+/// Every histogram shifted to the left by its time of flight in picoseconds, in whole bins.
+fn rectified(capture: Capture, tof: &[f64], notes: &mut Vec<String>) -> Result<Capture> {
+    let bins = capture.bins;
+    let ps = capture.bin_width / METRES_PER_PICOSECOND;
+    let mut shifts = Vec::with_capacity(tof.len());
+    for (pair, &time) in tof.iter().enumerate() {
+        // A time that is not known makes a pair that was not measured.
+        if time.is_infinite() || time < 0.0 || time / ps >= bins as f64 {
+            return Err(Error::input(
+                format!(
+                    "tofgrid is {time} ps at pair {pair}, but the {bins} bins reach from 0 to {:.0} ps",
+                    ps * bins as f64
+                ),
+                "tofgrid is in picoseconds; check --bin-width and that both files belong together",
+            ));
+        }
+        shifts.push(time.is_finite().then(|| (time / ps).floor() as usize));
+    }
+    let most = shifts.iter().flatten().max().copied().unwrap_or(0);
+    let kept = if most == 0 { bins } else { bins.min(KEPT) };
+    let mut histograms = vec![0.0; tof.len() * kept];
+    let mut lost = 0.0;
+    let pairs = capture.histograms.chunks_exact(bins).zip(histograms.chunks_exact_mut(kept));
+    for ((from, to), shift) in pairs.zip(&shifts) {
+        let Some(shift) = *shift else {
+            to.fill(f32::NAN);
+            continue;
+        };
+        let end = (shift + kept).min(bins);
+        to[..end - shift].copy_from_slice(&from[shift..end]);
+        lost += from[end..].iter().map(|v| f64::from(*v)).sum::<f64>();
+    }
+    if most > 0 {
+        notes.push(format!(
+            "every histogram is shifted to the time the wall is met, by up to {most} bins, and {kept} bins are kept, as \
+             in its publication ({lost} counts come later)"
+        ));
+    }
+    Ok(Capture { bins: kept, histograms, ..capture })
+}
+
+/// Writes a confocal scan of a flat wall as `meas` and `tofgrid` (all zero: rectified already) in one MATLAB v7.3
+/// file. The wall's size and the bin width are not part of this format; notes say what to give when it is read.
+///
+/// # Errors
+/// `Kind::Options` if the capture is no such scan or does not begin at path 0, `Kind::Input` if it fails its
+/// check, `Kind::Output` if the file cannot be written.
+pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
+    capture.check()?;
+    let [nx, ny] = capture.scan;
+    let span = |points: &[glam::DVec3], c: usize| {
+        let all = points.iter().map(|p| p[c]);
+        all.clone().fold(f64::MIN, f64::max) - all.fold(f64::MAX, f64::min)
+    };
+    let wall = span(&capture.laser, 0).max(span(&capture.laser, 1));
+    let regular = frame::lattice([nx, ny], wall);
+    let off = capture.laser.iter().zip(&regular).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    let why_not = if capture.pair_kind() != PairKind::Confocal {
+        "its laser and sensor points are apart".to_string()
+    } else if off > 1e-3 * wall.max(1e-9) {
+        "its points form no regular, centred lattice at z = 0".to_string()
+    } else if capture.t_start != 0.0 {
+        format!("its bins begin at {} m of path", capture.t_start)
+    } else {
+        String::new()
+    };
+    if !why_not.is_empty() {
+        return Err(Error::options(
+            format!("the capture cannot be written in the Stanford format: {why_not}"),
+            "write it as .npz or .hdf5, which hold any capture",
+        ));
+    }
+    let mut meas = vec![0.0f32; capture.histograms.len()];
+    for (at, histogram) in capture.histograms.chunks_exact(capture.bins).enumerate() {
+        let (ix, row) = (at / ny, ny - 1 - at % ny);
+        for (bin, value) in histogram.iter().enumerate() {
+            meas[(bin * nx + ix) * ny + row] = *value;
+        }
+    }
+    atomic::replace(path, |temporary| {
+        write_file(temporary, [capture.bins, nx, ny], &meas).map_err(|e| {
+            Error::output(format!("{}: cannot be written: {e}", path.display()), "check path and disk")
+        })
+    })?;
+    Ok(vec![format!(
+        "the Stanford format holds neither scale: read it with --wall {wall} --bin-width {}",
+        capture.bin_width
+    )])
+}
+
+fn write_file(path: &Path, [bins, nx, ny]: [usize; 3], meas: &[f32]) -> std::result::Result<(), Hdf5Error> {
+    const USER_BLOCK: u64 = 512;
+    let file = H5File::options().userblock(USER_BLOCK).create(path)?;
+    let chunk = [bins.min(64), nx.min(16), ny.min(16)];
+    let counts =
+        file.new_dataset::<f32>().shape([bins, nx, ny]).chunk(&chunk).shuffle_deflate(6).create("meas")?;
+    counts.write_raw(meas)?;
+    matlab_class(&counts, "single")?;
+    let tof = file.new_dataset::<f64>().shape([nx, ny]).create("tofgrid")?;
+    tof.write_raw(&vec![0.0f64; nx * ny])?;
+    matlab_class(&tof, "double")?;
+    file.close()?;
+    // MATLAB knows the file by this text and the version behind it.
+    let mut header = format!(
+        "{:<124}",
+        "MATLAB 7.3 MAT-file, Platform: GLNXA64, written by thirdbounce HDF5 schema 1.00 ."
+    )
+    .into_bytes();
+    header.truncate(124);
+    header.extend([0x00, 0x02, b'I', b'M']);
+    let mut raw = std::fs::OpenOptions::new().write(true).open(path)?;
+    std::io::Write::write_all(&mut raw, &header)?;
+    Ok(())
+}
+
+fn matlab_class(dataset: &rust_hdf5::H5Dataset, class: &str) -> std::result::Result<(), Hdf5Error> {
+    dataset.set_attr_typed("MATLAB_class", DatatypeMessage::fixed_string(class.len() as u32), class.into())
+}

@@ -1,0 +1,137 @@
+//! Named arrays of numbers, whatever kind of file they stand in: HDF5 (MATLAB v7.3 too) or MATLAB v5.
+//!
+//! Shapes are in C order, so MATLAB's dimensions are reversed in both: (y, x, t) in MATLAB is [t, x, y] here.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::hdf5::Hdf5;
+use super::matlab5::Matlab5;
+use crate::error::{Error, Result};
+
+/// An array of counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Counts {
+    pub shape: Vec<usize>,
+    /// In C order.
+    pub values: Vec<f32>,
+    /// Whether they were stored as integers.
+    pub integer: bool,
+}
+
+impl Counts {
+    /// Whether the values count photons: stored as integers, or whole and not negative, as MATLAB keeps counts
+    /// in its usual floating point.
+    pub fn whole(&self) -> bool {
+        self.integer || self.values.iter().all(|v| v.is_nan() || (*v >= 0.0 && v.fract() == 0.0))
+    }
+}
+
+/// The arrays of a file.
+pub enum Variables {
+    Hdf5(Hdf5),
+    Matlab5(Matlab5),
+}
+
+impl Variables {
+    /// Opens a file of either kind, told apart by its contents.
+    ///
+    /// # Errors
+    /// `Kind::Input` for a damaged file or one of another kind.
+    pub fn open(path: &Path) -> Result<Variables> {
+        match super::contents(path)? {
+            super::Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
+            super::Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
+            _ => Err(Error::input("is no HDF5 or MATLAB file", "give the .mat or .hdf5 file")),
+        }
+    }
+
+    /// Names of the arrays, sorted; fields of a struct or members of a group as `struct/field`.
+    pub fn names(&self) -> Vec<String> {
+        match self {
+            Variables::Hdf5(file) => file.names(),
+            Variables::Matlab5(file) => file.names(),
+        }
+    }
+
+    /// Whether all these arrays are there, empty or not.
+    pub fn have(&self, names: &[&str]) -> bool {
+        let there = self.names();
+        names.iter().all(|name| there.iter().any(|n| n == name))
+    }
+
+    /// The shape of an array in C order, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged or claims an absurd size.
+    pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+        match self {
+            Variables::Hdf5(file) => file.shape(name),
+            Variables::Matlab5(file) => file.shape(name),
+        }
+    }
+
+    /// An array of counts that must be there.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is missing, damaged, no numbers, or claims an absurd size.
+    pub fn counts(&self, name: &str) -> Result<Counts> {
+        let counts = match self {
+            Variables::Hdf5(file) => file.counts(name)?,
+            Variables::Matlab5(file) => file.counts(name)?,
+        };
+        counts.ok_or_else(|| self.missing(name))
+    }
+
+    /// The shape and the numbers of an array in C order, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged, no numbers, or claims an absurd size.
+    pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
+        match self {
+            Variables::Hdf5(file) => file.numbers(name),
+            Variables::Matlab5(file) => file.numbers(name),
+        }
+    }
+
+    /// The one number of an array, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// As [`Variables::numbers`], or if it holds more numbers than one.
+    pub fn number(&self, name: &str) -> Result<Option<f64>> {
+        match self.numbers(name)? {
+            None => Ok(None),
+            Some((_, values)) if values.len() == 1 => Ok(Some(values[0])),
+            Some((shape, _)) => Err(Error::input(
+                format!("{name} has shape {shape:?}, not a single number"),
+                format!("store {name} as a scalar"),
+            )),
+        }
+    }
+
+    /// A single point (x, y, z), `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// As [`Variables::numbers`], or if it holds another number of values than 3.
+    pub fn point(&self, name: &str) -> Result<Option<DVec3>> {
+        match self.numbers(name)? {
+            None => Ok(None),
+            Some((_, values)) if values.len() == 3 => Ok(Some(DVec3::new(values[0], values[1], values[2]))),
+            Some((shape, _)) => Err(Error::input(
+                format!("{name} has shape {shape:?}, not one point x, y, z"),
+                format!("store {name} as 3 numbers in metres"),
+            )),
+        }
+    }
+
+    /// The error for an array that is not there.
+    pub fn missing(&self, name: &str) -> Error {
+        let there = self.names();
+        let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
+        Error::input(
+            format!("there is no array {name}, or it is empty (the file holds {there})"),
+            "check that the right file was given, or store what is missing",
+        )
+    }
+}

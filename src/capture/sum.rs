@@ -1,0 +1,91 @@
+//! Smaller captures that keep every count: neighbouring bins as one, neighbouring histograms as one.
+
+use glam::DVec3;
+
+use super::{Capture, PairKind};
+use crate::error::{Error, Result};
+
+impl Capture {
+    /// The sum of every `n` neighbouring bins as one bin, the first from bin 0. Bins that are missing at the end
+    /// count as zero, so every count is kept.
+    ///
+    /// # Errors
+    /// `Kind::Options` if `n` is 0 or more than there are bins.
+    pub fn binned(&self, n: usize) -> Result<Capture> {
+        if n == 0 || n > self.bins {
+            return Err(Error::options(
+                format!("--bin {n} of {} bins", self.bins),
+                format!("give a number of bins to be summed, from 1 to {}", self.bins),
+            ));
+        }
+        let histograms = self.histograms.chunks_exact(self.bins);
+        let histograms = histograms.flat_map(|h| h.chunks(n).map(|bins| bins.iter().sum())).collect();
+        Ok(Capture {
+            bins: self.bins.div_ceil(n),
+            bin_width: self.bin_width * n as f64,
+            histograms,
+            name: self.name.clone(),
+            laser: self.laser.clone(),
+            sensor: self.sensor.clone(),
+            laser_normal: self.laser_normal.clone(),
+            sensor_normal: self.sensor_normal.clone(),
+            ..*self
+        })
+    }
+
+    /// The sum of every `n` x `n` neighbouring histograms of the scan as one, at the middle of their points (and
+    /// with the middle of their normals). Every count is kept.
+    ///
+    /// # Errors
+    /// `Kind::Options` if `n` does not divide the scan along x and y, or if pairs that stand side by side in it
+    /// are no neighbours on the wall (lists, exhaustive captures).
+    pub fn summed(&self, n: usize) -> Result<Capture> {
+        let [nx, ny] = self.scan;
+        if n == 1 {
+            return Ok(self.clone());
+        }
+        if n == 0 || nx % n != 0 || ny % n != 0 {
+            return Err(Error::options(
+                format!("--sum {n} of a scan of {nx} x {ny} points"),
+                "give a number that divides both sides, so that every count is kept",
+            ));
+        }
+        let kind = self.pair_kind();
+        if !matches!(kind, PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor) {
+            return Err(Error::options(
+                format!(
+                    "--sum {n}, but the pairs are {kind}: those side by side are no neighbours on the wall"
+                ),
+                "thin them by --stride instead",
+            ));
+        }
+        let (to_x, to_y) = (nx / n, ny / n);
+        let block = |at: usize| {
+            let (x, y) = (at / to_y * n, at % to_y * n);
+            (0..n * n).map(move |k| (x + k / n) * ny + y + k % n)
+        };
+        let middle = |points: &[DVec3]| -> Vec<DVec3> {
+            (0..to_x * to_y).map(|at| block(at).map(|p| points[p]).sum::<DVec3>() / (n * n) as f64).collect()
+        };
+        let facing = |normals: &[DVec3]| -> Vec<DVec3> {
+            middle(normals).into_iter().map(|m| m.try_normalize().unwrap_or(DVec3::Z)).collect()
+        };
+        let mut histograms = vec![0.0f32; to_x * to_y * self.bins];
+        for (at, to) in histograms.chunks_exact_mut(self.bins).enumerate() {
+            for pair in block(at) {
+                let from = &self.histograms[pair * self.bins..(pair + 1) * self.bins];
+                to.iter_mut().zip(from).for_each(|(sum, count)| *sum += count);
+            }
+        }
+        Ok(Capture {
+            scan: [to_x, to_y],
+            laser: middle(&self.laser),
+            sensor: middle(&self.sensor),
+            laser_normal: self.laser_normal.as_deref().map(facing),
+            sensor_normal: self.sensor_normal.as_deref().map(facing),
+            histograms,
+            name: self.name.clone(),
+            ..*self
+        })
+    }
+}

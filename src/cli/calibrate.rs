@@ -1,0 +1,83 @@
+//! `thirdbounce calibrate CAPTURE --out CAPTURE`.
+
+use std::path::PathBuf;
+
+use thirdbounce::capture::Gate;
+use thirdbounce::capture::calibrate::time_zero;
+use thirdbounce::{Result, capture, export};
+
+use super::input::UnsaidArgs;
+use super::progress::say;
+use super::{interrupt, print};
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Confocal capture of one small bright target, made with the device that is calibrated
+    capture: PathBuf,
+    /// Capture to write, with time zero put right: .npz or .hdf5
+    #[arg(long, value_name = "CAPTURE")]
+    out: PathBuf,
+    /// Capture to put right by the shift that is found [default: the one of the target]
+    #[arg(long, value_name = "CAPTURE")]
+    apply_to: Option<PathBuf>,
+    /// Try shifts of up to so many bins
+    #[arg(long, value_name = "BINS", default_value_t = 40)]
+    reach: usize,
+    /// Draw the residual over the shift
+    #[arg(long, value_name = "FILE")]
+    png: Option<PathBuf>,
+    /// Use these paths of the target's capture only, in metres
+    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
+    gate: Option<String>,
+    #[command(flatten)]
+    unsaid: UnsaidArgs,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let given = args.unsaid.given()?;
+    let read = |path: &PathBuf| -> Result<capture::Capture> {
+        let opened = capture::read_given(path, &given)?;
+        opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
+        let mut capture = opened.capture;
+        if let Some(size) = given.wall {
+            capture.set_wall(size)?;
+        }
+        Ok(capture)
+    };
+    let target = read(&args.capture)?;
+    let gated = match &args.gate {
+        Some(gate) => target.gated(Gate::parse(gate)?)?,
+        None => target.clone(),
+    };
+    let found = time_zero(&gated, args.reach).map_err(|e| e.at(args.capture.display()))?;
+    let mut fixed = args.apply_to.as_ref().map_or(Ok(target), read)?;
+    fixed.t_start += found.shift;
+    interrupt::take_care();
+    let notes = capture::write(&fixed, &args.out)?;
+    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    let mut text = String::from("shift (m)   bins   residual (m)\n");
+    for [shift, residual] in &found.curve {
+        text += &format!("{shift:>9.5} {:>6.0}   {residual:.6}\n", shift / gated.bin_width);
+    }
+    if let Some(path) = &args.png {
+        export::calibration::write(path, &found)?;
+        text += &format!("wrote     {}\n", path.display());
+    }
+    let p = found.target;
+    text += &format!(
+        "shift     {:.6} m of path, {:.2} bins: t_start is {:.6} m now\n\
+         target    ({:.4}, {:.4}, {:.4}) m, paths off by {:.6} m, {} histograms\n\
+         wrote     {}",
+        found.shift,
+        found.shift / gated.bin_width,
+        fixed.t_start,
+        p.x,
+        p.y,
+        p.z,
+        found.residual,
+        found.used,
+        args.out.display()
+    );
+    print(&text);
+    Ok(())
+}
