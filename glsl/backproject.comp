@@ -11,7 +11,6 @@ layout(std430, set = 0, binding = 1) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
-#include "wall.glsl"
 #include "gather.glsl"
 
 float sum = 0.0;

@@ -26,17 +26,7 @@ layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
 
 shared vec4 parts[VOXELS * SLICES];
 
-#include "wall.glsl"
-#include "gather.glsl"
-
-vec3 direction;
-vec4 sum = vec4(0.0); // d/d albedo, d/d normal without the factor albedo
-
-void meet(Arm a, Arm b, float r) {
-    Shine s = shine(a, b, direction);
-    if (EXACT != 0u) r *= a.falloff * b.falloff;
-    sum += r * vec4(s.value, s.slope);
-}
+#include "slope.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;

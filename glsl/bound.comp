@@ -19,7 +19,6 @@ layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
 layout(std430, set = 0, binding = 6) readonly buffer ActiveVoxels { uint active_voxels[]; };
 
-#include "wall.glsl"
 #include "gather.glsl"
 
 float sum = 0.0;

@@ -39,7 +39,6 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("variance", "float", "photon variance per measured value"),
     ("variance_floor", "float", "variance of an empty bin"),
     ("noise_factor", "float", "kappa: weight of the group term in standard deviations"),
-    ("weight_power", "float", "of the path in the weight of a squared difference, 4 or 2 (vector solver)"),
     ("roughness", "float", "weight of the roughness term"),
     ("kernel_bound", "float", "no pair's kernel is larger than this"),
 ];

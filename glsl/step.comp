@@ -35,17 +35,7 @@ layout(std430, set = 0, binding = 12) writeonly buffer AgainstPartials { float a
 
 shared vec4 parts[VOXELS * SLICES];
 
-#include "wall.glsl"
-#include "gather.glsl"
-
-vec3 direction;
-vec4 sum = vec4(0.0); // d/d albedo where surfaces have no direction, d/d vector
-
-void meet(Arm a, Arm b, float r) {
-    Shine s = shine(a, b, direction);
-    if (EXACT != 0u) r *= a.falloff * b.falloff;
-    sum += r * vec4(s.value, s.slope);
-}
+#include "slope.glsl"
 
 // Nearest point of the cone v_z <= 0, |v_xy| <= cone * |v_z|.
 vec3 into_cone(vec3 v) {

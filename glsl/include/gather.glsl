@@ -7,6 +7,12 @@ layout(constant_id = 23) const uint OTHERS = 1u;
 
 void meet(Arm a, Arm b, float r);
 
+// From a sample to a wall point by its number.
+Arm arm_at(uint point, vec3 x) {
+    vec3 normal = CURVED != 0u ? wall[scene.scanned + scene.others + point].xyz : vec3(0.0, 0.0, 1.0);
+    return arm_to(wall[point].xyz, normal, x);
+}
+
 float residual_at(uint row, int bin) {
     return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
 }

@@ -84,17 +84,8 @@ impl Capture {
         let (first, last) = (first as usize, last as usize);
         let histograms =
             self.histograms.chunks_exact(self.bins).flat_map(|h| &h[first..last]).copied().collect();
-        Ok(Capture {
-            bins: last - first,
-            t_start: self.t_start + first as f64 * self.bin_width,
-            histograms,
-            name: self.name.clone(),
-            laser: self.laser.clone(),
-            sensor: self.sensor.clone(),
-            laser_normal: self.laser_normal.clone(),
-            sensor_normal: self.sensor_normal.clone(),
-            ..*self
-        })
+        let from = self.t_start + first as f64 * self.bin_width;
+        Ok(self.with_bins(last - first, self.bin_width, from, histograms))
     }
 }
 

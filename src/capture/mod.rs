@@ -51,3 +51,21 @@ pub struct Capture {
     /// Whether the source held integers (photon counts).
     pub integer_counts: bool,
 }
+
+impl Capture {
+    /// The same pairs with other bins; `histograms` holds `bins` for each.
+    fn with_bins(&self, bins: usize, bin_width: f64, t_start: f64, histograms: Vec<f32>) -> Capture {
+        Capture {
+            bins,
+            bin_width,
+            t_start,
+            histograms,
+            name: self.name.clone(),
+            laser: self.laser.clone(),
+            sensor: self.sensor.clone(),
+            laser_normal: self.laser_normal.clone(),
+            sensor_normal: self.sensor_normal.clone(),
+            ..*self
+        }
+    }
+}

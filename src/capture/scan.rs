@@ -89,8 +89,13 @@ impl Capture {
     /// The points of the side (sensor or laser) that was scanned, pair by pair: the one with more distinct
     /// points, the sensor's on a tie.
     pub fn scanned_points(&self) -> &[DVec3] {
+        if self.laser_scans() { &self.laser } else { &self.sensor }
+    }
+
+    /// Whether that side is the laser's.
+    pub fn laser_scans(&self) -> bool {
         let [lasers, sensors] = self.distinct();
-        if lasers.first.len() > sensors.first.len() { &self.laser } else { &self.sensor }
+        lasers.first.len() > sensors.first.len()
     }
 
     /// The distinct points of the scanned side and of the other.

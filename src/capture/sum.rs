@@ -20,17 +20,8 @@ impl Capture {
         }
         let histograms = self.histograms.chunks_exact(self.bins);
         let histograms = histograms.flat_map(|h| h.chunks(n).map(|bins| bins.iter().sum())).collect();
-        Ok(Capture {
-            bins: self.bins.div_ceil(n),
-            bin_width: self.bin_width * n as f64,
-            histograms,
-            name: self.name.clone(),
-            laser: self.laser.clone(),
-            sensor: self.sensor.clone(),
-            laser_normal: self.laser_normal.clone(),
-            sensor_normal: self.sensor_normal.clone(),
-            ..*self
-        })
+        let width = self.bin_width * n as f64;
+        Ok(self.with_bins(self.bins.div_ceil(n), width, self.t_start, histograms))
     }
 
     /// The sum of every `n` x `n` neighbouring histograms of the scan as one, at the middle of their points (and

@@ -110,8 +110,7 @@ impl Pairs {
 
     /// Whether the sensor is the scanned side, as [`Capture::scanned_points`] tells it.
     pub fn sensor_scans(&self) -> bool {
-        let capture = self.capture();
-        std::ptr::eq(capture.scanned_points(), capture.sensor.as_slice())
+        !self.capture().laser_scans()
     }
 
     /// A capture of these pairs without a bin.

@@ -95,8 +95,6 @@ pub struct Model {
     pub epsilon: f64,
     pub keep_above: f64,
     pub seed: u32,
-    /// Vector solver: power of the path in the weight of a bin's squared difference, 4 or 2 as the falloff's.
-    pub weight_power: f64,
     /// Vector solver: largest |v_xy| / |v_z|.
     pub cone: f64,
     /// Vector solver: photon variance per measured value, and of an empty bin.
@@ -140,7 +138,6 @@ impl Model {
             epsilon: 1e-8,
             keep_above: 0.05,
             seed: 0,
-            weight_power: if reflectance == Reflectance::Retroreflective { 2.0 } else { 4.0 },
             cone: 1.0,
             variance: [0.0; 2],
             noise_factor: 0.0,
@@ -155,6 +152,12 @@ impl Model {
     /// What power of the distance a confocal value falls off with.
     pub fn falloff_power(&self) -> i32 {
         if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
+    }
+
+    /// Vector solver: weight of a bin's squared difference, the inverse of the confocal falloff at the bin's centre.
+    pub fn bin_weight(&self, bin: usize) -> f64 {
+        let t = self.t_start + (bin as f64 + 0.5) * self.bin_width;
+        (t / (2.0 * self.reference)).max(0.0).powi(self.falloff_power())
     }
 
     /// First z index of `grid` that may be active.
@@ -207,7 +210,6 @@ impl Model {
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,
-            weight_power: self.weight_power as f32,
             cone: self.cone as f32,
             variance: self.variance[0] as f32,
             variance_floor: self.variance[1] as f32,

@@ -13,6 +13,13 @@ struct Block {
 }
 
 impl Block {
+    /// The voxels `low` to `high` of `grid`, with the half voxel that samples may stray.
+    fn of(grid: &Grid, low: [usize; 3], high: [usize; 3]) -> Block {
+        let at =
+            |c: [usize; 3], shift: f64| grid.position(dvec3(c[0] as f64, c[1] as f64, c[2] as f64) + shift);
+        Block { min: at(low, -0.5), max: at(high, 0.5) }
+    }
+
     fn nearest(&self, p: DVec3) -> f64 {
         p.distance(p.clamp(self.min, self.max))
     }
@@ -50,14 +57,6 @@ impl Model {
         high >= self.t_start - self.bin_width && low <= end + self.bin_width
     }
 
-    /// The part of `grid` from its first z index that may be active, with the half voxel that samples may stray.
-    fn block(&self, grid: &Grid, low: [usize; 3], high: [usize; 3]) -> Block {
-        let at = |c: [usize; 3], shift: f64| {
-            grid.position(dvec3(c[0] as f64 + shift, c[1] as f64 + shift, c[2] as f64 + shift))
-        };
-        Block { min: at(low, -0.5), max: at(high, 0.5) }
-    }
-
     /// For every brick of `grid`, whether a pair's path over a point of it may reach a bin.
     pub fn reachable_bricks(&self, grid: &Grid) -> Vec<bool> {
         let bricks = grid.bricks();
@@ -65,7 +64,7 @@ impl Model {
             let brick = [i % bricks[0], i / bricks[0] % bricks[1], i / (bricks[0] * bricks[1])];
             let low = brick.map(|b| 8 * b);
             let high = [0, 1, 2].map(|a| (low[a] + 7).min(grid.n[a] - 1));
-            let block = self.block(grid, low, high);
+            let block = Block::of(grid, low, high);
             (0..self.pairs()).any(|pair| self.reaches(block.paths(&self.wall, pair)))
         };
         (0..bricks.iter().product()).into_par_iter().map(one).collect()
@@ -75,7 +74,7 @@ impl Model {
     /// the loss at every step. Returns how many went.
     pub fn trim(&mut self, grid: &Grid) -> usize {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
-        let [near, far] = paths(&self.wall, self.block(grid, low, grid.n.map(|n| n - 1)));
+        let [near, far] = paths(&self.wall, Block::of(grid, low, grid.n.map(|n| n - 1)));
         let bin = |path: f64| (path - self.t_start) / self.bin_width;
         let first = (bin(near) - 1.0).floor().max(0.0) as usize;
         let last = ((bin(far) + 2.0).ceil().max(0.0) as usize).min(self.bins);

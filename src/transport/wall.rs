@@ -63,8 +63,7 @@ impl Wall {
         }
         let laser = (&capture.laser, &capture.laser_normal);
         let sensor = (&capture.sensor, &capture.sensor_normal);
-        let laser_scans = std::ptr::eq(capture.scanned_points(), capture.laser.as_slice());
-        let (scanned, others) = if laser_scans { (laser, sensor) } else { (sensor, laser) };
+        let (scanned, others) = if capture.laser_scans() { (laser, sensor) } else { (sensor, laser) };
         let mut normals = filled(scanned.1, pairs);
         normals.extend(filled(others.1, pairs));
         let wall = Wall {

@@ -75,7 +75,6 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         epsilon: 1e-8,
         keep_above: 0.05,
         seed: 7,
-        weight_power: 4.0,
         cone: 1.5,
         variance: [0.1, 0.02],
         noise_factor: 2.0,

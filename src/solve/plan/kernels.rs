@@ -28,18 +28,14 @@ impl Plan {
             NoiseTerm::Histogram => 2,
         };
         let product = self.geometry == Geometry::Product;
-        let forward = match (self.accumulation, product) {
-            (Accumulation::Float, false) => "forward_float",
-            (Accumulation::Float, true) => "forward_product_float",
-            (Accumulation::Fixed, false) => "forward_fixed64",
-            (Accumulation::Fixed, true) => "forward_product_fixed64",
-            (Accumulation::Fixed32, false) => "forward_fixed32",
-            (Accumulation::Fixed32, true) => "forward_product_fixed32",
-            (Accumulation::Cas, false) => "forward_cas",
-            (Accumulation::Cas, true) => "forward_product_cas",
-            (Accumulation::Owned | Accumulation::Auto, false) => "forward_owned",
-            (Accumulation::Owned | Accumulation::Auto, true) => "forward_product_owned",
+        let [of_pairs, of_product] = match self.accumulation {
+            Accumulation::Float => ["forward_float", "forward_product_float"],
+            Accumulation::Fixed => ["forward_fixed64", "forward_product_fixed64"],
+            Accumulation::Fixed32 => ["forward_fixed32", "forward_product_fixed32"],
+            Accumulation::Cas => ["forward_cas", "forward_product_cas"],
+            Accumulation::Owned | Accumulation::Auto => ["forward_owned", "forward_product_owned"],
         };
+        let forward = if product { of_product } else { of_pairs };
         let owned = u32::from(self.accumulation == Accumulation::Owned);
         let sets = self.forward_sets(self.finest());
         // What the scene is, for every kernel that asks.

@@ -7,12 +7,9 @@ use crate::transport::Model;
 /// Morozov 1966).
 pub fn expected_noise(model: &Model) -> f64 {
     let [per_value, floor] = model.variance;
-    let weight = |bin: usize| {
-        let t = model.t_start + (bin as f64 + 0.5) * model.bin_width;
-        (t / (2.0 * model.reference)).max(0.0).powf(model.weight_power)
-    };
     // A count is its own unbiased variance; `measured` is the count less the background.
-    let noise = |(i, m): (usize, &f32)| weight(i % model.bins) * (per_value * f64::from(*m) + floor);
+    let noise =
+        |(i, m): (usize, &f32)| model.bin_weight(i % model.bins) * (per_value * f64::from(*m) + floor);
     model.measured.iter().enumerate().map(noise).sum::<f64>() / model.elements as f64
 }
 

@@ -178,12 +178,6 @@ pub(super) fn accumulate(
     sums
 }
 
-/// Weight of a bin's squared difference in the weighted objective: a power of t / (2 reference), t the bin's centre.
-pub(super) fn bin_weight(twin: &Twin, bin: usize) -> f64 {
-    let m = twin.model;
-    ((m.t_start + (bin as f64 + 0.5) * m.bin_width) / (2.0 * m.reference)).max(0.0).powf(m.weight_power)
-}
-
 /// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are the noise
 /// term's, one per bin or one per histogram; empty without one.
 pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>, f64) {
@@ -270,7 +264,7 @@ pub fn weighted_objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Ra
         .enumerate()
         .map(|(i, sum)| {
             let difference = sum * render - f64::from(m.measured[i]);
-            bin_weight(twin, i % m.bins) * difference * difference
+            m.bin_weight(i % m.bins) * difference * difference
         })
         .sum();
     data / m.elements as f64 + m.l1 / twin.grid.voxels() as f64 * finish(&samples)

@@ -4,7 +4,7 @@
 use glam::{DVec3, dvec3};
 
 use super::domain::{Column, columns};
-use super::render::{Kernel, accumulate, bin_weight, gather, shine};
+use super::render::{Kernel, accumulate, gather, shine};
 use super::{Sample, Twin, forward};
 
 /// Toward the wall: how a voxel that holds nothing would shine.
@@ -92,7 +92,7 @@ pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Ve
     let mut loss = [0.0; 2];
     let of_bin = |(i, sum): (usize, &f64)| {
         let difference = sum * render - if measure { f64::from(m.measured[i]) } else { 0.0 };
-        let weight = bin_weight(twin, i % m.bins);
+        let weight = m.bin_weight(i % m.bins);
         loss[0] += weight * difference * difference / elements;
         loss[1] += difference * difference / elements;
         2.0 / elements * render * weight * difference
@@ -196,7 +196,7 @@ pub fn variance(twin: &Twin) -> Vec<f64> {
     let m = twin.model;
     let render = f64::from(m.scene(twin.grid).render_scale);
     let of_bin = |(i, value): (usize, &f32)| {
-        let scale = 2.0 / m.elements as f64 * render * bin_weight(twin, i % m.bins);
+        let scale = 2.0 / m.elements as f64 * render * m.bin_weight(i % m.bins);
         scale * scale * (m.variance[0] * f64::from(*value).max(0.0) + m.variance[1])
     };
     m.measured.iter().enumerate().map(of_bin).collect()
@@ -207,7 +207,7 @@ pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
     let m = twin.model;
     let filtered = |histogram: &[f32], bin: usize| -> f64 {
         let near = |b: &usize| b.abs_diff(bin) < hat.len();
-        let value = |b: usize| hat[b.abs_diff(bin)] * bin_weight(twin, b) * f64::from(histogram[b]);
+        let value = |b: usize| hat[b.abs_diff(bin)] * m.bin_weight(b) * f64::from(histogram[b]);
         (0..m.bins).filter(near).map(value).sum()
     };
     m.measured.chunks(m.bins).flat_map(|h| (0..m.bins).map(move |b| filtered(h, b))).collect()
