@@ -17,7 +17,6 @@ layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_
 layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
-layout(std430, set = 0, binding = 6) readonly buffer ActiveVoxels { uint active_voxels[]; };
 
 #include "gather.glsl"
 
@@ -32,10 +31,9 @@ void main() {
     uint slot = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (slot >= counts[COUNT_ACTIVE]) return;
     vec3 x = sample_points[slot].xyz;
-    uint index = active_voxels[slot];
     gather(x, 0u, 1u);
     // Split dispatches add up; the square root is taken where all pairs are in.
-    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[index][WHAT];
+    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
     if (WHAT == 1u && (push.flags & BACKWARD_FINISH) != 0u) sum = scene.noise_factor * sqrt(sum);
-    bounds[index][WHAT] = sum;
+    bounds[slot][WHAT] = sum;
 }

@@ -32,5 +32,5 @@ void main() {
         brick_offsets[i] = offset;
         offset += count;
     }
-    if (lane == 255u) counts[TOTAL] = runs[255];
+    if (lane == 255u) counts[TOTAL] = min(runs[255], scene.capacity);
 }

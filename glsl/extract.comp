@@ -7,18 +7,23 @@
 #include "grid.glsl"
 #include "surface.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 10) const uint VECTORS = 0u; // raw variables, or vectors albedo * normal
+layout(constant_id = 10) const uint VECTORS = 0u; // raw variables by voxel, or vectors albedo * normal by slot
 layout(std430, set = 0, binding = 1) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Mask { uint mask[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Columns { vec4 columns[]; };
 
 // The farthest voxel of a surface is above this share of its brightest.
 const float FAR_SHARE = 0.5;
 
+#include "slots.glsl"
+
 // Albedo of an active voxel, 0 elsewhere and below zero.
 float albedo_at(uvec3 c) {
     uint index = voxel_index(c);
-    return (mask[index >> 5] >> (index & 31u) & 1u) != 0u ? (VECTORS != 0u ? length(raw[index].xyz) : max(raw[index].x, 0.0)) : 0.0;
+    uint slot = slot_of(index);
+    if (slot == NOWHERE) return 0.0;
+    return VECTORS != 0u ? length(raw[slot].xyz) : max(raw[index].x, 0.0);
 }
 
 void main() {
@@ -40,7 +45,8 @@ void main() {
         return;
     }
     c.z = depth;
-    vec4 found = raw[voxel_index(c)];
+    uint index = voxel_index(c);
+    vec4 found = raw[VECTORS != 0u ? slot_of(index) : index];
     vec3 u = VECTORS != 0u ? found.xyz : toward_wall(found.yzw);
     if (VECTORS != 0u) {
         // Between their sum, which overrates thick blurs, and the brightest, which underrates slants: the 3/2 norm.

@@ -20,20 +20,23 @@ layout(std430, set = 0, binding = 4) readonly buffer Before { vec4 before[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Momentum { float momentum[]; };
 layout(std430, set = 0, binding = 6) writeonly buffer SampleNormals { vec4 sample_normals[]; };
 layout(std430, set = 0, binding = 7) readonly buffer Mask { uint mask[]; };
-layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda, by voxel
+layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda
 layout(std430, set = 0, binding = 9) writeonly buffer Gradient { vec4 gradient[]; };
+layout(std430, set = 0, binding = 11) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 10) writeonly buffer SamplePoints { vec4 sample_points[]; };
+
+#include "slots.glsl"
 
 shared float peaks[WORKGROUP];
 
-vec3 extrapolated(uint index) {
-    vec3 v = raw[index].xyz;
-    return v + momentum[MOMENTUM_BETA] * (v - before[index].xyz);
+vec3 extrapolated(uint slot) {
+    vec3 v = raw[slot].xyz;
+    return v + momentum[MOMENTUM_BETA] * (v - before[slot].xyz);
 }
 
 // The weight of a voxel's roughness by itself.
-float stiffness(uint index) {
-    vec2 bound = bounds[index];
+float stiffness(uint slot) {
+    vec2 bound = bounds[slot];
     float peak = uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
     if (!(peak > 0.0 && bound.x > 0.0)) return 0.0;
     float noise = bound.y / peak;
@@ -46,20 +49,19 @@ void main() {
     uint slot = group_index() * WORKGROUP + lane;
     float magnitude = 0.0;
     if (slot < counts[COUNT_ACTIVE]) {
-        uint index = active_voxels[slot];
-        vec3 y = extrapolated(index);
-        float own = stiffness(index);
+        vec3 y = extrapolated(slot);
+        float own = stiffness(slot);
         vec3 along = vec3(0.0);
         float energy = 0.0;
         if (own > 0.0) {
-            ivec3 c = ivec3(voxel_at(index));
+            ivec3 c = ivec3(voxel_at(active_voxels[slot]));
             for (uint side = 0u; side < 6u; ++side) {
                 ivec3 n = c;
                 n[side >> 1] += (side & 1u) == 0u ? -1 : 1;
                 // Below zero is beyond the grid, too.
                 if (!in_grid(uvec3(n))) continue;
-                uint other = voxel_index(uvec3(n));
-                if ((mask[other >> 5] >> (other & 31u) & 1u) == 0u) continue;
+                uint other = slot_of(voxel_index(uvec3(n)));
+                if (other == NOWHERE) continue;
                 vec3 jump = y - extrapolated(other);
                 float mu = min(own, stiffness(other));
                 along += mu * jump;

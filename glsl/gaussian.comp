@@ -8,22 +8,26 @@
 #include "surface.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
-layout(constant_id = 11) const uint FIRST = 1u; // 0 a volume, 1 albedo of raw variables, 2 length of vectors
+layout(constant_id = 11) const uint FIRST = 1u; // 0 a volume, 1 albedo of raw variables, 2 length of vectors, which lie by slot
 layout(constant_id = 12) const uint LAST = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Taps { float taps[]; }; // [0] = radius, then weights 0..radius
 layout(std430, set = 0, binding = 2) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Source { float source[]; };
 layout(std430, set = 0, binding = 5) writeonly buffer Target { float smoothed[]; };
+layout(std430, set = 0, binding = 7) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 6) buffer Counts { uint counts[]; };
+
+#include "slots.glsl"
 
 shared float peaks[WORKGROUP];
 
 float value_at(uvec3 c) {
     uint index = voxel_index(c);
     if (FIRST == 0u) return source[index];
-    if ((mask[index >> 5] >> (index & 31u) & 1u) == 0u) return 0.0;
-    return FIRST == 1u ? elu(raw[index].x) : length(raw[index].xyz);
+    uint slot = slot_of(index);
+    if (slot == NOWHERE) return 0.0;
+    return FIRST == 1u ? elu(raw[index].x) : length(raw[slot].xyz);
 }
 
 void main() {

@@ -1,23 +1,48 @@
-// After a change of the domain: what is not active holds nothing, and the momentum rests (v before = v). One
-// invocation owns one voxel.
+// After a change of the domain: takes the vectors and bounds of the voxels that stay from their old slots to the new
+// ones, zero where nothing was; the momentum is at rest then (v before = v). DOUBLED: the old domain has half the
+// lateral resolution, and vectors are interpolated (trilinear, cell-centred: weights 1/4 and 3/4, clamped at the edges,
+// nothing where nothing was active; z unchanged). One invocation owns one voxel that is active now. Writes `before`
+// and `gradient`, from where both are copied back: old slots may still be read.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 1) readonly buffer Mask { uint mask[]; };
-layout(std430, set = 0, binding = 2) buffer Raw { vec4 raw[]; };
-layout(std430, set = 0, binding = 3) writeonly buffer Before { vec4 before[]; };
-layout(std430, set = 0, binding = 4) writeonly buffer Momentum { float momentum[]; };
+layout(constant_id = 10) const uint DOUBLED = 0u;
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; };
+layout(std430, set = 0, binding = 3) readonly buffer MaskBefore { uint mask[]; };
+layout(std430, set = 0, binding = 4) readonly buffer RanksBefore { uint ranks[]; };
+layout(std430, set = 0, binding = 5) readonly buffer Raw { vec4 raw[]; };
+layout(std430, set = 0, binding = 6) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda
+layout(std430, set = 0, binding = 7) writeonly buffer Before { vec4 before[]; };
+layout(std430, set = 0, binding = 8) writeonly buffer Gradient { vec2 kept_bounds[]; };
+
+#include "slots.glsl"
+
+vec4 coarse_at(uvec2 c, uint z) {
+    uint slot = slot_of(coarse_index(uvec3(c, z)));
+    return slot == NOWHERE ? vec4(0.0) : raw[slot];
+}
 
 void main() {
-    uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (index >= brick_count() * 512u) return;
-    if (index == 0u) {
-        momentum[MOMENTUM_T] = 1.0;
-        momentum[MOMENTUM_BETA] = 0.0;
-        momentum[MOMENTUM_OBJECTIVE] = uintBitsToFloat(0x7f800000u);
+    uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (at >= counts[COUNT_ACTIVE]) return;
+    uint index = active_voxels[at];
+    if (DOUBLED == 0u) {
+        uint slot = slot_of(index);
+        before[at] = slot == NOWHERE ? vec4(0.0) : raw[slot];
+        kept_bounds[at] = slot == NOWHERE ? vec2(0.0) : bounds[slot];
+        return;
     }
-    if ((mask[index >> 5] >> (index & 31u) & 1u) == 0u) raw[index] = vec4(0.0);
-    before[index] = raw[index];
+    uvec3 c = voxel_at(index);
+    ivec2 last = ivec2(scene.grid_x, scene.grid_y) / 2 - 1;
+    uvec2 parent = c.xy / 2u;
+    // The other parent lies on the side that this child leans to.
+    uvec2 other = uvec2(clamp(ivec2(parent) + ivec2(c.xy & 1u) * 2 - 1, ivec2(0), last));
+    before[at] = 0.5625 * coarse_at(parent, c.z)
+               + 0.1875 * coarse_at(uvec2(other.x, parent.y), c.z)
+               + 0.1875 * coarse_at(uvec2(parent.x, other.y), c.z)
+               + 0.0625 * coarse_at(other, c.z);
+    kept_bounds[at] = vec2(0.0);
 }

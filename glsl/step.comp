@@ -25,8 +25,7 @@ layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample
 layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
-layout(std430, set = 0, binding = 7) readonly buffer ActiveVoxels { uint active_voxels[]; };
-layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda, by voxel
+layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda
 layout(std430, set = 0, binding = 9) buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 10) buffer Before { vec4 before[]; };
 layout(std430, set = 0, binding = 13) readonly buffer Momentum { float momentum[]; };
@@ -77,15 +76,14 @@ void main() {
         if ((push.flags & BACKWARD_FINISH) == 0u) {
             gradient[slot] = sum;
         } else {
-            uint index = active_voxels[slot];
-            vec2 bound = bounds[index] * vec2(momentum[MOMENTUM_SHARE], 1.0);
-            vec3 v = raw[index].xyz;
+            vec2 bound = bounds[slot] * vec2(momentum[MOMENTUM_SHARE], 1.0);
+            vec3 v = raw[slot].xyz;
             vec3 g = NORMALS ? sum.yzw : vec3(0.0, 0.0, -sum.x);
             float rough = NORMALS ? sample_normals[slot].w : sum.y;
             vec3 next = bound.x > 0.0 ? shrink(into_cone(y - g / bound.x), bound.y / bound.x) : vec3(0.0);
             told = vec2(bound.y * length(y) + rough, bound.x * dot(y - next, next - v));
-            before[index] = vec4(v, 0.0);
-            raw[index] = vec4(next, 0.0);
+            before[slot] = vec4(v, 0.0);
+            raw[slot] = vec4(next, 0.0);
         }
     }
     if ((push.flags & BACKWARD_FINISH) == 0u) return;

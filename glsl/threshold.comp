@@ -1,5 +1,5 @@
 // Domain reduction: one invocation owns one word of the mask, 32 voxels. Active afterwards is what lies above
-// the given share of the smoothed maximum, not nearer than allowed and within reach of a bin; whether it was active before does not
+// the given share of the smoothed maximum and not below what there is room for (room.comp), not nearer than allowed and within reach of a bin; whether it was active before does not
 // matter (push.flags holds the share's bits; the smoothing lets the domain grow back a little, as in the paper).
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -15,11 +15,12 @@ void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= brick_count() * 16u) return;
     float above = uintBitsToFloat(push.flags) * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
+    float least = uintBitsToFloat(counts[COUNT_LEAST_SMOOTH]);
     uint word = 0u;
     for (uint i = 0u; reachable[at >> 4] != 0u && i < 32u; ++i) {
         uint index = at * 32u + i;
         uvec3 c = voxel_at(index);
-        if (in_grid(c) && c.z >= scene.near_z && source[index] > above) word |= 1u << i;
+        if (in_grid(c) && c.z >= scene.near_z && source[index] > above && source[index] >= least) word |= 1u << i;
     }
     mask[at] = word;
 }

@@ -12,11 +12,14 @@ layout(constant_id = 10) const uint CONTINUOUS = 1u;
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer TouchedVoxels { uint touched_voxels[]; };
-layout(std430, set = 0, binding = 3) readonly buffer SlotOf { uint slot_of[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Ranks { uint ranks[]; };
+layout(std430, set = 0, binding = 8) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Gradient { vec4 gradient[]; };
 layout(std430, set = 0, binding = 5) buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 6) buffer MomentFirst { vec4 moment_first[]; };
 layout(std430, set = 0, binding = 7) buffer MomentSecond { vec4 moment_second[]; };
+
+#include "slots.glsl"
 
 const float PI = 3.14159265;
 
@@ -29,7 +32,7 @@ vec4 gathered(uvec3 c) {
             for (int x = low.x; x <= high.x; ++x) {
                 uvec3 neighbour = uvec3(x, y, z);
                 uint index = voxel_index(neighbour);
-                uint slot = slot_of[index];
+                uint slot = slot_of(index);
                 if (slot == NOWHERE) continue;
                 vec3 near = max(1.0 - abs(sample_point(neighbour, index) - vec3(c)), 0.0);
                 sum += near.x * near.y * near.z * gradient[slot];
@@ -43,7 +46,7 @@ void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= counts[COUNT_TOUCHED]) return;
     uint index = touched_voxels[at];
-    vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(index)) : gradient[slot_of[index]];
+    vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(index)) : gradient[slot_of(index)];
     vec4 m = mix(g, moment_first[index], scene.beta1);
     vec4 v = mix(g * g, moment_second[index], scene.beta2);
     float step = float(push.step);

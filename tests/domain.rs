@@ -22,9 +22,7 @@ fn assert_lists(job: &mut Job<'_>, grid: &Grid, domain: &[bool], continuous: boo
     if continuous {
         assert_eq!(read::<u32>(job, "touched_voxels", touched.len()), touched);
     }
-    let mut slots = vec![u32::MAX; grid.storage()];
-    active.iter().enumerate().for_each(|(slot, i)| slots[*i as usize] = slot as u32);
-    assert_eq!(read::<u32>(job, "slot_of", grid.storage()), slots);
+    assert_eq!(read::<u32>(job, "ranks", grid.storage() / 32), ranks_of(domain));
 
     let sets = job.plan.forward_sets(job.plan.finest());
     let arguments: Vec<[u32; 3]> = read(job, "arguments", (ARGUMENTS_FORWARD + sets) as usize);
@@ -59,7 +57,7 @@ fn compaction_lists_every_active_voxel_in_brick_order() {
         for share in [0.0, 0.002, 0.1, 0.7, 1.0] {
             let (_, domain) = state(&model, &grid, share, 2);
             let mut job = job(&gpu, &model, &grid, &o);
-            write_mask(&mut job, "mask", &domain);
+            write_domain(&mut job, &domain);
             let schedule = compact(&job.plan, job.plan.finest());
             job.executor.run(&schedule).unwrap();
             assert_lists(&mut job, &grid, &domain, true);
@@ -76,7 +74,7 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
     let grid = grid();
     let (_, domain) = state(&model, &grid, 0.3, 3);
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-    write_mask(&mut job, "mask", &domain);
+    write_domain(&mut job, &domain);
     let schedule = compact(&job.plan, job.plan.finest());
     job.executor.run(&schedule).unwrap();
     assert_lists(&mut job, &grid, &domain, false);
@@ -123,7 +121,7 @@ fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         }
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
         write_raw(&mut job, "raw", &raw);
-        write_mask(&mut job, "mask", &domain);
+        write_domain(&mut job, &domain);
         let schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
         job.executor.run(&schedule).unwrap();
         let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
@@ -145,7 +143,7 @@ fn a_volume_without_light_is_pruned_to_nothing() {
     let (_, domain) = state(&model, &grid, 1.0, 4);
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_raw(&mut job, "raw", &vec![[-0.5, 0.0, 0.0, 0.0]; grid.storage()]);
-    write_mask(&mut job, "mask", &domain);
+    write_domain(&mut job, &domain);
     let schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
     job.executor.run(&schedule).unwrap();
     assert_lists(&mut job, &grid, &vec![false; grid.storage()], true);
@@ -173,7 +171,7 @@ fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     assert_eq!(job.plan.levels[0].grid, coarse);
     let (raw, domain) = state(&model, &coarse, 0.3, 5);
     write_raw(&mut job, "raw", &raw);
-    write_mask(&mut job, "mask", &domain);
+    write_domain(&mut job, &domain);
     let schedule = double(&job.plan, &job.plan.levels[0], &job.plan.levels[1]);
     job.executor.run(&schedule).unwrap();
     let want = twin::double_raw(&coarse, &fine, &raw);
@@ -214,7 +212,7 @@ fn extract_finds_the_brightest_voxel_of_every_column() {
     let (raw, domain) = state(&model, &grid, 0.08, 6);
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_raw(&mut job, "raw", &raw);
-    write_mask(&mut job, "mask", &domain);
+    write_domain(&mut job, &domain);
     let schedule = extract(job.plan.finest());
     job.executor.run(&schedule).unwrap();
     let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped("columns_host"));

@@ -341,14 +341,11 @@ fn update_continuous_and_fixed() {
             second[*i as usize] = std::array::from_fn(|_| random.uniform(1e-9, 1e-8));
         }
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-        let mut slots = vec![u32::MAX; grid.storage()];
-        active.iter().enumerate().for_each(|(slot, i)| slots[*i as usize] = slot as u32);
         write_raw(&mut job, "raw", &raw);
         write_raw(&mut job, "moment_first", &first);
         write_raw(&mut job, "moment_second", &second);
         write_raw(&mut job, "gradient", &gradient);
-        write(&mut job, "slot_of", &slots);
-        write(&mut job, "active_voxels", &active);
+        write_domain(&mut job, &domain);
         if sampling == Sampling::Continuous {
             write(&mut job, "touched_voxels", &touched);
         }

@@ -6,6 +6,7 @@ mod device;
 use device::vectors::*;
 use device::*;
 use glam::{DVec3, dvec3};
+use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{Job, VectorOptions, extract, vector};
 use thirdbounce::transport::Model;
 use thirdbounce::transport::kernels::*;
@@ -87,10 +88,11 @@ fn check_settled(job: &mut Job<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], mom
     let (mut want, mut before) = (v.to_vec(), vec![DVec3::NAN; count]);
     let mut rest = momentum;
     twin::settle(mask, &mut want, &mut before, &mut rest);
-    assert!(error(flat(&read_vectors(job, "raw", count)), flat(&want)) < 1e-6);
-    assert_eq!(read_vectors(job, "before", count), read_vectors(job, "raw", count));
-    assert_eq!(read_momentum(job), rest);
     let active = twin::compact(mask);
+    let raw = read_vectors(job, "raw", &active, count);
+    assert!(error(flat(&raw), flat(&want)) < 1e-6);
+    assert_eq!(read_vectors(job, "before", &active, count), raw);
+    assert_eq!(read_momentum(job), rest);
     assert_eq!(read::<u32>(job, "active_voxels", active.len()), active);
     let points = read_raw(job, "sample_points", active.len());
     for (got, want) in points.iter().zip(twin::points(twin, &active)) {
@@ -105,25 +107,97 @@ fn reduction_smooths_the_lengths_and_settles() {
     model.keep_above = 0.6;
     let twin = Twin { model: &model, grid: &grid };
     let domain = state(&model, &grid, 0.4, 23).1;
-    let v = vectors(grid.storage(), 24);
+    let v = within(vectors(grid.storage(), 24), &domain);
+    let bounds: Vec<[f64; 2]> = v.iter().map(|v| [v.x, v.y]).collect();
     let o = VectorOptions { keep_above: 0.6, ..vector_options(&grid) };
     let mut job = job(&gpu, &model, &grid, &o);
-    write_vectors(&mut job, "raw", &v);
-    write_mask(&mut job, "mask", &domain);
-    set_counts(&mut job, twin::compact(&domain).len(), 0.0);
+    let active = write_domain(&mut job, &domain);
+    write_vectors(&mut job, "raw", &active, &v);
+    write_bounds(&mut job, &active, &bounds);
+    set_counts(&mut job, active.len(), 0.0);
     let momentum = Momentum { t: 7.0, beta: 0.8, objective: 3.0, restarts: 2.0, share: 0.5 };
     write_momentum(&mut job, momentum);
     let mut level = 0;
     let s = vector::due(&job.plan, &o, &mut level, o.reduce_every);
     job.executor.run(&s).unwrap();
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
-    assert!(error(read_floats(&mut job, "gradient", grid.storage()), smooth.iter().copied()) < 2e-6);
+    assert!(error(read_floats(&mut job, "smooth", grid.storage()), smooth.iter().copied()) < 2e-6);
     let kept = twin::threshold(&twin, &smooth);
     let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
     assert!(share > 0.02 && share < 0.9, "{share}");
     assert_eq!(read_mask(&mut job, "mask", grid.storage()), kept);
     check_settled(&mut job, &twin, &kept, &v, momentum);
+    // Bounds stay with their voxels; what has become active has none yet.
+    let stayed = twin::compact(&kept);
+    let got = read_bounds(&mut job, &stayed, grid.storage());
+    let stays = |i: &u32| domain[*i as usize];
+    assert!(stayed.iter().any(stays) && !stayed.iter().all(stays));
+    assert!(stayed.iter().all(|i| got[*i as usize] == bounds[*i as usize]));
     assert!(vector::due(&job.plan, &o, &mut level, o.reduce_every + 1).commands.is_empty());
+    assert_valid(&gpu);
+}
+
+/// A domain that there is no room for keeps the brightest, and what is listed never exceeds the room.
+#[test]
+fn a_domain_beyond_its_room_keeps_the_brightest() {
+    let gpu = gpu();
+    let (mut model, grid) = (scene(3, 40, 22), grid());
+    model.keep_above = 0.05;
+    let domain = state(&model, &grid, 0.5, 23).1;
+    let v = within(vectors(grid.storage(), 24), &domain);
+    let o = VectorOptions { keep_above: 0.05, ..vector_options(&grid) };
+    let mut job = job(&gpu, &model, &grid, &o);
+    let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
+    let twin = Twin { model: &model, grid: &grid };
+    let all = twin::threshold(&twin, &smooth);
+    let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
+    let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
+    for room in [count(&all) + 1, count(&all) / 2, 40, 1] {
+        // There must be room for what is there already.
+        job.plan.capacity = count(&domain).max(room);
+        job.upload().unwrap();
+        let active = write_domain(&mut job, &domain);
+        write_vectors(&mut job, "raw", &active, &v);
+        set_counts(&mut job, active.len(), 0.0);
+        write_momentum(&mut job, REST);
+        job.plan.capacity = room;
+        let s = vector::due(&job.plan, &o, &mut 0, o.reduce_every);
+        let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
+        let [before, after] =
+            [&s.commands[..split], &s.commands[split..]].map(|c| Schedule { commands: c.to_vec() });
+        job.executor.run(&before).unwrap();
+        job.upload().unwrap();
+        job.executor.run(&after).unwrap();
+        let levels = twin::levels(&twin, &smooth);
+        assert_eq!(
+            levels.iter().sum::<u32>() as usize,
+            smooth
+                .iter()
+                .enumerate()
+                .filter(|(i, s)| {
+                    let c = grid.voxel(*i);
+                    grid.contains(c) && c[2] >= model.near_z(&grid) && **s > 0.0
+                })
+                .count()
+        );
+        let got: Vec<u32> = read(&mut job, "levels", LEVELS as usize);
+        // A value may round into the next level.
+        let moved: u32 = got.iter().zip(&levels).map(|(a, b)| a.abs_diff(*b)).sum();
+        assert!(moved <= 4, "{moved} of {}", levels.iter().sum::<u32>());
+        let least = twin::room(&got, peak, room);
+        let told: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let told_least = f64::from(f32::from_bits(told[COUNT_LEAST_SMOOTH as usize]));
+        assert_eq!(told_least, least, "room for {room}");
+        assert_eq!(least > 0.05 * peak, room < count(&all));
+        let kept: Vec<bool> = all.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
+        let differ = read_mask(&mut job, "mask", grid.storage());
+        let differ = differ.iter().zip(&kept).filter(|(a, b)| a != b).count();
+        assert!(differ <= 1, "{differ}");
+        let active = told[COUNT_ACTIVE as usize] as usize;
+        assert!(active <= room && (active > room / 2 || count(&kept) < room), "{active} of {room}");
+        let listed: Vec<u32> = read(&mut job, "active_voxels", active);
+        assert!(listed.iter().all(|i| kept[*i as usize] || differ > 0));
+    }
     assert_valid(&gpu);
 }
 
@@ -141,10 +215,10 @@ fn bounds_of(twin: &Twin, mask: &[bool]) -> Vec<[f64; 2]> {
 }
 
 fn check_bounds_of(job: &mut Job<'_>, twin: &Twin, mask: &[bool]) {
-    let got: Vec<[f32; 2]> = read(job, "bounds", mask.len());
+    let got = read_bounds(job, &twin::compact(mask), mask.len());
     let want = bounds_of(twin, mask);
     for k in 0..2 {
-        let e = error(got.iter().map(|b| f64::from(b[k])), want.iter().map(|b| b[k]));
+        let e = error(got.iter().map(|b| b[k]), want.iter().map(|b| b[k]));
         assert!(e < 3e-5, "{k}: {e}");
     }
 }
@@ -158,10 +232,10 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     let mut job = job(&gpu, &model, &fine, &o);
     assert_eq!(job.plan.levels.len(), 2);
     let domain = state(&model, &coarse, 0.6, 26).1;
-    let v = vectors(coarse.storage(), 27);
-    write_vectors(&mut job, "raw", &v);
-    write_mask(&mut job, "mask", &domain);
-    set_counts(&mut job, twin::compact(&domain).len(), 0.0);
+    let v = within(vectors(coarse.storage(), 27), &domain);
+    let active = write_domain(&mut job, &domain);
+    write_vectors(&mut job, "raw", &active, &v);
+    set_counts(&mut job, active.len(), 0.0);
     zero_histograms(&mut job);
     write_momentum(&mut job, REST);
     let mut level = 0;
@@ -169,7 +243,7 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     assert_eq!(level, 1);
     job.executor.run(&s).unwrap();
 
-    // Vectors outside the coarse domain count as they stand: reduction does not zero them before the doubling.
+    // What the reduction leaves out still counts where its neighbours are interpolated.
     let kept_model = Model { keep_above: 0.5, ..model.clone() };
     let smooth = twin::smooth(&coarse, twin::lengths(&v, &domain), &job.plan.taps);
     let kept = twin::threshold(&Twin { model: &kept_model, grid: &coarse }, &smooth);
@@ -201,7 +275,7 @@ fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
     let projected = twin::backproject(&twin, &twin::filter(&twin, &half));
     let smooth = twin::smooth(&grid, projected, &job.plan.taps);
-    assert!(error(read_floats(&mut job, "gradient", grid.storage()), smooth.iter().copied()) < 3e-5);
+    assert!(error(read_floats(&mut job, "smooth", grid.storage()), smooth.iter().copied()) < 3e-5);
     let mask = read_mask(&mut job, "mask", grid.storage());
     let want = twin::threshold(&twin, &smooth);
     let differ = mask.iter().zip(&want).filter(|(a, b)| a != b).count();
@@ -228,8 +302,8 @@ fn extract_takes_a_column_from_all_of_its_surface() {
         .map(|v| twin::into_cone(model.cone, v).map(|v| f64::from(v as f32)))
         .collect();
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
-    write_vectors(&mut job, "raw", &v);
-    write_mask(&mut job, "mask", &domain);
+    let active = write_domain(&mut job, &domain);
+    write_vectors(&mut job, "raw", &active, &v);
     let s = extract(job.plan.finest());
     job.executor.run(&s).unwrap();
     let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped("columns_host"));

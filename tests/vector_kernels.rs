@@ -33,14 +33,13 @@ fn check_extrapolate(reflectance: Reflectance) {
     // Some have no bound, for some the step limits the roughness, for some the noise does.
     let mut random = Random::new(5);
     let mut bound = || if random.uniform(0.0, 1.0) < 0.1 { 0.0 } else { random.uniform(0.0, 1.0) };
-    let bounds: Vec<[f32; 2]> = (0..grid.storage()).map(|_| [6.0 * bound() as f32, bound() as f32]).collect();
-    let wide: Vec<[f64; 2]> = bounds.iter().map(|b| b.map(f64::from)).collect();
+    let mut pair = || [6.0 * bound(), bound()].map(|b| f64::from(b as f32));
+    let bounds: Vec<[f64; 2]> = (0..grid.storage()).map(|_| pair()).collect();
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
-    write_vectors(&mut job, "raw", &v);
-    write_vectors(&mut job, "before", &before);
-    write(&mut job, "active_voxels", &active);
-    write(&mut job, "bounds", &bounds);
-    write_mask(&mut job, "mask", &domain);
+    write_domain(&mut job, &domain);
+    write_vectors(&mut job, "raw", &active, &v);
+    write_vectors(&mut job, "before", &active, &before);
+    write_bounds(&mut job, &active, &bounds);
     for (beta, smooth) in [(0.0, 0.8f32), (0.75, 0.8), (0.75, 0.0), (0.75, f32::INFINITY)] {
         write_momentum(&mut job, Momentum { beta, share: 0.75, ..REST });
         set_counts(&mut job, active.len(), 0.0);
@@ -49,7 +48,7 @@ fn check_extrapolate(reflectance: Reflectance) {
         run_start(&mut job, &["points"]);
         run_iteration(&mut job, 0, &["extrapolate"]);
         let want = twin::extrapolate(&twin, &active, &v, &before, beta);
-        let rough = twin::roughness(&twin, &active, &want, &wide, 0.75, f64::from(smooth));
+        let rough = twin::roughness(&twin, &active, &want, &bounds, 0.75, f64::from(smooth));
         let points = read_raw(&mut job, "sample_points", active.len());
         for (g, w) in points.iter().zip(&want) {
             assert!((dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-6, "{g:?} {w:?}");
@@ -226,11 +225,11 @@ impl StepCase {
     }
 
     fn write(&self, job: &mut Job<'_>) {
-        write_vectors(job, "raw", &self.v);
-        write_vectors(job, "before", &self.before);
+        write_vectors(job, "raw", &self.active, &self.v);
+        write_vectors(job, "before", &self.active, &self.before);
         write(job, "active_voxels", &self.active);
         write(job, "residual", &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
-        write(job, "bounds", &self.bounds.iter().map(|b| b.map(|b| b as f32)).collect::<Vec<[f32; 2]>>());
+        write_bounds(job, &self.active, &self.bounds);
         write_momentum(job, Momentum { beta: BETA, share: SHARE, ..REST });
         write_samples(job, &self.samples());
         let directed = self.model.reflectance.has_normals();
@@ -259,11 +258,13 @@ impl StepCase {
             &mut before,
         );
         let count = self.grid.storage();
-        let got = read_vectors(job, "raw", count);
-        let e = error(flat(&got), flat(&v));
+        let of_active = |v: &[DVec3]| -> Vec<DVec3> { self.active.iter().map(|i| v[*i as usize]).collect() };
+        let got = of_active(&read_vectors(job, "raw", &self.active, count));
+        let e = error(flat(&got), flat(&of_active(&v)));
         let (geometry, reflectance) = (self.model.wall.geometry, self.model.reflectance);
         assert!(e < 3e-5, "{geometry:?} {reflectance:?} in groups of {group}: {e}");
-        assert_eq!(read_vectors(job, "before", count), before, "what was, bit by bit");
+        let got = read_vectors(job, "before", &self.active, count);
+        assert_eq!(of_active(&got), of_active(&before), "what was, bit by bit");
         let groups = self.active.len().div_ceil(group);
         let sums = |of: &dyn Fn(&Told) -> f64| -> Vec<f64> {
             told.chunks(group).map(|c| c.iter().map(of).sum()).collect()
@@ -359,7 +360,8 @@ fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize) {
     write(&mut job, "residual", &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
     run_start(&mut job, &["backproject"]);
     let want = twin::backproject(&twin, &case.residual);
-    assert!(error(read_floats(&mut job, "sample_points", case.grid.storage()), want) < 3e-5);
+    let projected = job.plan.volumes()[1];
+    assert!(error(read_floats(&mut job, projected, case.grid.storage()), want) < 3e-5);
 }
 
 /// Both bounds of the active voxels from random residuals.
@@ -373,15 +375,14 @@ fn check_bounds(job: &mut Job<'_>, twin: &Twin, active: &[u32], seed: u64) {
     write_samples(job, &samples);
     set_counts(job, active.len(), 1.0);
     let count = twin.grid.storage();
-    write(job, "bounds", &vec![[0.0f32; 2]; count]);
     run_start(job, &["bound_step", "bound_noise"]);
-    let got: Vec<[f32; 2]> = read(job, "bounds", count);
+    let got = read_bounds(job, active, count);
     for (k, what) in [Bound::Step, Bound::Noise].into_iter().enumerate() {
         let mut want = vec![0.0; count];
         for (i, b) in active.iter().zip(twin::bound(twin, &samples, &residual, what)) {
             want[*i as usize] = b;
         }
-        let e = error(got.iter().map(|b| f64::from(b[k])), want);
+        let e = error(got.iter().map(|b| b[k]), want);
         // Sums of many positive values in fp32 drift with their number.
         let pairs = twin.model.pairs() as f64;
         assert!(e < 1e-5 + 2e-9 * pairs, "{what:?}: {e}");
@@ -423,7 +424,8 @@ fn variance_filter_and_backproject() {
         let filtered: Vec<f64> = want.iter().map(|w| f64::from(*w as f32)).collect();
         let want = twin::backproject(&twin, &filtered);
         assert!(want.iter().filter(|v| **v > 0.0).count() > 100, "some is there, some is below zero");
-        assert!(error(read_floats(&mut job, "sample_points", grid.storage()), want) < 3e-5);
+        let projected = job.plan.volumes()[1];
+        assert!(error(read_floats(&mut job, projected, grid.storage()), want) < 3e-5);
     }
     assert_valid(&gpu);
 }

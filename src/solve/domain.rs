@@ -1,7 +1,7 @@
 //! The active domain as schedules: the first one, its reduction, its doubling, its compacted lists.
 //!
-//! The reduction's volumes lie in `gradient` and `sample_points`, and the coarse volume of a doubling in
-//! `moment_first`: between iterations nothing lives there, so they cost no memory.
+//! The paper's solver may have every voxel active, and has its reduction's volumes in `gradient` and `sample_points`, and
+//! the coarse volume of a doubling in `moment_first`: between iterations nothing lives there, so they cost no memory.
 
 use super::schedule::groups;
 use super::{Level, PaperOptions, Plan};
@@ -55,18 +55,19 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
 
 /// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
 pub fn reduce(plan: &Plan, level: &Level, keep_above: f64) -> Schedule {
-    let mut s = smooth(level, "gaussian_x");
-    s.extend(keep(level, keep_above));
+    let mut s = smooth(plan, level, "gaussian_x");
+    s.extend(keep(plan, level, keep_above));
     s.extend(compact(plan, level));
     s
 }
 
-/// Smooths what the kernel `first` reads into `gradient`, and its maximum into `counts`.
-pub(super) fn smooth(level: &Level, first: &'static str) -> Schedule {
+/// Smooths what the kernel `first` reads into the first of [`Plan::volumes`], and its maximum into `counts`.
+pub(super) fn smooth(plan: &Plan, level: &Level, first: &'static str) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
-    let (a, b) = ("gradient", "sample_points");
+    let [a, b] = plan.volumes();
     s.set("counts", COUNT_PEAK_SMOOTH, 0);
+    s.set("counts", COUNT_LEAST_SMOOTH, 0);
     let all = groups(level.grid.storage(), WORKGROUP);
     s.dispatch(first, all).bind("scene", scene).bind("source", b).bind("target", a);
     s.dispatch("gaussian_y", all).bind("scene", scene).bind("source", a).bind("target", b);
@@ -75,11 +76,11 @@ pub(super) fn smooth(level: &Level, first: &'static str) -> Schedule {
 }
 
 /// The mask of what is smoothed above a share of its maximum.
-pub(super) fn keep(level: &Level, above: f64) -> Schedule {
+pub(super) fn keep(plan: &Plan, level: &Level, above: f64) -> Schedule {
     let mut s = Schedule::default();
     s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP))
         .bind("scene", level.scene)
-        .bind("source", "gradient")
+        .bind("source", plan.volumes()[0])
         .bind("reachable", level.reachable)
         .with(Push { flags: (above as f32).to_bits(), ..Default::default() });
     s
@@ -96,21 +97,21 @@ pub fn restart(level: &Level) -> Schedule {
 
 /// From `coarse` to `fine`, which has twice its lateral resolution; the optimiser is at rest after it.
 pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
-    let mut s = double_volume(plan, coarse, fine);
+    let mut s = Schedule::default();
+    s.copy("raw", "moment_first", coarse.grid.storage() as u64 * 16);
+    s.dispatch("double_raw", groups(fine.grid.storage(), WORKGROUP))
+        .bind("scene", fine.scene)
+        .bind("coarse", "moment_first");
+    s.extend(double_mask(coarse, fine));
     s.extend(restart(fine));
     s.extend(compact(plan, fine));
     s
 }
 
-/// The volume and the mask of `fine` from those of `coarse`.
-pub(super) fn double_volume(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
+/// The mask of `fine` from that of `coarse`.
+pub(super) fn double_mask(coarse: &Level, fine: &Level) -> Schedule {
     let mut s = Schedule::default();
-    let old = coarse.grid.storage() as u64;
-    s.copy("raw", plan.spare(), old * 16);
-    s.copy("mask", "touched_mask", old / 8);
-    s.dispatch("double_raw", groups(fine.grid.storage(), WORKGROUP))
-        .bind("scene", fine.scene)
-        .bind("coarse", plan.spare());
+    s.copy("mask", "touched_mask", coarse.grid.storage() as u64 / 8);
     s.dispatch("double_domain", groups(fine.grid.storage() / 32, WORKGROUP))
         .bind("scene", fine.scene)
         .bind("coarse_mask", "touched_mask");

@@ -4,6 +4,7 @@ use super::Plan;
 use crate::Result;
 use crate::gpu::{Arena, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
+use crate::transport::kernels::SceneData;
 use crate::transport::{Grid, Model};
 
 /// A job on the device: buffers filled, kernels made, first domain listed.
@@ -35,7 +36,8 @@ impl<'g> Job<'g> {
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         upload(executor, "taps", bytemuck::cast_slice(&taps))?;
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
-            upload(executor, level.scene, bytemuck::bytes_of(&model.scene(&level.grid)))?;
+            let scene = SceneData { capacity: plan.capacity as u32, ..model.scene(&level.grid) };
+            upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             upload(executor, level.reachable, bytemuck::cast_slice(&bricks))?;
         }
@@ -82,24 +84,21 @@ pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Ma
     }
 }
 
-/// The volume whose raw variables and mask were copied to the host.
+/// The volume whose raw variables (vectors: those of active voxels only) and mask were copied to the host.
 pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, vectors: bool) -> super::VolumeMap {
     let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped("raw_host"));
     let mask: &[u32] = bytemuck::cast_slice(arena.mapped("mask_host"));
-    let mut albedo = Vec::with_capacity(grid.voxels());
-    for x in 0..grid.n[0] {
-        for y in 0..grid.n[1] {
-            for z in 0..grid.n[2] {
-                let i = grid.index([x, y, z]);
-                let [a, b, c, _] = raw[i];
-                let value = match (vectors, a > 0.0) {
-                    (true, _) => (a * a + b * b + c * c).sqrt(),
-                    (false, true) => a,
-                    (false, false) => a.exp_m1(),
-                };
-                albedo.push(if mask[i / 32] >> (i % 32) & 1 == 1 { value } else { 0.0 });
-            }
-        }
+    let active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
+    let mut albedo = vec![0.0; grid.voxels()];
+    for (slot, i) in (0..grid.storage()).filter(active).enumerate() {
+        let [x, y, z] = grid.voxel(i);
+        // A list that is full leaves the rest out.
+        let Some([a, b, c, _]) = raw.get(if vectors { slot } else { i }) else { break };
+        albedo[(x * grid.n[1] + y) * grid.n[2] + z] = match (vectors, *a > 0.0) {
+            (true, _) => (a * a + b * b + c * c).sqrt(),
+            (false, true) => *a,
+            (false, false) => a.exp_m1(),
+        };
     }
     super::VolumeMap { grid: *grid, albedo }
 }

@@ -74,6 +74,8 @@ pub struct Plan {
     pub scanned: usize,
     pub others: usize,
     pub tuning: Tuning,
+    /// Voxels that may be active at once.
+    pub capacity: usize,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
     pub buffers: Vec<BufferPlan>,
@@ -198,7 +200,6 @@ impl Plan {
             ));
         }
         let mut plan = Plan {
-            levels,
             pairs: model.pairs(),
             bins: model.bins,
             iterations: options.iterations,
@@ -215,11 +216,13 @@ impl Plan {
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
             tuning,
+            capacity: if options.vectors { capacity(&levels) } else { grid.storage() },
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
             reachable: vec![],
             all_bins: model.elements / model.pairs().max(1),
             left_out: vec![],
+            levels,
         };
         let reachable = |l: &Level| match options.general {
             true => vec![true; l.grid.storage() / BRICK_VOXELS],
@@ -235,10 +238,10 @@ impl Plan {
         self.levels.last().expect("a plan has a level")
     }
 
-    /// A buffer of a volume's size that is free while the domain doubles: Adam's first moment, which is at rest
-    /// then, or the iterate before.
-    pub fn spare(&self) -> &'static str {
-        if self.vectors { "before" } else { "moment_first" }
+    /// Two buffers for a number per voxel while the domain changes: the smoothed volume, and what it comes from.
+    /// The paper's solver, all of whose voxels may be active, has no sums there between iterations.
+    pub fn volumes(&self) -> [&'static str; 2] {
+        if self.vectors { ["smooth", "smooth_spare"] } else { ["gradient", "sample_points"] }
     }
 
     pub fn fixed_point(&self) -> bool {
@@ -250,7 +253,7 @@ impl Plan {
         if self.accumulation != Accumulation::Owned {
             return 1;
         }
-        level.grid.storage().div_ceil(self.tuning.chunk as usize) as u32
+        level.grid.storage().min(self.capacity).div_ceil(self.tuning.chunk as usize) as u32
     }
 
     /// Weights of the noise term.
@@ -266,6 +269,15 @@ impl Plan {
     pub fn bytes(&self) -> BTreeMap<String, u64> {
         self.buffers.iter().map(|b| (b.name.clone(), b.bytes)).collect()
     }
+}
+
+/// Voxels that the vector solver has room for: all of a small grid's, half of the first one's, a sixteenth of the last
+/// one's, whichever is most. A first back-projection leaves a tenth of the first grid, surfaces a hundredth of the last;
+/// of more the brightest are kept.
+fn capacity(levels: &[Level]) -> usize {
+    const SMALL: usize = 1 << 18;
+    let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
+    SMALL.max(first / 2).max(last / 16).min(last)
 }
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {

@@ -190,6 +190,7 @@ impl Model {
             others: self.wall.others.len() as u32,
             bins: self.bins as u32,
             seed: self.seed,
+            capacity: grid.storage() as u32,
             origin_x: grid.origin.x as f32,
             origin_y: grid.origin.y as f32,
             origin_z: grid.origin.z as f32,

@@ -234,6 +234,22 @@ pub fn read_mask(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<b
     (0..count).map(|i| words[i / 32] >> (i % 32) & 1 == 1).collect()
 }
 
+/// Writes a domain as the compaction would: mask, ranks (set bits before each word of it) and list, which it returns.
+pub fn write_domain(job: &mut Job<'_>, on: &[bool]) -> Vec<u32> {
+    write_mask(job, "mask", on);
+    let ranks = ranks_of(on);
+    write(job, "ranks", &ranks);
+    let active = thirdbounce::transport::twin::compact(on);
+    write(job, "active_voxels", &active);
+    active
+}
+
+pub fn ranks_of(on: &[bool]) -> Vec<u32> {
+    let count = |c: &[bool]| c.iter().filter(|b| **b).count() as u32;
+    let before = |sum: &mut u32, c| Some(std::mem::replace(sum, *sum + count(c)));
+    on.chunks(32).scan(0, before).collect()
+}
+
 /// Writes samples as `sample.comp` would.
 pub fn write_samples(job: &mut Job<'_>, samples: &[Sample]) {
     let f = |v: f64| v as f32;

@@ -45,12 +45,42 @@ pub fn vectors(count: usize, seed: u64) -> Vec<DVec3> {
     (0..count).map(|_| one()).collect()
 }
 
-pub fn write_vectors(job: &mut Job<'_>, buffer: &'static str, v: &[DVec3]) {
-    write_raw(job, buffer, &v.iter().map(|v| [v.x, v.y, v.z, 0.0]).collect::<Vec<_>>());
+/// Writes those of the active voxels, from all by storage index.
+pub fn write_vectors(job: &mut Job<'_>, buffer: &'static str, active: &[u32], v: &[DVec3]) {
+    let raw = |i: &u32| [v[*i as usize].x, v[*i as usize].y, v[*i as usize].z, 0.0];
+    write_raw(job, buffer, &active.iter().map(raw).collect::<Vec<_>>());
 }
 
-pub fn read_vectors(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<DVec3> {
-    read_raw(job, buffer, count).iter().map(|r| dvec3(r[0], r[1], r[2])).collect()
+/// Vectors by storage index, nothing where no voxel is active.
+pub fn read_vectors(job: &mut Job<'_>, buffer: &'static str, active: &[u32], count: usize) -> Vec<DVec3> {
+    let by_slot = read_raw(job, buffer, active.len()).into_iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
+    by_voxel(by_slot, active, count, DVec3::ZERO)
+}
+
+/// What lies by slot, by storage index.
+pub fn by_voxel<T: Clone>(by_slot: Vec<T>, active: &[u32], count: usize, none: T) -> Vec<T> {
+    let mut all = vec![none; count];
+    active.iter().zip(by_slot).for_each(|(i, value)| all[*i as usize] = value);
+    all
+}
+
+/// Writes the bounds of the active voxels, from all by storage index.
+pub fn write_bounds(job: &mut Job<'_>, active: &[u32], bounds: &[[f64; 2]]) {
+    let of = |i: &u32| bounds[*i as usize].map(|b| b as f32);
+    write(job, "bounds", &active.iter().map(of).collect::<Vec<[f32; 2]>>());
+}
+
+/// Bounds by storage index, zero where no voxel is active.
+pub fn read_bounds(job: &mut Job<'_>, active: &[u32], count: usize) -> Vec<[f64; 2]> {
+    let by_slot =
+        read::<[f32; 2]>(job, "bounds", active.len()).into_iter().map(|b| b.map(f64::from)).collect();
+    by_voxel(by_slot, active, count, [0.0; 2])
+}
+
+/// Everything but the active vectors taken away.
+pub fn within(mut v: Vec<DVec3>, domain: &[bool]) -> Vec<DVec3> {
+    v.iter_mut().zip(domain).filter(|(_, on)| !**on).for_each(|(v, _)| *v = DVec3::ZERO);
+    v
 }
 
 pub fn read_floats(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<f64> {

@@ -153,11 +153,18 @@ fn check_vector(
     let vectors = |raw: Vec<Raw>| -> Vec<DVec3> { raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect() };
     let count = read::<u32>(&mut job, "counts", 1)?[0] as usize;
     let active = read::<u32>(&mut job, "active_voxels", count)?;
-    let mut v = vectors(read_raw(&mut job, "raw", storage)?);
-    let mut before = vectors(read_raw(&mut job, "before", storage)?);
+    // What lies by slot, by storage index for the twins.
+    let spread = |slots: Vec<Raw>| -> Vec<DVec3> {
+        let mut all = vec![DVec3::ZERO; storage];
+        active.iter().zip(vectors(slots)).for_each(|(i, v)| all[*i as usize] = v);
+        all
+    };
+    let mut v = spread(read_raw(&mut job, "raw", count)?);
+    let mut before = spread(read_raw(&mut job, "before", count)?);
     let momentum = read_floats(&mut job, "momentum", MOMENTUM_BETA.max(MOMENTUM_SHARE) as usize + 1)?;
-    let bounds = read_floats(&mut job, "bounds", 2 * storage)?;
-    let bounds: Vec<[f64; 2]> = bounds.chunks(2).map(|b| [b[0], b[1]]).collect();
+    let by_slot = read_floats(&mut job, "bounds", 2 * count)?;
+    let mut bounds = vec![[0.0; 2]; storage];
+    active.iter().zip(by_slot.chunks(2)).for_each(|(i, b)| bounds[*i as usize] = [b[0], b[1]]);
     job.executor.run(&vector::iteration(&job.plan, &level, 1))?;
 
     let mut note = |pass, error| all.push(checked("vector", accumulation, pass, error));
@@ -173,7 +180,7 @@ fn check_vector(
     let gradient = twin::gradient_vectors(&twin, &got, &residual);
     let share = momentum[MOMENTUM_SHARE as usize];
     twin::step(&twin, &active, &got, &gradient, &bounds, share, &mut v, &mut before);
-    note("backward", error(&flat(&vectors(read_raw(&mut job, "raw", storage)?)), &flat(&v)));
+    note("backward", error(&flat(&spread(read_raw(&mut job, "raw", count)?)), &flat(&v)));
     Ok(())
 }
 

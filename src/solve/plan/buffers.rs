@@ -9,6 +9,9 @@ impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
         let grid = &self.finest().grid;
         let voxels = grid.storage() as u64;
+        // What active voxels have; the paper's solver may have them all active.
+        let slots = self.capacity as u64;
+        let of_vectors = |bytes: u64| if self.vectors { bytes } else { 0 };
         let columns = (grid.n[0] * grid.n[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
         let sets = self.forward_sets(self.finest());
@@ -18,30 +21,32 @@ impl Plan {
             ("histograms", elements * if self.fixed_point() { 8 } else { 4 }),
             ("residual", elements * 4),
             ("noise_state", self.noise_weights() as u64 * 12),
-            ("raw", voxels * 16),
-            (self.spare(), voxels * 16),
+            ("raw", slots * 16),
+            ("before", of_vectors(slots * 16)),
+            ("moment_first", if self.vectors { 0 } else { voxels * 16 }),
             ("moment_second", if self.vectors { 0 } else { voxels * 16 }),
-            ("bounds", if self.vectors { voxels * 8 } else { 0 }),
-            ("hat_taps", if self.vectors { self.bins as u64 * 4 + 4 } else { 0 }),
+            ("bounds", of_vectors(slots * 8)),
+            ("hat_taps", of_vectors(self.bins as u64 * 4 + 4)),
+            ("smooth", of_vectors(voxels * 4)),
+            ("smooth_spare", of_vectors(voxels * 4)),
+            ("levels", of_vectors(u64::from(LEVELS) * 4)),
             ("momentum", u64::from(MOMENTUM) * 4),
-            (
-                "against_partials",
-                if self.vectors { voxels.div_ceil(u64::from(self.tuning.voxels)) * 4 } else { 0 },
-            ),
+            ("against_partials", of_vectors(slots.div_ceil(u64::from(self.tuning.voxels)) * 4)),
             ("mask", voxels / 8),
             ("touched_mask", voxels / 8),
+            ("ranks", voxels / 8),
+            ("mask_before", of_vectors(voxels / 8)),
+            ("ranks_before", of_vectors(voxels / 8)),
             ("brick_offsets", voxels / BRICK_VOXELS as u64 * 4),
-            ("active_voxels", voxels * 4),
+            ("active_voxels", slots * 4),
             ("touched_voxels", if self.continuous { voxels * 4 } else { 0 }),
-            // The vector solver asks nobody where a voxel's sample is.
-            ("slot_of", if self.vectors { 0 } else { voxels * 4 }),
-            ("sample_points", voxels * 16),
-            ("sample_normals", if self.reflectance.has_normals() { voxels * 16 } else { 0 }),
-            ("gradient", voxels * 16),
+            ("sample_points", slots * 16),
+            ("sample_normals", if self.reflectance.has_normals() { slots * 16 } else { 0 }),
+            ("gradient", slots * 16),
             ("taps", (self.taps.len() + 1) as u64 * 4),
             ("counts", u64::from(COUNTS) * 4),
             ("arguments", u64::from(ARGUMENTS_FORWARD + sets) * 12),
-            ("l1_partials", voxels.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
+            ("l1_partials", slots.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
             (
                 "loss_partials",
                 elements.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP) * 8,
@@ -62,7 +67,7 @@ impl Plan {
         ));
         all.push(BufferPlan::new("columns_host", columns, Place::Readback));
         if with_volume {
-            all.push(BufferPlan::new("raw_host", voxels * 16, Place::Readback));
+            all.push(BufferPlan::new("raw_host", slots * 16, Place::Readback));
             all.push(BufferPlan::new("mask_host", voxels / 8, Place::Readback));
         }
         all

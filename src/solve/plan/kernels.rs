@@ -70,7 +70,7 @@ impl Plan {
             u("compact_count", "compact_count", &[]),
             u("compact_scan_active", "compact_scan", &[("TOTAL", COUNT_ACTIVE)]),
             u("compact_scan_touched", "compact_scan", &[("TOTAL", COUNT_TOUCHED)]),
-            u("compact_scatter_active", "compact_scatter", &[("WRITE_SLOTS", 1 - vectors)]),
+            u("compact_scatter_active", "compact_scatter", &[("WRITE_RANKS", 1)]),
             u(
                 "arguments",
                 "arguments",
@@ -83,7 +83,6 @@ impl Plan {
                     ("OTHERS", if product { t.others_forward } else { 0 }),
                 ],
             ),
-            u("double_raw", "double_raw", &[]),
             u("double_domain", "double_domain", &[]),
             u("extract", "extract", &[("VECTORS", vectors)]),
         ];
@@ -99,7 +98,10 @@ impl Plan {
                 u("variance", "variance", &[]),
                 u("filter", "filter", &[]),
                 u("backproject", "backproject", &[others]),
-                u("settle", "settle", &[]),
+                u("settle", "settle", &[("DOUBLED", 0)]),
+                u("settle_doubled", "settle", &[("DOUBLED", 1)]),
+                u("levels", "levels", &[]),
+                u("room", "room", &[]),
                 u("points", "points", &[]),
                 u("extrapolate", "extrapolate", &[]),
                 u("step", "step", &gather_constants),
@@ -111,9 +113,10 @@ impl Plan {
             u("sample", "sample", &[("CONTINUOUS", continuous)]),
             u("backward", "backward", &gather_constants),
             u("update", "update", &[("CONTINUOUS", continuous)]),
+            u("double_raw", "double_raw", &[]),
             u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 1), ("LAST", 0)]),
             u("dilate", "dilate", &[]),
-            u("compact_scatter_touched", "compact_scatter", &[("WRITE_SLOTS", 0)]),
+            u("compact_scatter_touched", "compact_scatter", &[("WRITE_RANKS", 0)]),
         ]);
         if self.noise != NoiseTerm::Off {
             all.push(u(

@@ -10,23 +10,22 @@ use crate::transport::kernels::*;
 pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     let mut s = Schedule::default();
     let bytes = |name: &str| plan.buffers.iter().find(|b| b.name == name).map_or(0, |b| b.bytes);
-    for buffer in ["counts", "histograms", "momentum"] {
+    for buffer in ["counts", "histograms", "momentum", "mask_before"] {
         s.fill(buffer, bytes(buffer), 0);
     }
-    s.fill("raw", level.grid.storage() as u64 * 16, 0);
     s.set("momentum", MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     s.dispatch("filter", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene);
     for push in pair_chunks(plan) {
         s.dispatch("backproject", groups(level.grid.storage(), WORKGROUP))
             .bind("scene", level.scene)
-            .bind("target", "sample_points")
+            .bind("target", plan.volumes()[1])
             .with(push);
     }
-    s.extend(domain::smooth(level, "gaussian_x_volume"));
-    s.extend(domain::keep(level, options.start_above));
+    s.extend(domain::smooth(plan, level, "gaussian_x_volume"));
+    s.extend(keep(plan, level, options.start_above, plan.capacity));
     // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
     s.set("counts", COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
-    s.extend(settle(plan, level));
+    s.extend(settle(plan, level, "settle"));
     s.extend(bounds(plan, level));
     s
 }
@@ -58,15 +57,16 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let mut s = Schedule::default();
     let here = &plan.levels[*level];
     if done.is_multiple_of(options.coarse_iterations) && *level + 1 < plan.levels.len() {
-        s.extend(reduce(here, options));
+        // A voxel becomes four.
+        s.extend(reduce(plan, here, options, plan.capacity / 4));
         let fine = &plan.levels[*level + 1];
-        s.extend(domain::double_volume(plan, here, fine));
-        s.extend(settle(plan, fine));
+        s.extend(domain::double_mask(here, fine));
+        s.extend(settle(plan, fine, "settle_doubled"));
         s.extend(bounds(plan, fine));
         *level += 1;
     } else if done.is_multiple_of(options.reduce_every) {
-        s.extend(reduce(here, options));
-        s.extend(settle(plan, here));
+        s.extend(reduce(plan, here, options, plan.capacity));
+        s.extend(settle(plan, here, "settle"));
         if done.is_multiple_of(options.bound_every) {
             s.extend(bounds(plan, here));
         }
@@ -74,18 +74,48 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     s
 }
 
-fn reduce(level: &Level, options: &VectorOptions) -> Schedule {
-    let mut s = domain::smooth(level, "gaussian_x");
-    s.extend(domain::keep(level, options.keep_above));
+/// A new mask; the old one stays with the vectors' slots until [`settle`] has moved them.
+fn reduce(plan: &Plan, level: &Level, options: &VectorOptions, room: usize) -> Schedule {
+    let mut s = domain::smooth(plan, level, "gaussian_x");
+    let bytes = level.grid.storage() as u64 / 8;
+    s.copy("mask", "mask_before", bytes);
+    s.copy("ranks", "ranks_before", bytes);
+    s.extend(keep(plan, level, options.keep_above, room));
     s
 }
 
-/// After a new mask: what is inactive holds nothing, lists, points.
-fn settle(plan: &Plan, level: &Level) -> Schedule {
+/// The mask of what is above a share of the maximum and, where that may be more than there is room for, among the
+/// brightest.
+fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Schedule {
     let mut s = Schedule::default();
-    s.dispatch("settle", groups(level.grid.storage(), WORKGROUP)).bind("scene", level.scene);
-    s.extend(domain::compact(plan, level));
-    s.indirect("points", "arguments", 12 * u64::from(ARGUMENTS_SAMPLE)).bind("scene", level.scene);
+    if level.grid.storage() > room {
+        let smooth = plan.volumes()[0];
+        s.fill("levels", u64::from(LEVELS) * 4, 0);
+        s.dispatch("levels", groups(level.grid.storage(), LEVELS))
+            .bind("scene", level.scene)
+            .bind("source", smooth)
+            .bind("reachable", level.reachable);
+        s.dispatch("room", [1, 1, 1])
+            .bind("scene", level.scene)
+            .with(Push { first: room as u32, ..Default::default() });
+    }
+    s.extend(domain::keep(plan, level, above));
+    s
+}
+
+/// After a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. `how` is the kernel that
+/// moves them.
+fn settle(plan: &Plan, level: &Level, how: &'static str) -> Schedule {
+    let mut s = domain::compact(plan, level);
+    let sample = 12 * u64::from(ARGUMENTS_SAMPLE);
+    s.indirect(how, "arguments", sample).bind("scene", level.scene);
+    let slots = plan.capacity as u64;
+    s.copy("before", "raw", slots * 16);
+    s.copy("gradient", "bounds", slots * 8);
+    for (index, value) in [(MOMENTUM_T, 1.0f32), (MOMENTUM_BETA, 0.0), (MOMENTUM_OBJECTIVE, f32::INFINITY)] {
+        s.set("momentum", index, value.to_bits());
+    }
+    s.indirect("points", "arguments", sample).bind("scene", level.scene);
     s
 }
 
@@ -96,7 +126,6 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
     let scene = level.scene;
     let elements = plan.pairs * plan.bins;
     let sample = 12 * u64::from(ARGUMENTS_SAMPLE);
-    s.fill("bounds", level.grid.storage() as u64 * 8, 0);
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));

@@ -2,7 +2,8 @@ use glam::DVec3;
 
 use super::render::{elu, toward_wall};
 use super::{Raw, Twin, random3};
-use crate::transport::{BRICK_VOXELS, Grid};
+use crate::transport::kernels::{LEVEL_SHIFT, LEVELS};
+use crate::transport::{BRICK_VOXELS, Grid, Model};
 
 /// The first volume and domain: albedo uniform in [0, `span`), normals zero; active is what is not too near and within reach of a bin.
 pub fn initialise(twin: &Twin, span: f64) -> (Vec<Raw>, Vec<bool>) {
@@ -64,6 +65,36 @@ pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {
         twin.grid.contains(c) && c[2] >= near && *v > above && reachable[i / BRICK_VOXELS]
     };
     smooth.iter().enumerate().map(keep).collect()
+}
+
+/// How many voxels that may be active there are at each level below the largest smoothed value: steps of a
+/// thirty-second of an octave, by the upper bits of the float, the highest last; what lies below all counts with the lowest.
+pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {
+    let mut levels = vec![0; LEVELS as usize];
+    let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
+    let key = |v: f64| (v as f32).to_bits() >> LEVEL_SHIFT;
+    // Nothing is too dim here.
+    let model = Model { keep_above: 0.0, ..twin.model.clone() };
+    let allowed = threshold(&Twin { model: &model, grid: twin.grid }, smooth);
+    for (value, _) in smooth.iter().zip(allowed).filter(|(_, allowed)| *allowed) {
+        let below = key(peak) - key(*value);
+        levels[(LEVELS - 1 - below.min(LEVELS - 1)) as usize] += 1;
+    }
+    levels
+}
+
+/// The least smoothed value of which, and of all larger ones, there are no more than `room`; 0 if that is all of them. The
+/// highest level is never left out.
+pub fn room(levels: &[u32], peak: f64, room: usize) -> f64 {
+    let mut above = 0;
+    let fits = |n: &&u32| {
+        above += **n as usize;
+        above <= room
+    };
+    let kept = levels.iter().rev().take_while(fits).count().max(1) as u32;
+    let key = (peak as f32).to_bits() >> LEVEL_SHIFT;
+    let below = kept - 1;
+    if kept == LEVELS || below > key { 0.0 } else { f64::from(f32::from_bits((key - below) << LEVEL_SHIFT)) }
 }
 
 /// Active voxels and their 26 neighbours.

@@ -10,7 +10,8 @@ mod render;
 mod vector;
 
 pub use domain::{
-    compact, dilate, double_domain, double_raw, extract, gaussian, initialise, smooth, taps, threshold,
+    compact, dilate, double_domain, double_raw, extract, gaussian, initialise, levels, room, smooth, taps,
+    threshold,
 };
 pub use optimise::{learning_rate, noise, update};
 pub use random::random3;

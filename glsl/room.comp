@@ -1,0 +1,17 @@
+// The least smoothed albedo that there is room for: one invocation walks down the levels as long as no more than
+// push.first voxels are above. Zero if there is room for all; the highest level is never left out, as far as it fits.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+layout(local_size_x = 1) in;
+layout(std430, set = 0, binding = 1) readonly buffer Levels { uint levels[]; };
+layout(std430, set = 0, binding = 2) buffer Counts { uint counts[]; };
+
+void main() {
+    uint above = levels[LEVELS - 1u];
+    uint level = LEVELS - 1u;
+    while (level > 0u && above + levels[level - 1u] <= push.first) above += levels[--level];
+    uint peak = counts[COUNT_PEAK_SMOOTH] >> LEVEL_SHIFT;
+    uint below = LEVELS - 1u - level;
+    counts[COUNT_LEAST_SMOOTH] = level == 0u || below > peak ? 0u : (peak - below) << LEVEL_SHIFT;
+}
