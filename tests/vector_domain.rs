@@ -7,10 +7,10 @@ use device::vectors::*;
 use device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{Job, VectorOptions, extract, vector};
-use thirdbounce::transport::Model;
+use thirdbounce::solve::{Job, Plan, VectorOptions, extract, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
+use thirdbounce::transport::{Grid, Model, Volume};
 
 #[test]
 fn finish_decides_on_the_momentum() {
@@ -327,4 +327,20 @@ fn extract_takes_a_column_from_all_of_its_surface() {
     }
     assert!(found > 80 && empty > 5 && together > 10 && farther > 10, "{found} {empty} {together} {farther}");
     assert_valid(&gpu);
+}
+
+/// The scene of the paper, which its code takes 1,659 MB for: 32 x 32 confocal points, 128 x 128 x 333 voxels.
+#[test]
+fn the_papers_scene_takes_150_megabytes() {
+    let gpu = gpu();
+    let model = scene(32, 512, 40);
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 1.4) };
+    let grid = Grid::new(volume, 128, (volume.max.z - volume.min.z) / 333.0).unwrap();
+    assert_eq!(grid.n, [128, 128, 333]);
+    let o = VectorOptions { coarse_to_fine: true, ..vector_options(&grid) };
+    let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), false).unwrap();
+    let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
+    assert!(bytes < 100_000_000, "{bytes}");
+    assert!(plan.capacity * 16 >= grid.storage() && plan.capacity < grid.storage());
+    assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
 }

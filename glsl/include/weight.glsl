@@ -4,9 +4,11 @@
 #include "reflectance.glsl"
 
 float bin_weight(uint bin) {
-    float t = scene.t_start + (float(bin) + 0.5) / scene.bins_per_metre;
+    // Quotients of uniforms: a loop over bins holds no division.
+    float metres = 1.0 / scene.bins_per_metre;
+    float inverse = 0.5 / scene.reference;
     // A path before zero has no light in it.
-    float scaled = max(t / (2.0 * scene.reference), 0.0);
+    float scaled = max((scene.t_start + (float(bin) + 0.5) * metres) * inverse, 0.0);
     scaled *= scaled;
     return REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
 }

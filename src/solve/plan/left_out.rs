@@ -56,14 +56,23 @@ impl Plan {
                 format!("up to {:.1} % of dense iterations", 100.0 * dark as f64 / finest.len() as f64),
             );
         }
+        let slots = self.capacity as u64;
         if self.vectors {
-            left("the optimiser's moments: the step comes from a bound".into(), mebibytes(voxels * 24));
+            left(
+                "the optimiser's moments: the step comes from a bound".into(),
+                mebibytes(voxels * 32 - slots * 24),
+            );
+        }
+        if slots < voxels {
+            let normals = if self.reflectance.has_normals() { 16 } else { 0 };
+            left(
+                format!("what inactive voxels would hold: there is room for {slots} of {voxels} at once"),
+                mebibytes((voxels - slots) * (76 + normals)),
+            );
         }
         if !self.continuous {
-            left(
-                "random sampling: interpolation, its adjoint, the list of touched voxels".into(),
-                mebibytes(voxels * if self.vectors { 8 } else { 4 }),
-            );
+            let what = "random sampling: interpolation, its adjoint, the list of touched voxels";
+            left(what.into(), mebibytes(voxels * 4));
         }
         if self.gradient == Gradient::Published {
             left("the falloff in the gradient".into(), "a product per pair".into());
