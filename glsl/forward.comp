@@ -1,6 +1,7 @@
 // Renders transients. A workgroup owns a tile of LANES consecutive pairs and a chunk of consecutive active
 // voxels; a lane owns one pair and walks the chunk, so lanes of a workgroup never add to the same bin and all
-// read the same voxel at once (one broadcast load). Other workgroups share the pair: hence accumulate().
+// read the same voxel at once (one broadcast load). Other workgroups share the pair: hence accumulate(), behind a
+// private column where atomics are dear (window.glsl).
 // In the OWNED variant the chunk is the whole dispatch, so a histogram belongs to one lane and a plain add
 // does. Chunks stay below the 65,535 loop turns after which lavapipe gives up silently.
 #version 460
@@ -30,6 +31,8 @@ layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 float fixed_scale;
 #endif
 #include "accumulate.glsl"
+#define COLUMNS LANES
+#include "window.glsl"
 
 void main() {
     uint pair = gl_WorkGroupID.x * LANES + gl_LocalInvocationID.x;
@@ -48,6 +51,9 @@ void main() {
     vec3 normal_a = CURVED != 0u ? wall[normals + pair].xyz : vec3(0.0);
     vec3 normal_b = CURVED != 0u ? wall[normals + other].xyz : vec3(0.0);
     uint row = pair * scene.bins;
+    uint column = gl_LocalInvocationID.x;
+    int base = NO_WINDOW;
+    clear_column(column);
     for (uint slot = begin; slot < end; ++slot) {
         vec4 s = sample_points[slot];
         Arm a = arm_to(point_a, normal_a, s.xyz);
@@ -55,6 +61,7 @@ void main() {
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
         float value = BOUND != 0u ? bound_of(a, b) : s.w * a.falloff * b.falloff;
         if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz).value;
-        accumulate_at(row, bin_of(a.distance + b.distance), value);
+        deposit(column, base, row, bin_of(a.distance + b.distance), value);
     }
+    if (base != NO_WINDOW) flush_column(column, base, row);
 }

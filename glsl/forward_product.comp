@@ -34,6 +34,8 @@ layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 float fixed_scale;
 #endif
 #include "accumulate.glsl"
+#define COLUMNS (LANES * OTHERS)
+#include "window.glsl"
 
 const uint BLOCK = 64u;
 shared vec2 other_arms[SHARED * BLOCK * OTHERS + 1u]; // distance, everything the other arm gives to the value
@@ -55,9 +57,21 @@ vec2 other_arm(vec3 there, vec3 normal, uint slot) {
     return vec2(b.distance, value * (BOUND == 0u ? s.w : 1.0));
 }
 
+int bases[OTHERS];
+
+// Column of a lane's k-th histogram, and the histogram.
+uint column_of(uint k) { return k * LANES + gl_LocalInvocationID.x; }
+uint row_of(uint other, uint point) { return (other * scene.scanned + point) * scene.bins; }
+
 // Adds what a pair's two arms make together.
-void meet(Arm a, float value, vec2 b, uint other, uint point) {
-    accumulate_at((other * scene.scanned + point) * scene.bins, bin_of(a.distance + b.x), value * b.y);
+void meet(Arm a, float value, vec2 b, uint other, uint k, uint point) {
+    deposit(column_of(k), bases[k], row_of(other + k, point), bin_of(a.distance + b.x), value * b.y);
+}
+
+void flush_all(uint other, uint others, uint point) {
+    for (uint k = 0u; k < OTHERS; ++k) {
+        if (k < others && bases[k] != NO_WINDOW) flush_column(column_of(k), bases[k], row_of(other + k, point));
+    }
 }
 
 void main() {
@@ -74,6 +88,10 @@ void main() {
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
     uint normals = scene.scanned + scene.others;
+    for (uint k = 0u; k < OTHERS; ++k) {
+        bases[k] = NO_WINDOW;
+        clear_column(column_of(k));
+    }
     vec3 here = owned ? wall[point].xyz : vec3(0.0);
     vec3 normal = owned && CURVED != 0u ? wall[normals + point].xyz : vec3(0.0);
     if (SHARED == 0u) {
@@ -89,9 +107,10 @@ void main() {
             Arm a = arm_to(here, normal, sample_points[slot].xyz);
             float value = part(a, NORMALS ? sample_normals[slot].xyz : vec3(0.0), NORMALS);
             for (uint k = 0u; k < OTHERS; ++k) {
-                if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), other + k, point);
+                if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), other, k, point);
             }
         }
+        flush_all(other, others, point);
         return;
     }
     for (uint block = begin; block < end; block += BLOCK) {
@@ -108,7 +127,10 @@ void main() {
         for (uint i = 0u; i < held; ++i) {
             Arm a = arm_to(here, normal, sample_points[block + i].xyz);
             float value = part(a, NORMALS ? sample_normals[block + i].xyz : vec3(0.0), NORMALS);
-            for (uint k = 0u; k < others; ++k) meet(a, value, other_arms[i * OTHERS + k], other + k, point);
+            for (uint k = 0u; k < OTHERS; ++k) {
+                if (k < others) meet(a, value, other_arms[i * OTHERS + k], other, k, point);
+            }
         }
     }
+    if (owned) flush_all(other, others, point);
 }

@@ -81,8 +81,9 @@ fn check_extrapolate(reflectance: Reflectance) {
     assert_valid(&gpu);
 }
 
-/// Forward and residual of `model` from random vectors on one accumulation path; `bounding` renders the bound.
-fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, bounding: bool) {
+/// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window` bins
+/// if that is not zero; `bounding` renders the bound.
+fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, bounding: bool, window: u32) {
     let gpu = gpu();
     let active = twin::compact(&state(model, grid, 0.5, 4).1);
     let none = vec![DVec3::ZERO; grid.storage()];
@@ -107,7 +108,11 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
     let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
     let o = VectorOptions { accumulation, ..vector_options(grid) };
-    let mut job = job(&gpu, &model, grid, &o);
+    let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
+        t.window = window;
+        // Below the loop limit even if every voxel moves the window; several chunks at that.
+        t.chunk = if window > 0 { 192 } else { t.chunk };
+    });
     write_samples(&mut job, &samples);
     set_counts(&mut job, samples.len(), peak);
     zero_histograms(&mut job);
@@ -117,7 +122,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
         run_iteration(&mut job, 0, &["forward", "residual"]);
     }
     let what = format!(
-        "{:?} {:?} curved {} {accumulation:?} bounding {bounding}",
+        "{:?} {:?} curved {} {accumulation:?} bounding {bounding} window {window}",
         model.wall.geometry,
         model.reflectance,
         model.wall.normals.is_some()
@@ -142,7 +147,11 @@ fn forward_and_weighted_residual_on_every_accumulation_path() {
     for model in [&base, &product] {
         for accumulation in ACCUMULATIONS {
             for bounding in [false, true] {
-                check_forward(model, &grid, accumulation, bounding);
+                check_forward(model, &grid, accumulation, bounding, 0);
+                if accumulation != Accumulation::Owned {
+                    check_forward(model, &grid, accumulation, bounding, 16);
+                    check_forward(model, &grid, accumulation, bounding, 64);
+                }
             }
         }
     }
@@ -154,9 +163,9 @@ fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&base, geometry, reflectance, curved, 7);
         for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
-            check_forward(&model, &grid, accumulation, false);
+            check_forward(&model, &grid, accumulation, false, 0);
         }
-        check_forward(&model, &grid, Accumulation::Owned, true);
+        check_forward(&model, &grid, Accumulation::Owned, true, 0);
     }
 }
 

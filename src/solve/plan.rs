@@ -47,6 +47,8 @@ pub struct Tuning {
     /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
     pub others_forward: u32,
     pub others_backward: u32,
+    /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
+    pub window: u32,
     /// A product's forward kernel finds the other points' arms together, through shared memory.
     pub share_arms: bool,
 }
@@ -123,6 +125,10 @@ impl From<&PaperOptions> for Wanted {
     }
 }
 
+/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels is seen within
+/// about as many.
+const WINDOW: u32 = 64;
+
 /// lavapipe stops an invocation silently after so many loop turns in all.
 const LOOP_LIMIT: u32 = 65_535;
 
@@ -174,17 +180,24 @@ impl Plan {
         // A product's lane turns once for every other point too, and fills shared memory.
         let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
         let chunk = if owned { owned_chunk } else { chunk };
+        // On a CPU additions to memory of one's own cost the same wherever it lies.
+        let window = if cpu { 0 } else { WINDOW / others_forward };
+        let share_arms = !cpu;
         let mut tuning =
-            Tuning { lanes, chunk, voxels, slices, others_forward, others_backward, share_arms: !cpu };
+            Tuning { lanes, chunk, voxels, slices, others_forward, others_backward, window, share_arms };
+        let capacity = if options.vectors { capacity(&levels) } else { grid.storage() };
         if !owned {
             // So many chunks that one dispatch holds them all, even if every voxel is active.
-            tuning.chunk = tuning.chunk.max(grid.storage().div_ceil(device.limits.groups[1] as usize) as u32);
+            tuning.chunk = tuning.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
         }
-        let turns = [
-            if product { tuning.chunk / 4 * (5 * others_forward + 5) } else { tuning.chunk },
-            PAIR_CHUNK / tuning.slices * 2,
-            2 * LONGEST_LOOP as u32,
-        ];
+        let turns = |t: &Tuning| match product {
+            true => t.chunk / 4 * (5 * others_forward * (1 + t.window) + 5),
+            false => t.chunk * (1 + t.window),
+        };
+        if turns(&tuning) > LOOP_LIMIT {
+            tuning.window = 0;
+        }
+        let turns = [turns(&tuning), PAIR_CHUNK / tuning.slices * 2, 2 * LONGEST_LOOP as u32];
         assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
         let tiles = match model.wall.geometry {
             Geometry::Product => {
@@ -216,7 +229,7 @@ impl Plan {
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
             tuning,
-            capacity: if options.vectors { capacity(&levels) } else { grid.storage() },
+            capacity,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
             reachable: vec![],

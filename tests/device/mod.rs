@@ -7,7 +7,9 @@ use std::ops::ControlFlow;
 
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{BufferPlan, Command, Gpu, GpuOptions, Place, Schedule};
-use thirdbounce::solve::{Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Progress, Wanted, Watch};
+use thirdbounce::solve::{
+    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Progress, Tuning, Wanted, Watch,
+};
 use thirdbounce::solve::{Job, upload};
 use thirdbounce::transport::kernels::{RESIDUAL_BINS, WORKGROUP};
 use thirdbounce::transport::twin::{Raw, Sample, Twin};
@@ -160,6 +162,17 @@ pub fn options(model: &Model, grid: &Grid) -> PaperOptions {
 
 /// A job whose device buffers are full of NaN bits but for what [`Job::upload`] writes.
 pub fn job<'g>(gpu: &'g Gpu, model: &Model, grid: &Grid, options: impl Into<Wanted>) -> Job<'g> {
+    job_tuned(gpu, model, grid, options, |_| {})
+}
+
+/// The same with other sizes of workgroups and the like than the plan's.
+pub fn job_tuned<'g>(
+    gpu: &'g Gpu,
+    model: &Model,
+    grid: &Grid,
+    options: impl Into<Wanted>,
+    tune: impl FnOnce(&mut Tuning),
+) -> Job<'g> {
     let options: Wanted = options.into();
     let scan = [1, model.pairs()];
     let mut plan = Plan::new(model, *grid, scan, options, &gpu.abilities(), false).expect("a plan");
@@ -167,6 +180,7 @@ pub fn job<'g>(gpu: &'g Gpu, model: &Model, grid: &Grid, options: impl Into<Want
     if options.coarse_to_fine {
         plan = Plan::new(model, *grid, [1, grid.n[0] / 2], options, &gpu.abilities(), false).expect("a plan");
     }
+    tune(&mut plan.tuning);
     // Room for partial sums of smaller groups than the plan's own.
     for b in plan.buffers.iter_mut().filter(|b| b.name.ends_with("_partials") && b.bytes > 0) {
         b.bytes = b.bytes.max(grid.storage() as u64 * 4);

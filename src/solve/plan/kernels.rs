@@ -51,7 +51,8 @@ impl Plan {
         };
         let residual = if self.fixed_point() { "residual_fixed" } else { "residual" };
         let vectors = u32::from(self.vectors);
-        let mut tile_constants = vec![("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split)];
+        let mut tile_constants =
+            vec![("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split), ("WINDOW", t.window)];
         if product {
             tile_constants.push(("OTHERS", t.others_forward));
             tile_constants.push(("SHARED", u32::from(t.share_arms)));
