@@ -164,6 +164,10 @@ fn a_jump_is_not_bridged_and_nothing_gives_an_empty_file() {
         );
     }
     assert_eq!(sheets.rims(), 2);
+    // A point beyond all cells is left out.
+    maps.depth[24 * 18 + 12] = f32::MAX;
+    let without = mesh(&maps);
+    assert!(without.triangles.len() > 900 && without.vertices.iter().all(|v| v.z < 0.7));
     maps.mask.fill(false);
     assert!(mesh(&maps).triangles.is_empty());
 }

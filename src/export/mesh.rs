@@ -27,6 +27,9 @@ const NEAR: f64 = 0.8;
 /// A surface steeper than this, |n_z| of its normal, counts as if it were no steeper: its pixels are too few to tell.
 const STEEPEST: f64 = 0.25;
 
+/// Points so many pixels from the origin are left out.
+const FARTHEST: f64 = 1e8;
+
 /// A vertex: place in metres, outward unit normal, albedo.
 type Vertex = (DVec3, DVec3, f32);
 
@@ -100,6 +103,10 @@ fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
     let normal = DVec3::from_array(maps.normal[pixel].map(f64::from));
     let normal = if normal.is_finite() { normal.normalize_or(DVec3::NEG_Z) } else { DVec3::NEG_Z };
     let at = dvec3(x, y, f64::from(maps.depth[pixel]));
+    // Cells are counted in 32 bits.
+    if (at / area.sqrt()).abs().max_element() > FARTHEST {
+        return None;
+    }
     Some(Sample { at, normal, area: area / normal.z.abs().max(STEEPEST) })
 }
 
