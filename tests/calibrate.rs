@@ -9,6 +9,7 @@ use glam::dvec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::capture::{Capture, read, write};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 
 /// The capture of a square of 3 cm, 0.5 m before a wall of 1 m, off its middle, matt and one-sided; with `photons` in
 /// the strongest bin and a few dark counts, or without noise for 0.
@@ -55,6 +56,8 @@ fn known_shifts_are_found_to_a_fraction_of_a_bin() {
             let found = time_zero(&shifted, 40).unwrap();
             let off = found.shift / c.bin_width + bins;
             assert!(off.abs() < 1.0, "{noise:?}: {bins} bins are found with {off} off");
+            let error = found.error / c.bin_width;
+            assert!(error > 0.0 && error < 0.5 && off.abs() < 5.0 * error + 0.5, "{off} off, told {error}");
             assert!(found.target.distance(dvec3(0.1, 0.05, 0.5)) < 0.01, "{}", found.target);
             // The curve has its least value there.
             let least = found.curve.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
@@ -81,6 +84,47 @@ fn what_is_no_target_is_refused() {
         h[(p * p * 31 + 7 * p) % c.bins] = 5.0;
     }
     assert_error(time_zero(&mixed, 40), Kind::Input, &["target"]);
+}
+
+#[test]
+fn a_wide_scene_leaves_time_zero_undetermined() {
+    let refused = |c: &Capture, what: &str| {
+        for shift in [-0.06, 0.0, 0.06] {
+            let mut shifted = c.clone();
+            shifted.t_start += shift;
+            let error = time_zero(&shifted, 40).expect_err(what);
+            assert!(error.what.contains("undetermined") && error.mend.contains("small"), "{what}: {error}");
+        }
+    };
+    for name in ["figure", "letter-z", "spheres", "torus"] {
+        let scene = Scene { scan: 10, ..Scene::named(name).unwrap() };
+        let options = RenderOptions { noise: 0.2, ..RenderOptions::default() };
+        refused(&simulate(&scene, &options).unwrap().capture, name);
+    }
+    // From a narrow wall even a point says nothing.
+    let mut narrow = target(0.0);
+    for (p, h) in narrow.histograms.chunks_exact_mut(400).enumerate() {
+        let at = 0.02 * dvec3((p / 16) as f64 / 15.0 - 0.5, (p % 16) as f64 / 15.0 - 0.5, 0.0);
+        (narrow.laser[p], narrow.sensor[p]) = (at, at);
+        h.fill(0.0);
+        h[(2.0 * at.distance(dvec3(0.1, 0.05, 0.5)) / 0.006) as usize] = 9.0;
+    }
+    assert_error(time_zero(&narrow, 40), Kind::Input, &["undetermined"]);
+    let Some(data) = common::data() else { return };
+    for name in [
+        "z_confocal_16",
+        "z_confocal_32",
+        "z_confocal_64",
+        "spheres_confocal_32",
+        "z_bumpwall_confocal_32",
+        "statue_confocal_64",
+        "su_confocal_64",
+        "z_captured_confocal_64",
+    ] {
+        refused(&read(&data.join(format!("{name}.npz"))).unwrap(), name);
+    }
+    let apart = read(&data.join("sim_U_nonconfocal_64.npz")).unwrap();
+    assert_error(time_zero(&apart, 40), Kind::Input, &["no confocal scan"]);
 }
 
 #[test]

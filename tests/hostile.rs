@@ -179,6 +179,8 @@ fn bombs_take_no_memory() {
     // Dimensions beyond what the element holds.
     let file = Matlab5::parse(bomb(72 + 400, [2_000_000_000, 2_000_000_000, 2_000_000_000], 400)).unwrap();
     assert_error(file.counts("rect_data"), Kind::Input, &["rect_data", "do not fit any memory"]);
+    // As points, whose number is beyond what can be counted.
+    assert_error(file.numbers("rect_data"), Kind::Input, &["rect_data", "too large"]);
     let file = Matlab5::parse(bomb(72 + 400, [1000, 1000, 1000], 400)).unwrap();
     assert_error(file.counts("rect_data"), Kind::Input, &["rect_data", "400 bytes"]);
     // Honest zeros, far more than what was claimed: only the claim is inflated.
@@ -188,6 +190,22 @@ fn bombs_take_no_memory() {
     let mut plain = matlab5(&[scalar("width", 0.5)], Stored::Plain);
     plain[132..136].copy_from_slice(&0xffff_fff0u32.to_le_bytes());
     assert_error(Matlab5::parse(plain).map(|_| ()), Kind::Input, &["beyond the end"]);
+}
+
+#[test]
+fn points_at_the_end_of_all_numbers_take_no_time() {
+    for largest in [f64::MAX, 0.3 * f64::MAX, f64::MIN_POSITIVE, 5e-324] {
+        let points =
+            |name: &str, sign: f64| {
+                matrix(name, &[2, 4, 3], |at| {
+                    if at[1] == 2 { sign * largest } else { 0.1 * (at[0] + at[2]) as f64 }
+                })
+            };
+        let general = [counts("data", &[2, 4, 20]), points("laserpoints", 1.0), points("detectpoints", -1.0)];
+        let (_folder, path) = place("general.mat");
+        std::fs::write(&path, matlab5(&general, Stored::Plain)).unwrap();
+        open(&path, &Given::default(), &format!("points at {largest:e}"));
+    }
 }
 
 #[test]

@@ -313,6 +313,37 @@ fn phasor_field_2019() {
 }
 
 #[test]
+fn nlos_dirac_as_y_tal_reads_it() {
+    let (_folder, path) = place("dirac.hdf5");
+    let at = |k: usize| 0.1 * k as f64 - 0.1;
+    let arrays = |offset: f64, across: usize| {
+        [
+            // A C program's [T, X, Y].
+            matrix("data_t", &[20, 3, 2], |p| count(p[0], p[1], p[2])).reversed(),
+            matrix("xg", &[across, 2], |p| at(p[0])).reversed(),
+            matrix("yg", &[across, 2], |p| at(p[1])).reversed(),
+            vector("da", &(0..20).map(|b| 0.5 + 0.02 * b as f64).collect::<Vec<_>>()),
+            scalar("offset_laser", offset),
+        ]
+    };
+    hdf5(&path, &arrays(1.5, 3));
+    let c = read(&path).unwrap();
+    assert_eq!((c.scan, c.bins, c.t_start), ([3, 2], 20, 0.0));
+    assert!((c.bin_width - 0.02).abs() < 1e-12 && c.laser == c.sensor);
+    for p in 0..6 {
+        let (x, y) = (p / 2, p % 2);
+        assert_eq!(c.sensor[p], dvec3(at(x), at(y), 0.0));
+        (0..20).for_each(|t| assert_eq!(f64::from(c.histograms[p * 20 + t]), count(t, x, y)));
+    }
+    hdf5(&path, &arrays(0.0, 3));
+    assert_error(read(&path), Kind::Input, &["offset_laser", "where the devices are"]);
+    hdf5(&path, &arrays(1.5, 4));
+    assert_error(read(&path), Kind::Input, &["data_t", "[4, 2]"]);
+    let given = Given { bin_width: Some(0.02), ..Given::default() };
+    assert_error(read_given(&path, &given), Kind::Options, &["--bin-width", "NLOS-Dirac"]);
+}
+
+#[test]
 fn phasor_field_2020() {
     let arrays = |at: [f64; 2]| {
         [

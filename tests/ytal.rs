@@ -21,7 +21,11 @@ fn ytal(
 ) {
     let file = rust_hdf5::H5File::create(path).unwrap();
     file.new_dataset::<f64>().shape(h_shape).create("H").unwrap().write_raw(h).unwrap();
-    file.new_dataset::<i32>().shape([1]).create("H_format").unwrap().write_raw(&[format]).unwrap();
+    // A negative one is an empty value.
+    match format {
+        0.. => file.new_dataset::<i32>().shape([1]).create("H_format").unwrap().write_raw(&[format]).unwrap(),
+        _ => drop(file.new_dataset::<f64>().null().create("H_format").unwrap()),
+    }
     for (name, points) in [("laser_grid_xyz", laser), ("sensor_grid_xyz", sensor)] {
         file.new_dataset::<f64>()
             .shape([points.len() / 3, 3])
@@ -43,7 +47,7 @@ fn ytal(
         .scalar()
         .create("t_accounts_first_and_last_bounces")
         .unwrap()
-        .write_raw(&[u8::from(format == 1)])
+        .write_raw(&[u8::from(format == 1 || devices.is_some())])
         .unwrap();
     file.close().unwrap();
 }
@@ -69,8 +73,63 @@ fn ytal_layouts() {
     assert_eq!((c.scan, c.laser[2], c.histograms[5]), ([3, 1], DVec3::new(0., 1., 2.), 5.0));
     ytal(&path, 3, &[2, 3], &count(6), &points(2), &points(3), None);
     assert_error(read(&path), Kind::Input, &["laser_grid_xyz", "2 points"]);
-    ytal(&path, 12, &[2, 3], &count(6), &points(1), &points(3), None);
-    assert_error(read(&path), Kind::Input, &["H_format 12", "T_".trim_end_matches('_')]);
+    for (format, shape) in [(10, &[2, 3, 1][..]), (11, &[2, 1, 1, 3, 1]), (12, &[2, 3]), (13, &[2, 1, 3])] {
+        ytal(&path, format, shape, &count(6), &points(1), &points(3), None);
+        let words = ["frequencies", "time domain"];
+        assert_error(read(&path), Kind::Input, &[&format!("H_format {format}"), words[0], words[1]]);
+    }
+}
+
+#[test]
+fn ytal_without_a_format_is_told_by_its_axes() {
+    let (_folder, path) = place("format.hdf5");
+    let points = |n: usize| (0..3 * n).map(|v| 0.001 * v as f64).collect::<Vec<_>>();
+    let count = |n: usize| (0..n).map(|v| v as f64).collect::<Vec<_>>();
+    for (format, shape, lasers, sensors) in [
+        (1, &[2, 2, 3][..], 6, 6),
+        (1, &[2, 1, 3], 1, 3),
+        (2, &[2, 2, 1, 1, 3], 2, 3),
+        (3, &[2, 6], 1, 6),
+        (4, &[2, 2, 3], 2, 3),
+    ] {
+        let values = count(shape.iter().product());
+        let read_as = |format: i32| {
+            ytal(&path, format, shape, &values, &points(lasers), &points(sensors), Some([0.1, 0.2, -0.3]));
+            read(&path).unwrap()
+        };
+        let told = read_as(format);
+        assert_eq!(read_as(-1), told, "{shape:?} with an empty H_format");
+        assert_eq!(read_as(0), told, "{shape:?} with H_format 0");
+    }
+}
+
+#[test]
+fn outer_legs_go_from_every_layout() {
+    let (_folder, path) = place("legs.hdf5");
+    // Two laser points and three sensor points; both devices 1 m before the first ones, 1.3 m from the
+    // others. Light in the bin that holds 0.55 m of inner path and the legs.
+    let far = 0.69f64.sqrt();
+    let (laser, sensor) = ([0.0, 0.0, 0.0, far, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, far, 0.0, 0.0, -far, 0.0]);
+    let leg = |place: f64| 1f64.hypot(place);
+    let pairs = [(0.0, 0.0), (0.0, far), (0.0, far), (far, 0.0), (far, far), (far, far)];
+    let mut h = vec![0.0; 30 * 6];
+    for (pair, (l, s)) in pairs.iter().enumerate() {
+        h[((0.55 + leg(*l) + leg(*s) - 2.0) / 0.1) as usize * 6 + pair] = 3.0;
+    }
+    let device = Some([0.0, 0.0, -1.0]);
+    let check = |format: i32, shape: &[usize], h: &[f64], laser: &[f64], sensor: &[f64], count: usize| {
+        ytal(&path, format, shape, h, laser, sensor, device);
+        let c = read(&path).unwrap();
+        assert_eq!(c.pair_count(), count);
+        for histogram in c.histograms.chunks_exact(c.bins) {
+            assert!((histogram[5] - 3.0).abs() < 1e-5 && histogram.iter().sum::<f32>() == histogram[5]);
+        }
+    };
+    check(2, &[30, 2, 1, 3, 1], &h, &laser, &sensor, 6);
+    check(4, &[30, 2, 3], &h, &laser, &sensor, 6);
+    let first: Vec<f64> = h.chunks_exact(6).flat_map(|bin| bin[..3].to_vec()).collect();
+    check(3, &[30, 3], &first, &laser[..3], &sensor, 3);
+    check(1, &[30, 3, 1], &first, &laser[..3], &sensor, 3);
 }
 
 #[test]

@@ -1,16 +1,18 @@
-//! Writes the first inputs, the fixtures of the tests, into corpus/TARGET: `cargo run --bin corpus`.
+//! Writes the first inputs, the fixtures of the tests, into corpus/TARGET, or into the folder given instead of corpus:
+//! `cargo run --bin corpus [FOLDER]`.
 
 #[path = "../../tests/common/fixtures.rs"]
 mod fixtures;
 #[path = "../../tests/common/readers.rs"]
 mod readers;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use thirdbounce::capture::{read_given, write};
 
 fn main() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    let here = || Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    let corpus = std::env::args_os().nth(1).map_or_else(here, PathBuf::from);
     let scratch = std::env::temp_dir().join(format!("thirdbounce-corpus-{}", std::process::id()));
     std::fs::create_dir_all(&scratch).expect("a folder to work in");
     let put = |target: &str, from: &Path| {

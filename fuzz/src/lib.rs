@@ -1,11 +1,25 @@
 //! What all fuzz targets do: open bytes as a capture. Any error will do, a panic or a hang will not, and what opens
 //! must be sound.
 
+use std::sync::Once;
+
+use thirdbounce::capture::formats::hdf5::is_guarded;
 use thirdbounce::capture::{Given, read_given};
+
+/// libFuzzer's hook ends the process at any panic; one of the HDF5 reader is caught and becomes an error.
+static HOOK: Once = Once::new();
 
 /// Opens bytes as a file of that name. Each process has a folder of its own, so that several may run side by side;
 /// no other file is ever in it.
 pub fn open(bytes: &[u8], name: &str, given: &Given) {
+    HOOK.call_once(|| {
+        let ends = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !is_guarded() {
+                ends(panic);
+            }
+        }));
+    });
     let folder = std::env::temp_dir().join(format!("thirdbounce-fuzz-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder for the input");
     let path = folder.join(name);

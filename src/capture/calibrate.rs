@@ -8,8 +8,14 @@
 //! metre before a 1 m wall of 16 x 16 points is found to a bin of 6 mm with 1,000 photons in the strongest bin; 200
 //! leave 1.1 bins.
 //!
-//! Only a small target will do: the light of a ball is that of a point its diameter later, and of a wide scene no one
-//! path per wall point is known.
+//! Only a small target will do. Where the first light comes from a surface, its path from every wall point is twice
+//! the distance of that surface; with a shift of 2d it is twice the distance of the parallel surface d farther on: a
+//! scene as good as the true one, as long as nothing is smaller than d. So the light of a ball is that of a point its
+//! diameter later, and a wide scene says nothing, however it is reconstructed. Measured with shifts from -60 to +60 mm:
+//! the residual of 60 iterations of the vector solver on the captured letter Z (0.8 m wall) goes from 0.147 to 0.166
+//! without a least value between, on the captured statue it stays at 0.590 to 0.591; the sharpness of a filtered
+//! back-projection rises or falls throughout, or is largest 20 to 50 mm aside of the truth. Such captures are refused
+//! as undetermined.
 
 use glam::DVec3;
 
@@ -20,12 +26,23 @@ use crate::error::{Error, Result};
 const AROUND: usize = 6;
 /// The best fit may leave so many bins; more is no single small target.
 const MOST_LEFT: f64 = 1.0;
+/// A small target has at least this share of the light within [`WIDE`] bins of its peak within [`AROUND`]; a ball, say,
+/// that fits as well as a point, has its rim's light later.
+const TOGETHER: f64 = 0.7;
+const WIDE: usize = 30;
+/// A standard error of more bins tells nothing.
+const MOST_UNSURE: f64 = 1.0;
+const MEND: &str = "calibrate with a confocal capture of one small bright target, made with the same device and gated \
+                    to its light (--gate), and put this capture right with --apply-to";
 
 /// Residuals over shifts, and the best shift.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// Metres of path to be added to every path (to `t_start`).
     pub shift: f64,
+    /// Standard error of the shift in metres of path, from what the fit leaves and how fast that grows aside. A
+    /// target that is no point shifts the result by up to its depth beyond it.
+    pub error: f64,
     /// Root mean square of what the best fit leaves, in metres of path.
     pub residual: f64,
     /// The target's place in metres.
@@ -39,8 +56,9 @@ pub struct Calibration {
 /// Estimates the shift of time zero among those of up to `reach` bins in either direction.
 ///
 /// # Errors
-/// `Kind::Options` if `reach` is 0; `Kind::Input` if the capture is not confocal, if too few histograms have a
-/// peak, if the best shift lies at the end of the range, or if no shift makes it the capture of one small target.
+/// `Kind::Options` if `reach` is 0; `Kind::Input` if the capture is not confocal, or if it leaves the shift
+/// undetermined: too few histograms have a peak, the best shift lies at the end of the range, no shift makes it the
+/// capture of one small target, or all shifts do about as well.
 pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     if reach == 0 {
         return Err(Error::options("--reach 0 leaves no shift to try", "give a number of bins, usually 40"));
@@ -53,8 +71,8 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     }
     let mut seen: Vec<Seen> = (capture.histograms.chunks_exact(capture.bins).zip(&capture.sensor))
         .filter_map(|(h, w)| {
-            let (bin, counts) = middle(h)?;
-            Some(Seen { wall: *w, path: capture.t_start + bin * capture.bin_width, counts })
+            let (bin, counts, together) = middle(h)?;
+            Some(Seen { wall: *w, path: capture.t_start + bin * capture.bin_width, counts, together })
         })
         .collect();
     let width = capture.bin_width;
@@ -74,8 +92,25 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     }
     if seen.len() < 12 || 2 * seen.len() < capture.pair_count() {
         return Err(Error::input(
-            format!("only {} of {} histograms have the peak of one target", seen.len(), capture.pair_count()),
-            "calibrate with a capture of one small bright target, gated to its light (--gate)",
+            format!(
+                "time zero is undetermined: only {} of {} histograms have the peak of one small target",
+                seen.len(),
+                capture.pair_count()
+            ),
+            MEND,
+        ));
+    }
+    let mut together: Vec<f64> = seen.iter().map(|s| s.together).collect();
+    together.sort_unstable_by(f64::total_cmp);
+    let together = together[together.len() / 2];
+    if together < TOGETHER {
+        return Err(Error::input(
+            format!(
+                "time zero is undetermined: the target is not small, only {:.0} % of its light comes within {AROUND} \
+                 bins of the peak",
+                100.0 * together.max(0.0)
+            ),
+            MEND,
         ));
     }
     let coarse = best(&seen);
@@ -85,8 +120,8 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
         .collect();
     if (coarse.abs() / width - reach as f64).abs() < 0.5 {
         return Err(Error::input(
-            format!("the residual falls up to the end of the range, {reach} bins"),
-            "give a larger --reach, or a capture of one small target",
+            format!("time zero is undetermined: the residual falls up to the end of the range, {reach} bins"),
+            format!("give a larger --reach if the shift may be larger; else the scene is too wide: {MEND}"),
         ));
     }
     // Golden section between the neighbours.
@@ -96,42 +131,59 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
         if at(&seen, low + third) < at(&seen, high - third) { high -= third } else { low += third }
     }
     let shift = 0.5 * (low + high);
-    let unfit = || {
-        Error::input(
-            "no point explains the peaks at any shift",
-            "calibrate with a capture of one small bright target",
-        )
-    };
+    let unfit = || Error::input("time zero is undetermined: no point explains the peaks at any shift", MEND);
     let found = fit(&seen, shift).ok_or_else(unfit)?;
     if found.residual > MOST_LEFT * width {
         return Err(Error::input(
             format!(
-                "at the best shift the peaks are {:.2} bins off those of a point",
+                "time zero is undetermined: at the best shift the peaks are {:.2} bins off those of a point",
                 found.residual / width
             ),
-            "calibrate with a capture of one small bright target, gated to its light (--gate)",
+            MEND,
         ));
     }
-    Ok(Calibration { shift, residual: found.residual, target: found.target, curve, used: seen.len() })
+    // The squared residual grows as a parabola; an error of the shift that the rest cannot tell apart.
+    let beside = 0.5 * (at(&seen, shift - 2.0 * width).powi(2) + at(&seen, shift + 2.0 * width).powi(2));
+    let growth = (beside - found.residual.powi(2)) / (2.0 * width).powi(2);
+    let error = found.residual / (growth.max(0.0) * seen.len() as f64).sqrt();
+    if error.is_nan() || error > MOST_UNSURE * width {
+        return Err(Error::input(
+            format!(
+                "time zero is undetermined: the residual is flat, and tells the shift to {:.1} bins only",
+                error / width
+            ),
+            format!("take a wider wall, a nearer target or more light; {MEND}"),
+        ));
+    }
+    Ok(Calibration { shift, error, residual: found.residual, target: found.target, curve, used: seen.len() })
 }
 
-/// The middle of a histogram's peak in bins, above its median, and its counts.
-fn middle(histogram: &[f32]) -> Option<(f64, f64)> {
+/// The middle of a histogram's peak in bins, above its median, its counts, and their share of all the light near it.
+fn middle(histogram: &[f32]) -> Option<(f64, f64, f64)> {
     let mut sorted = histogram.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);
     let dark = sorted[sorted.len() / 2];
     let peak = (0..histogram.len()).max_by(|a, b| histogram[*a].total_cmp(&histogram[*b]).then(b.cmp(a)))?;
-    let bins = peak.saturating_sub(AROUND)..(peak + AROUND + 1).min(histogram.len());
+    let near = |reach: usize| peak.saturating_sub(reach)..(peak + reach + 1).min(histogram.len());
+    let bins = near(AROUND);
     let above = |b: usize| f64::from((histogram[b] - dark).max(0.0));
     let sum: f64 = bins.clone().map(above).sum();
-    (sum > 0.0).then(|| (bins.map(|b| above(b) * (b as f64 + 0.5)).sum::<f64>() / sum, sum))
+    let bin = bins.clone().map(|b| above(b) * (b as f64 + 0.5)).sum::<f64>() / sum;
+    // Dark counts are those far from the peak, on average.
+    let all = |bins: std::ops::Range<usize>| histogram[bins].iter().map(|v| f64::from(*v)).sum::<f64>();
+    let wide = near(WIDE);
+    let dark = (all(0..histogram.len()) - all(wide.clone())) / (histogram.len() - wide.len()).max(1) as f64;
+    let light = |bins: std::ops::Range<usize>| all(bins.clone()) - dark * bins.len() as f64;
+    (sum > 0.0).then(|| (bin, sum, light(bins) / light(wide).max(f64::MIN_POSITIVE)))
 }
 
-/// A wall point, the path of its peak, and the counts of the peak: the more, the better the path is known.
+/// A wall point, the path of its peak, and the peak's counts: the more, the better the path is known.
 struct Seen {
     wall: DVec3,
     path: f64,
     counts: f64,
+    /// Share of the light near the peak that is in it.
+    together: f64,
 }
 
 struct Fit {

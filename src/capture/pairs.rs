@@ -140,7 +140,8 @@ impl Distinct {
         // Not below what double precision tells apart, so that cells have numbers.
         let tolerance = if tolerance.is_finite() { tolerance } else { 0.0 };
         let tolerance = tolerance.max(1e-14 * largest).max(f64::MIN_POSITIVE);
-        let cell = |v: f64| (v / (2.0 * tolerance)).floor() as i64;
+        // Half a cell's width is the tolerance. Added to the place in cells: to a place in metres it may overflow.
+        let cell = |v: f64, aside: f64| (v / (2.0 * tolerance) + aside).floor() as i64;
         let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
         let mut first: Vec<usize> = Vec::new();
         let mut index: Vec<usize> = Vec::with_capacity(points.len());
@@ -156,7 +157,7 @@ impl Distinct {
                 continue;
             }
             // A point near the edge of its cell looks into the next cell too.
-            let [lo, hi] = [p - tolerance, p + tolerance].map(|q| q.to_array().map(cell));
+            let [lo, hi] = [-0.5, 0.5].map(|aside| p.to_array().map(|v| cell(v, aside)));
             let around = |axis: usize| lo[axis]..=hi[axis];
             let known = around(0)
                 .flat_map(|x| around(1).flat_map(move |y| around(2).map(move |z| [x, y, z])))
@@ -167,7 +168,7 @@ impl Distinct {
                 .min();
             index.push(known.unwrap_or(first.len()));
             if known.is_none() {
-                cells.entry(p.to_array().map(cell)).or_default().push(first.len());
+                cells.entry(p.to_array().map(|v| cell(v, 0.0))).or_default().push(first.len());
                 first.push(i);
             }
         }

@@ -65,11 +65,12 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let p = found.target;
     text += &format!(
-        "shift     {:.6} m of path, {:.2} bins: t_start is {:.6} m now\n\
+        "shift     {:.6} m of path, {:.2} bins, standard error {:.2}: t_start is {:.6} m now\n\
          target    ({:.4}, {:.4}, {:.4}) m, paths off by {:.6} m, {} histograms\n\
          wrote     {}",
         found.shift,
         found.shift / gated.bin_width,
+        found.error / gated.bin_width,
         fixed.t_start,
         p.x,
         p.y,

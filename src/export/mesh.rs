@@ -1,33 +1,47 @@
-//! The reconstructed surface as a triangle mesh in a binary PLY file: the depth map's own grid, cut where the depth
-//! jumps.
+//! The reconstructed surface as a triangle mesh in a binary PLY file, by screened Poisson reconstruction from the
+//! depth map's points and normals.
+//!
+//! Poisson's surface is closed: it invents backs and bridges. What no pixel saw, or what faces away from the wall (a
+//! depth map sees along +z only), is cut off.
+//!
+//! On the demo's figure (64 x 64 pixels of 15.6 mm), and the same for the depth map's own grid of triangles in
+//! brackets: mesh to truth 4.5 mm (4.1), truth to mesh 4.5 mm (4.4), 97.4 % of the truth within a pixel (97.2 %),
+//! triangles' normals 15.4° off (18.2°), neither with a hole. Poisson's rim reaches half a pixel farther, hence its
+//! distance; steps of the voxel grid are gone. The solve takes 0.1 s.
 
+mod nets;
+mod poisson;
+
+use std::collections::BTreeMap;
 use std::path::Path;
 
+use glam::{DVec3, dvec3};
+
+use self::poisson::Sample;
 use super::atomic;
 use crate::error::Result;
 use crate::maps::Maps;
 
-/// An edge of a triangle is cut where the depth differs by more than so many times its length along the wall (a
-/// slope of 72 degrees).
-const STEEPEST: f32 = 3.0;
+/// Vertices farther aside than so many pixels from every point are cut off; the middle of four is 0.71 from each.
+const NEAR: f64 = 0.8;
+/// A surface steeper than this, |n_z| of its normal, counts as if it were no steeper: its pixels are too few to tell.
+const STEEPEST: f64 = 0.25;
 
-/// Writes a vertex for every masked pixel with a depth that has a triangle (`x y z nx ny nz albedo` as float32 and
-/// the albedo as grey `red green blue`, as [`super::ply`] does), and two triangles for every four such neighbours,
-/// one for three. Triangles turn counter-clockwise as seen from the wall. In the capture's frame, metres.
+/// Points so many pixels from the origin are left out.
+const FARTHEST: f64 = 1e8;
+
+/// A vertex: place in metres, outward unit normal, albedo.
+type Vertex = (DVec3, DVec3, f32);
+
+/// Writes vertices (`x y z nx ny nz albedo` as float32 and the albedo as grey `red green blue`, as [`super::ply`]
+/// does) and triangles, which turn counter-clockwise as seen from the wall. In the capture's frame, metres; a file
+/// without triangles if nothing was found.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    let triangles = triangles(maps);
-    let mut number = vec![u32::MAX; maps.depth.len()];
-    let mut vertices = Vec::new();
-    for &pixel in triangles.iter().flatten() {
-        if number[pixel] == u32::MAX {
-            number[pixel] = vertices.len() as u32;
-            vertices.push(pixel);
-        }
-    }
+    let (vertices, triangles) = surface(maps);
     let white = Maps::white(&maps.albedo).max(f32::MIN_POSITIVE);
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment thirdbounce, metres\nelement vertex {}\n{}{}\
@@ -38,50 +52,86 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
         triangles.len()
     )
     .into_bytes();
-    for pixel in vertices {
-        let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
-        let normal = maps.normal[pixel];
-        let [nx, ny, nz] = if normal.iter().all(|v| v.is_finite()) { normal } else { [0.0; 3] };
-        for value in [x as f32, y as f32, maps.depth[pixel], nx, ny, nz, maps.albedo[pixel]] {
-            bytes.extend_from_slice(&value.to_le_bytes());
-        }
-        bytes.extend_from_slice(&[(255.0 * (maps.albedo[pixel] / white).clamp(0.0, 1.0)).round() as u8; 3]);
+    for (at, normal, albedo) in vertices {
+        let values = at.to_array().into_iter().chain(normal.to_array()).map(|v| v as f32);
+        values.chain([albedo]).for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        bytes.extend_from_slice(&[(255.0 * (albedo / white).clamp(0.0, 1.0)).round() as u8; 3]);
     }
     for triangle in triangles {
         bytes.push(3);
-        triangle.iter().for_each(|p| bytes.extend_from_slice(&number[*p].to_le_bytes()));
+        triangle.iter().for_each(|v| bytes.extend_from_slice(&(*v as u32).to_le_bytes()));
     }
     atomic::write(path, &bytes)
 }
 
-/// Triangles of pixels.
-fn triangles(maps: &Maps) -> Vec<[usize; 3]> {
+/// Vertices and triangles of the surface that was seen.
+fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     let [x0, x1, y0, y1] = maps.extent;
-    let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64].map(|p| p as f32);
-    let there = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
-    let joined = |a: usize, b: usize| {
-        let (dx, dy) = ((a / maps.ny).abs_diff(b / maps.ny), (a % maps.ny).abs_diff(b % maps.ny));
-        let length = (dx as f32 * pitch[0]).hypot(dy as f32 * pitch[1]);
-        (maps.depth[a] - maps.depth[b]).abs() <= STEEPEST * length
+    let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64];
+    let samples: Vec<Option<Sample>> =
+        (0..maps.depth.len()).map(|pixel| sample(maps, pixel, pitch[0] * pitch[1])).collect();
+    let pitch = pitch[0].max(pitch[1]);
+    let points: Vec<Sample> = samples.iter().flatten().copied().collect();
+    let whole = nets::surface(&poisson::solve(&points, pitch));
+    let albedos: Vec<Option<f32>> =
+        whole.vertices.iter().map(|(at, _)| seen(maps, &samples, pitch, *at)).collect();
+    let kept = |t: &[usize; 3]| {
+        let [a, b, c] = t.map(|v| whole.vertices[v].0);
+        t.iter().all(|v| albedos[*v].is_some()) && (b - a).cross(c - a).z < 0.0
     };
-    let whole = |t: &[usize; 3]| {
-        t.iter().all(|&p| there(p)) && joined(t[0], t[1]) && joined(t[1], t[2]) && joined(t[2], t[0])
-    };
-    let mut all = Vec::new();
-    for ix in 1..maps.nx {
-        for iy in 1..maps.ny {
-            let [a, b] = [(ix - 1) * maps.ny + iy - 1, ix * maps.ny + iy - 1];
-            let [c, d] = [b + 1, a + 1];
-            // Seen from the wall +x points left: this order turns counter-clockwise there, its normal is -z.
-            let by_ac = [[a, c, b], [a, d, c]];
-            let by_bd = [[a, d, b], [b, d, c]];
-            let count = |split: &[[usize; 3]; 2]| split.iter().filter(|t| whole(t)).count();
-            // The diagonal that keeps more, and of two the flatter one.
-            let flatter = (maps.depth[a] - maps.depth[c]).abs() <= (maps.depth[b] - maps.depth[d]).abs();
-            let (ac, bd) = (count(&by_ac), count(&by_bd));
-            let split = if ac > bd || ac == bd && flatter { by_ac } else { by_bd };
-            all.extend(split.into_iter().filter(whole));
+    let mut number = BTreeMap::new();
+    let mut vertices = Vec::new();
+    let mut triangles = Vec::new();
+    for triangle in whole.triangles.into_iter().filter(kept) {
+        triangles.push(triangle.map(|v| {
+            *number.entry(v).or_insert_with(|| {
+                let (at, normal) = whole.vertices[v];
+                vertices.push((at, normal, albedos[v].unwrap_or(0.0)));
+                vertices.len() - 1
+            })
+        }));
+    }
+    (vertices, triangles)
+}
+
+/// The point of a masked pixel that has a depth. One without a normal faces the wall.
+fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
+    if !maps.mask[pixel] || !maps.depth[pixel].is_finite() {
+        return None;
+    }
+    let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
+    let normal = DVec3::from_array(maps.normal[pixel].map(f64::from));
+    let normal = if normal.is_finite() { normal.normalize_or(DVec3::NEG_Z) } else { DVec3::NEG_Z };
+    let at = dvec3(x, y, f64::from(maps.depth[pixel]));
+    // Cells are counted in 32 bits.
+    if (at / area.sqrt()).abs().max_element() > FARTHEST {
+        return None;
+    }
+    Some(Sample { at, normal, area: area / normal.z.abs().max(STEEPEST) })
+}
+
+/// The albedo at a place of the surface, from the pixels that saw it; `None` if none did. A pixel sees [`NEAR`] to
+/// every side, and as much deeper or higher as its surface may rise over a pixel.
+fn seen(maps: &Maps, samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Option<f32> {
+    let [x0, x1, y0, y1] = maps.extent;
+    let place = |v: f64, low: f64, high: f64, n: usize| ((v - low) / (high - low) * n as f64).floor() as i64;
+    let (ix, iy) = (place(at.x, x0, x1, maps.nx), place(at.y, y0, y1, maps.ny));
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (dx, dy) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))) {
+        let (x, y) = (ix + dx, iy + dy);
+        if !(0..maps.nx as i64).contains(&x) || !(0..maps.ny as i64).contains(&y) {
+            continue;
+        }
+        let pixel = x as usize * maps.ny + y as usize;
+        let Some(sample) = samples[pixel] else { continue };
+        let away = at - sample.at;
+        let aside = away.x.hypot(away.y);
+        let slope = sample.normal.x.hypot(sample.normal.y) / sample.normal.z.abs().max(STEEPEST);
+        if aside <= NEAR * pitch && away.z.abs() <= pitch * slope.max(1.0) {
+            let weight = 1.0 / away.length_squared().max(1e-12);
+            sum += weight * f64::from(maps.albedo[pixel]);
+            weights += weight;
         }
     }
-    all
+    (weights > 0.0).then(|| (sum / weights) as f32)
 }

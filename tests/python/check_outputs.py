@@ -82,8 +82,12 @@ def check_result(folder):
     assert same(np.sort(points["z"]), np.sort(depth[surface]))
     mesh = read_ply(folder / "mesh.ply")
     faces = np.array(mesh["face"]).reshape(-1, 3)
-    assert len(mesh["vertex"]) <= len(points)
     if len(faces):
+        vertices, seen = (np.stack([v[c] for c in "xyz"], -1) for v in (mesh["vertex"], points))
+        x0, x1, y0, y1 = maps["extent"]
+        pixel = max((x1 - x0) / nx, (y1 - y0) / ny)
+        apart = [np.linalg.norm((seen - v)[:, :2], axis=1).min() for v in vertices]
+        assert max(apart) < 0.81 * pixel, f"a vertex is {max(apart)} m aside of every point"
         assert faces.min() == 0 and faces.max() == len(mesh["vertex"]) - 1
         corners = np.stack([mesh["vertex"][c] for c in "xyz"], -1)[faces]
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

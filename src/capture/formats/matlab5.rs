@@ -130,7 +130,8 @@ impl Matlab5 {
     /// As [`Matlab5::counts`], or if it is too large for points or settings.
     pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
         let Some(found) = self.find(name) else { return Ok(None) };
-        if found.shape.iter().product::<usize>() > MOST_NUMBERS {
+        let count = found.shape.iter().try_fold(1usize, |n, d| n.checked_mul(*d));
+        if count.is_none_or(|n| n > MOST_NUMBERS) {
             return Err(Error::input(
                 format!("array {name} has shape {:?}, too large for points or settings", found.shape),
                 "check that the right file was given",

@@ -4,6 +4,7 @@
 pub mod archive;
 pub mod array;
 pub mod ccsocr;
+pub mod dirac;
 mod exhaustive;
 mod frame;
 pub mod general;
@@ -155,7 +156,8 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
         return ytal::read(file);
     }
     if file.have(&["data_t"]) {
-        return Err(unknown("it looks like NLOS-Dirac HDF5, which y-tal deprecated and which is not read"));
+        says_width("an NLOS-Dirac capture")?;
+        return dirac::read(file, notes);
     }
     if file.have(&["dataset/data"]) {
         says_width("a phasor-field capture")?;

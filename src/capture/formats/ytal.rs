@@ -4,6 +4,8 @@
 //! `{laser,sensor}_grid_xyz` are the wall points, `{laser,sensor}_grid_normals` their normals,
 //! `{laser,sensor}_xyz` the **devices**; `delta_t` and `t_start` in metres of path. A missing value is an
 //! empty dataspace. If `t_accounts_first_and_last_bounces`, the legs between devices and wall are removed.
+//! Without `H_format` (or 0, unknown) the number of axes and of points tells it. 10 to 13 are the same four in
+//! frequencies: without the frequencies, which y-tal does not store, no histogram can be made of them.
 //!
 //! Layouts 1 and 3 pair the laser points with the sensor points one by one when there are as many (confocal),
 //! or share a single one. Layouts 2 and 4 hold every combination: the scan becomes (laser points, sensor
@@ -30,16 +32,19 @@ use crate::export::atomic;
 pub fn read(source: &Variables) -> Result<Capture> {
     let h = source.counts("H")?;
     let (shape, integer_counts) = (h.shape, h.integer);
-    let format = match source.number("H_format")? {
-        Some(format) => format as i64,
-        None if shape.len() == 3 => 1,
-        None => 0,
-    };
     let (laser_shape, laser) =
         vectors(source, "laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
     let (sensor_shape, sensor) =
         vectors(source, "sensor_grid_xyz")?.ok_or_else(|| source.missing("sensor_grid_xyz"))?;
     let (l, s) = (laser.len(), sensor.len());
+    let format = match (source.number("H_format")?.unwrap_or(0.0) as i64, &shape[..]) {
+        (0, &[_, _]) => 3,
+        // A list of laser points by a list of sensor points, unless a grid has as many points.
+        (0, &[_, a, b]) if [a, b] == [l, s] && a.checked_mul(b) != Some(l.max(s)) => 4,
+        (0, &[_, _, _]) => 1,
+        (0, &[_, _, _, _, _]) => 2,
+        (format, _) => format,
+    };
     let (scan, exhaustive) = match (format, &shape[..]) {
         (1, &[_, x, y]) => ([x, y], false),
         (2, &[_, lx, ly, sx, sy]) if lx * ly == 1 => ([sx, sy], true),
@@ -52,7 +57,7 @@ pub fn read(source: &Variables) -> Result<Capture> {
         (10..=13, _) => {
             return Err(Error::input(
                 format!("H_format {format}: H was transformed to frequencies"),
-                "save it in the time domain, as T_Sx_Sy or another of H_format 1 to 4",
+                "save or render it in the time domain, as T_Sx_Sy or another of H_format 1 to 4",
             ));
         }
         _ => {

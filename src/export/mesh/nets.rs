@@ -1,0 +1,65 @@
+//! The surface χ = 0 as triangles: one vertex per cell that it passes, at the mean of where it meets the cell's edges
+//! (surface nets), moved onto the surface; two triangles around every edge that it meets.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec3, IVec3};
+
+use super::poisson::{AXES, CORNERS, Field, gradient};
+
+/// Vertices in metres with their outward unit normals, and triangles that turn counter-clockwise as seen from outside.
+pub struct Surface {
+    pub vertices: Vec<(DVec3, DVec3)>,
+    pub triangles: Vec<[usize; 3]>,
+}
+
+pub fn surface(field: &Field) -> Surface {
+    let mut vertices = Vec::new();
+    let mut of_cell: BTreeMap<[i32; 3], usize> = BTreeMap::new();
+    for node in &field.nodes {
+        let Some(values) = field.cell(*node) else { continue };
+        let Some(into) = middle(&values) else { continue };
+        let outward = -gradient(&values, into).normalize_or_zero();
+        of_cell.insert(node.to_array(), vertices.len());
+        vertices.push((field.position(node.as_dvec3() + into), outward));
+    }
+    let mut triangles = Vec::new();
+    for (low, node) in field.nodes.iter().enumerate() {
+        for (axis, step) in AXES.iter().enumerate() {
+            let Some(high) = field.node(*node + *step) else { continue };
+            let (before, after) = (field.chi[low] > 0.0, field.chi[high] > 0.0);
+            if before == after {
+                continue;
+            }
+            let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
+            let around =
+                [IVec3::ZERO, u, u + v, v].map(|back| of_cell.get(&(*node - back).to_array()).copied());
+            let [Some(a), Some(b), Some(c), Some(d)] = around else { continue };
+            // These four turn counter-clockwise about the axis; the inside lies where χ is positive.
+            let [a, b, c, d] = if before { [a, b, c, d] } else { [d, c, b, a] };
+            let length = |a: usize, b: usize| {
+                let (a, b): (&(DVec3, DVec3), &(DVec3, DVec3)) = (&vertices[a], &vertices[b]);
+                a.0.distance_squared(b.0)
+            };
+            let halves =
+                if length(a, c) <= length(b, d) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+            triangles.extend(halves);
+        }
+    }
+    Surface { vertices, triangles }
+}
+
+/// Where the surface passes a cell, from its lowest corner; `None` where it does not.
+fn middle(values: &[f64; 8]) -> Option<DVec3> {
+    let (mut sum, mut count) = (DVec3::ZERO, 0);
+    for (i, low) in CORNERS.iter().enumerate() {
+        for (j, high) in CORNERS.iter().enumerate().skip(i + 1) {
+            let apart = *high - *low;
+            if apart.abs().element_sum() == 1 && (values[i] > 0.0) != (values[j] > 0.0) {
+                sum += low.as_dvec3() + apart.as_dvec3() * (values[i] / (values[i] - values[j]));
+                count += 1;
+            }
+        }
+    }
+    (count > 0).then(|| sum / f64::from(count))
+}

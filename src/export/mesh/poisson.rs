@@ -1,0 +1,203 @@
+//! Screened Poisson reconstruction (Kazhdan and Hoppe 2013) on a narrow band of a regular grid.
+//!
+//! Wanted is a function χ, zero on the surface and positive behind it, whose gradient is the field of the points'
+//! normals: minimise Σ over the grid's edges of (∂χ − V)² + α Σ over the points of area · χ(point)². Only nodes near a
+//! point take part and the band's rim is free: what is far from all points is cut off anyway, and a few thousand
+//! nodes do where a whole box has millions.
+
+use glam::{DVec3, IVec3, dvec3, ivec3};
+
+/// A point of the surface.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample {
+    pub at: DVec3,
+    /// Unit, outward: towards the wall.
+    pub normal: DVec3,
+    /// Of the surface that it stands for, square metres.
+    pub area: f64,
+}
+
+/// Weight α of the points against the normals, for areas in squares of the grid's pitch.
+const SCREENING: f64 = 10.0;
+/// Nodes so many cells from the cell of a point, along every axis, take part.
+const BAND: i32 = 3;
+const ITERATIONS: usize = 200;
+/// The residual falls to this share of the right side.
+const TOLERANCE: f64 = 1e-4;
+
+pub const CORNERS: [IVec3; 8] = [
+    ivec3(0, 0, 0),
+    ivec3(0, 0, 1),
+    ivec3(0, 1, 0),
+    ivec3(0, 1, 1),
+    ivec3(1, 0, 0),
+    ivec3(1, 0, 1),
+    ivec3(1, 1, 0),
+    ivec3(1, 1, 1),
+];
+pub const AXES: [IVec3; 3] = [IVec3::X, IVec3::Y, IVec3::Z];
+const NONE: u32 = u32::MAX;
+
+/// χ on the nodes of the band.
+pub struct Field {
+    pitch: f64,
+    /// Places of the nodes, in order of x, y, z.
+    pub nodes: Vec<IVec3>,
+    pub chi: Vec<f64>,
+}
+
+impl Field {
+    pub fn node(&self, at: IVec3) -> Option<usize> {
+        find(&self.nodes, at)
+    }
+
+    /// Of a node, or of a place between nodes, in metres.
+    pub fn position(&self, at: DVec3) -> DVec3 {
+        at * self.pitch
+    }
+
+    /// The values at the corners of the cell whose lowest corner is `at`, if all are in the band.
+    pub fn cell(&self, at: IVec3) -> Option<[f64; 8]> {
+        let mut values = [0.0; 8];
+        for (value, corner) in values.iter_mut().zip(CORNERS) {
+            *value = self.chi[self.node(at + corner)?];
+        }
+        Some(values)
+    }
+}
+
+fn find(nodes: &[IVec3], at: IVec3) -> Option<usize> {
+    nodes.binary_search_by_key(&at.to_array(), |n| n.to_array()).ok()
+}
+
+/// The cell of a place in units of the pitch, and how far the place is into it.
+fn cell_of(place: DVec3) -> (IVec3, DVec3) {
+    let low = place.floor();
+    (low.as_ivec3(), place - low)
+}
+
+fn weight(corner: IVec3, into: DVec3) -> f64 {
+    let along = |c: i32, t: f64| if c == 1 { t } else { 1.0 - t };
+    along(corner.x, into.x) * along(corner.y, into.y) * along(corner.z, into.z)
+}
+
+/// Solves for χ on a grid of this pitch, whose nodes lie at multiples of it.
+pub fn solve(samples: &[Sample], pitch: f64) -> Field {
+    let nodes = band(samples, pitch);
+    // Of every node the next one along each axis.
+    let next: Vec<[u32; 3]> =
+        (nodes.iter()).map(|n| AXES.map(|axis| find(&nodes, *n + axis).map_or(NONE, |i| i as u32))).collect();
+    let mut field = vec![[0.0f64; 3]; nodes.len()];
+    let mut screens = Vec::with_capacity(samples.len());
+    for sample in samples {
+        let place = sample.at / pitch;
+        let area = sample.area / (pitch * pitch);
+        let (cell, into) = cell_of(place);
+        let corners = CORNERS.map(|c| (find(&nodes, cell + c).unwrap_or(0), weight(c, into)));
+        screens.push((SCREENING * area, corners));
+        for (axis, step) in AXES.iter().enumerate() {
+            // The normal's share along an axis belongs to the edges, half a cell on. Inward χ rises.
+            let rise = -sample.normal[axis] * area;
+            let (cell, into) = cell_of(place - 0.5 * step.as_dvec3());
+            for corner in CORNERS {
+                if let Some(node) = find(&nodes, cell + corner) {
+                    field[node][axis] += rise * weight(corner, into);
+                }
+            }
+        }
+    }
+    let mut right = vec![0.0; nodes.len()];
+    let edges = || {
+        let all = next.iter().enumerate();
+        all.flat_map(|(i, n)| {
+            (0..3).filter(|axis| n[*axis] != NONE).map(move |axis| (i, n[axis] as usize, axis))
+        })
+    };
+    for (low, high, axis) in edges() {
+        right[high] += field[low][axis];
+        right[low] -= field[low][axis];
+    }
+    let mut diagonal = vec![0.0; nodes.len()];
+    edges().for_each(|(low, high, _)| {
+        diagonal[low] += 1.0;
+        diagonal[high] += 1.0;
+    });
+    for (alpha, corners) in &screens {
+        corners.iter().for_each(|(node, w)| diagonal[*node] += alpha * w * w);
+    }
+    let apply = |x: &[f64], y: &mut [f64]| {
+        y.fill(0.0);
+        for (low, high, _) in edges() {
+            let rise = x[high] - x[low];
+            y[high] += rise;
+            y[low] -= rise;
+        }
+        for (alpha, corners) in &screens {
+            let value: f64 = corners.iter().map(|(node, w)| w * x[*node]).sum();
+            corners.iter().for_each(|(node, w)| y[*node] += alpha * w * value);
+        }
+    };
+    let chi = conjugate_gradients(apply, &diagonal, right);
+    Field { pitch, nodes, chi }
+}
+
+/// The nodes near the points, in order.
+fn band(samples: &[Sample], pitch: f64) -> Vec<IVec3> {
+    let mut cells: Vec<[i32; 3]> = samples.iter().map(|s| cell_of(s.at / pitch).0.to_array()).collect();
+    cells.sort_unstable();
+    cells.dedup();
+    // One axis after the other, so that every node is met a few times only.
+    for axis in 0..3 {
+        let reach = -BAND..=BAND + 1;
+        cells = cells.iter().flat_map(|c| reach.clone().map(move |d| shifted(*c, axis, d))).collect();
+        cells.sort_unstable();
+        cells.dedup();
+    }
+    cells.into_iter().map(IVec3::from_array).collect()
+}
+
+fn shifted(mut cell: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
+    cell[axis] += by;
+    cell
+}
+
+/// With the diagonal as preconditioner, from zero.
+fn conjugate_gradients(apply: impl Fn(&[f64], &mut [f64]), diagonal: &[f64], right: Vec<f64>) -> Vec<f64> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let scaled =
+        |r: &[f64]| r.iter().zip(diagonal).map(|(r, d)| r / d.max(f64::MIN_POSITIVE)).collect::<Vec<_>>();
+    let mut x = vec![0.0; right.len()];
+    let mut product = vec![0.0; right.len()];
+    let enough = TOLERANCE * TOLERANCE * dot(&right, &right);
+    let mut rest = right;
+    let mut along = scaled(&rest);
+    let mut size = dot(&rest, &along);
+    for _ in 0..ITERATIONS {
+        if dot(&rest, &rest) <= enough {
+            break;
+        }
+        apply(&along, &mut product);
+        let step = size / dot(&along, &product);
+        for (((x, r), d), p) in x.iter_mut().zip(&mut rest).zip(&along).zip(&product) {
+            *x += step * d;
+            *r -= step * p;
+        }
+        let better = scaled(&rest);
+        let next = dot(&rest, &better);
+        let keep = next / size;
+        size = next;
+        along.iter_mut().zip(&better).for_each(|(d, b)| *d = b + keep * *d);
+    }
+    x
+}
+
+/// χ's gradient in a cell, `into` it from its lowest corner, in units of the pitch.
+pub fn gradient(values: &[f64; 8], into: DVec3) -> DVec3 {
+    let mut sum = DVec3::ZERO;
+    for (value, c) in values.iter().zip(CORNERS) {
+        let along = |c: i32, t: f64| if c == 1 { [t, 1.0] } else { [1.0 - t, -1.0] };
+        let ([x, dx], [y, dy], [z, dz]) = (along(c.x, into.x), along(c.y, into.y), along(c.z, into.z));
+        sum += *value * dvec3(dx * y * z, x * dy * z, x * y * dz);
+    }
+    sum
+}
