@@ -1,0 +1,107 @@
+//! Iterations of the vector solver on a domain that stays, on the device and by the twins.
+
+use glam::DVec3;
+use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::solve::{Accumulation, Job, Plan, vector};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
+
+use super::super::device::vectors::{REST, read_vectors};
+use super::super::device::write_mask;
+use super::Case;
+
+/// What is left after some iterations.
+pub struct State {
+    pub v: Vec<DVec3>,
+    /// The weighted data term plus the group term, after every iteration.
+    pub objective: Vec<f64>,
+    /// The weighted data term.
+    pub data: Vec<f64>,
+}
+
+/// A start of the vector solver that takes the case's domain.
+pub fn started(plan: &Plan, case: &Case) -> Schedule {
+    let mut s = vector::start(plan, plan.finest(), &case.options(plan.accumulation));
+    let finds = ["filter", "backproject", "gaussian_x_volume", "gaussian_y", "gaussian_z", "threshold"];
+    s.commands.retain(|c| !finds.contains(&c.name()));
+    s
+}
+
+/// `count` iterations on the device.
+pub fn on_device(gpu: &Gpu, case: &Case, accumulation: Accumulation, count: usize) -> State {
+    let mut job = case.job(gpu, accumulation);
+    begin(&mut job, case);
+    let rows = run(&mut job, 0..count);
+    let v = read_vectors(&mut job, "raw", case.grid.storage());
+    let at = |i: u32| rows.iter().map(move |r| f64::from(f32::from_bits(r[i as usize])));
+    let data: Vec<f64> = at(TRACE_OBJECTIVE).collect();
+    State { v, objective: data.iter().zip(at(TRACE_L1)).map(|(d, l)| d + l).collect(), data }
+}
+
+/// The case's domain, nothing in it, its bounds.
+pub fn begin(job: &mut Job<'_>, case: &Case) {
+    let mut domain = vec![false; case.grid.storage()];
+    case.active.iter().for_each(|i| domain[*i as usize] = true);
+    write_mask(job, "mask", &domain);
+    let s = started(&job.plan, case);
+    job.executor.run(&s).expect("the start runs");
+}
+
+/// Runs iterations (at most as many as the trace holds) and reads their rows.
+pub fn run(job: &mut Job<'_>, range: std::ops::Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
+    for i in range.clone() {
+        let s = vector::iteration(&job.plan, job.plan.finest(), i as u32);
+        job.executor.run(&s).expect("an iteration runs");
+    }
+    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+    rows[range].to_vec()
+}
+
+/// (D, lambda) of the active voxels, by slot.
+pub fn bounds(case: &Case) -> Vec<[f64; 2]> {
+    let twin = case.twin();
+    let points = twin::points(&twin, &case.active);
+    let (rendered, _) = twin::residual_weighted(&twin, &twin::forward_bound(&twin, &points), false);
+    let d = twin::bound(&twin, &points, &rendered, Bound::Step);
+    let lambda = twin::bound(&twin, &points, &twin::variance(&twin), Bound::Noise);
+    d.into_iter().zip(lambda).map(|(d, l)| [d, l]).collect()
+}
+
+/// `count` iterations of the twins. `scalar` divides every voxel's step by the largest D instead of its own.
+pub fn by_twin(case: &Case, count: usize, scalar: bool) -> State {
+    let twin: Twin<'_> = case.twin();
+    let mut by_slot = bounds(case);
+    if scalar {
+        let largest = by_slot.iter().fold(0.0f64, |a, b| a.max(b[0]));
+        by_slot.iter_mut().for_each(|b| b[0] = if b[0] > 0.0 { largest } else { 0.0 });
+    }
+    let mut all = vec![[0.0; 2]; case.grid.storage()];
+    case.active.iter().zip(&by_slot).for_each(|(i, b)| all[*i as usize] = *b);
+    let mut v = vec![DVec3::ZERO; case.grid.storage()];
+    let mut before = v.clone();
+    let mut m: Momentum = REST;
+    let (mut objective, mut data) = (vec![], vec![]);
+    for _ in 0..count {
+        let samples = twin::extrapolate(&twin, &case.active, &v, &before, m.beta);
+        let (residual, loss) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
+        let gradient = twin::gradient_vectors(&twin, &samples, &residual);
+        let told =
+            twin::step(&twin, &case.active, &samples, &gradient, &all, m.share, &mut v, &mut before);
+        let group: f64 = told.iter().map(|t| t.group).sum();
+        m = twin::finish_accelerated(m, loss[0] + group, told.iter().map(|t| t.against).sum());
+        objective.push(loss[0] + group);
+        data.push(loss[0]);
+    }
+    State { v, objective, data }
+}
+
+/// Largest difference of the vectors over the longest, and the relative difference of the last objective.
+pub fn state_apart(got: &State, want: &State) -> [f64; 2] {
+    let longest = want.v.iter().fold(0.0f64, |a, v| a.max(v.length()));
+    let off = got.v.iter().zip(&want.v).fold(0.0f64, |a, (g, w)| {
+        if (*g - *w).is_finite() { a.max((*g - *w).length()) } else { f64::NAN }
+    });
+    let share = |off: f64, of: f64| if off == 0.0 { 0.0 } else { off / of };
+    let last = |s: &State| s.objective.last().copied().unwrap_or(0.0);
+    [share(off, longest), share((last(got) - last(want)).abs(), last(want))]
+}
