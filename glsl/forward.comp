@@ -29,6 +29,7 @@ layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 #include "fixed.glsl"
 float fixed_scale;
 #endif
+#include "place.glsl"
 #include "accumulate.glsl"
 
 void main() {
@@ -48,6 +49,7 @@ void main() {
     vec3 normal_a = CURVED != 0u ? wall[normals + pair].xyz : vec3(0.0);
     vec3 normal_b = CURVED != 0u ? wall[normals + other].xyz : vec3(0.0);
     uint row = pair * scene.bins;
+    Run run = Run(-2, vec2(0.0));
     for (uint slot = begin; slot < end; ++slot) {
         vec4 s = sample_points[slot];
         Arm a = arm_to(point_a, normal_a, s.xyz);
@@ -55,6 +57,8 @@ void main() {
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
         float value = BOUND != 0u ? bound_of(a, b) : s.w * a.falloff * b.falloff;
         if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz).value;
-        accumulate_at(row, bin_of(a.distance + b.distance), value);
+        accumulate_at(row, place_of(a, b), value, run);
+        if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);
     }
+    flush(row, run);
 }

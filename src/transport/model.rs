@@ -177,6 +177,7 @@ impl Model {
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
+        let fine = self.fine(grid);
         SceneData {
             grid_x: grid.n[0] as u32,
             grid_y: grid.n[1] as u32,
@@ -198,6 +199,13 @@ impl Model {
             pitch_z: grid.pitch.z as f32,
             t_start: self.t_start as f32,
             bins_per_metre: (1.0 / self.bin_width) as f32,
+            grain: fine.grain as f32,
+            grains_per_metre: (1.0 / fine.grain) as f32,
+            bins_per_grain: fine.bins_per_grain[0] as f32,
+            bins_per_grain_rest: fine.bins_per_grain[1] as f32,
+            fine_bins_per_grain: (fine.bins_per_grain[0] + fine.bins_per_grain[1]) as f32,
+            start_bins: fine.start_bins[0] as f32,
+            start_bins_rest: fine.start_bins[1] as f32,
             reference: self.reference as f32,
             nearest: self.nearest(grid) as f32,
             render_scale: (grid.pitch.x * grid.pitch.y * RENDER_FACTOR) as f32,

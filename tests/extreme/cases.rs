@@ -113,11 +113,17 @@ pub fn late() -> Case {
     made("gate from 100 m, bins of 5 mm", model, grid_of(10, 20, 50.0, 0.04), 0.3, one)
 }
 
-/// `lateral` squared times `deep` voxels, all paths in the only bin.
+/// `lateral` squared times `deep` voxels, all alike and so near together that every contribution rounds as the last
+/// one did; all in one of two bins.
 pub fn crowded(lateral: usize, deep: usize) -> Case {
-    let model = Model { binning: thirdbounce::transport::Binning::Linear, ..model_of(1, 1, 0.0, 6.0) };
-    let grid = grid_of(lateral, deep, 0.5, 0.5 / deep as f64);
-    made(&format!("{} additions in a bin", lateral * lateral * deep), model, grid, 1.1, one)
+    let model = Model { reflectance: Reflectance::Isotropic, ..model_of(1, 2, 0.0, 6.0) };
+    let mut grid = grid_of(lateral, deep, 0.9, 0.01 / deep as f64);
+    (grid.pitch.x, grid.pitch.y) = (0.01 * grid.pitch.x, 0.01 * grid.pitch.y);
+    (grid.origin.x, grid.origin.y) = (0.01 * grid.origin.x, 0.01 * grid.origin.y);
+    let mut case = made(&format!("{} additions in a bin", lateral * lateral * deep), model, grid, 1.1, one);
+    let alike = DVec3::Z * f64::from((case.truth.iter().map(|v| v.z).sum::<f64>() / case.truth.len() as f64) as f32);
+    case.at.fill(0.7 * alike);
+    case
 }
 
 /// The cases on which passes and solves are held against the twins.
