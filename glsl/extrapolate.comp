@@ -24,6 +24,8 @@ layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; 
 layout(std430, set = 0, binding = 9) writeonly buffer Gradient { vec4 gradient[]; };
 layout(std430, set = 0, binding = 10) writeonly buffer SamplePoints { vec4 sample_points[]; };
 
+#include "faults.glsl"
+
 shared float peaks[WORKGROUP];
 
 vec3 extrapolated(uint index) {
@@ -75,6 +77,7 @@ void main() {
             gradient[slot] = vec4(-along.z, energy, 0.0, 0.0);
         }
         magnitude = length(y);
+        watch(finite(y.x + y.y + y.z + energy), FAULT_SAMPLE);
     }
     peaks[lane] = magnitude;
     barrier();

@@ -126,6 +126,28 @@ pub fn crowded(lateral: usize, deep: usize) -> Case {
     case
 }
 
+/// The same domain and bins seen by other pairs, off another wall or surface.
+pub fn of_pairs(base: &Case, geometry: Geometry, reflectance: Reflectance, curved: bool) -> Case {
+    let mut model = variant(&base.model, geometry, reflectance, curved, 56);
+    // Pairs close to the axis, so that their paths stay in a narrow gate; three scanned points at least.
+    if geometry == Geometry::Product && model.wall.scanned.is_empty() {
+        model = variant(&model_like(&base.model, 2), geometry, reflectance, curved, 56);
+    }
+    let near = |p: &mut DVec3| *p = (0.02 * *p).as_vec3().as_dvec3();
+    model.wall.scanned.iter_mut().chain(&mut model.wall.others).for_each(near);
+    let name = format!("{}, {geometry:?} {reflectance:?}{}", base.name, if curved { ", curved" } else { "" });
+    let mut case = made(&name, model, base.grid, if base.active.len() > 10_000 { 1.1 } else { 0.5 }, one);
+    // Of many voxels any two sums are nearly alike: residuals must not be their rounding errors.
+    case.at.iter_mut().for_each(|v| *v = (0.6 * *v).as_vec3().as_dvec3());
+    case
+}
+
+/// The same bins for `n` x `n` pairs.
+fn model_like(m: &Model, n: usize) -> Model {
+    let new = model_of(n, m.bins, m.t_start, m.t_start + m.bins as f64 * m.bin_width);
+    Model { bin_width: m.bin_width, reference: m.reference, ..new }
+}
+
 /// The cases on which passes and solves are held against the twins.
 pub fn all() -> Vec<Case> {
     let gated = |name: &str, from: f64, to: f64| made(name, model_of(4, 80, from, to), plain().grid, 0.3, one);

@@ -4,14 +4,16 @@ use glam::DVec3;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, Job, Plan, vector};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
+use thirdbounce::transport::twin::{self, Bound, Momentum, Sample, Twin};
 
 use super::super::device::vectors::{REST, read_vectors};
-use super::super::device::write_mask;
+use super::super::device::{read_raw, write_mask};
 use super::Case;
 
 /// What is left after some iterations.
 pub struct State {
+    /// Where the device has the voxels' centres, by slot: in fp32.
+    pub points: Vec<DVec3>,
     pub v: Vec<DVec3>,
     /// The weighted data term plus the group term, after every iteration.
     pub objective: Vec<f64>,
@@ -35,7 +37,9 @@ pub fn on_device(gpu: &Gpu, case: &Case, accumulation: Accumulation, count: usiz
     let v = read_vectors(&mut job, "raw", case.grid.storage());
     let at = |i: u32| rows.iter().map(move |r| f64::from(f32::from_bits(r[i as usize])));
     let data: Vec<f64> = at(TRACE_OBJECTIVE).collect();
-    State { v, objective: data.iter().zip(at(TRACE_L1)).map(|(d, l)| d + l).collect(), data }
+    let points = read_raw(&mut job, "sample_points", case.active.len());
+    let points = points.iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
+    State { points, v, objective: data.iter().zip(at(TRACE_L1)).map(|(d, l)| d + l).collect(), data }
 }
 
 /// The case's domain, nothing in it, its bounds.
@@ -57,20 +61,32 @@ pub fn run(job: &mut Job<'_>, range: std::ops::Range<usize>) -> Vec<[u32; TRACE_
     rows[range].to_vec()
 }
 
-/// (D, lambda) of the active voxels, by slot.
-pub fn bounds(case: &Case) -> Vec<[f64; 2]> {
+/// The samples with other points.
+fn moved(mut samples: Vec<Sample>, points: &[DVec3]) -> Vec<Sample> {
+    samples.iter_mut().zip(points).for_each(|(s, p)| s.point = *p);
+    samples
+}
+
+/// (D, lambda) of the active voxels, by slot, whose centres lie there.
+pub fn bounds(case: &Case, points: &[DVec3]) -> Vec<[f64; 2]> {
     let twin = case.twin();
-    let points = twin::points(&twin, &case.active);
+    let points = moved(twin::points(&twin, &case.active), points);
     let (rendered, _) = twin::residual_weighted(&twin, &twin::forward_bound(&twin, &points), false);
     let d = twin::bound(&twin, &points, &rendered, Bound::Step);
     let lambda = twin::bound(&twin, &points, &twin::variance(&twin), Bound::Noise);
     d.into_iter().zip(lambda).map(|(d, l)| [d, l]).collect()
 }
 
-/// `count` iterations of the twins. `scalar` divides every voxel's step by the largest D instead of its own.
-pub fn by_twin(case: &Case, count: usize, scalar: bool) -> State {
+/// The voxels' centres without rounding, by slot.
+pub fn centres(case: &Case) -> Vec<DVec3> {
+    twin::points(&case.twin(), &case.active).iter().map(|s| s.point).collect()
+}
+
+/// `count` iterations of the twins on voxels whose centres lie there. `scalar` divides every voxel's step by the
+/// largest D instead of its own.
+pub fn by_twin(case: &Case, points: &[DVec3], count: usize, scalar: bool) -> State {
     let twin: Twin<'_> = case.twin();
-    let mut by_slot = bounds(case);
+    let mut by_slot = bounds(case, points);
     if scalar {
         let largest = by_slot.iter().fold(0.0f64, |a, b| a.max(b[0]));
         by_slot.iter_mut().for_each(|b| b[0] = if b[0] > 0.0 { largest } else { 0.0 });
@@ -82,7 +98,7 @@ pub fn by_twin(case: &Case, count: usize, scalar: bool) -> State {
     let mut m: Momentum = REST;
     let (mut objective, mut data) = (vec![], vec![]);
     for _ in 0..count {
-        let samples = twin::extrapolate(&twin, &case.active, &v, &before, m.beta);
+        let samples = moved(twin::extrapolate(&twin, &case.active, &v, &before, m.beta), points);
         let (residual, loss) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
         let gradient = twin::gradient_vectors(&twin, &samples, &residual);
         let told =
@@ -92,7 +108,7 @@ pub fn by_twin(case: &Case, count: usize, scalar: bool) -> State {
         objective.push(loss[0] + group);
         data.push(loss[0]);
     }
-    State { v, objective, data }
+    State { points: points.to_vec(), v, objective, data }
 }
 
 /// Largest difference of the vectors over the longest, and the relative difference of the last objective.
