@@ -9,7 +9,7 @@ const KERNELS: [(u32, [&str; 2], &str, &str); 7] = [
         FAULT_BOUND,
         ["bound", "bound"],
         "the bounds of the steps",
-        "use a smaller --noise-factor, and check the wall's points and the bins (`thirdbounce info`)",
+        "use a smaller --peak or --noise-factor, and check the wall's points and the bins (`thirdbounce info`)",
     ),
     (
         FAULT_SAMPLE,
@@ -53,7 +53,9 @@ pub(super) fn check(row: &[u32; TRACE_ROW as usize], iteration: usize, vectors: 
     let name = names[usize::from(vectors)];
     Err(Error::new(
         Kind::Options,
-        format!("iteration {iteration}: kernel {name}: {where_} is beyond single precision or no number; the loss is {loss}"),
+        format!(
+            "iteration {iteration}: kernel {name}: {where_} is beyond single precision or no number; the loss is {loss}"
+        ),
         *mend,
     ))
 }

@@ -12,7 +12,11 @@ use super::Case;
 pub fn grid_of(lateral: usize, deep: usize, near: f64, pitch_z: f64) -> Grid {
     let pitch = 1.0 / lateral as f64;
     let corner = -0.5 + 0.5 * pitch;
-    Grid { n: [lateral, lateral, deep], origin: dvec3(corner, corner, near), pitch: dvec3(pitch, pitch, pitch_z) }
+    Grid {
+        n: [lateral, lateral, deep],
+        origin: dvec3(corner, corner, near),
+        pitch: dvec3(pitch, pitch, pitch_z),
+    }
 }
 
 /// `bins` bins that end at `end` metres of path, for `n` x `n` confocal pairs on a 1 m wall.
@@ -40,7 +44,8 @@ pub fn made(name: &str, model: Model, grid: Grid, share: f64, size: impl Fn(DVec
     let mut case = Case { name: name.into(), model: model.clone(), grid, active, truth, at };
     let render = f64::from(model.scene(&grid).render_scale);
     let twin = Twin { model: &model, grid: &grid };
-    let light: Vec<f64> = twin::forward(&twin, &case.samples(&case.truth)).iter().map(|v| v * render).collect();
+    let light: Vec<f64> =
+        twin::forward(&twin, &case.samples(&case.truth)).iter().map(|v| v * render).collect();
     let peak = light.iter().fold(0.0f64, |a, b| a.max(*b));
     let scale = if peak > 0.0 { 10.0 / peak } else { 1.0 };
     model.measured = light.iter().map(|v| (v * scale) as f32).collect();
@@ -68,7 +73,13 @@ pub fn near_far(geometry: Geometry, reflectance: Reflectance, curved: bool) -> C
 /// A retroreflector: one small patch so many times brighter than the rest.
 pub fn retroreflector(times: f64) -> Case {
     let size = move |x: DVec3| if (x - dvec3(0.1, 0.1, 0.6)).length() < 0.08 { times } else { 1.0 };
-    made(&format!("retroreflector {times:.0e}"), model_of(4, 160, 0.3, 2.7), grid_of(10, 20, 0.3, 0.04), 0.3, size)
+    made(
+        &format!("retroreflector {times:.0e}"),
+        model_of(4, 160, 0.3, 2.7),
+        grid_of(10, 20, 0.3, 0.04),
+        0.3,
+        size,
+    )
 }
 
 /// All lengths times `scale`.
@@ -103,8 +114,16 @@ pub fn narrow(bins_of_path: f64) -> Case {
     // Near the axis, so that off-axis paths stay in the gate.
     let lateral = (deep * 0.5).min(1.0);
     grid.pitch = dvec3(lateral / 6.0, lateral / 6.0, grid.pitch.z);
-    (grid.origin.x, grid.origin.y) = (-0.5 * lateral + 0.5 * grid.pitch.x, -0.5 * lateral + 0.5 * grid.pitch.y);
+    (grid.origin.x, grid.origin.y) =
+        (-0.5 * lateral + 0.5 * grid.pitch.x, -0.5 * lateral + 0.5 * grid.pitch.y);
     made(&format!("{bins_of_path:.0e} bins of path"), model, grid, 0.5, one)
+}
+
+/// Many voxels in many pairs' narrow bins, to time.
+pub fn dense_narrow() -> Case {
+    let model = Model { bin_width: 2.4 / 1e4, reference: 0.6, ..model_of(8, 4000, 1.44, 2.4) };
+    let grid = grid_of(16, 32, 0.8, 0.01);
+    made("1e4 bins of path, 64 pairs", model, grid, 1.1, one)
 }
 
 /// A scene 50 m behind the wall in bins of 5 mm.
@@ -121,7 +140,8 @@ pub fn crowded(lateral: usize, deep: usize) -> Case {
     (grid.pitch.x, grid.pitch.y) = (0.01 * grid.pitch.x, 0.01 * grid.pitch.y);
     (grid.origin.x, grid.origin.y) = (0.01 * grid.origin.x, 0.01 * grid.origin.y);
     let mut case = made(&format!("{} additions in a bin", lateral * lateral * deep), model, grid, 1.1, one);
-    let alike = DVec3::Z * f64::from((case.truth.iter().map(|v| v.z).sum::<f64>() / case.truth.len() as f64) as f32);
+    let alike =
+        DVec3::Z * f64::from((case.truth.iter().map(|v| v.z).sum::<f64>() / case.truth.len() as f64) as f32);
     case.at.fill(0.7 * alike);
     case
 }
@@ -150,7 +170,8 @@ fn model_like(m: &Model, n: usize) -> Model {
 
 /// The cases on which passes and solves are held against the twins.
 pub fn all() -> Vec<Case> {
-    let gated = |name: &str, from: f64, to: f64| made(name, model_of(4, 80, from, to), plain().grid, 0.3, one);
+    let gated =
+        |name: &str, from: f64, to: f64| made(name, model_of(4, 80, from, to), plain().grid, 0.3, one);
     let with = |name: &str, change: &dyn Fn(&mut Case)| {
         let mut case = plain();
         case.name = name.into();
@@ -192,7 +213,8 @@ pub fn all() -> Vec<Case> {
     // Voxel (i, j, 0) lies on a scanned point.
     let mut touching = model_of(4, 160, 0.0, 2.4);
     let grid = grid_of(8, 16, 0.0, 0.05);
-    touching.wall.scanned = (0..16).map(|i| grid.position(dvec3((i % 4) as f64 * 2.0, (i / 4) as f64 * 2.0, 0.0))).collect();
+    touching.wall.scanned =
+        (0..16).map(|i| grid.position(dvec3((i % 4) as f64 * 2.0, (i / 4) as f64 * 2.0, 0.0))).collect();
     all.push(made("voxels on wall points", touching, grid, 0.6, one));
     // Four times the same four points, the second arm as the first.
     let mut same = variant(&model_of(4, 160, 0.3, 2.7), Geometry::TwoPoints, Reflectance::Cosine, false, 55);

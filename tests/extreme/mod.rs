@@ -60,6 +60,12 @@ impl Case {
     pub fn job<'g>(&self, gpu: &'g Gpu, accumulation: Accumulation) -> Job<'g> {
         job(gpu, &self.model, &self.grid, &self.options(accumulation))
     }
+
+    /// A job whose trace holds so many iterations.
+    pub fn long_job<'g>(&self, gpu: &'g Gpu, iterations: usize) -> Job<'g> {
+        let options = VectorOptions { iterations, ..self.options(Accumulation::Auto) };
+        job(gpu, &self.model, &self.grid, &options)
+    }
 }
 
 /// Differences of histograms of so many bins. NaN where the device gave one, so no comparison passes.
@@ -67,7 +73,9 @@ pub fn apart(got: &[f64], want: &[f64], bins: usize) -> Apart {
     assert_eq!(got.len(), want.len());
     let most = |v: &[f64]| v.iter().fold(0.0f64, |a, b| a.max(b.abs()));
     let off = |g: &[f64], w: &[f64]| {
-        g.iter().zip(w).fold(0.0f64, |a, (g, w)| if (g - w).is_finite() { a.max((g - w).abs()) } else { f64::NAN })
+        g.iter()
+            .zip(w)
+            .fold(0.0f64, |a, (g, w)| if (g - w).is_finite() { a.max((g - w).abs()) } else { f64::NAN })
     };
     // A histogram that is nothing must be nothing on the device.
     let share = |off: f64, most: f64| if off == 0.0 { 0.0 } else { off / most };
@@ -100,22 +108,31 @@ fn fixed_exponent(peak: f32, bound: f32, count: u32) -> i32 {
 
 /// The passes of one iteration of the vector solver on the device, against the twins.
 pub fn passes(gpu: &Gpu, case: &Case, accumulation: Accumulation) -> Passes {
+    passes_of(&mut case.job(gpu, accumulation), case)
+}
+
+/// Kernels that place in plain fp32 and add one by one, whatever the scene asks for.
+pub fn plain_kernels(job: &mut Job<'_>) {
+    (job.plan.fine, job.plan.runs) = (false, false);
+    job.plan.add_kernels(&mut job.executor).expect("kernels are made");
+}
+
+pub fn passes_of(job: &mut Job<'_>, case: &Case) -> Passes {
     let (twin, bins) = (case.twin(), case.model.bins);
     let samples = case.samples(&case.at);
     let accumulated = twin::forward(&twin, &samples);
     let (residual, _) = twin::residual_weighted(&twin, &accumulated, true);
     let gradient = twin::gradient_vectors(&twin, &samples, &residual);
-    let mut job = case.job(gpu, accumulation);
-    write_samples(&mut job, &samples);
+    write_samples(job, &samples);
     let directed = case.model.reflectance.has_normals();
     let size = |s: &Sample| if directed { s.normal.length() } else { s.albedo };
     let peak = samples.iter().map(size).fold(0.0, f64::max);
-    set_counts(&mut job, samples.len(), peak);
-    zero_histograms(&mut job);
-    run_iteration(&mut job, 0, &["forward"]);
-    let forward = apart(&read_histograms(&mut job, accumulated.len()), &accumulated, bins);
-    run_iteration(&mut job, 0, &["residual"]);
-    let got = read_floats(&mut job, "residual", residual.len());
+    set_counts(job, samples.len(), peak);
+    zero_histograms(job);
+    run_iteration(job, 0, &["forward"]);
+    let forward = apart(&read_histograms(job, accumulated.len()), &accumulated, bins);
+    run_iteration(job, 0, &["residual"]);
+    let got = read_floats(job, "residual", residual.len());
     let residual = apart(&got, &residual, bins);
     let mut s = Schedule::default();
     // Without the last flag the gradient is left in its buffer.
@@ -123,7 +140,7 @@ pub fn passes(gpu: &Gpu, case: &Case, accumulation: Accumulation) -> Passes {
         .bind("scene", job.plan.finest().scene)
         .with(Push { last: case.model.pairs() as u32, ..Default::default() });
     job.executor.run(&s).expect("a dispatch runs");
-    let got: Vec<f64> = read_raw(&mut job, "gradient", samples.len())
+    let got: Vec<f64> = read_raw(job, "gradient", samples.len())
         .iter()
         .flat_map(|g| if directed { [g[1], g[2], g[3]] } else { [0.0, 0.0, -g[0]] })
         .collect();

@@ -101,8 +101,7 @@ pub fn by_twin(case: &Case, points: &[DVec3], count: usize, scalar: bool) -> Sta
         let samples = moved(twin::extrapolate(&twin, &case.active, &v, &before, m.beta), points);
         let (residual, loss) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
         let gradient = twin::gradient_vectors(&twin, &samples, &residual);
-        let told =
-            twin::step(&twin, &case.active, &samples, &gradient, &all, m.share, &mut v, &mut before);
+        let told = twin::step(&twin, &case.active, &samples, &gradient, &all, m.share, &mut v, &mut before);
         let group: f64 = told.iter().map(|t| t.group).sum();
         m = twin::finish_accelerated(m, loss[0] + group, told.iter().map(|t| t.against).sum());
         objective.push(loss[0] + group);
@@ -114,10 +113,20 @@ pub fn by_twin(case: &Case, points: &[DVec3], count: usize, scalar: bool) -> Sta
 /// Largest difference of the vectors over the longest, and the relative difference of the last objective.
 pub fn state_apart(got: &State, want: &State) -> [f64; 2] {
     let longest = want.v.iter().fold(0.0f64, |a, v| a.max(v.length()));
-    let off = got.v.iter().zip(&want.v).fold(0.0f64, |a, (g, w)| {
-        if (*g - *w).is_finite() { a.max((*g - *w).length()) } else { f64::NAN }
-    });
+    let off =
+        got.v.iter().zip(&want.v).fold(0.0f64, |a, (g, w)| {
+            if (*g - *w).is_finite() { a.max((*g - *w).length()) } else { f64::NAN }
+        });
     let share = |off: f64, of: f64| if off == 0.0 { 0.0 } else { off / of };
     let last = |s: &State| s.objective.last().copied().unwrap_or(0.0);
     [share(off, longest), share((last(got) - last(want)).abs(), last(want))]
+}
+
+/// The same of the vectors shorter than a hundredth of the longest, over the longest of those.
+pub fn dim_apart(got: &State, want: &State) -> f64 {
+    let longest = want.v.iter().fold(0.0f64, |a, v| a.max(v.length()));
+    let dim = got.v.iter().zip(&want.v).filter(|(_, w)| w.length() < 0.01 * longest);
+    let [off, of] =
+        dim.fold([0.0f64; 2], |[off, of], (g, w)| [off.max((*g - *w).length()), of.max(w.length())]);
+    if off == 0.0 { 0.0 } else { off / of }
 }
