@@ -234,7 +234,7 @@ fn the_papers_solver_knows_no_scale() {
 fn ten_thousand_iterations() {
     let gpu = gpu();
     for case in [cases::plain(), cases::near_far(Geometry::Confocal, Reflectance::Cosine, false)] {
-        let mut job = case.long_job(&gpu, 10_000);
+        let mut job = case.long_job(&gpu, Accumulation::Auto, 10_000);
         solve::begin(&mut job, &case);
         let rows = solve::run(&mut job, 0..10_000);
         let at = |row: &[u32; TRACE_ROW as usize]| {

@@ -119,7 +119,7 @@ fn bin_width(gpu: &Gpu, folder: &Path) -> String {
         "rounding: share of light in another bin",
     ];
     let mut curves: Vec<Curve> = names.map(|n| (n.into(), vec![])).into();
-    for bins in [300.0, 1e3, 3e3, 1e4, 3e4, 1e5, 3e5] {
+    for bins in [300.0, 600.0, 1e3, 3e3, 1e4, 3e4, 1e5] {
         let case = cases::narrow(bins);
         let now = passes(gpu, &case, Accumulation::Auto);
         let mut job = case.job(gpu, Accumulation::Auto);

@@ -106,7 +106,8 @@ pub fn stiff() -> String {
     let mut out = format!(
         "## Stiffness\n\nCondition of the weighted normal operator AᵀWA on albedos (largest over smallest eigenvalue \
          above 1e-12 of the largest), of D^-½ AᵀWA D^-½ with D the bound that a voxel's step divides by, and the spread \
-         of D. Iterations until the weighted residual is a tenth / a hundredth of the first, by the twins, with one step \
+         of D. Iterations until the albedos are within a tenth / a hundredth of the truth (root of the \
+         mean squared relative error over voxels, so that dim and far ones count), by the twins, with one step \
          for all voxels (1 / largest D, the \"before\") and with one each; – is more than {MOST}.\n\n\
          | case | voxels | condition | scaled by D | spread of D | one step | a step per voxel |\n|---|--:|--:|--:|--:|---|---|\n"
     );
@@ -143,7 +144,7 @@ pub fn long(gpu: &Gpu) -> String {
     );
     let count = 10_000;
     for case in [cases::plain(), cases::near_far(Geometry::Confocal, Reflectance::Cosine, false)] {
-        let mut job = case.long_job(gpu, count);
+        let mut job = case.long_job(gpu, Accumulation::Auto, count);
         solve::begin(&mut job, &case);
         let rows = solve::run(&mut job, 0..count);
         let float = |i: usize, k: u32| f64::from(f32::from_bits(rows[i][k as usize]));

@@ -67,19 +67,20 @@ pub fn near_far(geometry: Geometry, reflectance: Reflectance, curved: bool) -> C
     // Curved walls come up to 0.05 m forward.
     let near = if curved { 0.1 } else { 0.05 };
     let two = |x: DVec3| if x.z < near + 0.06 || x.z > 2.9 { 1.0 } else { 0.0 };
-    made(&name, model, grid_of(8, 60, near, 0.05), 0.3, two)
+    without_threshold(made(&name, model, grid_of(8, 60, near, 0.05), 0.3, two))
 }
 
 /// A retroreflector: one small patch so many times brighter than the rest.
 pub fn retroreflector(times: f64) -> Case {
     let size = move |x: DVec3| if (x - dvec3(0.1, 0.1, 0.6)).length() < 0.08 { times } else { 1.0 };
-    made(
-        &format!("retroreflector {times:.0e}"),
-        model_of(4, 160, 0.3, 2.7),
-        grid_of(10, 20, 0.3, 0.04),
-        0.3,
-        size,
-    )
+    let name = format!("retroreflector {times:.0e}");
+    without_threshold(made(&name, model_of(4, 160, 0.3, 2.7), grid_of(10, 20, 0.3, 0.04), 0.3, size))
+}
+
+/// Without the group term, which would leave nothing of what is dim.
+fn without_threshold(mut case: Case) -> Case {
+    case.model.noise_factor = 0.0;
+    case
 }
 
 /// All lengths times `scale`.
@@ -143,6 +144,21 @@ pub fn crowded(lateral: usize, deep: usize) -> Case {
     let alike =
         DVec3::Z * f64::from((case.truth.iter().map(|v| v.z).sum::<f64>() / case.truth.len() as f64) as f32);
     case.at.fill(0.7 * alike);
+    case
+}
+
+/// The same scene of albedos alone, without a group term: what is measured is linear in them.
+pub fn as_albedos(base: &Case) -> Case {
+    let reflectance = match base.model.reflectance {
+        Reflectance::Retroreflective => Reflectance::Retroreflective,
+        _ => Reflectance::Isotropic,
+    };
+    let mut case = without_threshold(base.clone());
+    case.model.reflectance = reflectance;
+    case.truth.iter_mut().chain(&mut case.at).for_each(|v| *v = v.z * DVec3::Z);
+    let render = f64::from(case.model.scene(&case.grid).render_scale);
+    let light = twin::forward(&case.twin(), &case.samples(&case.truth));
+    case.model.measured = light.iter().map(|v| (v * render) as f32).collect();
     case
 }
 

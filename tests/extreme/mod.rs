@@ -62,8 +62,8 @@ impl Case {
     }
 
     /// A job whose trace holds so many iterations.
-    pub fn long_job<'g>(&self, gpu: &'g Gpu, iterations: usize) -> Job<'g> {
-        let options = VectorOptions { iterations, ..self.options(Accumulation::Auto) };
+    pub fn long_job<'g>(&self, gpu: &'g Gpu, accumulation: Accumulation, iterations: usize) -> Job<'g> {
+        let options = VectorOptions { iterations, ..self.options(accumulation) };
         job(gpu, &self.model, &self.grid, &options)
     }
 }

@@ -31,7 +31,7 @@ pub fn started(plan: &Plan, case: &Case) -> Schedule {
 
 /// `count` iterations on the device.
 pub fn on_device(gpu: &Gpu, case: &Case, accumulation: Accumulation, count: usize) -> State {
-    let mut job = case.job(gpu, accumulation);
+    let mut job = case.long_job(gpu, accumulation, count);
     begin(&mut job, case);
     let rows = run(&mut job, 0..count);
     let v = read_vectors(&mut job, "raw", case.grid.storage());
@@ -85,6 +85,17 @@ pub fn centres(case: &Case) -> Vec<DVec3> {
 /// `count` iterations of the twins on voxels whose centres lie there. `scalar` divides every voxel's step by the
 /// largest D instead of its own.
 pub fn by_twin(case: &Case, points: &[DVec3], count: usize, scalar: bool) -> State {
+    by_twin_heard(case, points, count, scalar, &mut |_, _, _| ())
+}
+
+/// The same; `hear` is told how many iterations are done, the vectors by storage index, and the objective before.
+pub fn by_twin_heard(
+    case: &Case,
+    points: &[DVec3],
+    count: usize,
+    scalar: bool,
+    hear: &mut dyn FnMut(usize, &[DVec3], f64),
+) -> State {
     let twin: Twin<'_> = case.twin();
     let mut by_slot = bounds(case, points);
     if scalar {
@@ -97,7 +108,7 @@ pub fn by_twin(case: &Case, points: &[DVec3], count: usize, scalar: bool) -> Sta
     let mut before = v.clone();
     let mut m: Momentum = REST;
     let (mut objective, mut data) = (vec![], vec![]);
-    for _ in 0..count {
+    for n in 0..count {
         let samples = moved(twin::extrapolate(&twin, &case.active, &v, &before, m.beta), points);
         let (residual, loss) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
         let gradient = twin::gradient_vectors(&twin, &samples, &residual);
@@ -106,6 +117,7 @@ pub fn by_twin(case: &Case, points: &[DVec3], count: usize, scalar: bool) -> Sta
         m = twin::finish_accelerated(m, loss[0] + group, told.iter().map(|t| t.against).sum());
         objective.push(loss[0] + group);
         data.push(loss[0]);
+        hear(n + 1, &v, loss[0] + group);
     }
     State { points: points.to_vec(), v, objective, data }
 }
