@@ -54,7 +54,7 @@ pub fn cases(gpu: &Gpu) -> String {
     let mut out = String::from(
         "## Cases\n\nPasses: the worst of all accumulation paths, forward relative to the largest value / to the \
          largest of each histogram / gradient. Before: the same with the kernels of ordinary scenes, where the scene \
-         now has others. Iterations: vectors over the longest, objective, and vectors shorter than a hundredth of the \
+         now has others. Iterations: vectors over the longest, objective over the first one, and vectors shorter than a hundredth of the \
          longest over the longest of those.\n\n\
          | case | voxels | passes | before | held | 10 iterations | 60 iterations |\n|---|--:|---|---|---|---|---|\n",
     );

@@ -67,7 +67,13 @@ pub fn near_far(geometry: Geometry, reflectance: Reflectance, curved: bool) -> C
     // Curved walls come up to 0.05 m forward.
     let near = if curved { 0.1 } else { 0.05 };
     let two = |x: DVec3| if x.z < near + 0.06 || x.z > 2.9 { 1.0 } else { 0.0 };
-    without_threshold(made(&name, model, grid_of(8, 60, near, 0.05), 0.3, two))
+    made(&name, model, grid_of(8, 60, near, 0.05), 0.3, two)
+}
+
+/// The same without the group term, so that the far ones live, whose light is 1e-7 of the near ones'.
+pub fn near_far_free() -> Case {
+    let case = without_threshold(near_far(Geometry::Confocal, Reflectance::Cosine, false));
+    Case { name: "near and far, no group term".into(), ..case }
 }
 
 /// A retroreflector: one small patch so many times brighter than the rest.
@@ -201,6 +207,7 @@ pub fn all() -> Vec<Case> {
         near_far(Geometry::Product, Reflectance::Lambertian, true),
         near_far(Geometry::Confocal, Reflectance::Retroreflective, false),
         near_far(Geometry::TwoPoints, Reflectance::Isotropic, false),
+        near_far_free(),
         retroreflector(1e3),
         retroreflector(1e6),
         with("one photon", &|c| {

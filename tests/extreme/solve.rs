@@ -122,7 +122,8 @@ pub fn by_twin_heard(
     State { points: points.to_vec(), v, objective, data }
 }
 
-/// Largest difference of the vectors over the longest, and the relative difference of the last objective.
+/// Largest difference of the vectors over the longest, and that of the last objective over the first one: where the
+/// data can be met the last is a rounding error itself.
 pub fn state_apart(got: &State, want: &State) -> [f64; 2] {
     let longest = want.v.iter().fold(0.0f64, |a, v| a.max(v.length()));
     let off =
@@ -131,7 +132,10 @@ pub fn state_apart(got: &State, want: &State) -> [f64; 2] {
         });
     let share = |off: f64, of: f64| if off == 0.0 { 0.0 } else { off / of };
     let last = |s: &State| s.objective.last().copied().unwrap_or(0.0);
-    [share(off, longest), share((last(got) - last(want)).abs(), last(want))]
+    [
+        share(off, longest),
+        share((last(got) - last(want)).abs(), want.objective.first().copied().unwrap_or(0.0)),
+    ]
 }
 
 /// The same of the vectors shorter than a hundredth of the longest, over the longest of those.
