@@ -92,10 +92,12 @@ fn eigenvalues(mut m: Vec<Vec<f64>>) -> Vec<f64> {
 /// the squared relative error: what is dim and far counts as what is bright and near. None within `most`.
 pub fn iterations_to(case: &Case, most: usize, scalar: bool) -> [Option<usize>; 2] {
     let case = cases::as_albedos(case);
-    let lit: Vec<usize> =
-        case.active.iter().map(|i| *i as usize).filter(|i| case.truth[*i] != DVec3::ZERO).collect();
+    let points = solve::centres(&case);
+    // What no bin sees cannot be found.
+    let seen = case.active.iter().zip(solve::bounds(&case, &points)).filter(|(_, b)| b[0] > 0.0);
+    let lit: Vec<usize> = seen.map(|(i, _)| *i as usize).filter(|i| case.truth[*i] != DVec3::ZERO).collect();
     let mut reached = [None; 2];
-    solve::by_twin_heard(&case, &solve::centres(&case), most, scalar, &mut |n, v, objective| {
+    solve::by_twin_heard(&case, &points, most, scalar, &mut |n, v, objective| {
         assert!(objective.is_finite(), "{} diverges", case.name);
         let off =
             lit.iter().map(|i| (v[*i] - case.truth[*i]).length_squared() / case.truth[*i].length_squared());
