@@ -243,7 +243,14 @@ fn ten_thousand_iterations() {
         };
         assert!(rows.iter().all(|r| r[TRACE_FAULTS as usize] == 0 && at(r).is_finite()));
         assert!(at(&rows[9_999]) <= 1.001 * at(&rows[100]), "{}", case.name);
-        assert!(rows.iter().all(|r| at(r) <= 1.5 * at(&rows[0])), "{}", case.name);
+        let largest = rows.iter().map(at).enumerate().fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+        // The first steps, of a quarter of the bound, may overshoot before they grow shorter.
+        assert!(
+            largest.1 <= 10.0 * at(&rows[0]) && largest.0 < 20,
+            "{}: {largest:?} of {}",
+            case.name,
+            at(&rows[0])
+        );
     }
     let capture = letter();
     let o = PaperOptions { iterations: 10_000, ..paper_options() };
