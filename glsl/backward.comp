@@ -17,7 +17,7 @@ layout(constant_id = 10) const uint VOXELS = 64u;
 layout(constant_id = 11) const uint SLICES = 1u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 0u;
-layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 6) readonly buffer SampleNormals { vec4 sample_normals[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
@@ -27,6 +27,7 @@ layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
 shared vec4 parts[VOXELS * SLICES];
 
 #include "slope.glsl"
+#include "faults.glsl"
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
@@ -50,6 +51,7 @@ void main() {
         float albedo = s.w;
         vec4 g = vec4(sum.x + scene.l1_scale * sign(albedo), sum.yzw * albedo);
         sum = through_surface(g, albedo, n.xyz, n.w);
+        watch(finite(sum.x + sum.y + sum.z + sum.w), FAULT_BACKWARD);
     }
     gradient[slot] = sum;
 }

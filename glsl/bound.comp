@@ -12,13 +12,14 @@
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint SPLIT = 1u;
 layout(constant_id = 11) const uint WHAT = 0u;
-layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
 
 #include "gather.glsl"
+#include "faults.glsl"
 
 float sum = 0.0;
 
@@ -35,5 +36,6 @@ void main() {
     // Split dispatches add up; the square root is taken where all pairs are in.
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
     if (WHAT == 1u && (push.flags & BACKWARD_FINISH) != 0u) sum = scene.noise_factor * sqrt(sum);
+    watch(finite(sum), FAULT_BOUND);
     bounds[slot][WHAT] = sum;
 }

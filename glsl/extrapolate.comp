@@ -26,6 +26,7 @@ layout(std430, set = 0, binding = 11) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 10) writeonly buffer SamplePoints { vec4 sample_points[]; };
 
 #include "slots.glsl"
+#include "faults.glsl"
 
 shared float peaks[WORKGROUP];
 
@@ -77,6 +78,7 @@ void main() {
             gradient[slot] = vec4(-along.z, energy, 0.0, 0.0);
         }
         magnitude = length(y);
+        watch(finite(y.x + y.y + y.z + energy), FAULT_SAMPLE);
     }
     peaks[lane] = magnitude;
     barrier();

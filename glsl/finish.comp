@@ -38,6 +38,7 @@ void main() {
     trace[row + TRACE_ACTIVE] = counts[COUNT_ACTIVE];
     trace[row + TRACE_PEAK] = counts[COUNT_PEAK_ALBEDO];
     trace[row + TRACE_OBJECTIVE] = floatBitsToUint(objective);
+    trace[row + TRACE_FAULTS] = counts[COUNT_FAULTS];
     counts[COUNT_PEAK_ALBEDO] = 0u;
     if (ACCELERATED == 0u) return;
     objective += sum.z;

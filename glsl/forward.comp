@@ -30,6 +30,7 @@ layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 #include "fixed.glsl"
 float fixed_scale;
 #endif
+#include "place.glsl"
 #include "accumulate.glsl"
 #define COLUMNS LANES
 #include "window.glsl"
@@ -52,8 +53,8 @@ void main() {
     vec3 normal_b = CURVED != 0u ? wall[normals + other].xyz : vec3(0.0);
     uint row = pair * scene.bins;
     uint column = gl_LocalInvocationID.x;
-    int base = NO_WINDOW;
     clear_column(column);
+    Run run = NO_RUN;
     for (uint slot = begin; slot < end; ++slot) {
         vec4 s = sample_points[slot];
         Arm a = arm_to(point_a, normal_a, s.xyz);
@@ -61,7 +62,8 @@ void main() {
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
         float value = BOUND != 0u ? bound_of(a, b) : s.w * a.falloff * b.falloff;
         if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz).value;
-        deposit(column, base, row, bin_of(a.distance + b.distance), value);
+        deposit(column, row, place_of(a, b), value, run);
+        if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);
     }
-    if (base != NO_WINDOW) flush_column(column, base, row);
+    finish_run(column, row, run);
 }

@@ -33,12 +33,14 @@ layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 #include "fixed.glsl"
 float fixed_scale;
 #endif
+#include "place.glsl"
 #include "accumulate.glsl"
 #define COLUMNS (LANES * OTHERS)
 #include "window.glsl"
 
 const uint BLOCK = 64u;
 shared vec2 other_arms[SHARED * BLOCK * OTHERS + 1u]; // distance, everything the other arm gives to the value
+shared float other_rests[FINE * SHARED * BLOCK * OTHERS + 1u];
 
 // An arm's part of the value, for a surface of such direction.
 float part(Arm arm, vec3 direction, bool directed) {
@@ -48,30 +50,25 @@ float part(Arm arm, vec3 direction, bool directed) {
     return value;
 }
 
-vec2 other_arm(vec3 there, vec3 normal, uint slot) {
+// Distance, everything the arm gives to the value, rest of the distance.
+vec3 other_arm(vec3 there, vec3 normal, uint slot) {
     vec4 s = sample_points[slot];
     Arm b = arm_to(there, normal, s.xyz);
     // The cosine model has none toward the other point.
     vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
     float value = part(b, v / max(length(v), 1e-30), REFLECTANCE == LAMBERTIAN);
-    return vec2(b.distance, value * (BOUND == 0u ? s.w : 1.0));
+    return vec3(b.distance, value * (BOUND == 0u ? s.w : 1.0), b.rest);
 }
-
-int bases[OTHERS];
 
 // Column of a lane's k-th histogram, and the histogram.
 uint column_of(uint k) { return k * LANES + gl_LocalInvocationID.x; }
 uint row_of(uint other, uint point) { return (other * scene.scanned + point) * scene.bins; }
 
-// Adds what a pair's two arms make together.
-void meet(Arm a, float value, vec2 b, uint other, uint k, uint point) {
-    deposit(column_of(k), bases[k], row_of(other + k, point), bin_of(a.distance + b.x), value * b.y);
-}
+Run runs[OTHERS];
 
-void flush_all(uint other, uint others, uint point) {
-    for (uint k = 0u; k < OTHERS; ++k) {
-        if (k < others && bases[k] != NO_WINDOW) flush_column(column_of(k), bases[k], row_of(other + k, point));
-    }
+// Adds what a pair's two arms make together.
+void meet(Arm a, float value, vec3 b, uint k, uint row) {
+    deposit(column_of(k), row, place_of(a.distance + b.x, a.rest + b.z), value * b.y, runs[k]);
 }
 
 void main() {
@@ -89,7 +86,7 @@ void main() {
 #endif
     uint normals = scene.scanned + scene.others;
     for (uint k = 0u; k < OTHERS; ++k) {
-        bases[k] = NO_WINDOW;
+        runs[k] = NO_RUN;
         clear_column(column_of(k));
     }
     vec3 here = owned ? wall[point].xyz : vec3(0.0);
@@ -107,10 +104,13 @@ void main() {
             Arm a = arm_to(here, normal, sample_points[slot].xyz);
             float value = part(a, NORMALS ? sample_normals[slot].xyz : vec3(0.0), NORMALS);
             for (uint k = 0u; k < OTHERS; ++k) {
-                if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), other, k, point);
+                if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), k, row_of(other + k, point));
+            }
+            if (RUNS != 0u && slot % LONGEST_RUN == 0u) {
+                for (uint k = 0u; k < others; ++k) flush(row_of(other + k, point), runs[k]);
             }
         }
-        flush_all(other, others, point);
+        for (uint k = 0u; k < others; ++k) finish_run(column_of(k), row_of(other + k, point), runs[k]);
         return;
     }
     for (uint block = begin; block < end; block += BLOCK) {
@@ -120,7 +120,9 @@ void main() {
             if (i % OTHERS >= others) continue;
             uint at = scene.scanned + other + i % OTHERS;
             vec3 there_normal = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
-            other_arms[i] = other_arm(wall[at].xyz, there_normal, block + i / OTHERS);
+            vec3 b = other_arm(wall[at].xyz, there_normal, block + i / OTHERS);
+            other_arms[i] = b.xy;
+            if (FINE != 0u) other_rests[i] = b.z;
         }
         barrier();
         if (!owned) continue;
@@ -128,9 +130,13 @@ void main() {
             Arm a = arm_to(here, normal, sample_points[block + i].xyz);
             float value = part(a, NORMALS ? sample_normals[block + i].xyz : vec3(0.0), NORMALS);
             for (uint k = 0u; k < OTHERS; ++k) {
-                if (k < others) meet(a, value, other_arms[i * OTHERS + k], other, k, point);
+                if (k >= others) break;
+                float rest = FINE != 0u ? other_rests[i * OTHERS + k] : 0.0;
+                meet(a, value, vec3(other_arms[i * OTHERS + k], rest), k, row_of(other + k, point));
             }
         }
+        for (uint k = 0u; k < others; ++k) flush(row_of(other + k, point), runs[k]);
     }
-    if (owned) flush_all(other, others, point);
+    if (!owned) return;
+    for (uint k = 0u; k < others; ++k) finish_run(column_of(k), row_of(other + k, point), runs[k]);
 }

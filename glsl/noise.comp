@@ -9,8 +9,10 @@ layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint PER_HISTOGRAM = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 2) buffer NoiseState { float noise_state[]; };
+layout(std430, set = 0, binding = 3) buffer Counts { uint counts[]; };
 
 #include "sums.glsl"
+#include "faults.glsl"
 
 // residual is dLoss / d accumulated = dLoss / d rendered * render_scale.
 void learn(uint at, float gradient_of_sum) {
@@ -23,6 +25,7 @@ void learn(uint at, float gradient_of_sum) {
     float m_hat = m / (1.0 - pow(scene.beta1, step));
     float v_hat = v / (1.0 - pow(scene.beta2, step));
     noise_state[at] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    watch(finite(noise_state[at]), FAULT_NOISE);
     noise_state[at + 1u] = m;
     noise_state[at + 2u] = v;
 }

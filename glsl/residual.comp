@@ -11,7 +11,7 @@ layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
 layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with nothing, for bounds of the operator
-layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
 #ifdef ACCUMULATE_FIXED
@@ -24,6 +24,7 @@ layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { vec2 loss_p
 layout(std430, set = 0, binding = 6) readonly buffer NoiseState { float noise_state[]; };
 
 #include "weight.glsl"
+#include "faults.glsl"
 
 #ifdef ACCUMULATE_FIXED
 float accumulated(uint index) {
@@ -43,8 +44,8 @@ float accumulated(uint index) { return histograms[index]; }
 #define ZERO 0.0
 #endif
 
-// Squared difference of one value, of the histogram's given bin: weighted, plain.
-vec2 compare(uint index, uint bin) {
+// Squared difference of one value, of the histogram's given bin, weighted and plain, and the size of what is rendered.
+vec3 compare(uint index, uint bin) {
     float rendered = accumulated(index) * scene.render_scale;
     histograms[index] = ZERO;
     float open = 1.0;
@@ -57,14 +58,14 @@ vec2 compare(uint index, uint bin) {
     float difference = rendered - (MEASURE != 0u ? measured[index] : 0.0);
     float weight = WEIGHTED != 0u ? bin_weight(bin) : 1.0;
     residual[index] = 2.0 * scene.loss_scale * scene.render_scale * open * weight * difference;
-    return difference * difference * vec2(weight, 1.0);
+    return vec3(difference * difference * vec2(weight, 1.0), abs(rendered));
 }
 
 void main() {
     uint group = group_index();
     uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
     uint end = scene.pairs * scene.bins;
-    vec2 squared = vec2(0.0);
+    vec3 squared = vec3(0.0);
     // A remainder costs a CPU more than all else here: one to begin with, then a subtraction.
     uint bin = first % scene.bins;
     uint on = WORKGROUP % scene.bins;
@@ -73,5 +74,8 @@ void main() {
         bin += on;
         if (bin >= scene.bins) bin -= scene.bins;
     }
-    loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared;
+    loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
+    bool rendered = finite(squared.z);
+    watch(rendered, FAULT_FORWARD);
+    watch(!rendered || finite(squared.x + squared.y), FAULT_RESIDUAL);
 }

@@ -20,6 +20,7 @@ layout(std430, set = 0, binding = 5) writeonly buffer SampleNormals { vec4 sampl
 layout(std430, set = 0, binding = 6) writeonly buffer L1Partials { float l1_partials[]; };
 
 #include "sums.glsl"
+#include "faults.glsl"
 
 shared float peaks[WORKGROUP];
 
@@ -51,6 +52,7 @@ void main() {
         sample_points[slot] = vec4(position(g), albedo);
         if (NORMALS) sample_normals[slot] = vec4(u / length_u, length_u);
         magnitude = abs(albedo);
+        watch(finite(v.x + v.y + v.z + v.w), FAULT_SAMPLE);
     }
     peaks[lane] = magnitude;
     float sum = sum_over_group(vec4(magnitude)).x;

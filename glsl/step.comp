@@ -19,7 +19,7 @@ layout(constant_id = 10) const uint VOXELS = 64u;
 layout(constant_id = 11) const uint SLICES = 1u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 1u;
-layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; }; // y, its roughness
 layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
@@ -35,6 +35,7 @@ layout(std430, set = 0, binding = 12) writeonly buffer AgainstPartials { float a
 shared vec4 parts[VOXELS * SLICES];
 
 #include "slope.glsl"
+#include "faults.glsl"
 
 // Nearest point of the cone v_z <= 0, |v_xy| <= cone * |v_z|.
 vec3 into_cone(vec3 v) {
@@ -82,6 +83,9 @@ void main() {
             float rough = NORMALS ? sample_normals[slot].w : sum.y;
             vec3 next = bound.x > 0.0 ? shrink(into_cone(y - g / bound.x), bound.y / bound.x) : vec3(0.0);
             told = vec2(bound.y * length(y) + rough, bound.x * dot(y - next, next - v));
+            bool given = finite(g.x + g.y + g.z);
+            watch(given, FAULT_BACKWARD);
+            watch(!given || finite(next.x + next.y + next.z + told.x + told.y), FAULT_UPDATE);
             before[slot] = vec4(v, 0.0);
             raw[slot] = vec4(next, 0.0);
         }

@@ -10,7 +10,7 @@ layout(constant_id = 10) const uint CONTINUOUS = 1u;
 #include "random.glsl"
 #include "sampling.glsl"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer TouchedVoxels { uint touched_voxels[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 8) readonly buffer Mask { uint mask[]; };
@@ -20,6 +20,7 @@ layout(std430, set = 0, binding = 6) buffer MomentFirst { vec4 moment_first[]; }
 layout(std430, set = 0, binding = 7) buffer MomentSecond { vec4 moment_second[]; };
 
 #include "slots.glsl"
+#include "faults.glsl"
 
 const float PI = 3.14159265;
 
@@ -54,7 +55,9 @@ void main() {
     vec4 v_hat = v / (1.0 - pow(scene.beta2, step));
     float rate = scene.learning_rate;
     if (scene.decay_over > 0.0) rate *= 0.5 + 0.5 * cos(PI * min(float(push.iteration) / scene.decay_over, 1.0));
-    raw[index] -= rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    vec4 next = raw[index] - rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    watch(finite(next.x + next.y + next.z + next.w), FAULT_UPDATE);
+    raw[index] = next;
     moment_first[index] = m;
     moment_second[index] = v;
 }

@@ -44,7 +44,7 @@ fn check_extrapolate(reflectance: Reflectance) {
         write_momentum(&mut job, Momentum { beta, share: 0.75, ..REST });
         set_counts(&mut job, active.len(), 0.0);
         let count = active.len() as u32;
-        write(&mut job, "counts", &[count, count, 0, smooth.to_bits()]);
+        write(&mut job, "counts", &[count, count, 0, smooth.to_bits(), 0, 0]);
         run_start(&mut job, &["points"]);
         run_iteration(&mut job, 0, &["extrapolate"]);
         let want = twin::extrapolate(&twin, &active, &v, &before, beta);

@@ -51,17 +51,41 @@ void accumulate(uint index, float value) {
 }
 #endif
 
-// Adds a value at a position in bins to histogram `row`: to its bin, or shared by the two around it. Needs SPLIT.
-void accumulate_at(uint row, float position, float value) {
-    if (SPLIT == 0u) {
-        int bin = int(floor(position));
-        if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
+// Where bins take so many voxels that fp32 sums would lose the small addend, RUNS sums consecutive voxels of the same
+// place before they are added: two levels, each of a few thousand addends at most.
+layout(constant_id = 16) const uint RUNS = 0u;
+const uint LONGEST_RUN = 256u;
+
+struct Run {
+    int bin;     // or where a window begins (window.glsl)
+    vec2 values; // of the bin and, with SPLIT, of the next
+};
+const Run NO_RUN = Run(-0x40000000, vec2(0.0));
+
+void add_to_bin(uint row, int bin, float value) {
+    if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
+}
+
+// Adds what a run holds to histogram `row` and empties it.
+void flush(uint row, inout Run run) {
+    if (RUNS == 0u) return;
+    add_to_bin(row, run.bin, run.values.x);
+    if (SPLIT != 0u) add_to_bin(row, run.bin + 1, run.values.y);
+    run.values = vec2(0.0);
+}
+
+// Adds a value at its place to histogram `row`: to its bin, or shared by the two around it. Needs place.glsl.
+void accumulate_at(uint row, Place place, float value, inout Run run) {
+    if (RUNS != 0u) {
+        if (place.bin != run.bin) flush(row, run);
+        run.bin = place.bin;
+        run.values += SPLIT != 0u ? value * vec2(1.0 - place.share, place.share) : vec2(value, 0.0);
         return;
     }
-    float centre = position - 0.5;
-    float low = floor(centre);
-    float share = centre - low;
-    int bin = int(low);
-    if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value * (1.0 - share));
-    if (bin >= -1 && bin + 1 < int(scene.bins)) accumulate(row + uint(bin + 1), value * share);
+    if (SPLIT == 0u) {
+        add_to_bin(row, place.bin, value);
+        return;
+    }
+    add_to_bin(row, place.bin, value * (1.0 - place.share));
+    add_to_bin(row, place.bin + 1, value * place.share);
 }

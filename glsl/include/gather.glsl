@@ -1,7 +1,9 @@
 // What the backward kernels share: a walk over pairs, each with both its arms and the residual that a path at its bin
-// sees. Needs SPLIT, transport.glsl, the buffers wall and residual, and meet(), which takes what is found.
+// sees. Needs SPLIT, transport.glsl and the buffers wall and residual, and meet(), which takes what is found.
 // In a product, OTHERS other points go at once: the arm to a scanned point is found once for all of them.
 // Pairs are push.first to push.last, `slice` of `slices`; in a product whole rows, or a part of one.
+
+#include "place.glsl"
 
 layout(constant_id = 23) const uint OTHERS = 1u;
 
@@ -17,12 +19,10 @@ float residual_at(uint row, int bin) {
     return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
 }
 
-// The residual of histogram `row` that a path at `bin` sees: of its bin, or of the two around it.
-float residual_around(uint row, float bin) {
-    if (SPLIT == 0u) return residual_at(row, int(floor(bin)));
-    float centre = bin - 0.5;
-    float low = floor(centre);
-    return mix(residual_at(row, int(low)), residual_at(row, int(low) + 1), centre - low);
+// The residual of histogram `row` that a path there sees: of its bin, or of the two around it.
+float residual_around(uint row, Place place) {
+    float low = residual_at(row, place.bin);
+    return SPLIT == 0u ? low : mix(low, residual_at(row, place.bin + 1), place.share);
 }
 
 void gather(vec3 x, uint slice, uint slices) {
@@ -31,7 +31,7 @@ void gather(vec3 x, uint slice, uint slices) {
             Arm a = arm_at(pair, x);
             Arm b = a;
             if (GEOMETRY == TWO_POINTS) b = arm_at(scene.scanned + pair, x);
-            meet(a, b, residual_around(pair * scene.bins, bin_of(a.distance + b.distance)));
+            meet(a, b, residual_around(pair * scene.bins, place_of(a, b)));
         }
         return;
     }
@@ -46,7 +46,7 @@ void gather(vec3 x, uint slice, uint slices) {
             for (uint i = 0u; i < OTHERS; ++i) {
                 if (other + i >= rows) break;
                 uint row = ((other + i) * scene.scanned + point) * scene.bins;
-                meet(a, b[i], residual_around(row, bin_of(a.distance + b[i].distance)));
+                meet(a, b[i], residual_around(row, place_of(a, b[i])));
             }
         }
     }

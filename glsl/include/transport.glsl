@@ -10,13 +10,32 @@ const uint TWO_POINTS = 1u; // every pair has two points of its own
 const uint PRODUCT = 2u;    // every scanned point with every other point; pair = other * scanned + point
 layout(constant_id = 20) const uint GEOMETRY = 0u;
 layout(constant_id = 22) const uint CURVED = 0u; // 0: the wall's normal is (0, 0, 1) everywhere
+layout(constant_id = 24) const uint FINE = 0u;   // 1: paths are more bins long than fp32 tells apart (place.glsl)
 
 struct Arm {
     vec3 toward;    // unit, sample to wall point; zero for a degenerate pair
-    float distance; // metres
+    float distance; // metres; with FINE whole grains
+    float rest;     // with FINE: what is left of the distance, grains
     float falloff;  // (reference / distance)^2, or its root for retroreflective surfaces; 0 for a degenerate pair
     float wall;     // cosine at the wall, for Lambertian surfaces
 };
+
+// The distance to some 34 bits: a rounded root r, and (d.d - r r) / 2r. Every length is a whole number of grains, at
+// most 2^11, and a rest below one half: the squares of whole numbers add up without rounding, and the rests are small.
+void refine(inout Arm arm, vec3 point, vec3 x, vec3 d, float inverse) {
+    // What the difference itself lost (Knuth's two-sum).
+    precise vec3 back = d - point;
+    precise vec3 lost = (point - (d - back)) - (x + back);
+    precise vec3 whole = round(d * scene.grains_per_metre);
+    precise vec3 rest = (d - whole * scene.grain) * scene.grains_per_metre + lost * scene.grains_per_metre;
+    float r = arm.distance * scene.grains_per_metre;
+    precise float r_whole = round(r);
+    precise float r_rest = r - r_whole;
+    precise float wholes = dot(whole, whole) - r_whole * r_whole;
+    precise float rests = dot(rest, 2.0 * whole + rest) - r_rest * (2.0 * r_whole + r_rest);
+    arm.distance = r_whole;
+    arm.rest = r_rest + 0.5 * (wholes + rests) * inverse * scene.grain;
+}
 
 Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     Arm arm;
@@ -27,14 +46,13 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     float inverse = degenerate ? 0.0 : inversesqrt(d2);
     arm.toward = d * inverse;
     arm.distance = d2 * inverse;
+    arm.rest = 0.0;
+    if (FINE != 0u) refine(arm, point, x, d, inverse);
     float scaled = scene.reference * inverse;
     arm.falloff = REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
     arm.wall = max(CURVED != 0u ? -dot(normal, arm.toward) : -arm.toward.z, 0.0);
     return arm;
 }
-
-// Position of a path in bins from the leading edge of bin 0.
-float bin_of(float path) { return (path - scene.t_start) * scene.bins_per_metre; }
 
 // What no unit vector shows more of: all that does not depend on the surface's direction.
 float bound_of(Arm a, Arm b) {

@@ -5,11 +5,11 @@ use super::comparison::{Comparison, MethodReport};
 use super::drawing::{Anchor, Drawing};
 use super::report::TraceEntry;
 
-const INK: [u8; 3] = [40, 40, 46];
-const GRID: [u8; 3] = [226, 226, 230];
-const FRAME: [u8; 3] = [120, 120, 128];
+pub(super) const INK: [u8; 3] = [40, 40, 46];
+pub(super) const GRID: [u8; 3] = [226, 226, 230];
+pub(super) const FRAME: [u8; 3] = [120, 120, 128];
 /// Colours that people of all kinds of colour vision tell apart (Okabe and Ito).
-const COLOURS: [[u8; 3]; 7] = [
+pub(super) const COLOURS: [[u8; 3]; 7] = [
     [0, 114, 178],
     [213, 94, 0],
     [0, 158, 115],

@@ -13,6 +13,7 @@ pub mod inspection;
 pub mod mesh;
 pub mod npz;
 pub mod picture;
+pub mod plot;
 pub mod ply;
 pub mod png;
 pub mod report;

@@ -224,6 +224,7 @@ impl Reader {
         let mut active = 0;
         for i in iterations.clone() {
             let row = rows[i];
+            super::faults::check(&row, i + 1, job.plan.vectors)?;
             active = row[TRACE_ACTIVE as usize] as usize;
             data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
             objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));

@@ -7,6 +7,7 @@ mod assume;
 mod domain;
 mod drive;
 mod extent;
+mod faults;
 mod job;
 mod options;
 pub mod paper;

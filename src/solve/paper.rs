@@ -77,6 +77,7 @@ pub fn reconstruct(
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     options.check()?;
+    capture.check()?;
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;

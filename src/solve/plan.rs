@@ -70,6 +70,10 @@ pub struct Plan {
     pub vectors: bool,
     pub geometry: Geometry,
     pub reflectance: Reflectance,
+    /// Places among the bins are found in parts: paths are more bins long than fp32 tells apart.
+    pub fine: bool,
+    /// Voxels are summed by runs before they are added to a bin, which takes more of them than fp32 sums bear.
+    pub runs: bool,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side, and of the other.
@@ -134,6 +138,9 @@ const LOOP_LIMIT: u32 = 65_535;
 
 /// Bins of a histogram and voxels of a column: a kernel may pass over them twice.
 const LONGEST_LOOP: usize = 32_767;
+
+/// More additions than these to one fp32 sum may lose 1e-4 of it: equal addends round alike (docs/stability.md).
+const VOXELS_PER_BIN: usize = 16_384;
 
 impl Plan {
     /// Plans a solver for `model` on `grid` (the final one) for a device of such abilities.
@@ -225,6 +232,8 @@ impl Plan {
             vectors: options.vectors,
             geometry: model.wall.geometry,
             reflectance: model.reflectance,
+            fine: model.is_fine(&grid),
+            runs: false,
             curved: model.wall.normals.is_some(),
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
@@ -241,6 +250,9 @@ impl Plan {
             true => vec![true; l.grid.storage() / BRICK_VOXELS],
             false => model.reachable_bricks(&l.grid),
         };
+        // Fixed point adds without rounding, and a window is a second level by itself.
+        plan.runs =
+            !plan.fixed_point() && plan.tuning.window == 0 && plan.capacity / model.bins > VOXELS_PER_BIN;
         plan.reachable = plan.levels.iter().map(reachable).collect();
         plan.buffers = plan.list_buffers(with_volume);
         plan.left_out = plan.list_left_out();

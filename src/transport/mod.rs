@@ -1,6 +1,7 @@
 //! The light-transport model: the hidden volume's grid, the numbers that kernels need of a scene, and the
 //! compiled kernels.
 
+mod fine;
 mod grid;
 pub mod kernels;
 mod model;

@@ -105,8 +105,18 @@ pub struct Model {
     pub roughness: f64,
 }
 
-/// The renderer multiplies by (lateral pitch)² and this (METHOD: the paper's constant).
+/// The renderer multiplies by (lateral pitch)², in units of [`unit_of`], and this (METHOD: the paper's constant).
 const RENDER_FACTOR: f64 = 2.0;
+
+/// Volumes of such widths have the metre as their unit, as the paper's do.
+const ORDINARY_WIDTHS: std::ops::RangeInclusive<f64> = 0.25..=8.0;
+
+/// The length that areas are counted in, metres: the volume's width where that is far from a metre. Albedo and step
+/// lengths are then those of a volume of one metre, whatever the scale.
+fn unit_of(grid: &Grid) -> f64 {
+    let width = (grid.pitch.x * grid.n[0] as f64).max(grid.pitch.y * grid.n[1] as f64);
+    if ORDINARY_WIDTHS.contains(&width) { 1.0 } else { width }
+}
 
 impl Model {
     /// Scales a capture to the given peak and takes the paper's defaults for the rest. `general`: see [`Wall::of`].
@@ -177,6 +187,7 @@ impl Model {
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
+        let fine = self.fine(grid);
         SceneData {
             grid_x: grid.n[0] as u32,
             grid_y: grid.n[1] as u32,
@@ -199,9 +210,16 @@ impl Model {
             pitch_z: grid.pitch.z as f32,
             t_start: self.t_start as f32,
             bins_per_metre: (1.0 / self.bin_width) as f32,
+            grain: fine.grain as f32,
+            grains_per_metre: (1.0 / fine.grain) as f32,
+            bins_per_grain: fine.bins_per_grain[0] as f32,
+            bins_per_grain_rest: fine.bins_per_grain[1] as f32,
+            fine_bins_per_grain: (fine.bins_per_grain[0] + fine.bins_per_grain[1]) as f32,
+            start_bins: fine.start_bins[0] as f32,
+            start_bins_rest: fine.start_bins[1] as f32,
             reference: self.reference as f32,
             nearest: self.nearest(grid) as f32,
-            render_scale: (grid.pitch.x * grid.pitch.y * RENDER_FACTOR) as f32,
+            render_scale: (grid.pitch.x * grid.pitch.y / unit_of(grid).powi(2) * RENDER_FACTOR) as f32,
             loss_scale: (1.0 / self.elements as f64) as f32,
             l1_scale: (self.l1 / grid.voxels() as f64) as f32,
             noise_base: (self.noise[0] * self.peak) as f32,

@@ -318,7 +318,7 @@ pub fn away_from_edges(twin: &Twin, samples: &[Sample]) -> Vec<Sample> {
 
 /// Sets the count of active voxels (and of touched ones) and the dispatch arguments that follow from it.
 pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
-    write(job, "counts", &[active as u32, active as u32, (peak_albedo as f32).to_bits(), 0]);
+    write(job, "counts", &[active as u32, active as u32, (peak_albedo as f32).to_bits(), 0, 0, 0]);
     let mut s = Schedule::default();
     let scene = job.plan.finest().scene;
     s.dispatch("arguments", [1, 1, 1]).bind("scene", scene);

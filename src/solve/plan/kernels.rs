@@ -43,6 +43,7 @@ impl Plan {
             ("GEOMETRY", self.geometry as u32),
             ("REFLECTANCE", self.reflectance.number()),
             ("CURVED", u32::from(self.curved)),
+            ("FINE", u32::from(self.fine)),
         ];
         let u = |name, variant, constants: &[(&'static str, u32)]| {
             let asks = |c: &&(&str, u32)| code(variant).constants.iter().any(|known| known.name == c.0);
@@ -53,6 +54,7 @@ impl Plan {
         let vectors = u32::from(self.vectors);
         let mut tile_constants =
             vec![("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split), ("WINDOW", t.window)];
+        tile_constants.push(("RUNS", u32::from(self.runs)));
         if product {
             tile_constants.push(("OTHERS", t.others_forward));
             tile_constants.push(("SHARED", u32::from(t.share_arms)));

@@ -1,0 +1,206 @@
+//! The tables of docs/stability.md.
+
+use std::time::Instant;
+
+use thirdbounce::gpu::Gpu;
+use thirdbounce::solve::Accumulation;
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::{Geometry, Reflectance};
+
+use crate::device::vectors::run_iteration;
+use crate::device::{ACCUMULATIONS, set_counts, write_samples};
+use crate::extreme::{Case, Passes, cases, passes, passes_of, plain_kernels, solve};
+use crate::stiffness::{condition, iterations_to};
+
+/// The targets, relative to the largest value and to the largest of each histogram.
+pub const LARGEST: f64 = 1e-4;
+const HISTOGRAM: f64 = 1e-3;
+
+/// The larger of two sets of errors, one by one.
+fn worse(a: Passes, b: Passes) -> Passes {
+    let mut all = a;
+    all.forward.largest = a.forward.largest.max(b.forward.largest);
+    all.forward.histogram = a.forward.histogram.max(b.forward.histogram);
+    all.gradient = a.gradient.max(b.gradient);
+    all
+}
+
+fn held(p: &Passes) -> bool {
+    p.forward.largest < LARGEST && p.forward.histogram < HISTOGRAM && p.gradient < LARGEST
+}
+
+fn figures(p: &Passes) -> String {
+    format!("{:.0e} / {:.0e} / {:.0e}", p.forward.largest, p.forward.histogram, p.gradient)
+}
+
+/// Worst over the paths, and the worst of float sums with kernels as they are for ordinary scenes.
+fn both(gpu: &Gpu, case: &Case) -> [Passes; 2] {
+    let [mut now, mut before] = [Passes::default(); 2];
+    for a in ACCUMULATIONS {
+        if a == Accumulation::Float && !gpu.accumulations.float {
+            continue;
+        }
+        now = worse(now, passes(gpu, case, a));
+        let mut job = case.job(gpu, a);
+        if job.plan.fine || job.plan.runs {
+            plain_kernels(&mut job);
+            before = worse(before, passes_of(&mut job, case));
+        }
+    }
+    [now, before]
+}
+
+pub fn cases(gpu: &Gpu) -> String {
+    let mut out = String::from(
+        "## Cases\n\nPasses: the worst of all accumulation paths, forward relative to the largest value / to the \
+         largest of each histogram / gradient. Before: the same with the kernels of ordinary scenes, where the scene \
+         now has others. Iterations: vectors over the longest, objective over the first one, and vectors shorter than a hundredth of the \
+         longest over the longest of those.\n\n\
+         | case | voxels | passes | before | held | 10 iterations | 60 iterations |\n|---|--:|---|---|---|---|---|\n",
+    );
+    for case in cases::all() {
+        let [now, before] = both(gpu, &case);
+        let runs = [10, 60].map(|n| {
+            let got = solve::on_device(gpu, &case, Accumulation::Owned, n);
+            let want = solve::by_twin(&case, &got.points, n, false);
+            let [v, objective] = solve::state_apart(&got, &want);
+            format!("{v:.0e} / {objective:.0e} / {:.0e}", solve::dim_apart(&got, &want))
+        });
+        let before = if before == Passes::default() { "–".into() } else { figures(&before) };
+        let row = [
+            case.name.clone(),
+            case.active.len().to_string(),
+            figures(&now),
+            before,
+            if held(&now) { "yes" } else { "**no**" }.into(),
+            runs[0].clone(),
+            runs[1].clone(),
+        ];
+        println!("{}", row.join(" | "));
+        out += &format!("| {} |\n", row.join(" | "));
+    }
+    out
+}
+
+pub fn crowded(gpu: &Gpu) -> String {
+    let mut out = String::from("| equal additions to a bin | passes | before | held |\n|--:|---|---|---|\n");
+    for (lateral, deep) in [(16, 64), (32, 64), (64, 64), (100, 100)] {
+        let [now, before] = both(gpu, &cases::crowded(lateral, deep));
+        let before = if before == Passes::default() { "–".into() } else { figures(&before) };
+        let row = [
+            (lateral * lateral * deep).to_string(),
+            figures(&now),
+            before,
+            if held(&now) { "yes" } else { "**no**" }.into(),
+        ];
+        println!("{}", row.join(" | "));
+        out += &format!("| {} |\n", row.join(" | "));
+    }
+    out
+}
+
+/// Iterations that a stiff scene is given.
+const MOST: usize = 400;
+
+pub fn stiff() -> String {
+    let mut out = format!(
+        "## Stiffness\n\nCondition of the weighted normal operator AᵀWA on albedos (largest over smallest eigenvalue \
+         above 1e-12 of the largest), of D^-½ AᵀWA D^-½ with D the bound that a voxel's step divides by, and the spread \
+         of D. Iterations until the albedos are within a tenth / a hundredth of the truth (root of the \
+         mean squared relative error over voxels, so that dim and far ones count), by the twins, with one step \
+         for all voxels (1 / largest D, the \"before\") and with one each; – is more than {MOST}.\n\n\
+         | case | voxels | condition | scaled by D | spread of D | one step | a step per voxel |\n|---|--:|--:|--:|--:|---|---|\n"
+    );
+    let stiff = [
+        cases::plain(),
+        cases::near_far(Geometry::Confocal, Reflectance::Cosine, false),
+        cases::near_far(Geometry::TwoPoints, Reflectance::Cosine, false),
+        cases::near_far(Geometry::Confocal, Reflectance::Retroreflective, false),
+        cases::retroreflector(1e3),
+        cases::retroreflector(1e6),
+        cases::wall_of(1e-3),
+        cases::wall_of(100.0),
+    ];
+    let across = cases::all().into_iter().filter(|c| c.name.contains(":1 across"));
+    for case in stiff.into_iter().chain(across) {
+        let c = condition(&case);
+        let steps = [true, false].map(|scalar| {
+            iterations_to(&case, MOST, scalar).map(|n| n.map_or("–".into(), |n| n.to_string())).join(" / ")
+        });
+        let row = format!(
+            "| {} | {} | {:.1e} | {:.1e} | {:.1e} | {} | {} |\n",
+            case.name, c.voxels, c.plain, c.scaled, c.spread, steps[0], steps[1]
+        );
+        print!("{row}");
+        out += &row;
+    }
+    out
+}
+
+pub fn long(gpu: &Gpu) -> String {
+    let mut out = String::from(
+        "## Long runs\n\nObjective of the vector solver on the device, over that of the first iteration.\n\n\
+         | case | 10 | 100 | 1,000 | 10,000 | restarts | not finite |\n|---|--:|--:|--:|--:|--:|--:|\n",
+    );
+    let count = 10_000;
+    for case in [cases::plain(), cases::near_far(Geometry::Confocal, Reflectance::Cosine, false)] {
+        let mut job = case.long_job(gpu, Accumulation::Auto, count);
+        solve::begin(&mut job, &case);
+        let rows = solve::run(&mut job, 0..count);
+        let float = |i: usize, k: u32| f64::from(f32::from_bits(rows[i][k as usize]));
+        let objective = |i: usize| float(i, TRACE_OBJECTIVE) + float(i, TRACE_L1);
+        let at = [10, 100, 1000, 10_000].map(|n| format!("{:.6}", objective(n - 1) / objective(0)));
+        let faults = rows.iter().filter(|r| r[TRACE_FAULTS as usize] != 0).count();
+        let row = format!(
+            "| {} | {} | {} | {faults} |\n",
+            case.name,
+            at.join(" | "),
+            float(count - 1, TRACE_RESTARTS)
+        );
+        print!("{row}");
+        out += &row;
+    }
+    out
+}
+
+/// Medians of paired runs of the passes, with the scene's kernels over those of ordinary scenes.
+pub fn cost(gpu: &Gpu) -> String {
+    let mut out = String::from(
+        "## Cost\n\nTime of a pass with the kernels that such a scene gets, over that with those of ordinary scenes; \
+         medians of 15 pairs in turns, this device.\n\n| scene | forward | gradient |\n|---|--:|--:|\n",
+    );
+    let crowded = cases::crowded(64, 64);
+    for (what, case) in [("exact places", cases::dense_narrow()), ("sums by runs", crowded)] {
+        let samples = case.samples(&case.at);
+        let mut jobs = [false, true].map(|plain| {
+            let mut job = case.job(gpu, Accumulation::Auto);
+            assert!(job.plan.fine || job.plan.runs);
+            if plain {
+                plain_kernels(&mut job);
+            }
+            write_samples(&mut job, &samples);
+            set_counts(&mut job, samples.len(), 1.0);
+            job
+        });
+        let ratio = ["forward", "step"].map(|kernel| {
+            let mut ratios = vec![];
+            for turn in 0..16 {
+                let seconds = [0, 1].map(|k| {
+                    let start = Instant::now();
+                    run_iteration(&mut jobs[k], 0, &[kernel]);
+                    start.elapsed().as_secs_f64()
+                });
+                // The first compiles.
+                if turn > 0 {
+                    ratios.push(seconds[0] / seconds[1]);
+                }
+            }
+            ratios.sort_by(f64::total_cmp);
+            ratios[ratios.len() / 2]
+        });
+        let row = format!("| {what}: {} | {:.2} | {:.2} |\n", case.name, ratio[0], ratio[1]);
+        print!("{row}");
+        out += &row;
+    }
+    out
+}

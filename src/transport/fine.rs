@@ -1,0 +1,49 @@
+//! Lengths in parts that fp32 adds without rounding, for scenes whose paths are very many bins long
+//! (`glsl/include/place.glsl`).
+
+use glam::DVec3;
+
+use super::{Grid, Model};
+
+/// Paths of more bins than this are told apart only in parts: by fp32 alone a contribution would share its value between
+/// two bins with an error above some 1e-4 (docs/stability.md).
+const MOST_BINS: f64 = 1000.0;
+
+/// The constants of exact places.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fine {
+    /// A power of two, metres: no distance is longer than 2^11 of it.
+    pub grain: f64,
+    /// Bins per grain: 12 bits of them, so that up to 2^12 grains are an exact multiple, and the rest.
+    pub bins_per_grain: [f64; 2],
+    /// Bins before the gate: what is a multiple of the last of those bits, and the rest.
+    pub start_bins: [f64; 2],
+}
+
+impl Model {
+    /// Whether places are found in parts.
+    pub fn is_fine(&self, grid: &Grid) -> bool {
+        let end = self.t_start + self.bins as f64 * self.bin_width;
+        end.min(2.0 * self.longest_distance(grid)) / self.bin_width > MOST_BINS
+    }
+
+    /// No point of the grid is farther from a point of the wall, metres.
+    fn longest_distance(&self, grid: &Grid) -> f64 {
+        let low = grid.origin - 0.5 * grid.pitch;
+        let high = low + grid.pitch * DVec3::from_array(grid.n.map(|n| n as f64));
+        let far = self.wall.all_points().map(|p| (*p - low).abs().max((*p - high).abs()));
+        far.reduce(DVec3::max).map_or(0.0, DVec3::length)
+    }
+
+    pub(super) fn fine(&self, grid: &Grid) -> Fine {
+        let exponent = |v: f64| v.max(1e-30).log2().ceil() as i32;
+        let grain = 2f64.powi(exponent(self.longest_distance(grid)) - 11);
+        let bins = grain / self.bin_width;
+        let unit = 2f64.powi(exponent(bins) - 12);
+        let split = |v: f64| {
+            let most = (v / unit).round() * unit;
+            [most, v - most]
+        };
+        Fine { grain, bins_per_grain: split(bins), start_bins: split(self.t_start / self.bin_width) }
+    }
+}
