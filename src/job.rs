@@ -5,9 +5,11 @@
 //! what a run would do, [`demo()`] makes its own scene. Callers only gather options and show what comes back.
 
 mod account;
+pub mod checkpoint;
 pub mod compare;
 pub mod demo;
 mod evaluate;
+mod fit;
 pub mod inspect;
 mod overview;
 mod places;
@@ -31,6 +33,7 @@ use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
 pub use account::plain;
 pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
+pub use fit::suggestions;
 pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect};
 pub use places::check_file;

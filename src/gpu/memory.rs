@@ -1,6 +1,7 @@
 //! Device memory: every buffer is stated before anything is allocated, then all are made at once.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::Ordering::Relaxed;
 
 use ash::vk;
 use gpu_allocator::vulkan::{
@@ -8,7 +9,8 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
-use super::Gpu;
+use super::state::SIZE_BACK;
+use super::{Gpu, Point};
 use crate::{Error, Result};
 
 /// Where a buffer lives.
@@ -62,11 +64,6 @@ impl<'g> Arena<'g> {
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
         let _span = gpu.span("allocate");
         check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
-        let block = |place_is_host: bool| {
-            let bytes = plan.iter().filter(|b| (b.place != Place::Device) == place_is_host);
-            // A little over the sum, for alignment: one block then holds them all.
-            bytes.map(|b| b.bytes + 256).sum::<u64>()
-        };
         let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0 };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
@@ -75,7 +72,7 @@ impl<'g> Arena<'g> {
                 physical_device: gpu.physical,
                 debug_settings: Default::default(),
                 buffer_device_address: false,
-                allocation_sizes: AllocationSizes::new(block(false), block(true)),
+                allocation_sizes: AllocationSizes::new(shared(plan, false), shared(plan, true)),
             })
             .map_err(|e| {
                 Error::memory(format!("the allocator does not start ({e})"), "update the device's driver")
@@ -83,6 +80,9 @@ impl<'g> Arena<'g> {
         );
         for b in plan {
             arena.add(b)?;
+        }
+        if gpu.shuffle().is_some() {
+            arena.add(&BufferPlan::new(SIZE_BACK, 12, Place::Readback))?;
         }
         Ok(arena)
     }
@@ -101,13 +101,16 @@ impl<'g> Arena<'g> {
                 "use a smaller --lateral, a larger --depth-pitch or a narrower --gate",
             )
         };
+        let strike = || self.gpu.strike(Point::Allocation);
         // SAFETY: the device is alive; the memory bound is the allocation made for this very buffer.
-        let handle = unsafe { device.create_buffer(&info, None) }.map_err(|e| refused(e.to_string()))?;
+        let handle = strike().and_then(|()| unsafe { device.create_buffer(&info, None) });
+        let handle = handle.map_err(|e| refused(e.to_string()))?;
         self.gpu.name(handle, &plan.name);
         let buffer = Buffer { handle, bytes: plan.bytes, place: plan.place, allocation: None };
         self.buffers.insert(plan.name.clone(), buffer);
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");
+        strike().map_err(|e| refused(e.to_string()))?;
         let allocation = allocator
             .allocate(&AllocationCreateDesc {
                 name: &plan.name,
@@ -118,20 +121,37 @@ impl<'g> Arena<'g> {
                     Place::Readback => MemoryLocation::GpuToCpu,
                 },
                 linear: true,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+                allocation_scheme: if plan.bytes < OWN_BLOCK {
+                    AllocationScheme::GpuAllocatorManaged
+                } else {
+                    AllocationScheme::DedicatedBuffer(handle)
+                },
             })
             .map_err(|e| refused(e.to_string()))?;
         let (memory, offset) = unsafe { (allocation.memory(), allocation.offset()) };
         self.bytes += allocation.size();
+        self.gpu.allocated.fetch_add(allocation.size(), Relaxed);
         if let Some(b) = self.buffers.get_mut(&plan.name) {
             b.allocation = Some(allocation);
         }
-        unsafe { device.bind_buffer_memory(handle, memory, offset) }.map_err(|e| refused(e.to_string()))
+        strike()
+            .and_then(|()| unsafe { device.bind_buffer_memory(handle, memory, offset) })
+            .map_err(|e| refused(e.to_string()))
     }
 
     /// Bytes allocated, host-visible ones included.
     pub fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// Bytes of device memory taken for them: not less than [`Arena::bytes`], as small buffers share blocks.
+    pub fn taken(&self) -> u64 {
+        self.allocator.as_ref().map_or(0, Allocator::capacity)
+    }
+
+    /// Name, place and handle of every buffer.
+    pub(super) fn handles(&self) -> Vec<(String, Place, vk::Buffer)> {
+        self.buffers.iter().map(|(n, b)| (n.clone(), b.place, b.handle)).collect()
     }
 
     /// Bytes of every buffer by name.
@@ -166,15 +186,41 @@ impl Drop for Arena<'_> {
         for (_, b) in std::mem::take(&mut self.buffers) {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
             if let (Some(a), Some(allocator)) = (b.allocation, self.allocator.as_mut()) {
-                let _ = allocator.free(a);
+                let bytes = a.size();
+                // What is not given back still counts as allocated.
+                if allocator.free(a).is_ok() {
+                    self.gpu.allocated.fetch_sub(bytes, Relaxed);
+                }
             }
         }
         self.allocator = None;
     }
 }
 
-/// Whether `plan` fits, without touching the device. `by_user`: the budget is an option, not the heap's.
-pub(super) fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
+/// Buffers from this size on have memory of their own, so that little is taken beyond what a plan says.
+const OWN_BLOCK: u64 = 4 << 20;
+
+/// Blocks of memory that small buffers share are multiples of this (gpu-allocator's least).
+const BLOCK: u64 = 4 << 20;
+
+/// Bytes of the block that the small buffers share on the device, or on the host.
+fn shared(plan: &[BufferPlan], host: bool) -> u64 {
+    let small = plan.iter().filter(|b| (b.place != Place::Device) == host && b.bytes < OWN_BLOCK);
+    // A little over the sum, for alignment: one block then holds them all.
+    small.map(|b| b.bytes + 256).sum::<u64>().next_multiple_of(BLOCK)
+}
+
+/// Bytes that `plan` takes of memory, whole blocks counted.
+fn taken(plan: &[BufferPlan]) -> u64 {
+    let own = plan.iter().filter(|b| b.bytes >= OWN_BLOCK);
+    own.map(|b| b.bytes.next_multiple_of(1 << 16)).sum::<u64>() + shared(plan, false) + shared(plan, true)
+}
+
+/// Whether a device that binds `storage_range` bytes at most takes `plan` within `budget` bytes, without touching it.
+/// `by_user`: the budget is an option, not the heap's.
+///
+/// Errors: a buffer larger than the device can bind, a plan over budget, which names the largest buffers.
+pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
     if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > storage_range) {
         return Err(Error::memory(
             format!(
@@ -186,7 +232,7 @@ pub(super) fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_use
             "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
         ));
     }
-    let total: u64 = plan.iter().map(|b| b.bytes).sum();
+    let total = taken(plan);
     if total <= budget {
         return Ok(());
     }
@@ -221,7 +267,8 @@ mod tests {
     fn a_plan_over_budget_names_its_largest_buffers() {
         let plan =
             [BufferPlan::new("small", 100, Place::Device), BufferPlan::new("raw", 5 << 20, Place::Device)];
-        assert!(check(&plan, 1 << 30, 6 << 20, false).is_ok());
+        assert!(check(&plan, 1 << 30, 9 << 20, false).is_ok(), "5 MiB of its own, a block of 4 MiB for the rest");
+        assert!(check(&plan, 1 << 30, 8 << 20, false).is_err());
         let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();
         assert!(error.what.contains("`raw` 5 MiB") && error.what.contains("--memory"), "{error}");
         let error = check(&plan, 1 << 20, 1 << 30, false).unwrap_err();
