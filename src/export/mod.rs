@@ -16,6 +16,7 @@ pub mod picture;
 pub mod ply;
 pub mod png;
 pub mod report;
+pub mod staging;
 mod strokes;
 pub mod volume;
 

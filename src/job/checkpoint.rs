@@ -171,10 +171,6 @@ fn parse(bytes: &[u8]) -> Result<Kept> {
         maps.set_mask(s.mask_fraction);
         snapshots.push((s.iteration, maps));
     }
-    let levels = head.identity.plan.len();
-    if head.level >= levels || head.pending.iter().any(|p| p[2] >= levels || p[1] > head.iteration) {
-        return Err(damaged());
-    }
     let state = Checkpoint {
         identity: head.identity,
         iteration: head.iteration,

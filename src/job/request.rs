@@ -1,6 +1,6 @@
 //! What can be asked for.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::checkpoint::Kept;
 use super::{SolverOptions, places};
@@ -136,7 +136,7 @@ impl Request {
         }
         places::check_results(&self.out)?;
         for iteration in &self.snapshots {
-            places::check_results(&self.snapshot_folder(*iteration))?;
+            places::check_results(&Request::snapshot_folder(&self.out, *iteration))?;
         }
         if let Some(file) = &self.volume_file {
             places::check_volume(file)?;
@@ -169,9 +169,9 @@ impl Request {
         self.trace_every.unwrap_or(if self.truth.is_some() { 10 } else { 0 })
     }
 
-    /// Where the maps after an iteration are kept.
-    pub(super) fn snapshot_folder(&self, iteration: usize) -> PathBuf {
-        self.out.join("snapshots").join(format!("{iteration:06}"))
+    /// Where below `out` the maps after an iteration are kept.
+    pub(super) fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
+        out.join("snapshots").join(format!("{iteration:06}"))
     }
 }
 

@@ -162,11 +162,19 @@ pub(super) fn download(job: &mut Job<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
     Ok(all)
 }
 
-/// Puts it back.
+/// Puts it back, if it is of the plan's levels and iterations.
 ///
 /// # Errors
 /// The device's; buffers that do not fit the plan.
-pub(super) fn restore(job: &mut Job<'_>, buffers: &BTreeMap<String, Vec<u8>>) -> Result<()> {
+pub(super) fn restore(job: &mut Job<'_>, state: &Checkpoint) -> Result<()> {
+    let (buffers, levels) = (&state.buffers, job.plan.levels.len());
+    let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;
+    if state.iteration >= job.plan.iterations || state.level >= levels || !state.pending.iter().all(sound) {
+        return Err(Error::input(
+            format!("the checkpoint is of iteration {} of {}", state.iteration, job.plan.iterations),
+            "it is damaged: start without --resume",
+        ));
+    }
     for b in job.plan.buffers.iter().filter(|b| lives(b)) {
         if buffers.get(&b.name).map(|content| content.len() as u64) != Some(b.bytes) {
             return Err(Error::input(

@@ -114,7 +114,7 @@ pub(super) fn drive(
     // What is due between the iteration before and the next.
     let mut change = Schedule::default();
     if let Some(from) = keeper.as_mut().and_then(|k| k.keep.from.take()) {
-        checkpoint::restore(job, &from.buffers)?;
+        checkpoint::restore(job, &from)?;
         (level, first, active, begin) = (from.level, from.first, from.active, from.iteration);
         let ticket = job.executor.submit(&Schedule::default())?;
         flights.extend(from.pending.iter().map(|[a, b, at]| (ticket, *a..*b, job.plan.levels[*at])));

@@ -1,0 +1,148 @@
+//! Checkpoints: the same bits from wherever a solve is taken up, and one clear error for every wrong one.
+
+use std::path::Path;
+
+use thirdbounce::gpu::Faults;
+use thirdbounce::job::checkpoint::{Kept, read, write};
+use thirdbounce::job::{self, Input, SolverOptions};
+use thirdbounce::solve::{Accumulation, Checkpoint};
+use thirdbounce::solve::{PaperOptions, VectorOptions};
+use thirdbounce::{Error, Kind};
+
+use super::Share;
+use super::ledger::{Held, Row, clear, holds};
+use super::small::{bits, files, kinds, loaded, open, paper, solve, solve_keeping, vector};
+
+pub fn rows(share: Share) -> Vec<Row> {
+    vec![same_bits(share), wrong_ones(), damaged(share)]
+}
+
+/// Solvers in which everything changes that a state holds.
+fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
+    let fixed = Accumulation::Fixed;
+    let published = PaperOptions { noise: thirdbounce::solve::NoiseTerm::Off, ..paper(fixed) };
+    let stops = VectorOptions { stop: true, iterations: 40, ..vector(fixed) };
+    vec![
+        ("paper, noise term", paper(fixed).into()),
+        ("paper", published.into()),
+        ("vector", vector(fixed).into()),
+        ("vector, stops at the noise", stops.into()),
+    ]
+}
+
+/// From the state after every iteration, on a device with poisoned memory: what is not kept would show.
+fn same_bits(share: Share) -> Row {
+    let mut row = Row::new("resumed after each iteration in turn: the bits of an unbroken run, trace and volume too");
+    let poisoned = || open(Faults { poison: Some(0x7fc0_0000), ..Faults::default() }, false);
+    let mut i = 0;
+    for (k, (kind, capture)) in kinds().into_iter().enumerate().filter(|(k, _)| [0, 3, 4].contains(k)) {
+        for (name, solver) in all_sorts() {
+            // Every solver on confocal pairs, the two chief ones on the others.
+            if k > 0 && name.contains(',') {
+                continue;
+            }
+            let unbroken = solve(&poisoned(), &solver, &capture, None).expect("a solve of a small scene");
+            let kept = solve_keeping(&poisoned(), &solver, &capture, 1, None);
+            let (with_checkpoints, kept) = kept.expect("a solve that is kept");
+            let unbroken = bits(&unbroken);
+            let whole = holds(bits(&with_checkpoints) == unbroken, || "keeping changes bits".into());
+            row.add(&format!("{name}, {kind}, kept"), whole.map(|()| None));
+            assert!(kept.len() > 8, "{name}: {} states", kept.len());
+            for state in kept {
+                i += 1;
+                if !share.takes(i, 0) {
+                    continue;
+                }
+                let at = state.iteration;
+                let case = || -> Held {
+                    let resumed = solve_keeping(&poisoned(), &solver, &capture, 0, Some(state));
+                    let (done, _) = resumed.map_err(|e| e.to_string())?;
+                    holds(bits(&done) == unbroken, || "other bits".into()).map(|()| None)
+                };
+                row.add(&format!("{name}, {kind}, after {at}"), case());
+            }
+        }
+    }
+    row
+}
+
+fn a_state() -> (SolverOptions, Checkpoint) {
+    let solver: SolverOptions = vector(Accumulation::Fixed).into();
+    let (_, kept) = solve_keeping(&open(Faults::default(), false), &solver, &loaded().capture, 7, None)
+        .expect("a solve that is kept");
+    (solver, kept.into_iter().next().expect("a state"))
+}
+
+fn refused(result: Result<impl Sized, Error>, kind: Kind, word: &str) -> Held {
+    let error = result.err().ok_or("it was taken")?;
+    holds(error.kind == kind, || format!("{:?}: {error}", error.kind))?;
+    holds(error.to_string().contains(word), || format!("{word:?} is not in: {error}"))?;
+    clear(&error)
+}
+
+/// States of other captures, options, grids.
+fn wrong_ones() -> Row {
+    let mut row = Row::new("a checkpoint of another capture, other options, another grid or version");
+    let (solver, state) = a_state();
+    let gpu = open(Faults::default(), false);
+    let capture = loaded().capture;
+    let mut case = |what: &str, solver: &SolverOptions, capture, state: Checkpoint, word: &str| {
+        let resumed = solve_keeping(&gpu, solver, capture, 0, Some(state));
+        row.add(what, refused(resumed, Kind::Options, word));
+    };
+    let SolverOptions::Vector(options) = &solver else { unreachable!("as made above") };
+    let longer = VectorOptions { iterations: 99, ..options.clone() }.into();
+    case("other iterations", &longer, &capture, state.clone(), "iterations");
+    case("another solver", &paper(Accumulation::Fixed).into(), &capture, state.clone(), "checkpoint");
+    let finer = solver.with_lateral(24);
+    case("another lateral", &finer, &capture, state.clone(), "lateral");
+    let mut brighter = capture.clone();
+    brighter.histograms[100] += 0.1;
+    case("another capture", &solver, &brighter, state.clone(), "another capture");
+    let gated = job::load(&Input {
+        path: files().capture(),
+        gate: Some(thirdbounce::capture::Gate::parse("0.9:1.9").expect("a gate")),
+        ..Input::default()
+    });
+    let gated = gated.expect("it loads").capture;
+    case("another gate", &solver, &gated, state.clone(), "checkpoint");
+    let mut other = state.clone();
+    other.identity.version = "0.0.0".into();
+    case("another version", &solver, &capture, other, "0.0.0");
+    let mut other = state;
+    other.buffers.remove("raw");
+    let resumed = solve_keeping(&gpu, &solver, &capture, 0, Some(other));
+    row.add("a buffer is missing", refused(resumed, Kind::Input, "damaged"));
+    row
+}
+
+/// Files that are cut, changed or something else.
+fn damaged(share: Share) -> Row {
+    let mut row = Row::new("a checkpoint file that is cut off, damaged or none");
+    let (_, state) = a_state();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("state");
+    let kept = Kept { state, along: Default::default(), snapshots: vec![] };
+    write(&path, &kept).expect("it is written");
+    let whole = holds(read(&path).is_ok_and(|back| back == kept), || "it does not come back as it went".into());
+    row.add("whole", whole.map(|()| None));
+    let good = std::fs::read(&path).expect("it is there");
+    let mut case = |what: String, bytes: &[u8]| {
+        std::fs::write(&path, bytes).expect("a file");
+        let held = refused(read(&path), Kind::Input, &path.display().to_string());
+        row.add(&what, held);
+    };
+    for i in (0..200).filter(|i| share.takes(*i, 0)) {
+        let at = i * good.len() / 200;
+        case(format!("cut to {at} bytes"), &good[..at]);
+        let mut flipped = good.clone();
+        flipped[at] ^= 1 << (i % 8);
+        case(format!("a bit of byte {at} flipped"), &flipped);
+    }
+    case("longer".into(), &[&good[..], b"more"].concat());
+    for (what, place) in [("missing", folder.path().join("none")), ("a folder", folder.path().into())] {
+        row.add(what, refused(read(&place), Kind::Input, &place.display().to_string()));
+    }
+    row.add("a capture", refused(read(Path::new(&files().capture())), Kind::Input, "no checkpoint"));
+    row
+}
