@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build demo test lint bench clean
+.PHONY: all setup build demo test soak lint bench clean
 all: build
 
 setup:
@@ -16,6 +16,10 @@ demo: build
 
 test: setup
 	cargo test --locked
+
+# The long tests; they write docs/reliability.md.
+soak: setup
+	cargo test --release --locked -- --ignored
 
 lint: setup
 	cargo fmt --all --check

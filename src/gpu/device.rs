@@ -67,6 +67,8 @@ pub struct Gpu {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
     pub(super) struck: Option<Struck>,
+    /// Device memory is the host's, as on CPUs and some integrated GPUs.
+    pub(super) one_memory: bool,
     /// Bytes that arenas hold.
     pub(super) allocated: AtomicU64,
     names: Option<ext::debug_utils::Device>,
@@ -202,6 +204,7 @@ impl Gpu {
             physical,
             has_budget,
             struck: options.faults.any().then(|| Struck::new(options.faults)),
+            one_memory: one_memory(&instance, physical),
             allocated: AtomicU64::new(0),
             names,
             device: Arc::new(OwnedDevice { raw, _instance: instance.clone() }),
@@ -285,6 +288,15 @@ impl Gpu {
             ),
         }
     }
+}
+
+/// Whether the memory that buffers of the device come to lie in is the host's too.
+fn one_memory(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    // SAFETY: the handle comes from this instance.
+    let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
+    let mut types = memory.memory_types_as_slice().iter().map(|t| t.property_flags);
+    let first = types.find(|t| t.contains(vk::MemoryPropertyFlags::DEVICE_LOCAL));
+    first.is_some_and(|t| t.contains(vk::MemoryPropertyFlags::HOST_VISIBLE))
 }
 
 /// Whether the device, which has the extension, has its feature too.

@@ -103,7 +103,11 @@ impl<'g> Executor<'g> {
 
     /// Submits `schedule` behind what was submitted before, and returns without waiting for it.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
-        if self.gpu.shuffle().is_some() { self.submit_shuffled(schedule) } else { self.submit_as_it_is(schedule) }
+        if self.gpu.shuffle().is_some() {
+            self.submit_shuffled(schedule)
+        } else {
+            self.submit_as_it_is(schedule)
+        }
     }
 
     pub(super) fn submit_as_it_is(&mut self, schedule: &Schedule) -> Result<Ticket> {
@@ -215,7 +219,10 @@ impl<'g> Executor<'g> {
         }
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is alive.
-        let made = self.gpu.strike(Point::Object).and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
+        let made = self
+            .gpu
+            .strike(Point::Object)
+            .and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
         let made = made.map_err(|e| self.gpu.failed("making a command buffer", e))?[0];
         self.gpu.name(made, "commands");
         Ok(made)

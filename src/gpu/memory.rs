@@ -54,6 +54,8 @@ pub struct Arena<'g> {
     // Dropped before the device: `gpu` outlives it by its lifetime.
     allocator: Option<Allocator>,
     bytes: u64,
+    /// From which size on buffers on the device, and on the host, have memory of their own.
+    own_from: [u64; 2],
 }
 
 impl<'g> Arena<'g> {
@@ -64,7 +66,9 @@ impl<'g> Arena<'g> {
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
         let _span = gpu.span("allocate");
         check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
-        let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0 };
+        let layout = Layout::both(plan, gpu.one_memory);
+        let own_from = layout.map(|l| l.own_from);
+        let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),
@@ -72,7 +76,7 @@ impl<'g> Arena<'g> {
                 physical_device: gpu.physical,
                 debug_settings: Default::default(),
                 buffer_device_address: false,
-                allocation_sizes: AllocationSizes::new(shared(plan, false), shared(plan, true)),
+                allocation_sizes: AllocationSizes::new(layout[0].block, layout[1].block),
             })
             .map_err(|e| {
                 Error::memory(format!("the allocator does not start ({e})"), "update the device's driver")
@@ -84,7 +88,10 @@ impl<'g> Arena<'g> {
         if gpu.shuffle().is_some() {
             arena.add(&BufferPlan::new(SIZE_BACK, 12, Place::Readback))?;
         }
-        Ok(arena)
+        match budget.filter(|b| arena.taken() > *b) {
+            None => Ok(arena),
+            Some(budget) => Err(over(plan, arena.taken(), budget, true)),
+        }
     }
 
     fn add(&mut self, plan: &BufferPlan) -> Result<()> {
@@ -121,7 +128,7 @@ impl<'g> Arena<'g> {
                     Place::Readback => MemoryLocation::GpuToCpu,
                 },
                 linear: true,
-                allocation_scheme: if plan.bytes < OWN_BLOCK {
+                allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
                     AllocationScheme::GpuAllocatorManaged
                 } else {
                     AllocationScheme::DedicatedBuffer(handle)
@@ -197,23 +204,44 @@ impl Drop for Arena<'_> {
     }
 }
 
-/// Buffers from this size on have memory of their own, so that little is taken beyond what a plan says.
-const OWN_BLOCK: u64 = 4 << 20;
-
-/// Blocks of memory that small buffers share are multiples of this (gpu-allocator's least).
+/// Blocks of memory that buffers share are multiples of this, and at most so large (gpu-allocator's bounds).
 const BLOCK: u64 = 4 << 20;
+const LARGEST_BLOCK: u64 = 256 << 20;
 
-/// Bytes of the block that the small buffers share on the device, or on the host.
-fn shared(plan: &[BufferPlan], host: bool) -> u64 {
-    let small = plan.iter().filter(|b| (b.place != Place::Device) == host && b.bytes < OWN_BLOCK);
-    // A little over the sum, for alignment: one block then holds them all.
-    small.map(|b| b.bytes + 256).sum::<u64>().next_multiple_of(BLOCK)
+/// How buffers in one kind of memory lie in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Layout {
+    /// Buffers from this size on have memory of their own: all share one block if it holds them, else the small ones.
+    own_from: u64,
+    block: u64,
+    /// Bytes in all.
+    taken: u64,
 }
 
-/// Bytes that `plan` takes of memory, whole blocks counted.
-fn taken(plan: &[BufferPlan]) -> u64 {
-    let own = plan.iter().filter(|b| b.bytes >= OWN_BLOCK);
-    own.map(|b| b.bytes.next_multiple_of(1 << 16)).sum::<u64>() + shared(plan, false) + shared(plan, true)
+impl Layout {
+    fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> Layout {
+        // A little over the sum, for alignment: one block then holds them all.
+        let block = |below: u64| {
+            let small = buffers.clone().filter(|b| b.bytes < below);
+            small.map(|b| b.bytes.saturating_add(256)).fold(0, u64::saturating_add)
+        };
+        let rounded = |bytes: u64| bytes.checked_next_multiple_of(BLOCK).unwrap_or(u64::MAX);
+        let all = rounded(block(u64::MAX));
+        if all <= LARGEST_BLOCK {
+            return Layout { own_from: u64::MAX, block: all, taken: all };
+        }
+        let own = buffers.clone().filter(|b| b.bytes >= BLOCK).map(|b| b.bytes.saturating_add(1 << 16));
+        let small = rounded(block(BLOCK));
+        Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
+    }
+
+    /// Of device memory and of the host's, which are one where a device has no other.
+    fn both(plan: &[BufferPlan], one: bool) -> [Layout; 2] {
+        if one {
+            return [Layout::of(plan.iter()); 2];
+        }
+        [true, false].map(|device| Layout::of(plan.iter().filter(|b| (b.place == Place::Device) == device)))
+    }
 }
 
 /// Whether a device that binds `storage_range` bytes at most takes `plan` within `budget` bytes, without touching it.
@@ -232,23 +260,28 @@ pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool
             "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
         ));
     }
-    let total = taken(plan);
+    let [device, host] = Layout::both(plan, false);
+    let total = device.taken.saturating_add(host.taken);
     if total <= budget {
         return Ok(());
     }
+    Err(over(plan, total, budget, by_user))
+}
+
+fn over(plan: &[BufferPlan], total: u64, budget: u64, by_user: bool) -> Error {
     let mut largest: Vec<_> = plan.iter().collect();
     largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
     let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.name, size(b.bytes))).collect();
     let whose = if by_user { "--memory allows" } else { "the device has free" };
-    Err(Error::memory(
+    Error::memory(
         format!(
-            "this job needs {}, {whose} {}; the largest buffers: {}",
+            "this job needs {} in whole blocks, {whose} {}; the largest buffers: {}",
             size(total),
             size(budget),
             names.join(", ")
         ),
         "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
-    ))
+    )
 }
 
 fn size(bytes: u64) -> String {
@@ -264,10 +297,29 @@ mod tests {
     use super::*;
 
     #[test]
+    fn buffers_share_a_block_while_it_holds_them() {
+        let of = |bytes: &[u64]| {
+            Layout::of(
+                bytes.iter().map(|b| BufferPlan::new("b", *b, Place::Device)).collect::<Vec<_>>().iter(),
+            )
+        };
+        let mib = 1 << 20;
+        assert_eq!(of(&[]), Layout { own_from: u64::MAX, block: 0, taken: 0 });
+        assert_eq!(of(&[100, 5 * mib]), Layout { own_from: u64::MAX, block: 8 * mib, taken: 8 * mib });
+        let large = of(&[100, 300 * mib, 3 * mib]);
+        assert_eq!((large.own_from, large.block), (4 * mib, 4 * mib));
+        assert_eq!(large.taken, 304 * mib + (1 << 16));
+        assert_eq!(of(&[u64::MAX - 300, u64::MAX - 300]).taken, u64::MAX);
+    }
+
+    #[test]
     fn a_plan_over_budget_names_its_largest_buffers() {
         let plan =
             [BufferPlan::new("small", 100, Place::Device), BufferPlan::new("raw", 5 << 20, Place::Device)];
-        assert!(check(&plan, 1 << 30, 9 << 20, false).is_ok(), "5 MiB of its own, a block of 4 MiB for the rest");
+        assert!(
+            check(&plan, 1 << 30, 9 << 20, false).is_ok(),
+            "5 MiB of its own, a block of 4 MiB for the rest"
+        );
         assert!(check(&plan, 1 << 30, 8 << 20, false).is_err());
         let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();
         assert!(error.what.contains("`raw` 5 MiB") && error.what.contains("--memory"), "{error}");

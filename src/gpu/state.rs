@@ -84,7 +84,10 @@ impl Executor<'_> {
         let all = self.arena.handles();
         for (name, place, _) in &all {
             if *place != Place::Device {
-                self.arena.mapped_mut(name).chunks_mut(4).for_each(|w| w.copy_from_slice(&word.to_le_bytes()));
+                self.arena
+                    .mapped_mut(name)
+                    .chunks_mut(4)
+                    .for_each(|w| w.copy_from_slice(&word.to_le_bytes()));
             }
         }
         self.at_once(|device, c| {
@@ -141,6 +144,27 @@ pub(super) fn pieces(groups: [u32; 3], seed: u64) -> Vec<[[u32; 3]; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::{Arena, BufferPlan, Faults, Gpu, GpuOptions};
+
+    #[test]
+    fn poison_arrives_and_contents_come_back_in_parts() {
+        let faults = Faults { poison: Some(0xdead_beef), ..Faults::default() };
+        let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a Vulkan device");
+        let plan = [
+            BufferPlan::new("state", 1000, Place::Device),
+            BufferPlan::new("up", 256, Place::Upload),
+            BufferPlan::new("down", 64, Place::Readback),
+        ];
+        let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
+        let fresh = executor.download("state", "down").unwrap();
+        assert!(fresh.len() == 1000 && fresh.chunks(4).all(|w| w == 0xdead_beef_u32.to_le_bytes()));
+        assert!(executor.arena.mapped("up").iter().any(|b| *b == 0xde));
+        let content: Vec<u8> = (0..1000u32).map(|i| (i * 7 % 251) as u8).collect();
+        executor.restore("state", &content, "up").unwrap();
+        assert_eq!(executor.download("state", "down").unwrap(), content);
+        drop(executor);
+        assert_eq!(gpu.allocated(), 0);
+    }
 
     #[test]
     fn pieces_cover_every_workgroup_once() {

@@ -78,8 +78,9 @@ pub fn write(path: &Path, kept: &Kept) -> Result<()> {
         snapshots: kept.snapshots.iter().map(|(iteration, m)| snapshot_head(*iteration, m)).collect(),
         buffers: state.buffers.iter().map(|(n, b)| (n.clone(), b.len())).collect(),
     };
-    let head = serde_json::to_vec(&head)
-        .map_err(|e| Error::output(format!("{}: cannot be packed: {e}", path.display()), "report this as a bug"))?;
+    let head = serde_json::to_vec(&head).map_err(|e| {
+        Error::output(format!("{}: cannot be packed: {e}", path.display()), "report this as a bug")
+    })?;
     atomic::replace(path, |temporary| {
         let pack = || -> std::io::Result<()> {
             let mut file = Summed { to: BufWriter::new(File::create(temporary)?), crc: Crc::new() };

@@ -33,9 +33,12 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<String>
         let input = super::Input { stride: Some(*stride), ..loaded.input.clone() };
         load(&input).is_ok_and(|loaded| fits(request, &loaded))
     });
-    let from = loaded.gate.map_or(f64::NEG_INFINITY, |g| g.from).max(loaded.capture.t_start);
-    let span = loaded.capture.t_end().min(loaded.gate.map_or(f64::INFINITY, |g| g.to)) - from;
-    let narrower = [0.75, 0.5, 0.35, 0.25, 0.18, 0.125].into_iter().find_map(|share| {
+    // What begins with the signal, so that some of it stays.
+    let capture = &loaded.capture;
+    let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
+    let [first, last] = capture.summary().signal_bins.unwrap_or([0, capture.bins]);
+    let (from, span) = (path(first), path(last + 1) - path(first));
+    let narrower = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18, 0.125].into_iter().find_map(|share| {
         let text = format!("{from:.3}:{:.3}", from + share * span);
         let gate = Gate::parse(&text).ok()?;
         let input = super::Input { gate: Some(gate), ..loaded.input.clone() };

@@ -54,7 +54,7 @@ pub struct Request {
 
 impl Request {
     /// Iterations between two checkpoints, unless told otherwise.
-    pub const CHECKPOINT_EVERY: usize = 100;
+    pub const CHECKPOINT_EVERY: usize = 50;
 
     /// A request with the given options and the defaults for the rest.
     pub fn new(solver: impl Into<SolverOptions>, out: impl Into<PathBuf>) -> Request {
@@ -157,7 +157,9 @@ impl Request {
         let missing = |i: &&usize| **i <= done && !kept.snapshots.iter().any(|s| s.0 == **i);
         match self.snapshots.iter().find(missing) {
             Some(beyond) => Err(Error::options(
-                format!("--snapshots names iteration {beyond}, the checkpoint was kept after {done} without it"),
+                format!(
+                    "--snapshots names iteration {beyond}, the checkpoint was kept after {done} without it"
+                ),
                 format!("name iterations after {done}, or start without --resume"),
             )),
             None => Ok(()),

@@ -91,7 +91,9 @@ pub fn solve(
     let done = request.solver.solve_beside(gpu, capture, grid, request.memory, with_volume, beside);
     let mut solved = match failed {
         Some(e) => return Err(e),
-        None => done.map_err(|e| fit::advise(e, request, loaded, gpu)).map_err(|e| cancelled(e, request, kept_at.get()))?,
+        None => done
+            .map_err(|e| fit::advise(e, request, loaded, gpu))
+            .map_err(|e| cancelled(e, request, kept_at.get()))?,
     };
     let (mut along, snapshots) = gathered.into_inner();
     solved.maps.set_mask(request.mask_fraction);

@@ -23,7 +23,7 @@ pub struct Identity {
     pub settings: BTreeMap<String, serde_json::Value>,
     /// Voxels, pitch and origin of every level's grid, and the kernels with their constants.
     pub plan: Vec<String>,
-    /// Bytes of every buffer.
+    /// Bytes of every buffer that is kept.
     pub buffers: BTreeMap<String, u64>,
 }
 
@@ -72,14 +72,21 @@ const UP: &str = "upload";
 const TRACE: &str = "trace";
 
 impl<'k> Keeper<'k> {
+    /// None where there is nothing to keep or to go on from.
+    ///
     /// # Errors
     /// A state that belongs to something else.
-    pub fn new(keep: Keep<'k>, job: &Job<'_>, options: &impl Serialize) -> Result<Keeper<'k>> {
+    pub fn new(
+        keep: Option<Keep<'k>>,
+        job: &Job<'_>,
+        options: &impl Serialize,
+    ) -> Result<Option<Keeper<'k>>> {
+        let Some(keep) = keep.filter(|k| k.every > 0 || k.from.is_some()) else { return Ok(None) };
         let identity = Identity::of(job, options);
         if let Some(from) = &keep.from {
             from.identity.check(&identity)?;
         }
-        Ok(Keeper { keep, identity })
+        Ok(Some(Keeper { keep, identity }))
     }
 
     pub fn is_due(&self, iteration: usize) -> bool {
@@ -99,7 +106,9 @@ impl Identity {
         let grid = |l: &super::Level| format!("{:?} {:016x}", l.grid.n, scene(l));
         let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();
         let version = env!("CARGO_PKG_VERSION").into();
-        Identity { version, capture: hash, settings, plan, buffers: job.plan.bytes() }
+        let living = job.plan.buffers.iter().filter(|b| lives(b));
+        let buffers = living.map(|b| (b.name.clone(), b.bytes)).collect();
+        Identity { version, capture: hash, settings, plan, buffers }
     }
 
     /// # Errors
@@ -110,7 +119,10 @@ impl Identity {
             let then = self.settings.get(name).unwrap_or(&serde_json::Value::Null);
             if then != now {
                 return differs(
-                    format!("the checkpoint was kept with {} = {then}, now it is {now}", name.replace('_', "-")),
+                    format!(
+                        "the checkpoint was kept with {} = {then}, now it is {now}",
+                        name.replace('_', "-")
+                    ),
                     "resume with the options that it was kept with, or start without --resume",
                 );
             }

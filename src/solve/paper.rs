@@ -104,7 +104,7 @@ pub fn reconstruct_beside(
         l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
         stop_below: None,
     };
-    let keeper = beside.keep.map(|k| Keeper::new(k, &job, options)).transpose()?;
+    let keeper = Keeper::new(beside.keep, &job, options)?;
     let driven = drive(gpu, &mut job, options.iterations, steps, beside.watch, keeper)?;
     finish(job, driven, with_volume)
 }

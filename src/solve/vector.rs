@@ -216,7 +216,7 @@ pub fn reconstruct_beside(
         l1_weight: &|_| 1.0,
         stop_below: options.stop.then(|| expected_noise(&job.model)),
     };
-    let keeper = beside.keep.map(|k| Keeper::new(k, &job, options)).transpose()?;
+    let keeper = Keeper::new(beside.keep, &job, options)?;
     let driven = drive(gpu, &mut job, options.iterations, steps, beside.watch, keeper)?;
     finish(job, driven, with_volume)
 }

@@ -41,7 +41,8 @@ pub fn rows(share: Share) -> Vec<Row> {
                 let scene = Scene { scan: 4, bin_width: 0.05, ..Scene::named("plane")? };
                 let render = RenderOptions { noise: 0.5, ..RenderOptions::default() };
                 let truth = Some((out.join("truth.npz"), 8));
-                job::simulate(&Simulation { scene, render, out: out.join("c.npz"), truth }, &mut || {}).map(drop)
+                job::simulate(&Simulation { scene, render, out: out.join("c.npz"), truth }, &mut || {})
+                    .map(drop)
             }),
         ),
         (
@@ -90,7 +91,8 @@ fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize)
     work(out.path()).expect("it works without faults");
     let count = inject(None);
     let before = tree(out.path());
-    let mut row = Row::new(format!("{name}: {count} files, each in turn denied, on a full disk, not movable"));
+    let mut row =
+        Row::new(format!("{name}: {count} files, each in turn denied, on a full disk, not movable"));
     let kinds = [DiskFault::Denied, DiskFault::Full, DiskFault::Unmoved];
     let all = (0..count).flat_map(|n| kinds.map(|fault| (fault, n))).enumerate();
     for (_, (fault, number)) in all.filter(|(i, _)| share.takes(*i, salt)) {
@@ -107,7 +109,8 @@ fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize)
             if *whole {
                 // Files of their own (volume, checkpoint) may be new; the result is one thing.
                 let result = |t: &std::collections::BTreeMap<_, Vec<u8>>| {
-                    let inside = |(p, _): &(&std::path::PathBuf, &Vec<u8>)| p.starts_with(out.path().join("result"));
+                    let inside =
+                        |(p, _): &(&std::path::PathBuf, &Vec<u8>)| p.starts_with(out.path().join("result"));
                     t.iter().filter(inside).map(|(p, b)| (p.clone(), b.clone())).collect::<Vec<_>>()
                 };
                 holds(result(&tree(out.path())) == result(&before), || "the older result changed".into())?;

@@ -30,7 +30,8 @@ pub fn rows(share: Share) -> Vec<Row> {
         let sound = bits(&solve(&gpu, &solver, &capture, None).expect("a solve without faults"));
         for (p, point) in Point::ALL.into_iter().enumerate() {
             let count = gpu.reached(point);
-            let mut row = Row::new(format!("{name}: {}, {count} times in a solve, each in turn", what(point)));
+            let mut row =
+                Row::new(format!("{name}: {}, {count} times in a solve, each in turn", what(point)));
             assert!(count > 3, "{name} reaches {point:?} {count} times only");
             for number in (0..count).filter(|n| share.takes(*n as usize, 7 * p + 3 * s)) {
                 let case = || -> Held {
@@ -75,8 +76,7 @@ fn whole_runs(share: Share) -> Row {
     let mut hear = |_: &thirdbounce::solve::Progress| std::ops::ControlFlow::Continue(());
     job::run(&request, &loaded, &mut hear).expect("a run without faults");
     let before = tree(out.path());
-    for (i, (point, number)) in
-        Point::ALL.into_iter().flat_map(|p| (0..20).map(move |n| (p, n))).enumerate()
+    for (i, (point, number)) in Point::ALL.into_iter().flat_map(|p| (0..20).map(move |n| (p, n))).enumerate()
     {
         if !share.takes(i, 5) {
             continue;

@@ -42,7 +42,8 @@ fn result(out: &Path) -> BTreeMap<String, Vec<u8>> {
 
 /// Kill at a share of the run's time; then resume, or begin anew where nothing was kept.
 fn killed(times: usize) -> Row {
-    let mut row = Row::new("kill -9 at any time of a run with checkpoints, then --resume: the bits of an unbroken run");
+    let mut row =
+        Row::new("kill -9 at any time of a run with checkpoints, then --resume: the bits of an unbroken run");
     let folder = tempfile::tempdir().expect("a folder");
     let sound = folder.path().join("sound");
     let start = Instant::now();
@@ -57,9 +58,12 @@ fn killed(times: usize) -> Row {
             std::thread::sleep(whole.mul_f64((i as f64 + 0.6) / times as f64));
             end(child, "-KILL");
             let report = out.join("report.json");
-            holds(!report.exists() || result(&out).contains_key("maps.npz"), || "a report without maps".into())?;
+            holds(!report.exists() || result(&out).contains_key("maps.npz"), || {
+                "a report without maps".into()
+            })?;
             let resume = ["--resume", &file];
-            let more = if Path::new(&file).exists() { [&keep[..], &resume[..]].concat() } else { keep.to_vec() };
+            let more =
+                if Path::new(&file).exists() { [&keep[..], &resume[..]].concat() } else { keep.to_vec() };
             succeed(command(&out, &more))?;
             let left = leftovers(&out);
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
@@ -95,7 +99,8 @@ fn interrupted(times: usize) -> Row {
             holds(matches!(code, None | Some(0 | 130)), || format!("code {code:?}"))?;
             let left = leftovers(folder.path());
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
-            holds(out.join("report.json").exists() == (code == Some(0)), || format!("code {code:?}")).map(|()| None)
+            holds(out.join("report.json").exists() == (code == Some(0)), || format!("code {code:?}"))
+                .map(|()| None)
         };
         row.add(&format!("{} of {times}", i + 1), case());
     }
@@ -119,7 +124,10 @@ fn cancelled() -> Row {
             };
             row.add(&format!("{name}, point {at}"), case());
         }
-        row.add(&format!("{name}, afterwards"), solve(&gpu, &solver, &capture, None).map(|_| None).map_err(|e| e.to_string()));
+        row.add(
+            &format!("{name}, afterwards"),
+            solve(&gpu, &solver, &capture, None).map(|_| None).map_err(|e| e.to_string()),
+        );
     }
     row
 }

@@ -74,12 +74,17 @@ pub fn write(areas: &[(&str, Vec<Row>, f64)]) {
         tried - held
     );
     for (name, rows, _) in areas {
-        let _ = write!(page, "\n## {}\n\n| case | tried | held | errors | said | fix |\n|---|---|---|---|---|---|\n", upper(name));
+        let _ = write!(
+            page,
+            "\n## {}\n\n| case | tried | held | errors | said | fix |\n|---|---|---|---|---|---|\n",
+            upper(name)
+        );
         for row in rows {
             let most = row.errors.iter().max_by_key(|(_, n)| **n).map(|(said, _)| said);
             let (what, mend) = most.map_or(("–".into(), "–".into()), |(w, m)| (plain(w), plain(m)));
             let kinds = row.errors.len();
-            let _ = writeln!(page, "| {} | {} | {} | {kinds} | {what} | {mend} |", row.case, row.tried, row.held);
+            let _ =
+                writeln!(page, "| {} | {} | {} | {kinds} | {what} | {mend} |", row.case, row.tried, row.held);
         }
     }
     let failures: Vec<_> = areas.iter().flat_map(|(_, rows, _)| rows).flat_map(|r| &r.failures).collect();

@@ -42,7 +42,9 @@ fn base(verb: &str) -> Vec<String> {
         "simulate" => "plane --out {}/c.npz --scan 3 --bin-width 0.05 --noise 0.5".into(),
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
         "compare" => {
-            format!("{capture} --truth {truth} --out {{}}/c --lateral 8 --iterations 3 --repeats 1 --quiet --method vector")
+            format!(
+                "{capture} --truth {truth} --out {{}}/c --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
+            )
         }
         "convert" => format!("{capture} {{}}/c.npz"),
         "calibrate" => format!("{capture} --out {{}}/c.npz"),
@@ -58,8 +60,13 @@ fn result() -> PathBuf {
     static MADE: std::sync::OnceLock<()> = std::sync::OnceLock::new();
     let out = files().folder().join("result");
     MADE.get_or_init(|| {
-        let request = thirdbounce::job::Request::new(super::small::vector(thirdbounce::solve::Accumulation::Auto), &out);
-        let done = thirdbounce::job::run(&request, &super::small::loaded(), &mut |_| std::ops::ControlFlow::Continue(()));
+        let request = thirdbounce::job::Request::new(
+            super::small::vector(thirdbounce::solve::Accumulation::Auto),
+            &out,
+        );
+        let done = thirdbounce::job::run(&request, &super::small::loaded(), &mut |_| {
+            std::ops::ControlFlow::Continue(())
+        });
         done.expect("a run");
     });
     out
@@ -112,7 +119,8 @@ fn cases() -> Vec<Case> {
             }
             let kind = argument.get_value_parser().type_id();
             let is = |t: TypeId| kind == t;
-            let number = [TypeId::of::<f64>(), TypeId::of::<usize>(), TypeId::of::<u64>(), TypeId::of::<u32>()];
+            let number =
+                [TypeId::of::<f64>(), TypeId::of::<usize>(), TypeId::of::<u64>(), TypeId::of::<u32>()];
             let kind = if number.into_iter().any(is) {
                 Takes::Number
             } else if is(TypeId::of::<PathBuf>()) {
@@ -131,7 +139,8 @@ fn cases() -> Vec<Case> {
                 }
                 Takes::Word => WORDS.iter().chain(&NUMBERS[..2]).map(ToString::to_string).collect(),
             };
-            let solvers: &[&str] = if name == "reconstruct" && !positional { &["vector", "paper"] } else { &["vector"] };
+            let solvers: &[&str] =
+                if name == "reconstruct" && !positional { &["vector", "paper"] } else { &["vector"] };
             for value in values {
                 for solver in solvers {
                     let mut arguments = base(&name);
@@ -166,8 +175,13 @@ fn cases() -> Vec<Case> {
 pub fn rows(share: Share) -> Vec<Row> {
     let all: Vec<Case> = cases();
     let options = all.iter().map(|c| (&c.verb, &c.option)).collect::<std::collections::BTreeSet<_>>().len();
-    assert!(options > 200 && all.len() > 2000, "{options} options, {} cases: is clap asked rightly?", all.len());
-    let chosen: Vec<&Case> = all.iter().enumerate().filter(|(i, _)| share.takes(*i, 0)).map(|(_, c)| c).collect();
+    assert!(
+        options > 200 && all.len() > 2000,
+        "{options} options, {} cases: is clap asked rightly?",
+        all.len()
+    );
+    let chosen: Vec<&Case> =
+        all.iter().enumerate().filter(|(i, _)| share.takes(*i, 0)).map(|(_, c)| c).collect();
     let next = Mutex::new(chosen.into_iter());
     let rows: Mutex<BTreeMap<String, Row>> = Mutex::default();
     // Made before the workers race for them.
@@ -185,7 +199,9 @@ pub fn rows(share: Share) -> Vec<Row> {
                     };
                     let name = format!("`{}`: options that take {kind}", case.verb);
                     let mut rows = rows.lock().expect("no panic");
-                    rows.entry(name.clone()).or_insert_with(|| Row::new(name)).add(&case.arguments.join(" "), held);
+                    rows.entry(name.clone())
+                        .or_insert_with(|| Row::new(name))
+                        .add(&case.arguments.join(" "), held);
                 }
             });
         }
@@ -218,7 +234,8 @@ fn run(case: &Case) -> Held {
         }
         std::thread::sleep(Duration::from_millis(5));
     };
-    let text = String::from_utf8_lossy(&std::fs::read(folder.path().join(".stderr")).unwrap_or_default()).into_owned();
+    let text = String::from_utf8_lossy(&std::fs::read(folder.path().join(".stderr")).unwrap_or_default())
+        .into_owned();
     let _ = std::fs::remove_file(folder.path().join(".stderr"));
     holds(!text.contains("internal error") && !text.contains("panicked"), || text.clone())?;
     let left = leftovers(folder.path());

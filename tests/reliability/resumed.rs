@@ -1,20 +1,22 @@
 //! Checkpoints: the same bits from wherever a solve is taken up, and one clear error for every wrong one.
 
-use std::path::Path;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 
+use thirdbounce::export::report::TraceEntry;
 use thirdbounce::gpu::Faults;
 use thirdbounce::job::checkpoint::{Kept, read, write};
-use thirdbounce::job::{self, Input, SolverOptions};
+use thirdbounce::job::{self, Input, Request, SolverOptions};
 use thirdbounce::solve::{Accumulation, Checkpoint};
 use thirdbounce::solve::{PaperOptions, VectorOptions};
 use thirdbounce::{Error, Kind};
 
 use super::Share;
 use super::ledger::{Held, Row, clear, holds};
-use super::small::{bits, files, kinds, loaded, open, paper, solve, solve_keeping, vector};
+use super::small::{bits, files, kinds, loaded, open, paper, solve, solve_keeping, solvers, tree, vector};
 
 pub fn rows(share: Share) -> Vec<Row> {
-    vec![same_bits(share), wrong_ones(), damaged(share)]
+    vec![same_bits(share), same_files(), wrong_ones(), damaged(share)]
 }
 
 /// Solvers in which everything changes that a state holds.
@@ -32,7 +34,8 @@ fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
 
 /// From the state after every iteration, on a device with poisoned memory: what is not kept would show.
 fn same_bits(share: Share) -> Row {
-    let mut row = Row::new("resumed after each iteration in turn: the bits of an unbroken run, trace and volume too");
+    let mut row =
+        Row::new("resumed after each iteration in turn: the bits of an unbroken run, trace and volume too");
     let poisoned = || open(Faults { poison: Some(0x7fc0_0000), ..Faults::default() }, false);
     let mut i = 0;
     for (k, (kind, capture)) in kinds().into_iter().enumerate().filter(|(k, _)| [0, 3, 4].contains(k)) {
@@ -62,6 +65,49 @@ fn same_bits(share: Share) -> Row {
                 row.add(&format!("{name}, {kind}, after {at}"), case());
             }
         }
+    }
+    row
+}
+
+/// Whole runs: the same files, snapshots from before the checkpoint among them, and the figures along the trace.
+fn same_files() -> Row {
+    let mut row = Row::new("a whole run resumed, with truth and snapshots: the same files, the same figures");
+    for (name, solver) in solvers(Accumulation::Fixed) {
+        let case = || -> Held {
+            let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+            let run = |out: &str, resume: Option<PathBuf>| {
+                let request = Request {
+                    truth: Some(files().truth()),
+                    trace_every: Some(2),
+                    snapshots: vec![3, 11],
+                    checkpoint: Some(folder.path().join("state")),
+                    checkpoint_every: 7,
+                    resume,
+                    ..Request::new(solver.clone(), folder.path().join(out))
+                };
+                job::run(&request, &loaded(), &mut |_| ControlFlow::Continue(())).map_err(|e| e.to_string())
+            };
+            let unbroken = run("unbroken", None)?;
+            let resumed = run("resumed", Some(folder.path().join("state")))?;
+            let told = |o: &job::Outcome| {
+                let times = |e: &TraceEntry| TraceEntry { seconds: 0.0, gpu_seconds: None, ..e.clone() };
+                o.report.trace.iter().map(times).collect::<Vec<_>>()
+            };
+            let figures = told(&unbroken);
+            holds(figures.iter().all(|e| e.metrics.is_some()), || "no figures along the trace".into())?;
+            holds(told(&resumed) == figures, || "another trace".into())?;
+            let result = |out: &str| {
+                let out = folder.path().join(out);
+                let all = tree(&out)
+                    .into_iter()
+                    .map(|(p, b)| (p.strip_prefix(&out).unwrap_or(&p).to_path_buf(), b));
+                all.filter(|(p, _)| !p.ends_with("report.json")).collect::<Vec<_>>()
+            };
+            let whole = result("unbroken");
+            holds(whole.len() == 21, || format!("{} files", whole.len()))?;
+            holds(result("resumed") == whole, || "other files".into()).map(|()| None)
+        };
+        row.add(name, case());
     }
     row
 }
@@ -97,7 +143,9 @@ fn wrong_ones() -> Row {
     let finer = solver.with_lateral(24);
     case("another lateral", &finer, &capture, state.clone(), "lateral");
     let mut brighter = capture.clone();
-    brighter.histograms[100] += 0.1;
+    // A bin that is used: the brightest, so that the scale changes with it.
+    let peak = brighter.histograms.iter_mut().max_by(|a, b| a.total_cmp(b)).expect("bins");
+    *peak *= 1.01;
     case("another capture", &solver, &brighter, state.clone(), "another capture");
     let gated = job::load(&Input {
         path: files().capture(),
@@ -124,7 +172,8 @@ fn damaged(share: Share) -> Row {
     let path = folder.path().join("state");
     let kept = Kept { state, along: Default::default(), snapshots: vec![] };
     write(&path, &kept).expect("it is written");
-    let whole = holds(read(&path).is_ok_and(|back| back == kept), || "it does not come back as it went".into());
+    let whole =
+        holds(read(&path).is_ok_and(|back| back == kept), || "it does not come back as it went".into());
     row.add("whole", whole.map(|()| None));
     let good = std::fs::read(&path).expect("it is there");
     let mut case = |what: String, bytes: &[u8]| {

@@ -155,7 +155,13 @@ pub fn bits(done: &Reconstruction) -> Vec<u64> {
     all.extend(done.maps.normal.iter().flat_map(|n| floats(n)));
     all.extend(done.volume.iter().flat_map(|v| floats(&v.albedo)));
     for p in &done.trace {
-        all.extend([p.iteration as u64, p.lateral as u64, p.active as u64, p.loss.to_bits(), p.data_loss.to_bits()]);
+        all.extend([
+            p.iteration as u64,
+            p.lateral as u64,
+            p.active as u64,
+            p.loss.to_bits(),
+            p.data_loss.to_bits(),
+        ]);
     }
     all.push(done.pairs);
     all

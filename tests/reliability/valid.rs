@@ -19,7 +19,9 @@ pub fn rows(share: Share) -> Vec<Row> {
     let mut solves = Row::new("both solvers, every kind of pairs, every accumulation path");
     let mut i = 0;
     for (kind, capture) in kinds() {
-        for accumulation in [Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas, Accumulation::Owned] {
+        for accumulation in
+            [Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas, Accumulation::Owned]
+        {
             for (name, solver) in solvers(accumulation) {
                 i += 1;
                 if !share.takes(i, i / 4) {
@@ -43,7 +45,8 @@ pub fn rows(share: Share) -> Vec<Row> {
             }
             let case = || -> Held {
                 let out = tempfile::tempdir().map_err(|e| e.to_string())?;
-                let gate = gate.map(thirdbounce::capture::Gate::parse).transpose().map_err(|e| e.to_string())?;
+                let gate =
+                    gate.map(thirdbounce::capture::Gate::parse).transpose().map_err(|e| e.to_string())?;
                 let loaded = job::load(&Input { path: files().capture(), gate, ..Input::default() });
                 let request = Request {
                     validation: true,
@@ -96,7 +99,8 @@ fn ways() -> Row {
     let capture = super::small::loaded().capture;
     for (name, solver) in solvers(Accumulation::Fixed) {
         let mut case = |what: &str, faults: Faults, run: &dyn Fn(&Gpu) -> Result<(), String>| {
-            let gpu = Gpu::open(&GpuOptions { validation: true, timings: true, faults, ..GpuOptions::default() });
+            let gpu =
+                Gpu::open(&GpuOptions { validation: true, timings: true, faults, ..GpuOptions::default() });
             let held = gpu.map_err(|e| e.to_string()).and_then(|gpu| {
                 run(&gpu)?;
                 silent(gpu.close())
