@@ -158,7 +158,7 @@ mod tests {
         let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
         let fresh = executor.download("state", "down").unwrap();
         assert!(fresh.len() == 1000 && fresh.chunks(4).all(|w| w == 0xdead_beef_u32.to_le_bytes()));
-        assert!(executor.arena.mapped("up").iter().any(|b| *b == 0xde));
+        assert!(executor.arena.mapped("up").contains(&0xde));
         let content: Vec<u8> = (0..1000u32).map(|i| (i * 7 % 251) as u8).collect();
         executor.restore("state", &content, "up").unwrap();
         assert_eq!(executor.download("state", "down").unwrap(), content);

@@ -94,7 +94,8 @@ fn same_files() -> Row {
                 o.report.trace.iter().map(times).collect::<Vec<_>>()
             };
             let figures = told(&unbroken);
-            holds(figures.iter().all(|e| e.metrics.is_some()), || "no figures along the trace".into())?;
+            let early = |e: &TraceEntry| e.iteration < 7 && e.metrics.is_some();
+            holds(figures.iter().any(early), || "no figures from before the checkpoint".into())?;
             holds(told(&resumed) == figures, || "another trace".into())?;
             let result = |out: &str| {
                 let out = folder.path().join(out);
