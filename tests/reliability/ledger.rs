@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::sync::Mutex;
 
 use thirdbounce::Error;
 
@@ -59,46 +60,53 @@ pub fn assert_held(rows: &[Row]) {
     assert!(failures.is_empty(), "{} of {tried} did not hold:\n{}", failures.len(), failures.join("\n"));
 }
 
-/// Writes the page.
-pub fn write(areas: &[(&str, Vec<Row>, f64)]) {
-    let total = |f: fn(&Row) -> usize| areas.iter().flat_map(|(_, rows, _)| rows).map(f).sum::<usize>();
-    let (tried, held) = (total(|r| r.tried), total(|r| r.held));
-    let mut page = format!(
-        "# Reliability\n\n\
-         Faults that are done to the engine, and what comes of them. Written by `make soak` (`cargo test --release \
-         --locked --test reliability -- --ignored`); `make test` runs a sample of the same cases.\n\n\
-         A case holds if it ends within its time limit in success or in one clear error that says how to mend it, with \
-         nothing half-written, nothing left allocated, and the next solve in the same process as good as ever. *Said* \
-         is an error of that kind and the advice that comes with it; there are as many kinds as the number before says.\n\n\
-         {tried} cases were tried, {held} held, {} did not.\n",
-        tried - held
-    );
-    for (name, rows, _) in areas {
-        let _ = write!(
-            page,
-            "\n## {}\n\n| case | tried | held | errors | said | fix |\n|---|---|---|---|---|---|\n",
-            upper(name)
-        );
-        for row in rows {
-            let most = row.errors.iter().max_by_key(|(_, n)| **n).map(|(said, _)| said);
-            let (what, mend) = most.map_or(("–".into(), "–".into()), |(w, m)| (plain(w), plain(m)));
-            let kinds = row.errors.len();
-            let _ =
-                writeln!(page, "| {} | {} | {} | {kinds} | {what} | {mend} |", row.case, row.tried, row.held);
-        }
-    }
-    let failures: Vec<_> = areas.iter().flat_map(|(_, rows, _)| rows).flat_map(|r| &r.failures).collect();
-    if !failures.is_empty() {
-        page += "\n## What does not hold\n\n";
-        failures.iter().for_each(|f| page += &format!("- {}\n", plain(f)));
-    }
+const HEAD: &str = "# Reliability\n\n\
+    Faults that are done to the engine, and what came of them. `make soak` runs every case and writes this page area by \
+    area (`cargo test --release --locked --test reliability -- --ignored`); `make test` runs a sample of the same cases.\n\n\
+    A case holds if it ends within its time limit in success or in one clear error that says how to mend it, with \
+    nothing half-written, nothing left allocated, and the next solve in the same process as good as ever. *Errors* counts \
+    the different ones that were said; the most frequent stands beside it with its fix.\n";
+
+/// Puts what came of an area into docs/reliability.md, in place of what stood there of it.
+pub fn write(area: &str, rows: &[Row]) {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _one = ONE_AT_A_TIME.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reliability.md");
+    let page = std::fs::read_to_string(path).unwrap_or_default();
+    let mut sections: BTreeMap<String, String> = page
+        .split("\n## ")
+        .skip(1)
+        .filter_map(|s| s.split_once('\n').map(|(name, text)| (name.to_string(), text.trim().to_string())))
+        .collect();
+    sections.insert(area.into(), section(rows));
+    let counts: Vec<[usize; 2]> = sections.values().flat_map(|s| s.lines()).filter_map(counts).collect();
+    let [tried, held] = [0, 1].map(|k| counts.iter().map(|c| c[k]).sum::<usize>());
+    let mut page = format!("{HEAD}\n{tried} cases were tried, {held} held, {} did not.\n", tried - held);
+    sections.iter().for_each(|(name, text)| page += &format!("\n## {name}\n\n{text}\n"));
     std::fs::write(path, page).expect("docs can be written");
 }
 
-fn upper(name: &str) -> String {
-    let mut letters = name.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().collect::<String>() + letters.as_str())
+fn section(rows: &[Row]) -> String {
+    let mut text =
+        String::from("| case | tried | held | errors | most frequent | fix |\n|---|---|---|---|---|---|\n");
+    for row in rows {
+        let most = row.errors.iter().max_by_key(|(_, n)| **n).map(|(said, _)| said);
+        let (what, mend) = most.map_or(("–".into(), "–".into()), |(w, m)| (plain(w), plain(m)));
+        let kinds = row.errors.len();
+        let _ = writeln!(text, "| {} | {} | {} | {kinds} | {what} | {mend} |", row.case, row.tried, row.held);
+    }
+    let failures: Vec<_> = rows.iter().flat_map(|r| &r.failures).collect();
+    if !failures.is_empty() {
+        text += "\nDoes not hold:\n\n";
+        failures.iter().for_each(|f| text += &format!("- {}\n", plain(f)));
+    }
+    text
+}
+
+/// Tried and held of a line of a table.
+fn counts(line: &str) -> Option<[usize; 2]> {
+    let mut cells = line.split('|').skip(2).map(|c| c.trim().parse().ok());
+    Some([cells.next()??, cells.next()??])
 }
 
 /// A line for a table: no breaks, no bars, no folders that change from run to run.

@@ -66,33 +66,56 @@ fn the_validation_layer_has_nothing_to_say() {
     assert_held(&valid::rows(Share(7)));
 }
 
-/// All cases of an area.
-type Area = fn() -> Vec<Row>;
+/// Runs all cases of an area and puts them into the page.
+fn all_of(area: &str, rows: &[Row]) {
+    ledger::write(area, rows);
+    assert_held(rows);
+}
 
-/// All cases of all areas; writes docs/reliability.md.
 #[test]
 #[ignore = "long: make soak"]
-fn everything_holds_and_the_table_is_written() {
-    let areas: [(&str, Area); 8] = [
-        ("calls of the device", || injected::rows(Share(1))),
-        ("files", || disk::rows(Share(1))),
-        ("processes", || killed::rows(12)),
-        ("checkpoints", || resumed::rows(Share(1))),
-        ("options", || options::rows(Share(1))),
-        ("memory and limits", budget::rows),
-        ("memory content, order, repeats", || order::rows(Share(1))),
-        ("validation", || valid::rows(Share(1))),
-    ];
-    let done: Vec<(&str, Vec<Row>, f64)> = areas
-        .iter()
-        .map(|(name, rows)| {
-            let start = std::time::Instant::now();
-            let rows = rows();
-            let seconds = start.elapsed().as_secs_f64();
-            println!("{name}: {seconds:.0} s");
-            (*name, rows, seconds)
-        })
-        .collect();
-    ledger::write(&done);
-    done.iter().for_each(|(_, rows, _)| assert_held(rows));
+fn all_calls_of_the_device() {
+    all_of("Calls of the device that fail", &injected::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_files() {
+    all_of("Files that cannot be written", &disk::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_ends_of_processes() {
+    all_of("Processes killed, interrupted, cancelled, side by side", &killed::rows(12));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_checkpoints() {
+    all_of("Checkpoints", &resumed::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_options() {
+    all_of("Options", &options::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_budgets() {
+    all_of("Memory budgets and limits", &budget::rows());
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_orders() {
+    all_of("Content of memory, order of work, repeats", &order::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_validation() {
+    all_of("Validation layer", &valid::rows(Share(1)));
 }
