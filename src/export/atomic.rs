@@ -46,7 +46,7 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
     if let Some(fault) = fault {
         begin(fault, &temporary.0).map_err(|e| cannot(path, &e))?;
     }
-    fill(&temporary.0)?;
+    fill(&temporary.0).map_err(if_full)?;
     let file = fs::OpenOptions::new().write(true).open(&temporary.0).map_err(|e| cannot(path, &e))?;
     file.sync_all().map_err(|e| cannot(path, &e))?;
     drop(file);
@@ -97,6 +97,15 @@ fn begin(fault: DiskFault, temporary: &Path) -> std::io::Result<()> {
     }
 }
 
+/// Libraries pass the system's error on as text: a full disk has its own advice all the same.
+fn if_full(mut error: Error) -> Error {
+    let full = std::io::Error::from_raw_os_error(28);
+    if full.kind() == ErrorKind::StorageFull && error.what.contains(&full.to_string()) {
+        error.mend = FULL.into();
+    }
+    error
+}
+
 /// Makes a folder and those above it, if missing.
 ///
 /// # Errors
@@ -121,15 +130,15 @@ impl Drop for Temporary {
     }
 }
 
+const FULL: &str = "the disk is full: free some space or write elsewhere";
+
 /// The error for a failed write, with advice by its cause.
 pub(crate) fn cannot(path: &Path, e: &std::io::Error) -> Error {
     let mend = match e.kind() {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "choose a folder that you may write to"
         }
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-            "the disk is full: free some space or write elsewhere"
-        }
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => FULL,
         ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
             "a part of the path is a file: choose another path"
         }
