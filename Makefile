@@ -17,7 +17,7 @@ demo: build
 test: setup
 	cargo test --locked
 
-# What takes minutes: long runs and the like.
+# The long tests: long runs, every injected fault. They write docs/reliability.md.
 soak: setup
 	cargo test --release --locked -- --ignored
 

@@ -5,9 +5,11 @@
 //! what a run would do, [`demo()`] makes its own scene. Callers only gather options and show what comes back.
 
 mod account;
+pub mod checkpoint;
 pub mod compare;
 pub mod demo;
 mod evaluate;
+mod fit;
 pub mod inspect;
 mod overview;
 mod places;
@@ -23,6 +25,7 @@ use std::time::Instant;
 
 use crate::Result;
 use crate::capture::{self, Capture, Gate, PairKind, Summary, auto_gate, published_gate};
+use crate::export::staging::Staging;
 use crate::export::{self, report};
 use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
@@ -32,6 +35,7 @@ pub use account::plain;
 pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
+pub use fit::suggestions;
 pub use inspect::{Inspection, inspect};
 pub use places::check_file;
 pub use request::{Request, memory_bytes};
@@ -202,22 +206,24 @@ pub fn run(
     let mut done = solving::solve(request, loaded, &gpu, grid, truth.as_ref(), hear)?;
 
     let start = Instant::now();
-    let path = request.out.join("report.json");
-    // From here on an older report in this folder would stand beside files that it does not describe.
-    places::remove(&path)?;
-    let mut files = export::write_maps(&request.out, &done.solved.maps)?;
+    // An older result stays whole until the new one is.
+    let staging = Staging::new(&request.out)?;
+    let mut staged = export::write_maps(staging.path(), &done.solved.maps)?;
+    let mut files = vec![];
     if let (Some(file), Some(volume)) = (&request.volume_file, done.solved.volume.take()) {
         export::volume::write(file, &export_volume(volume))?;
         files.push(file.clone());
     }
     for (iteration, maps) in &done.snapshots {
-        files.extend(export::write_maps(&request.snapshot_folder(*iteration), maps)?);
+        staged.extend(export::write_maps(&Request::snapshot_folder(staging.path(), *iteration), maps)?);
     }
     let notes = notes_on(request, &done.solved);
     let mut report = account::report_of(request, loaded, &grid, &gpu, &done);
     report.totals.export_s = start.elapsed().as_secs_f64();
+    let path = staging.path().join("report.json");
     report::write(&path, &report)?;
-    files.push(path);
+    staged.push(path);
+    files.splice(0..0, staging.commit(&staged)?);
     Ok(Outcome {
         report,
         maps: done.solved.maps,

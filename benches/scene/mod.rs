@@ -13,7 +13,7 @@ pub const ACCUMULATIONS: [Accumulation; 5] =
 /// The device that THIRDBOUNCE_DEVICE names, by index or part of its name; otherwise the best there is.
 pub fn gpu(timings: bool) -> Gpu {
     let device = std::env::var("THIRDBOUNCE_DEVICE").ok();
-    Gpu::open(&GpuOptions { device, validation: false, timings }).unwrap_or_else(|e| panic!("{e}"))
+    Gpu::open(&GpuOptions { device, timings, ..GpuOptions::default() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Histograms of a scan of `side` × `side` points on a 1 m wall, 512 bins of 6 mm.

@@ -19,7 +19,7 @@ const ABOUT: [&str; 2] = [include_str!("about.md"), include_str!("findings.md")]
 
 fn main() {
     let name = std::env::var("THIRDBOUNCE_DEVICE").ok();
-    let options = GpuOptions { device: name, validation: false, timings: true };
+    let options = GpuOptions { device: name, validation: false, timings: true, ..Default::default() };
     let gpu = Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
     std::fs::create_dir_all(folder.join("stability")).expect("a folder for the plots");

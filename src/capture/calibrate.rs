@@ -53,15 +53,24 @@ pub struct Calibration {
     pub used: usize,
 }
 
+/// The most bins that a shift may have: as many as the longest histogram that is reconstructed.
+const FARTHEST: usize = 32_767;
+
 /// Estimates the shift of time zero among those of up to `reach` bins in either direction.
 ///
 /// # Errors
-/// `Kind::Options` if `reach` is 0; `Kind::Input` if the capture is not confocal, or if it leaves the shift
+/// `Kind::Options` if `reach` is 0 or above 32,767; `Kind::Input` if the capture is not confocal, or if it leaves the shift
 /// undetermined: too few histograms have a peak, the best shift lies at the end of the range, no shift makes it the
 /// capture of one small target, or all shifts do about as well.
 pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     if reach == 0 {
         return Err(Error::options("--reach 0 leaves no shift to try", "give a number of bins, usually 40"));
+    }
+    if reach > FARTHEST {
+        return Err(Error::options(
+            format!("--reach {reach} is more than {FARTHEST} bins"),
+            "give a number of bins, usually 40: a wrong time zero is off by a fraction of the histogram",
+        ));
     }
     if capture.pair_kind() != PairKind::Confocal {
         return Err(Error::input(

@@ -125,7 +125,7 @@ fn run() -> Result<()> {
 }
 
 /// The command with negative numbers let through to the checks that explain what is wanted.
-fn command() -> clap::Command {
+pub fn command() -> clap::Command {
     let all = Cli::command().mut_subcommand("profile", |verb| {
         verb.mut_arg("capture", |arg| arg.required(false).required_unless_present("check"))
     });

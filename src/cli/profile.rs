@@ -85,7 +85,8 @@ fn check_device(args: &Args) -> Result<()> {
         thirdbounce::job::check_file(file)?;
     }
     let DeviceArgs { device, validation, .. } = &args.device;
-    let gpu = Gpu::open(&GpuOptions { device: device.clone(), validation: *validation, timings: false })?;
+    let gpu =
+        Gpu::open(&GpuOptions { device: device.clone(), validation: *validation, ..GpuOptions::default() })?;
     let checks = check::check(&gpu)?;
     let limits = limits::measure(&gpu)?;
     let mut text = format!("device    {} ({})\n", gpu.info.name, gpu.info.driver);

@@ -31,6 +31,15 @@ pub struct Args {
     /// Keep maps and pictures of these iterations too, in DIR/snapshots/000100 and so on
     #[arg(long, value_name = "I,I,...", value_delimiter = ',')]
     snapshots: Vec<usize>,
+    /// Keep the solver's state in this file, to go on from with --resume
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Keep it after so many iterations each
+    #[arg(long, value_name = "N", default_value_t = Request::CHECKPOINT_EVERY, requires = "checkpoint")]
+    checkpoint_every: usize,
+    /// Go on from the state in this file; capture and options must be those it was kept with
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
     /// Print the time per kernel at the end (`thirdbounce profile` tells more)
     #[arg(long)]
     timings: bool,
@@ -56,6 +65,9 @@ pub fn run(args: &Args) -> Result<()> {
         mask_fraction: args.mask_fraction,
         trace_every: args.trace_every,
         snapshots: args.snapshots.clone(),
+        checkpoint: args.checkpoint.clone(),
+        checkpoint_every: args.checkpoint_every,
+        resume: args.resume.clone(),
         out: args.out.clone(),
         ..request
     };

@@ -17,6 +17,7 @@ pub mod plot;
 pub mod ply;
 pub mod png;
 pub mod report;
+pub mod staging;
 mod strokes;
 pub mod volume;
 

@@ -1,9 +1,11 @@
 //! Choosing and opening a device.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 use ash::{ext, khr, vk};
 
+use super::faults::{Faults, Struck};
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
 use super::recording::Recorder;
 use crate::{Error, Result};
@@ -17,6 +19,8 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Time every command by itself and keep what host and device did when: [`Gpu::take_recording`].
     pub timings: bool,
+    /// What is to go wrong; for tests.
+    pub faults: Faults,
 }
 
 /// Optional ways to add to memory that a device offers.
@@ -62,6 +66,11 @@ pub struct Gpu {
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
+    pub(super) struck: Option<Struck>,
+    /// Device memory is the host's, as on CPUs and some integrated GPUs.
+    pub(super) one_memory: bool,
+    /// Bytes that arenas hold.
+    pub(super) allocated: AtomicU64,
     names: Option<ext::debug_utils::Device>,
     pub(super) device: Arc<OwnedDevice>,
     pub(super) instance: Arc<Instance>,
@@ -194,6 +203,9 @@ impl Gpu {
             family,
             physical,
             has_budget,
+            struck: options.faults.any().then(|| Struck::new(options.faults)),
+            one_memory: one_memory(&instance, physical),
+            allocated: AtomicU64::new(0),
             names,
             device: Arc::new(OwnedDevice { raw, _instance: instance.clone() }),
             instance,
@@ -276,6 +288,15 @@ impl Gpu {
             ),
         }
     }
+}
+
+/// Whether the memory that buffers of the device come to lie in is the host's too.
+fn one_memory(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    // SAFETY: the handle comes from this instance.
+    let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
+    let mut types = memory.memory_types_as_slice().iter().map(|t| t.property_flags);
+    let first = types.find(|t| t.contains(vk::MemoryPropertyFlags::DEVICE_LOCAL));
+    first.is_some_and(|t| t.contains(vk::MemoryPropertyFlags::HOST_VISIBLE))
 }
 
 /// Whether the device, which has the extension, has its feature too.

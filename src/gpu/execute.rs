@@ -7,7 +7,7 @@ use ash::vk;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::stamps;
 use super::recording::{KernelMade, Mark};
-use super::{Arena, Command, Gpu, KernelCode, Place, Schedule, Stage};
+use super::{Arena, Command, Gpu, KernelCode, Place, Point, Schedule, Stage};
 use crate::Result;
 
 /// Calls and device seconds of one kernel.
@@ -54,15 +54,17 @@ impl<'g> Executor<'g> {
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.family).flags(flags);
         let failed = |e| gpu.failed("starting", e);
         // SAFETY: the device is alive; what is made here is destroyed in drop.
-        let pool = unsafe { device.create_command_pool(&info, None) }.map_err(failed)?;
+        let strike = || gpu.strike(Point::Object);
+        let pool =
+            strike().and_then(|()| unsafe { device.create_command_pool(&info, None) }).map_err(failed)?;
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        let timeline = unsafe { device.create_semaphore(&info, None) };
+        let timeline = strike().and_then(|()| unsafe { device.create_semaphore(&info, None) });
         let timeline =
             timeline.inspect_err(|_| unsafe { device.destroy_command_pool(pool, None) }).map_err(failed)?;
         gpu.name(pool, "command pool");
         gpu.name(timeline, "timeline");
-        Ok(Executor {
+        let mut executor = Executor {
             gpu,
             arena,
             pipelines: HashMap::new(),
@@ -74,7 +76,9 @@ impl<'g> Executor<'g> {
             spare: vec![],
             times: BTreeMap::new(),
             gpu_seconds: 0.0,
-        })
+        };
+        executor.poison()?;
+        Ok(executor)
     }
 
     /// Makes kernel `name` from `code` with some specialization constants set.
@@ -99,55 +103,93 @@ impl<'g> Executor<'g> {
 
     /// Submits `schedule` behind what was submitted before, and returns without waiting for it.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
-        let commands = self.command_buffer()?;
-        let queries = self.query_pool(schedule)?;
-        let mut flight = Flight {
-            ticket: Ticket(self.submitted + 1),
-            commands,
-            queries,
-            stamps: 0,
-            marks: vec![],
-            stages: vec![],
-        };
-        let gpu = self.gpu;
-        {
-            let _span = gpu.span("record");
-            self.record(schedule, &mut flight)?;
+        if self.gpu.shuffle().is_some() {
+            self.submit_shuffled(schedule)
+        } else {
+            self.submit_as_it_is(schedule)
         }
+    }
+
+    pub(super) fn submit_as_it_is(&mut self, schedule: &Schedule) -> Result<Ticket> {
+        let commands = self.command_buffer()?;
+        let queries = match self.query_pool(schedule) {
+            Ok(queries) => queries,
+            Err(e) => {
+                self.spare.push(commands);
+                return Err(e);
+            }
+        };
+        let mut flight = self.flight(commands, queries);
+        let gpu = self.gpu;
+        let recorded = {
+            let _span = gpu.span("record");
+            self.record(schedule, &mut flight)
+        };
+        match recorded {
+            Ok(()) => self.launch(flight),
+            Err(e) => {
+                self.land(flight);
+                Err(e)
+            }
+        }
+    }
+
+    /// A submission to be.
+    pub(super) fn flight(&self, commands: vk::CommandBuffer, queries: vk::QueryPool) -> Flight {
+        let ticket = Ticket(self.submitted + 1);
+        Flight { ticket, commands, queries, stamps: 0, marks: vec![], stages: vec![] }
+    }
+
+    /// Submits what is recorded.
+    pub(super) fn launch(&mut self, flight: Flight) -> Result<Ticket> {
+        let gpu = self.gpu;
         let _span = gpu.span("submit");
         let values = [flight.ticket.0];
         let semaphores = [self.timeline];
-        let buffers = [commands];
+        let buffers = [flight.commands];
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
         let info = [vk::SubmitInfo::default()
             .command_buffers(&buffers)
             .signal_semaphores(&semaphores)
             .push_next(&mut timeline)];
-        let device = self.gpu.raw();
-        // SAFETY: the command buffer is recorded and not in flight; one thread owns the queue (`&mut self`).
-        unsafe { device.queue_submit(self.gpu.queue, &info, vk::Fence::null()) }
-            .map_err(|e| self.gpu.failed("submitting work", e))?;
+        let submitted = gpu.strike(Point::Submission).and_then(|()| {
+            // SAFETY: the command buffer is recorded and not in flight; one thread owns the queue (`&mut self`).
+            unsafe { gpu.raw().queue_submit(gpu.queue, &info, vk::Fence::null()) }
+        });
+        if let Err(e) = submitted {
+            self.land(flight);
+            return Err(gpu.failed("submitting work", e));
+        }
         self.submitted = flight.ticket.0;
         let ticket = flight.ticket;
         self.flights.push_back(flight);
         Ok(ticket)
     }
 
+    /// Takes back what a flight used; it is over, or never began.
+    pub(super) fn land(&mut self, flight: Flight) {
+        self.spare.push(flight.commands);
+        // SAFETY: the device does not use the pool any more; a null handle is allowed.
+        unsafe { self.gpu.raw().destroy_query_pool(flight.queries, None) };
+    }
+
     /// Waits until `ticket` and all before it are done.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
-        let _span = self.gpu.span("wait");
+        let gpu = self.gpu;
+        let _span = gpu.span("wait");
         let semaphores = [self.timeline];
         let values = [ticket.0];
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is alive.
-        unsafe { self.gpu.raw().wait_semaphores(&info, u64::MAX) }
-            .map_err(|e| self.gpu.failed("computing", e))?;
+        gpu.strike(Point::Wait)
+            // SAFETY: the semaphore is alive.
+            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, u64::MAX) })
+            .map_err(|e| gpu.failed("computing", e))?;
         // Some drivers wait here only, for the time stamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
-            self.read_times(&flight)?;
-            self.spare.push(flight.commands);
-            unsafe { self.gpu.raw().destroy_query_pool(flight.queries, None) };
+            let read = self.read_times(&flight);
+            self.land(flight);
+            read?;
         }
         Ok(())
     }
@@ -171,13 +213,16 @@ impl<'g> Executor<'g> {
         &self.times
     }
 
-    fn command_buffer(&mut self) -> Result<vk::CommandBuffer> {
+    pub(super) fn command_buffer(&mut self) -> Result<vk::CommandBuffer> {
         if let Some(c) = self.spare.pop() {
             return Ok(c);
         }
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is alive.
-        let made = unsafe { self.gpu.raw().allocate_command_buffers(&info) };
+        let made = self
+            .gpu
+            .strike(Point::Object)
+            .and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
         let made = made.map_err(|e| self.gpu.failed("making a command buffer", e))?[0];
         self.gpu.name(made, "commands");
         Ok(made)
@@ -190,7 +235,10 @@ impl<'g> Executor<'g> {
         let count = stamps(schedule, self.gpu.recorder.is_some());
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
         // SAFETY: the device is alive; destroyed when the flight is over.
-        let made = unsafe { self.gpu.raw().create_query_pool(&info, None) }
+        let made = self
+            .gpu
+            .strike(Point::Object)
+            .and_then(|()| unsafe { self.gpu.raw().create_query_pool(&info, None) })
             .map_err(|e| self.gpu.failed("making timestamps", e))?;
         self.gpu.name(made, "time stamps");
         Ok(made)

@@ -1,6 +1,7 @@
 //! Device memory: every buffer is stated before anything is allocated, then all are made at once.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::Ordering::Relaxed;
 
 use ash::vk;
 use gpu_allocator::vulkan::{
@@ -8,7 +9,8 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
-use super::Gpu;
+use super::state::SIZE_BACK;
+use super::{Gpu, Point};
 use crate::{Error, Result};
 
 /// Where a buffer lives.
@@ -52,6 +54,8 @@ pub struct Arena<'g> {
     // Dropped before the device: `gpu` outlives it by its lifetime.
     allocator: Option<Allocator>,
     bytes: u64,
+    /// From which size on buffers on the device, and on the host, have memory of their own.
+    own_from: [u64; 2],
 }
 
 impl<'g> Arena<'g> {
@@ -62,12 +66,9 @@ impl<'g> Arena<'g> {
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
         let _span = gpu.span("allocate");
         check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
-        let block = |place_is_host: bool| {
-            let bytes = plan.iter().filter(|b| (b.place != Place::Device) == place_is_host);
-            // A little over the sum, for alignment: one block then holds them all.
-            bytes.map(|b| b.bytes + 256).sum::<u64>()
-        };
-        let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0 };
+        let layout = Layout::both(plan, gpu.one_memory);
+        let own_from = layout.map(|l| l.own_from);
+        let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),
@@ -75,7 +76,7 @@ impl<'g> Arena<'g> {
                 physical_device: gpu.physical,
                 debug_settings: Default::default(),
                 buffer_device_address: false,
-                allocation_sizes: AllocationSizes::new(block(false), block(true)),
+                allocation_sizes: AllocationSizes::new(layout[0].block, layout[1].block),
             })
             .map_err(|e| {
                 Error::memory(format!("the allocator does not start ({e})"), "update the device's driver")
@@ -84,7 +85,13 @@ impl<'g> Arena<'g> {
         for b in plan {
             arena.add(b)?;
         }
-        Ok(arena)
+        if gpu.shuffle().is_some() {
+            arena.add(&BufferPlan::new(SIZE_BACK, 12, Place::Readback))?;
+        }
+        match budget.filter(|b| arena.taken() > *b) {
+            None => Ok(arena),
+            Some(budget) => Err(over(plan, arena.taken(), budget, true)),
+        }
     }
 
     fn add(&mut self, plan: &BufferPlan) -> Result<()> {
@@ -101,13 +108,16 @@ impl<'g> Arena<'g> {
                 "use a smaller --lateral, a larger --depth-pitch or a narrower --gate",
             )
         };
+        let strike = || self.gpu.strike(Point::Allocation);
         // SAFETY: the device is alive; the memory bound is the allocation made for this very buffer.
-        let handle = unsafe { device.create_buffer(&info, None) }.map_err(|e| refused(e.to_string()))?;
+        let handle = strike().and_then(|()| unsafe { device.create_buffer(&info, None) });
+        let handle = handle.map_err(|e| refused(e.to_string()))?;
         self.gpu.name(handle, &plan.name);
         let buffer = Buffer { handle, bytes: plan.bytes, place: plan.place, allocation: None };
         self.buffers.insert(plan.name.clone(), buffer);
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");
+        strike().map_err(|e| refused(e.to_string()))?;
         let allocation = allocator
             .allocate(&AllocationCreateDesc {
                 name: &plan.name,
@@ -118,20 +128,37 @@ impl<'g> Arena<'g> {
                     Place::Readback => MemoryLocation::GpuToCpu,
                 },
                 linear: true,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+                allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
+                    AllocationScheme::GpuAllocatorManaged
+                } else {
+                    AllocationScheme::DedicatedBuffer(handle)
+                },
             })
             .map_err(|e| refused(e.to_string()))?;
         let (memory, offset) = unsafe { (allocation.memory(), allocation.offset()) };
         self.bytes += allocation.size();
+        self.gpu.allocated.fetch_add(allocation.size(), Relaxed);
         if let Some(b) = self.buffers.get_mut(&plan.name) {
             b.allocation = Some(allocation);
         }
-        unsafe { device.bind_buffer_memory(handle, memory, offset) }.map_err(|e| refused(e.to_string()))
+        strike()
+            .and_then(|()| unsafe { device.bind_buffer_memory(handle, memory, offset) })
+            .map_err(|e| refused(e.to_string()))
     }
 
     /// Bytes allocated, host-visible ones included.
     pub fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// Bytes of device memory taken for them: not less than [`Arena::bytes`], as small buffers share blocks.
+    pub fn taken(&self) -> u64 {
+        self.allocator.as_ref().map_or(0, Allocator::capacity)
+    }
+
+    /// Name, place and handle of every buffer.
+    pub(super) fn handles(&self) -> Vec<(String, Place, vk::Buffer)> {
+        self.buffers.iter().map(|(n, b)| (n.clone(), b.place, b.handle)).collect()
     }
 
     /// Bytes of every buffer by name.
@@ -166,15 +193,62 @@ impl Drop for Arena<'_> {
         for (_, b) in std::mem::take(&mut self.buffers) {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
             if let (Some(a), Some(allocator)) = (b.allocation, self.allocator.as_mut()) {
-                let _ = allocator.free(a);
+                let bytes = a.size();
+                // What is not given back still counts as allocated.
+                if allocator.free(a).is_ok() {
+                    self.gpu.allocated.fetch_sub(bytes, Relaxed);
+                }
             }
         }
         self.allocator = None;
     }
 }
 
-/// Whether `plan` fits, without touching the device. `by_user`: the budget is an option, not the heap's.
-pub(super) fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
+/// Blocks of memory that buffers share are multiples of this, and at most so large (gpu-allocator's bounds).
+const BLOCK: u64 = 4 << 20;
+const LARGEST_BLOCK: u64 = 256 << 20;
+
+/// How buffers in one kind of memory lie in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Layout {
+    /// Buffers from this size on have memory of their own: all share one block if it holds them, else the small ones.
+    own_from: u64,
+    block: u64,
+    /// Bytes in all.
+    taken: u64,
+}
+
+impl Layout {
+    fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> Layout {
+        // A little over the sum, for alignment: one block then holds them all.
+        let block = |below: u64| {
+            let small = buffers.clone().filter(|b| b.bytes < below);
+            small.map(|b| b.bytes.saturating_add(256)).fold(0, u64::saturating_add)
+        };
+        let rounded = |bytes: u64| bytes.checked_next_multiple_of(BLOCK).unwrap_or(u64::MAX);
+        let all = rounded(block(u64::MAX));
+        if all <= LARGEST_BLOCK {
+            return Layout { own_from: u64::MAX, block: all, taken: all };
+        }
+        let own = buffers.clone().filter(|b| b.bytes >= BLOCK).map(|b| b.bytes.saturating_add(1 << 16));
+        let small = rounded(block(BLOCK));
+        Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
+    }
+
+    /// Of device memory and of the host's, which are one where a device has no other.
+    fn both(plan: &[BufferPlan], one: bool) -> [Layout; 2] {
+        if one {
+            return [Layout::of(plan.iter()); 2];
+        }
+        [true, false].map(|device| Layout::of(plan.iter().filter(|b| (b.place == Place::Device) == device)))
+    }
+}
+
+/// Whether a device that binds `storage_range` bytes at most takes `plan` within `budget` bytes, without touching it.
+/// `by_user`: the budget is an option, not the heap's.
+///
+/// Errors: a buffer larger than the device can bind, a plan over budget, which names the largest buffers.
+pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
     if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > storage_range) {
         return Err(Error::memory(
             format!(
@@ -186,23 +260,28 @@ pub(super) fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_use
             "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
         ));
     }
-    let total: u64 = plan.iter().map(|b| b.bytes).sum();
+    let [device, host] = Layout::both(plan, false);
+    let total = device.taken.saturating_add(host.taken);
     if total <= budget {
         return Ok(());
     }
+    Err(over(plan, total, budget, by_user))
+}
+
+fn over(plan: &[BufferPlan], total: u64, budget: u64, by_user: bool) -> Error {
     let mut largest: Vec<_> = plan.iter().collect();
     largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
     let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.name, size(b.bytes))).collect();
     let whose = if by_user { "--memory allows" } else { "the device has free" };
-    Err(Error::memory(
+    Error::memory(
         format!(
-            "this job needs {}, {whose} {}; the largest buffers: {}",
+            "this job needs {} in whole blocks, {whose} {}; the largest buffers: {}",
             size(total),
             size(budget),
             names.join(", ")
         ),
         "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
-    ))
+    )
 }
 
 fn size(bytes: u64) -> String {
@@ -218,10 +297,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn buffers_share_a_block_while_it_holds_them() {
+        let of = |bytes: &[u64]| {
+            Layout::of(
+                bytes.iter().map(|b| BufferPlan::new("b", *b, Place::Device)).collect::<Vec<_>>().iter(),
+            )
+        };
+        let mib = 1 << 20;
+        assert_eq!(of(&[]), Layout { own_from: u64::MAX, block: 0, taken: 0 });
+        assert_eq!(of(&[100, 5 * mib]), Layout { own_from: u64::MAX, block: 8 * mib, taken: 8 * mib });
+        let large = of(&[100, 300 * mib, 3 * mib]);
+        assert_eq!((large.own_from, large.block), (4 * mib, 4 * mib));
+        assert_eq!(large.taken, 304 * mib + (1 << 16));
+        assert_eq!(of(&[u64::MAX - 300, u64::MAX - 300]).taken, u64::MAX);
+    }
+
+    #[test]
     fn a_plan_over_budget_names_its_largest_buffers() {
         let plan =
             [BufferPlan::new("small", 100, Place::Device), BufferPlan::new("raw", 5 << 20, Place::Device)];
-        assert!(check(&plan, 1 << 30, 6 << 20, false).is_ok());
+        assert!(check(&plan, 1 << 30, 8 << 20, false).is_ok(), "two blocks of 4 MiB");
+        assert!(check(&plan, 1 << 30, 7 << 20, false).is_err());
         let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();
         assert!(error.what.contains("`raw` 5 MiB") && error.what.contains("--memory"), "{error}");
         let error = check(&plan, 1 << 20, 1 << 30, false).unwrap_err();

@@ -5,6 +5,7 @@
 
 mod device;
 mod execute;
+mod faults;
 mod instance;
 mod memory;
 mod pipeline;
@@ -12,11 +13,13 @@ mod record;
 mod recording;
 mod schedule;
 pub mod spirv;
+mod state;
 
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
 pub use execute::{Executor, KernelTime, Ticket};
+pub use faults::{Faults, Point};
 pub use instance::{DeviceInfo, DeviceKind, devices};
-pub use memory::{Arena, BufferPlan, Place};
+pub use memory::{Arena, BufferPlan, Place, check};
 pub use recording::{HostSpan, KernelMade, Ran, Recording};
 pub use schedule::{Command, Schedule, Size, Stage};
 

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ash::vk;
 
 use super::schedule::PUSH_WORDS;
-use super::{Arena, Binding, Gpu, KernelCode};
+use super::{Arena, Binding, Gpu, KernelCode, Point};
 use crate::{Error, Result};
 
 pub(super) struct Pipeline {
@@ -67,6 +67,7 @@ impl Pipeline {
         // SAFETY: all structs live through their call; on an error what was made is destroyed below.
         let result = unsafe {
             (|| {
+                gpu.strike(Point::Object)?;
                 let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
                 made.set_layout = device.create_descriptor_set_layout(&info, None)?;
                 let push = [vk::PushConstantRange::default()
@@ -76,6 +77,7 @@ impl Pipeline {
                 let info =
                     vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts).push_constant_ranges(&push);
                 made.layout = device.create_pipeline_layout(&info, None)?;
+                gpu.strike(Point::Object)?;
                 made.module =
                     device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)?;
                 let special = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
@@ -84,13 +86,16 @@ impl Pipeline {
                     .module(made.module)
                     .name(c"main")
                     .specialization_info(&special);
-                let flags = if gpu.statistics.is_some() {
-                    vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
-                } else {
-                    vk::PipelineCreateFlags::empty()
-                };
+                let mut flags = vk::PipelineCreateFlags::empty();
+                if gpu.statistics.is_some() {
+                    flags |= vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
+                }
+                if gpu.shuffle().is_some() {
+                    flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
+                }
                 let info =
                     [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout).flags(flags)];
+                gpu.strike(Point::Object)?;
                 let made_pipelines = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
                 made.handle = made_pipelines.map_err(|(_, e)| e)?[0];
                 Ok(())
@@ -184,9 +189,11 @@ impl DescriptorSets {
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; pools are destroyed with the executor.
+            gpu.strike(Point::Object).map_err(failed)?;
             self.pools.push(unsafe { device.create_descriptor_pool(&info, None) }.map_err(failed)?);
             gpu.name(self.pools[self.pools.len() - 1], "descriptor pool");
         }
+        gpu.strike(Point::Object).map_err(failed)?;
         let layouts = [pipeline.set_layout];
         let pool = *self.pools.last().expect("made above");
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);

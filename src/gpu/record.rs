@@ -5,6 +5,7 @@ use ash::vk;
 use super::execute::{Executor, Flight};
 use super::pipeline::Pipeline;
 use super::recording::Mark;
+use super::state::pieces;
 use super::{Command, Schedule, Size, Stage};
 use crate::Result;
 
@@ -167,7 +168,12 @@ impl Executor<'_> {
                                 (0..3).all(|i| g[i] <= most[i]),
                                 "`{kernel}`: {g:?} workgroups, at most {most:?}"
                             );
-                            device.cmd_dispatch(c, g[0], g[1], g[2]);
+                            match self.gpu.shuffle() {
+                                None => device.cmd_dispatch(c, g[0], g[1], g[2]),
+                                Some(seed) => pieces(*g, seed).into_iter().for_each(|[from, n]| {
+                                    device.cmd_dispatch_base(c, from[0], from[1], from[2], n[0], n[1], n[2]);
+                                }),
+                            }
                         }
                         Size::Indirect(buffer, offset) => {
                             let b = self.arena.get(buffer);

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::account::box_of;
-use super::{Loaded, Request, SolverOptions};
+use super::{Loaded, Request, SolverOptions, fit};
 use crate::capture::Summary;
-use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Limits};
+use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
 use crate::solve::{Accumulation, Preset};
 use crate::{Error, Kind, Result};
 
@@ -59,14 +59,14 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let grid = request.grid(capture)?;
     let mut problems = Vec::new();
     let device = match request.open() {
-        Ok(gpu) => Some((gpu.info.clone(), gpu.abilities())),
+        Ok(gpu) => Some(gpu),
         Err(e) if e.kind == Kind::Device && request.device.is_none() => {
             problems.push(format!("{}: {}. The plan is for a usual GPU.", e.what, e.mend));
             None
         }
         Err(e) => return Err(e),
     };
-    let abilities = device.as_ref().map_or_else(usual_gpu, |(_, abilities)| *abilities);
+    let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
     let plan = match request.solver.plan(capture, grid, &abilities, request.volume_file.is_some()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
@@ -76,9 +76,12 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
-    if let Some(allowed) = request.memory.filter(|allowed| *allowed < total) {
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        problems.push(format!("it needs {} MiB, --memory allows {} MiB", mib(total), mib(allowed)));
+    if let (Some(gpu), Some(plan)) = (&device, &plan) {
+        let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
+        if let Err(e) = check(&plan.buffers, gpu.limits.storage_range, budget, request.memory.is_some()) {
+            let e = fit::advise(e, request, loaded, gpu);
+            problems.push(format!("{}: {}", e.what, e.mend));
+        }
     }
     Ok(Inspection {
         capture: loaded.summary(),
@@ -89,7 +92,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         grid: grid.n,
         voxel: grid.pitch.to_array(),
         volume: box_of(&grid),
-        device: device.map(|(info, ..)| info),
+        device: device.map(|gpu| gpu.info.clone()),
         plan: plan.map(|plan| Planned {
             levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
             accumulation: plan.accumulation,

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::export::atomic::cannot;
 use crate::{Error, Result};
@@ -66,7 +67,9 @@ fn check_folder(folder: &Path) -> Result<()> {
             "choose another folder for the results",
         ));
     }
-    let probe: PathBuf = at.join(format!(".thirdbounce.{}.part", std::process::id()));
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let probe: PathBuf = at.join(format!(".thirdbounce.{}.{number}.part", std::process::id()));
     fs::File::create(&probe).map_err(|e| cannot(folder, &e))?;
     fs::remove_file(&probe).map_err(|e| cannot(folder, &e))
 }

@@ -1,11 +1,12 @@
 //! What can be asked for.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use super::checkpoint::Kept;
 use super::{SolverOptions, places};
 use crate::capture::Capture;
 use crate::export;
-use crate::gpu::{Gpu, GpuOptions};
+use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
 use crate::solve::{Preset, default_volume};
 use crate::transport::{Grid, Volume};
@@ -28,6 +29,8 @@ pub struct Request {
     pub validation: bool,
     /// Time every kernel by itself and keep what host and device did when.
     pub timings: bool,
+    /// What is to go wrong on the device; for tests.
+    pub faults: Faults,
     /// Truth to measure the result against.
     pub truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo.
@@ -37,6 +40,12 @@ pub struct Request {
     pub trace_every: Option<usize>,
     /// Keep maps and pictures of these iterations, in `snapshots/000100` and so on.
     pub snapshots: Vec<usize>,
+    /// File that keeps the solver's state on its way.
+    pub checkpoint: Option<PathBuf>,
+    /// Keep it after so many iterations each.
+    pub checkpoint_every: usize,
+    /// Such a file, to go on from.
+    pub resume: Option<PathBuf>,
     /// Folder of the results.
     pub out: PathBuf,
     /// File for the volume, .npz or .hdf5.
@@ -44,6 +53,9 @@ pub struct Request {
 }
 
 impl Request {
+    /// Iterations between two checkpoints, unless told otherwise.
+    pub const CHECKPOINT_EVERY: usize = 50;
+
     /// A request with the given options and the defaults for the rest.
     pub fn new(solver: impl Into<SolverOptions>, out: impl Into<PathBuf>) -> Request {
         Request {
@@ -55,10 +67,14 @@ impl Request {
             device: None,
             validation: false,
             timings: false,
+            faults: Faults::default(),
             truth: None,
             mask_fraction: Maps::MASK_FRACTION,
             trace_every: None,
             snapshots: vec![],
+            checkpoint: None,
+            checkpoint_every: Request::CHECKPOINT_EVERY,
+            resume: None,
             out: out.into(),
             volume_file: None,
         }
@@ -95,6 +111,7 @@ impl Request {
             device: self.device.clone(),
             validation: self.validation,
             timings: self.timings,
+            faults: self.faults,
         })
     }
 
@@ -119,12 +136,34 @@ impl Request {
         }
         places::check_results(&self.out)?;
         for iteration in &self.snapshots {
-            places::check_results(&self.snapshot_folder(*iteration))?;
+            places::check_results(&Request::snapshot_folder(&self.out, *iteration))?;
         }
         if let Some(file) = &self.volume_file {
             places::check_volume(file)?;
         }
+        if self.checkpoint_every == 0 {
+            return Err(Error::options(
+                "--checkpoint-every is 0",
+                format!("give a number of iterations, usually {}", Request::CHECKPOINT_EVERY),
+            ));
+        }
+        self.checkpoint.as_deref().map(places::check_file).transpose()?;
         self.truth.as_deref().map(export::npz::read_truth).transpose()
+    }
+
+    /// Whether what a checkpoint holds goes with this.
+    pub(super) fn check_resumed(&self, kept: &Kept) -> Result<()> {
+        let done = kept.state.iteration;
+        let missing = |i: &&usize| **i <= done && !kept.snapshots.iter().any(|s| s.0 == **i);
+        match self.snapshots.iter().find(missing) {
+            Some(beyond) => Err(Error::options(
+                format!(
+                    "--snapshots names iteration {beyond}, the checkpoint was kept after {done} without it"
+                ),
+                format!("name iterations after {done}, or start without --resume"),
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Iterations between points of the trace; 0 for none but those that come by themselves.
@@ -132,9 +171,9 @@ impl Request {
         self.trace_every.unwrap_or(if self.truth.is_some() { 10 } else { 0 })
     }
 
-    /// Where the maps after an iteration are kept.
-    pub(super) fn snapshot_folder(&self, iteration: usize) -> PathBuf {
-        self.out.join("snapshots").join(format!("{iteration:06}"))
+    /// Where below `out` the maps after an iteration are kept.
+    pub(super) fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
+        out.join("snapshots").join(format!("{iteration:06}"))
     }
 }
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::plain;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
-use crate::solve::{PaperOptions, Plan, Reconstruction, VectorOptions, Watch, paper, vector};
+use crate::solve::{Beside, PaperOptions, Plan, Reconstruction, VectorOptions, Watch, paper, vector};
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Result};
 
@@ -57,6 +57,14 @@ impl SolverOptions {
         match self {
             SolverOptions::Paper(o) => o.lateral,
             SolverOptions::Vector(o) => o.lateral,
+        }
+    }
+
+    /// The same options for another lateral resolution.
+    pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
+        match self {
+            SolverOptions::Paper(o) => PaperOptions { lateral, ..o.clone() }.into(),
+            SolverOptions::Vector(o) => VectorOptions { lateral, ..o.clone() }.into(),
         }
     }
 
@@ -112,10 +120,28 @@ impl SolverOptions {
         with_volume: bool,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
+        self.solve_beside(gpu, capture, grid, memory, with_volume, watch.into())
+    }
+
+    /// Runs the solver, and keeps its state on the way or goes on from one.
+    ///
+    /// # Errors
+    /// See [`paper::reconstruct_beside`].
+    pub fn solve_beside(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+        beside: Beside<'_, '_>,
+    ) -> Result<Reconstruction> {
         match self {
-            SolverOptions::Paper(o) => paper::reconstruct(gpu, capture, grid, o, memory, with_volume, watch),
+            SolverOptions::Paper(o) => {
+                paper::reconstruct_beside(gpu, capture, grid, o, memory, with_volume, beside)
+            }
             SolverOptions::Vector(o) => {
-                vector::reconstruct(gpu, capture, grid, o, memory, with_volume, watch)
+                vector::reconstruct_beside(gpu, capture, grid, o, memory, with_volume, beside)
             }
         }
     }

@@ -1,16 +1,18 @@
 //! A solve that is measured on its way.
 
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use super::{Loaded, Request};
+use super::checkpoint::{self, Kept};
+use super::{Loaded, Request, fit};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::{Progress, Reconstruction, Watch};
+use crate::solve::{Beside, Checkpoint, Keep, Progress, Reconstruction, Watch};
 use crate::transport::Grid;
-use crate::{Kind, Result};
+use crate::{Error, Kind, Result};
 
 /// What a solve yields, and its figures.
 pub struct Solved {
@@ -37,8 +39,32 @@ pub fn solve(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
     let step = request.trace_step();
-    let (mut along, mut snapshots, mut failed) = (BTreeMap::new(), Vec::new(), None);
+    let resumed = request.resume.as_deref().map(checkpoint::read).transpose()?;
+    let mut failed = None;
+    // What is gathered on the way, heard of by the watch and kept with the state.
+    let gathered = RefCell::new((BTreeMap::new(), Vec::new()));
+    let from = match resumed {
+        Some(kept) => {
+            request.check_resumed(&kept)?;
+            *gathered.borrow_mut() = (kept.along, kept.snapshots);
+            Some(kept.state)
+        }
+        None => None,
+    };
+    let kept_at = Cell::new(None);
+    let mut save = |state: Checkpoint| {
+        let iteration = state.iteration;
+        let (along, snapshots) = gathered.borrow().clone();
+        if let Some(file) = &request.checkpoint {
+            checkpoint::write(file, &Kept { state, along, snapshots })?;
+            kept_at.set(Some(iteration));
+        }
+        Ok(())
+    };
+    let every = if request.checkpoint.is_some() { request.checkpoint_every } else { 0 };
+    let keep = Keep { every, save: &mut save, from };
     let mut measure = |progress: &Progress| {
+        let (along, snapshots) = &mut *gathered.borrow_mut();
         let i = progress.point.iteration;
         if let Some(maps) = &progress.maps {
             if request.snapshots.contains(&i) {
@@ -60,11 +86,16 @@ pub fn solve(
     let mut watch =
         Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &request.snapshots };
     let with_volume = request.volume_file.is_some();
-    let done = request.solver.solve(gpu, &loaded.capture, grid, request.memory, with_volume, &mut watch);
+    let beside = Beside { watch: &mut watch, keep: Some(keep) };
+    let capture = &loaded.capture;
+    let done = request.solver.solve_beside(gpu, capture, grid, request.memory, with_volume, beside);
     let mut solved = match failed {
         Some(e) => return Err(e),
-        None => done?,
+        None => done
+            .map_err(|e| fit::advise(e, request, loaded, gpu))
+            .map_err(|e| cancelled(e, request, kept_at.get()))?,
     };
+    let (mut along, snapshots) = gathered.into_inner();
     solved.maps.set_mask(request.mask_fraction);
     let metrics = truth.map(|t| metrics(&solved.maps, t, request.mask_fraction)).transpose()?;
     if let (Some(last), Some(metrics)) = (solved.trace.last(), &metrics) {
@@ -73,13 +104,22 @@ pub fn solve(
     Ok(Solved { solved, metrics, along, snapshots })
 }
 
+/// A cancelled solve tells where it can be taken up again.
+fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Error {
+    if let (Kind::Cancelled, Some(file), Some(iteration)) = (error.kind, &request.checkpoint, kept_at) {
+        error.mend = format!("--resume {} goes on after iteration {iteration}", file.display());
+        error.what += &format!(", {}", error.mend);
+    }
+    error
+}
+
 /// Begins a solve and breaks off, so that drivers that compile at the first dispatch have done so before any
 /// time is taken, and what does not fit is found out before hours of work.
 pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
     match request.solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
-        Err(e) if e.kind != Kind::Cancelled => Err(e),
+        Err(e) if e.kind != Kind::Cancelled => Err(fit::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }
 }

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use super::checkpoint::{self, Checkpoint, Keep, Keeper};
 use super::job::{Job, read_maps};
 use super::{Level, Plan};
 use crate::gpu::{DeviceKind, Gpu, Schedule, Ticket};
@@ -51,6 +52,18 @@ pub struct Watch<'w> {
     pub maps_at: &'w [usize],
 }
 
+/// What goes on beside a solve.
+pub struct Beside<'b, 'w> {
+    pub watch: &'b mut Watch<'w>,
+    pub keep: Option<Keep<'b>>,
+}
+
+impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
+    fn from(watch: &'b mut Watch<'w>) -> Beside<'b, 'w> {
+        Beside { watch, keep: None }
+    }
+}
+
 /// A solver as its driver sees it.
 pub(super) struct Steps<'s> {
     /// Before the first iteration.
@@ -87,22 +100,63 @@ pub(super) fn drive(
     iterations: usize,
     mut steps: Steps<'_>,
     watch: &mut Watch<'_>,
+    mut keeper: Option<Keeper<'_>>,
 ) -> Result<Driven> {
     let gpu_before = job.executor.gpu_seconds();
     let has_normals = job.plan.reflectance.has_normals();
-    let mut clock = Clock { start: Instant::now(), paused: Duration::ZERO };
+    let mut clock = Clock { start: Instant::now(), paused: Duration::ZERO, before: 0.0 };
     let mut reader = Reader { gpu_before, trace: vec![], pairs: 0 };
     let mut flights: VecDeque<(Ticket, std::ops::Range<usize>, Level)> = VecDeque::new();
     let mut block = Schedule::default();
-    block.stage("start", &stage_values(&job.plan.levels[0], 0));
-    block.extend(std::mem::take(&mut steps.start));
-    let (mut level, mut first) = (0, 0);
-    let mut reached = job.plan.levels[0];
+    let (mut level, mut first, mut begin) = (0, 0, 0);
     // Known only behind: what the last block that was heard of had active. The first domain is all there is.
     let mut active = job.plan.levels[0].grid.voxels();
     // What is due between the iteration before and the next.
     let mut change = Schedule::default();
-    for i in 0..iterations {
+    if let Some(from) = keeper.as_mut().and_then(|k| k.keep.from.take()) {
+        checkpoint::restore(job, &from)?;
+        (level, first, active, begin) = (from.level, from.first, from.active, from.iteration);
+        let ticket = job.executor.submit(&Schedule::default())?;
+        flights.extend(from.pending.iter().map(|[a, b, at]| (ticket, *a..*b, job.plan.levels[*at])));
+        change = (steps.due)(&job.plan, &mut level, begin);
+        job.executor.wait(ticket)?;
+        let gpu_before = job.executor.gpu_seconds() - from.gpu_seconds;
+        reader = Reader { gpu_before, trace: from.trace, pairs: from.pairs };
+        clock = Clock { start: Instant::now(), paused: Duration::ZERO, before: from.seconds };
+    } else {
+        block.stage("start", &stage_values(&job.plan.levels[0], 0));
+        block.extend(std::mem::take(&mut steps.start));
+    }
+    let mut reached = job.plan.levels[level];
+    let mut level_before = level;
+    for i in begin..iterations {
+        if let Some(keeper) = keeper.as_mut().filter(|k| i > begin && k.is_due(i)) {
+            // The block goes on after this: what is read of it, and when, is as without a checkpoint.
+            let ticket = job.executor.submit(&std::mem::take(&mut block))?;
+            job.executor.wait(ticket)?;
+            let pause = Instant::now();
+            let _span = gpu.span("checkpoint");
+            let number = |l: &Level| job.plan.levels.iter().position(|k| k == l).unwrap_or(0);
+            let pending = flights.iter().map(|(_, rows, at)| [rows.start, rows.end, number(at)]).collect();
+            let (seconds, gpu_seconds) = (clock.seconds(), job.executor.gpu_seconds() - reader.gpu_before);
+            let buffers = checkpoint::download(job)?;
+            let (identity, trace, pairs) = (keeper.identity.clone(), reader.trace.clone(), reader.pairs);
+            let (iteration, level) = (i, level_before);
+            (keeper.keep.save)(Checkpoint {
+                identity,
+                iteration,
+                level,
+                first,
+                active,
+                pending,
+                trace,
+                pairs,
+                seconds,
+                gpu_seconds,
+                buffers,
+            })?;
+            clock.paused += pause.elapsed();
+        }
         let here = job.plan.levels[level];
         if !change.commands.is_empty() {
             block.stage("domain", &stage_values(&here, i));
@@ -115,6 +169,7 @@ pub(super) fn drive(
         let measured =
             watch.maps_every.is_some_and(|n| done.is_multiple_of(n)) || watch.maps_at.contains(&done);
         // A change of the level ends a block, so that all its rows belong to one.
+        level_before = level;
         if !last {
             change = (steps.due)(&job.plan, &mut level, done);
         }
@@ -186,11 +241,13 @@ fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 2] {
 struct Clock {
     start: Instant,
     paused: Duration,
+    /// Spent before this process went on from a checkpoint.
+    before: f64,
 }
 
 impl Clock {
     fn seconds(&self) -> f64 {
-        self.start.elapsed().saturating_sub(self.paused).as_secs_f64()
+        self.before + self.start.elapsed().saturating_sub(self.paused).as_secs_f64()
     }
 }
 

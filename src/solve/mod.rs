@@ -4,6 +4,7 @@
 //! allocated.
 
 mod assume;
+mod checkpoint;
 mod domain;
 mod drive;
 mod extent;
@@ -16,8 +17,9 @@ mod schedule;
 pub mod vector;
 
 pub use assume::{assume_reflectance, falloff_slope};
+pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use domain::{compact, double, due, extract, initialise, reduce, restart};
-pub use drive::{Progress, TracePoint, Watch};
+pub use drive::{Beside, Progress, TracePoint, Watch};
 pub use extent::default_volume;
 pub use job::{Job, upload};
 pub use options::{Accumulation, Decay, NoiseTerm, PaperOptions, Preset};

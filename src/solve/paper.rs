@@ -1,6 +1,7 @@
 //! The solver of "Domain Reduction Strategy for Non-Line-of-Sight Imaging" (ECCV 2024).
 
-use super::drive::{Driven, Steps, TracePoint, Watch, drive};
+use super::checkpoint::Keeper;
+use super::drive::{Beside, Driven, Steps, TracePoint, Watch, drive};
 use super::job::{Job, read_volume};
 use super::{Decay, NoiseTerm, PaperOptions, Plan, domain, iteration};
 use crate::Result;
@@ -76,6 +77,21 @@ pub fn reconstruct(
     with_volume: bool,
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
+    reconstruct_beside(gpu, capture, grid, options, memory, with_volume, watch.into())
+}
+
+/// As [`reconstruct`], with a state that is kept on the way or gone on from.
+///
+/// Errors: besides, what keeping it yields; a state of another capture, other options or another plan.
+pub fn reconstruct_beside(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &PaperOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+    beside: Beside<'_, '_>,
+) -> Result<Reconstruction> {
     options.check()?;
     capture.check()?;
     let model = model(capture, &grid, options);
@@ -89,7 +105,8 @@ pub fn reconstruct(
         l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
         stop_below: None,
     };
-    let driven = drive(gpu, &mut job, options.iterations, steps, watch)?;
+    let keeper = Keeper::new(beside.keep, &job, options)?;
+    let driven = drive(gpu, &mut job, options.iterations, steps, beside.watch, keeper)?;
     finish(job, driven, with_volume)
 }
 

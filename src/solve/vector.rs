@@ -11,7 +11,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::drive::{Steps, Watch, drive};
+use super::checkpoint::Keeper;
+use super::drive::{Beside, Steps, Watch, drive};
 use super::job::{Job, upload};
 use super::paper::finish;
 use super::plan::Wanted;
@@ -185,6 +186,21 @@ pub fn reconstruct(
     with_volume: bool,
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
+    reconstruct_beside(gpu, capture, grid, options, memory, with_volume, watch.into())
+}
+
+/// As [`reconstruct`], with a state that is kept on the way or gone on from.
+///
+/// Errors: besides, what keeping it yields; a state of another capture, other options or another plan.
+pub fn reconstruct_beside(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+    beside: Beside<'_, '_>,
+) -> Result<Reconstruction> {
     options.check()?;
     capture.check()?;
     let model = model(capture, &grid, options);
@@ -201,7 +217,8 @@ pub fn reconstruct(
         l1_weight: &|_| 1.0,
         stop_below: options.stop.then(|| expected_noise(&job.model)),
     };
-    let driven = drive(gpu, &mut job, options.iterations, steps, watch)?;
+    let keeper = Keeper::new(beside.keep, &job, options)?;
+    let driven = drive(gpu, &mut job, options.iterations, steps, beside.watch, keeper)?;
     finish(job, driven, with_volume)
 }
 

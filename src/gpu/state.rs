@@ -1,0 +1,186 @@
+//! What is done to whole buffers outside of schedules: their content kept and put back, poison into fresh memory,
+//! and schedules run with their workgroups in another order.
+
+use ash::vk;
+
+use super::execute::{Executor, Ticket};
+use super::faults::shuffled;
+use super::{Command, Place, Schedule, Size};
+use crate::Result;
+
+/// The buffer that a shuffled indirect dispatch reads its size through.
+pub(super) const SIZE_BACK: &str = "size_back";
+
+/// Parts along one axis that a shuffled dispatch is cut into at most.
+const PARTS: u32 = 8;
+
+impl Executor<'_> {
+    /// Runs what `write` records, and waits.
+    fn at_once(&mut self, write: impl FnOnce(&ash::Device, vk::CommandBuffer)) -> Result<()> {
+        let commands = self.command_buffer()?;
+        let flight = self.flight(commands, vk::QueryPool::null());
+        let device = self.gpu.raw();
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let all = vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE;
+        let memory = [vk::MemoryBarrier::default().src_access_mask(all).dst_access_mask(all)];
+        let barrier = |c| {
+            let stages = vk::PipelineStageFlags::ALL_COMMANDS | vk::PipelineStageFlags::HOST;
+            let none = vk::DependencyFlags::empty();
+            // SAFETY: the caller is recording into `c`.
+            unsafe { device.cmd_pipeline_barrier(c, stages, stages, none, &memory, &[], &[]) };
+        };
+        // SAFETY: the command buffer is not in flight; what `write` records is this executor's own.
+        let recorded = unsafe {
+            device.begin_command_buffer(commands, &begin).and_then(|()| {
+                barrier(commands);
+                write(device, commands);
+                barrier(commands);
+                device.end_command_buffer(commands)
+            })
+        };
+        if let Err(e) = recorded {
+            self.land(flight);
+            return Err(self.gpu.failed("recording", e));
+        }
+        let ticket = self.launch(flight)?;
+        self.wait(ticket)
+    }
+
+    /// The content of a device buffer, by way of the readback buffer `through`, whose own is lost. Waits for
+    /// everything submitted before. Panics if the arena has no such buffers.
+    pub fn download(&mut self, name: &str, through: &str) -> Result<Vec<u8>> {
+        let (from, to) = (self.arena.get(name), self.arena.get(through));
+        let (bytes, part, from, to) = (from.bytes, to.bytes, from.handle, to.handle);
+        let mut all = Vec::with_capacity(bytes as usize);
+        for offset in (0..bytes).step_by(part as usize) {
+            let size = part.min(bytes - offset);
+            let region = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
+            // SAFETY: both buffers live as long as the executor, and the region lies within them.
+            self.at_once(|device, c| unsafe { device.cmd_copy_buffer(c, from, to, &region) })?;
+            all.extend_from_slice(&self.arena.mapped(through)[..size as usize]);
+        }
+        Ok(all)
+    }
+
+    /// Puts `content` into a device buffer from its beginning, by way of the upload buffer `through`. Panics if it
+    /// is longer than the buffer.
+    pub fn restore(&mut self, name: &str, content: &[u8], through: &str) -> Result<()> {
+        assert!(content.len() as u64 <= self.arena.get(name).bytes, "restoring beyond `{name}`");
+        let (from, to) = (self.arena.get(through).handle, self.arena.get(name).handle);
+        let part = self.arena.mapped(through).len();
+        for (i, piece) in content.chunks(part).enumerate() {
+            self.arena.mapped_mut(through)[..piece.len()].copy_from_slice(piece);
+            let dst_offset = (i * part) as u64;
+            let region = [vk::BufferCopy { src_offset: 0, dst_offset, size: piece.len() as u64 }];
+            // SAFETY: as in `download`.
+            self.at_once(|device, c| unsafe { device.cmd_copy_buffer(c, from, to, &region) })?;
+        }
+        Ok(())
+    }
+
+    /// Fills every buffer with the word that tests ask for, so that what is read before it is written shows.
+    pub(super) fn poison(&mut self) -> Result<()> {
+        let Some(word) = self.gpu.poison() else { return Ok(()) };
+        let all = self.arena.handles();
+        for (name, place, _) in &all {
+            if *place != Place::Device {
+                self.arena
+                    .mapped_mut(name)
+                    .chunks_mut(4)
+                    .for_each(|w| w.copy_from_slice(&word.to_le_bytes()));
+            }
+        }
+        self.at_once(|device, c| {
+            for (.., handle) in all.iter().filter(|b| b.1 == Place::Device) {
+                // SAFETY: the buffers live as long as the executor.
+                unsafe { device.cmd_fill_buffer(c, *handle, 0, vk::WHOLE_SIZE, word) };
+            }
+        })
+    }
+
+    /// Submits a schedule whose dispatches run in pieces and in another order. The sizes of indirect ones are read
+    /// back first, as only direct ones can begin anywhere.
+    pub(super) fn submit_shuffled(&mut self, schedule: &Schedule) -> Result<Ticket> {
+        let mut part = Schedule::default();
+        for command in &schedule.commands {
+            let mut command = command.clone();
+            if let Command::Dispatch { size, .. } = &mut command
+                && let Size::Indirect(buffer, offset) = *size
+            {
+                part.commands.push(Command::Copy {
+                    from: buffer,
+                    from_offset: offset,
+                    to: SIZE_BACK,
+                    to_offset: 0,
+                    bytes: 12,
+                });
+                let ticket = self.submit_as_it_is(&std::mem::take(&mut part))?;
+                self.wait(ticket)?;
+                let counts: &[u32] = bytemuck::cast_slice(&self.arena.mapped(SIZE_BACK)[..12]);
+                *size = Size::Groups([counts[0], counts[1], counts[2]]);
+            }
+            part.commands.push(command);
+        }
+        self.submit_as_it_is(&part)
+    }
+}
+
+/// The workgroups of a dispatch as boxes (first, counts), in an order drawn from `seed`.
+pub(super) fn pieces(groups: [u32; 3], seed: u64) -> Vec<[[u32; 3]; 2]> {
+    let cuts = groups.map(|n| n.min(PARTS));
+    let at = |axis: usize, i: u32| (u64::from(groups[axis]) * u64::from(i) / u64::from(cuts[axis])) as u32;
+    let total = cuts.iter().product();
+    let order = shuffled(total, seed ^ u64::from(total));
+    order
+        .into_iter()
+        .map(|k| {
+            let i = [k % cuts[0], k / cuts[0] % cuts[1], k / (cuts[0] * cuts[1])];
+            let from = [0, 1, 2].map(|axis| at(axis, i[axis]));
+            [from, [0, 1, 2].map(|axis| at(axis, i[axis] + 1) - from[axis])]
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Arena, BufferPlan, Faults, Gpu, GpuOptions};
+
+    #[test]
+    fn poison_arrives_and_contents_come_back_in_parts() {
+        let faults = Faults { poison: Some(0xdead_beef), ..Faults::default() };
+        let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a Vulkan device");
+        let plan = [
+            BufferPlan::new("state", 1000, Place::Device),
+            BufferPlan::new("up", 256, Place::Upload),
+            BufferPlan::new("down", 64, Place::Readback),
+        ];
+        let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
+        let fresh = executor.download("state", "down").unwrap();
+        assert!(fresh.len() == 1000 && fresh.chunks(4).all(|w| w == 0xdead_beef_u32.to_le_bytes()));
+        assert!(executor.arena.mapped("up").contains(&0xde));
+        let content: Vec<u8> = (0..1000u32).map(|i| (i * 7 % 251) as u8).collect();
+        executor.restore("state", &content, "up").unwrap();
+        assert_eq!(executor.download("state", "down").unwrap(), content);
+        drop(executor);
+        assert_eq!(gpu.allocated(), 0);
+    }
+
+    #[test]
+    fn pieces_cover_every_workgroup_once() {
+        for groups in [[1, 1, 1], [13, 3, 1], [0, 1, 1], [100, 9, 2]] {
+            let mut seen = vec![0; groups.iter().product::<u32>() as usize];
+            for [from, n] in pieces(groups, 5) {
+                for z in from[2]..from[2] + n[2] {
+                    for y in from[1]..from[1] + n[1] {
+                        for x in from[0]..from[0] + n[0] {
+                            seen[((z * groups[1] + y) * groups[0] + x) as usize] += 1;
+                        }
+                    }
+                }
+            }
+            assert!(seen.iter().all(|n| *n == 1), "{groups:?}");
+        }
+        assert_ne!(pieces([13, 3, 1], 5), pieces([13, 3, 1], 6));
+    }
+}

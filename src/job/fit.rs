@@ -1,0 +1,56 @@
+//! What would fit where a job does not: other options, each tried on a plan of its own.
+
+use super::{Loaded, Request, load};
+use crate::capture::Gate;
+use crate::gpu::{Gpu, check};
+use crate::{Error, Kind};
+
+/// The error of a job that needs too much memory, with options that would fit in place of its advice.
+pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu) -> Error {
+    if error.kind != Kind::Memory {
+        return error;
+    }
+    let options = suggestions(request, loaded, gpu);
+    if options.is_empty() {
+        return error;
+    }
+    let mend = format!("this would fit: {}; or a larger --depth-pitch", options.join(", or "));
+    Error { mend, ..error }
+}
+
+/// Options as they would be given, any one of which makes the job fit. Of each the least change that was tried.
+pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<String> {
+    let fits = |request: &Request, loaded: &Loaded| fits_on(request, loaded, gpu);
+    let lateral = request.solver.lateral();
+    let smaller = (1..10).map(|k| lateral >> k).take_while(|n| *n >= 4);
+    let smaller = smaller
+        .map(|n| Request { solver: request.solver.with_lateral(n), ..request.clone() })
+        .find(|request| fits(request, loaded))
+        .map(|request| format!("--lateral {}", request.solver.lateral()));
+    let stride = loaded.input.stride.unwrap_or(1);
+    // Loaded anew, as a user would: the stride comes before the gate, which may then be found elsewhere.
+    let thinner = [2, 3, 4, 6, 8, 12, 16].map(|k| stride.saturating_mul(k)).into_iter().find(|stride| {
+        let input = super::Input { stride: Some(*stride), ..loaded.input.clone() };
+        load(&input).is_ok_and(|loaded| fits(request, &loaded))
+    });
+    // What begins with the signal, so that some of it stays.
+    let capture = &loaded.capture;
+    let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
+    let [first, last] = capture.summary().signal_bins.unwrap_or([0, capture.bins]);
+    let (from, span) = (path(first), path(last + 1) - path(first));
+    let narrower = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18, 0.125].into_iter().find_map(|share| {
+        let text = format!("{from:.3}:{:.3}", from + share * span);
+        let gate = Gate::parse(&text).ok()?;
+        let input = super::Input { gate: Some(gate), ..loaded.input.clone() };
+        load(&input).is_ok_and(|loaded| fits(request, &loaded)).then(|| format!("--gate {text}"))
+    });
+    [smaller, thinner.map(|n| format!("--stride {n}")), narrower].into_iter().flatten().collect()
+}
+
+fn fits_on(request: &Request, loaded: &Loaded, gpu: &Gpu) -> bool {
+    let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
+    let Ok(grid) = request.grid(&loaded.capture) else { return false };
+    let with_volume = request.volume_file.is_some();
+    let plan = request.solver.plan(&loaded.capture, grid, &gpu.abilities(), with_volume);
+    plan.is_ok_and(|plan| check(&plan.buffers, gpu.limits.storage_range, budget, true).is_ok())
+}

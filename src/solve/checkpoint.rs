@@ -1,0 +1,207 @@
+//! A solve's state between two iterations, to go on from later to the same bits.
+//!
+//! Buffers are kept by the names and sizes of the plan, all of them but what a job uploads anew, so that a new buffer
+//! is part of the state without a word here. With them goes what the driver has not yet read of its trace: when it
+//! sees that the fit is good enough, and so where it stops, stays the same.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::drive::TracePoint;
+use super::job::Job;
+use crate::gpu::{BufferPlan, Place};
+use crate::{Error, Result};
+
+/// What a state belongs to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    pub version: String,
+    /// Of the histograms and the wall, as the solver takes them.
+    pub capture: u64,
+    /// The solver's options.
+    pub settings: BTreeMap<String, serde_json::Value>,
+    /// Voxels, pitch and origin of every level's grid, and the kernels with their constants.
+    pub plan: Vec<String>,
+    /// Bytes of every buffer that is kept.
+    pub buffers: BTreeMap<String, u64>,
+}
+
+/// State of a solve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    pub identity: Identity,
+    /// Iterations done.
+    pub iteration: usize,
+    /// The level of the last one.
+    pub level: usize,
+    /// The iteration that the first unsubmitted block of work began with.
+    pub first: usize,
+    /// Active voxels, as far as the driver had heard.
+    pub active: usize,
+    /// Blocks that it had not read: iterations from and to, level.
+    pub pending: Vec<[usize; 3]>,
+    pub trace: Vec<TracePoint>,
+    /// Active voxels times pairs so far.
+    pub pairs: u64,
+    pub seconds: f64,
+    pub gpu_seconds: f64,
+    pub buffers: BTreeMap<String, Vec<u8>>,
+}
+
+/// Whether a solve keeps its state, and goes on from one.
+pub struct Keep<'k> {
+    /// Keep it after so many iterations each; 0: never.
+    pub every: usize,
+    pub save: &'k mut dyn FnMut(Checkpoint) -> Result<()>,
+    pub from: Option<Checkpoint>,
+}
+
+/// A keep and what its states belong to.
+pub(super) struct Keeper<'k> {
+    pub keep: Keep<'k>,
+    pub identity: Identity,
+}
+
+/// Uploaded before every solve and never written on the device.
+const CONSTANT: [&str; 2] = ["measured", "wall"];
+/// The buffers that others are read and written through; nothing lives in them between iterations.
+const DOWN: &str = "columns_host";
+const UP: &str = "upload";
+/// The device writes it, the host reads it.
+const TRACE: &str = "trace";
+
+impl<'k> Keeper<'k> {
+    /// None where there is nothing to keep or to go on from.
+    ///
+    /// # Errors
+    /// A state that belongs to something else.
+    pub fn new(
+        keep: Option<Keep<'k>>,
+        job: &Job<'_>,
+        options: &impl Serialize,
+    ) -> Result<Option<Keeper<'k>>> {
+        let Some(keep) = keep.filter(|k| k.every > 0 || k.from.is_some()) else { return Ok(None) };
+        let identity = Identity::of(job, options);
+        if let Some(from) = &keep.from {
+            from.identity.check(&identity)?;
+        }
+        Ok(Some(Keeper { keep, identity }))
+    }
+
+    pub fn is_due(&self, iteration: usize) -> bool {
+        self.keep.every > 0 && iteration.is_multiple_of(self.keep.every)
+    }
+}
+
+impl Identity {
+    fn of(job: &Job<'_>, options: &impl Serialize) -> Identity {
+        let settings = match serde_json::to_value(options) {
+            Ok(serde_json::Value::Object(all)) => all.into_iter().collect(),
+            _ => BTreeMap::new(),
+        };
+        let mut hash = fnv(0xcbf2_9ce4_8422_2325, bytemuck::cast_slice(&job.model.measured));
+        hash = fnv(hash, bytemuck::cast_slice(&job.model.wall.words()));
+        let scene = |l: &super::Level| hash_of_scene(job, l);
+        let grid = |l: &super::Level| format!("{:?} {:016x}", l.grid.n, scene(l));
+        let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();
+        let version = env!("CARGO_PKG_VERSION").into();
+        let living = job.plan.buffers.iter().filter(|b| lives(b));
+        let buffers = living.map(|b| (b.name.clone(), b.bytes)).collect();
+        Identity { version, capture: hash, settings, plan, buffers }
+    }
+
+    /// # Errors
+    /// The first thing that differs between what a state was kept of and what is `wanted` now.
+    fn check(&self, wanted: &Identity) -> Result<()> {
+        let differs = |what: String, mend: &str| Err(Error::options(what, mend));
+        for (name, now) in &wanted.settings {
+            let then = self.settings.get(name).unwrap_or(&serde_json::Value::Null);
+            if then != now {
+                return differs(
+                    format!(
+                        "the checkpoint was kept with {} = {then}, now it is {now}",
+                        name.replace('_', "-")
+                    ),
+                    "resume with the options that it was kept with, or start without --resume",
+                );
+            }
+        }
+        if self.capture != wanted.capture {
+            return differs(
+                "the checkpoint is of another capture, or of another part of it".into(),
+                "resume with the capture, --stride, --gate and --wall that it was kept with, or start without --resume",
+            );
+        }
+        if self.version != wanted.version || self.plan != wanted.plan || self.buffers != wanted.buffers {
+            return differs(
+                format!(
+                    "the checkpoint was kept by version {} for another grid or another kind of device",
+                    self.version
+                ),
+                "resume with the same program, --volume, --depth-pitch and --device, or start without --resume",
+            );
+        }
+        Ok(())
+    }
+}
+
+fn hash_of_scene(job: &Job<'_>, level: &super::Level) -> u64 {
+    fnv(0, bytemuck::bytes_of(&job.model.scene(&level.grid)))
+}
+
+/// FNV-1a.
+fn fnv(start: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(start, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// Whether a buffer's content lives from one iteration to the next.
+fn lives(b: &BufferPlan) -> bool {
+    b.name == TRACE || b.place == Place::Device && !CONSTANT.contains(&b.name.as_str())
+}
+
+/// The content of every buffer that lives from one iteration to the next. Waits for the device.
+pub(super) fn download(job: &mut Job<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
+    let mut all = BTreeMap::new();
+    for b in job.plan.buffers.iter().filter(|b| lives(b)) {
+        let content = if b.name == TRACE {
+            job.executor.arena.mapped(TRACE).to_vec()
+        } else {
+            job.executor.download(&b.name, DOWN)?
+        };
+        all.insert(b.name.clone(), content);
+    }
+    Ok(all)
+}
+
+/// Puts it back, if it is of the plan's levels and iterations.
+///
+/// # Errors
+/// The device's; buffers that do not fit the plan.
+pub(super) fn restore(job: &mut Job<'_>, state: &Checkpoint) -> Result<()> {
+    let (buffers, levels) = (&state.buffers, job.plan.levels.len());
+    let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;
+    if state.iteration >= job.plan.iterations || state.level >= levels || !state.pending.iter().all(sound) {
+        return Err(Error::input(
+            format!("the checkpoint is of iteration {} of {}", state.iteration, job.plan.iterations),
+            "it is damaged: start without --resume",
+        ));
+    }
+    for b in job.plan.buffers.iter().filter(|b| lives(b)) {
+        if buffers.get(&b.name).map(|content| content.len() as u64) != Some(b.bytes) {
+            return Err(Error::input(
+                format!("the checkpoint does not hold buffer `{}` of {} bytes", b.name, b.bytes),
+                "it is damaged: start without --resume",
+            ));
+        }
+    }
+    let sizes = job.plan.bytes();
+    for (name, content) in buffers.iter().filter(|(name, _)| sizes.contains_key(*name)) {
+        if name == TRACE {
+            job.executor.arena.mapped_mut(TRACE).copy_from_slice(content);
+        } else {
+            job.executor.restore(name, content, UP)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,121 @@
+//! An engine that never takes its process down: faults of device, memory and disk, killed and cancelled runs, options
+//! that make no sense. Each area runs a sample of its cases here and all of them under `make soak`, where
+//! docs/reliability.md is written from what happened.
+
+mod budget;
+mod disk;
+mod injected;
+mod killed;
+mod ledger;
+mod options;
+mod order;
+mod resumed;
+mod small;
+mod valid;
+
+use ledger::{Row, assert_held};
+
+/// Which of the cases run: every so-manieth.
+#[derive(Clone, Copy)]
+pub struct Share(pub usize);
+
+impl Share {
+    /// Whether case `i` is among them; `salt` moves the choice, so that areas do not all take their first.
+    pub fn takes(self, i: usize, salt: usize) -> bool {
+        (i + salt).is_multiple_of(self.0)
+    }
+}
+
+#[test]
+fn failed_calls_of_the_device_are_survived() {
+    assert_held(&injected::rows(Share(41)));
+}
+
+#[test]
+fn failed_files_are_survived() {
+    assert_held(&disk::rows(Share(19)));
+}
+
+#[test]
+fn killed_cancelled_and_rivalling_runs_leave_whole_results() {
+    assert_held(&killed::rows(2));
+}
+
+#[test]
+fn a_resumed_solve_gives_the_same_bits() {
+    assert_held(&resumed::rows(Share(9)));
+}
+
+#[test]
+fn no_option_panics_or_hangs() {
+    assert_held(&options::rows(Share(131)));
+}
+
+#[test]
+fn budgets_and_limits_hold() {
+    assert_held(&budget::rows());
+}
+
+#[test]
+fn poison_order_and_repeats_change_no_bit() {
+    assert_held(&order::rows(Share(6)));
+}
+
+#[test]
+fn the_validation_layer_has_nothing_to_say() {
+    assert_held(&valid::rows(Share(7)));
+}
+
+/// Runs all cases of an area and puts them into the page.
+fn all_of(area: &str, rows: &[Row]) {
+    ledger::write(area, rows);
+    assert_held(rows);
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_calls_of_the_device() {
+    all_of("Calls of the device that fail", &injected::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_files() {
+    all_of("Files that cannot be written", &disk::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_ends_of_processes() {
+    all_of("Processes killed, interrupted, cancelled, side by side", &killed::rows(12));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_checkpoints() {
+    all_of("Checkpoints", &resumed::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_options() {
+    all_of("Options", &options::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_budgets() {
+    all_of("Memory budgets and limits", &budget::rows());
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_orders() {
+    all_of("Content of memory, order of work, repeats", &order::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_validation() {
+    all_of("Validation layer", &valid::rows(Share(1)));
+}
