@@ -10,14 +10,20 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use scene::{ACCUMULATIONS, gpu, job, spent};
-use thirdbounce::solve::{initialise, iteration};
+use thirdbounce::solve::{Accumulation, Tuning, initialise, iteration};
 
 fn kernels(c: &mut Criterion) {
     let gpu = gpu(true);
     println!("{} ({})", gpu.info.name, gpu.info.driver);
     let (side, active) = (32, 20_480);
-    for accumulation in ACCUMULATIONS {
-        let mut job = match job(&gpu, side, active, accumulation) {
+    // Straight to the histograms, or through private columns; chunks of the latter stay below lavapipe's loop limit.
+    let ways = |a| [(a, 0), (a, 64)].into_iter().filter(|w| w.1 == 0 || w.0 != Accumulation::Owned);
+    for (accumulation, window) in ACCUMULATIONS.into_iter().flat_map(ways) {
+        let tuned = |t: &mut Tuning| {
+            t.chunk = if window > 0 { t.chunk.min(512) } else { t.chunk };
+            (t.window, t.window_span) = (window, u32::MAX);
+        };
+        let mut job = match job(&gpu, side, active, accumulation, tuned) {
             Ok(job) => job,
             Err(e) => {
                 println!("{accumulation:?}: {e}");
@@ -28,11 +34,15 @@ fn kernels(c: &mut Criterion) {
         let start = initialise(&job.plan, &level);
         job.executor.run(&start).expect("the start runs");
         let pairs = (job.plan.pairs * level.grid.voxels()) as u64;
-        for kernel in ["forward", "backward"] {
-            let mut group = c.benchmark_group(kernel);
+        let kernels: &[&str] = if window == 0 { &["forward", "backward"] } else { &["forward"] };
+        for kernel in kernels {
+            let mut group = c.benchmark_group(*kernel);
             group.throughput(Throughput::Elements(pairs)).sample_size(10);
             group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
-            let name = format!("{accumulation:?}").to_lowercase();
+            let mut name = format!("{accumulation:?}").to_lowercase();
+            if window > 0 {
+                name += &format!("-window-{window}");
+            }
             group.bench_function(BenchmarkId::from_parameter(name), |b| {
                 b.iter_custom(|count| {
                     let before = spent(&job, kernel);

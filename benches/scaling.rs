@@ -57,7 +57,7 @@ fn main() {
 
 /// Pairs and seconds of each, forward and backward; nothing if the scene does not fit.
 fn measure(gpu: &thirdbounce::gpu::Gpu, side: usize, active: usize) -> Option<(f64, [f64; 2])> {
-    let mut job = job(gpu, side, active, Accumulation::Auto).ok()?;
+    let mut job = job(gpu, side, active, Accumulation::Auto, |_| {}).ok()?;
     let level = *job.plan.finest();
     let mut warm = initialise(&job.plan, &level);
     warm.extend(iteration(&job.plan, &level, 0, 1));

@@ -75,6 +75,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
         "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe",
     ),
     ("PAIR_CHUNK", 24576, "pairs per dispatch of the backward kernel, for the same reason"),
+    ("PATIENCE", 16, "contributions beside a private column after which it moves"),
     ("OTHERS_FORWARD", 4, "other points that a workgroup of the forward kernel takes at once"),
     ("OTHERS_BACKWARD", 4, "the same for an invocation of the backward kernels, in registers"),
     ("COUNT_ACTIVE", 0, "index in `counts`: active voxels"),
@@ -127,6 +128,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("MOMENTUM_RESTARTS", 3, "index in `momentum`: restarts so far"),
     ("MOMENTUM_SHARE", 4, "index in `momentum`: share of the bound D that a step divides by"),
     ("MOMENTUM", 5, "length of `momentum`"),
+    ("FORWARD_DIRECT", 4, "flag: add straight to the histograms"),
     ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the dispatch before"),
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),
 ];

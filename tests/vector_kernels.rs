@@ -109,7 +109,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
     let o = VectorOptions { accumulation, ..vector_options(grid) };
     let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
-        t.window = window;
+        (t.window, t.window_span) = (window, u32::MAX);
         // Below the loop limit even if every voxel moves the window; several chunks at that.
         t.chunk = if window > 0 { 192 } else { t.chunk };
     });

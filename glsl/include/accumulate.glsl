@@ -59,8 +59,9 @@ const uint LONGEST_RUN = 256u;
 struct Run {
     int bin;     // or where a window begins (window.glsl)
     vec2 values; // of the bin and, with SPLIT, of the next
+    uint missed; // what fell beside the window where it stands
 };
-const Run NO_RUN = Run(-0x40000000, vec2(0.0));
+const Run NO_RUN = Run(-0x40000000, vec2(0.0), 0u);
 
 void add_to_bin(uint row, int bin, float value) {
     if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);

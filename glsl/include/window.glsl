@@ -1,8 +1,9 @@
 // Where a lane's contributions go: straight to the histograms, or first to columns of WINDOW bins in shared memory that
 // nobody else touches. Neighbouring voxels are seen at neighbouring bins, so a column takes many additions before it is
-// added to its histogram, once per touched bin: when a contribution falls beside it, which moves it there, and at the
-// end. No barrier and no bound of the chunk are needed, and no voxel can be too far off: a scattered domain only moves
-// windows more often. Columns lie side by side, so lanes meet no bank twice. In fixed point, too, a column's own sum is
+// added to its histogram, once per touched bin: when PATIENCE contributions have fallen beside it, the last of which
+// moves it there, and at the end. What falls beside it before goes straight to the histogram, so a scattered domain
+// costs little more than without windows. Where a brick of voxels is wider than a window, the host asks for none.
+// No barrier and no bound of the chunk are needed. Columns lie side by side, so lanes meet no bank twice. In fixed point, too, a column's own sum is
 // of one lane and in one order. A window is a second level of
 // sums, too, and takes the place of runs. Needs SPLIT, COLUMNS and accumulate.glsl.
 
@@ -27,19 +28,26 @@ void flush_column(uint column, uint row, Run run) {
 
 // Adds a value at its place to histogram `row`, whose column and run these are.
 void deposit(uint column, uint row, Place place, float value, inout Run run) {
-    if (WINDOW == 0u) {
+    if (WINDOW == 0u || (push.flags & FORWARD_DIRECT) != 0u) {
         accumulate_at(row, place, value, run);
         return;
     }
     int last = SPLIT == 0u ? place.bin : place.bin + 1;
     if (last < 0 || place.bin >= int(scene.bins)) return;
+    vec2 parts = SPLIT == 0u ? vec2(value, 0.0) : value * vec2(1.0 - place.share, place.share);
     if (place.bin < run.bin || last >= run.bin + int(WINDOW)) {
+        if (run.bin != NO_RUN.bin && ++run.missed < PATIENCE) {
+            add_to_bin(row, place.bin, parts.x);
+            if (SPLIT != 0u) add_to_bin(row, last, parts.y);
+            return;
+        }
         flush_column(column, row, run);
         run.bin = place.bin - int(WINDOW / 2u);
+        run.missed = 0u;
     }
     uint at = uint(place.bin - run.bin) * COLUMNS + column;
-    columns[at] += SPLIT == 0u ? value : value * (1.0 - place.share);
-    if (SPLIT != 0u) columns[at + COLUMNS] += value * place.share;
+    columns[at] += parts.x;
+    if (SPLIT != 0u) columns[at + COLUMNS] += parts.y;
 }
 
 // What is left at the end.

@@ -49,6 +49,9 @@ pub struct Tuning {
     pub others_backward: u32,
     /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
     pub window: u32,
+    /// Forward: the columns are used at levels where a brick of voxels is seen within so many bins. Wider ones would
+    /// move them all the time, at several times the cost of atomics.
+    pub window_span: u32,
     /// A product's forward kernel finds the other points' arms together, through shared memory.
     pub share_arms: bool,
 }
@@ -59,6 +62,8 @@ pub struct Plan {
     pub levels: Vec<Level>,
     pub pairs: usize,
     pub bins: usize,
+    /// Metres of path.
+    pub bin_width: f64,
     pub iterations: usize,
     pub accumulation: Accumulation,
     pub continuous: bool,
@@ -190,16 +195,25 @@ impl Plan {
         // On a CPU additions to memory of one's own cost the same wherever it lies.
         let window = if cpu { 0 } else { WINDOW / others_forward };
         let share_arms = !cpu;
-        let mut tuning =
-            Tuning { lanes, chunk, voxels, slices, others_forward, others_backward, window, share_arms };
+        let mut tuning = Tuning {
+            lanes,
+            chunk,
+            voxels,
+            slices,
+            others_forward,
+            others_backward,
+            window,
+            window_span: window,
+            share_arms,
+        };
         let capacity = if options.vectors { capacity(&levels) } else { grid.storage() };
         if !owned {
             // So many chunks that one dispatch holds them all, even if every voxel is active.
             tuning.chunk = tuning.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
         }
         let turns = |t: &Tuning| match product {
-            true => t.chunk / 4 * (5 * others_forward * (1 + t.window) + 5),
-            false => t.chunk * (1 + t.window),
+            true => t.chunk / 4 * (5 * others_forward + 5) + t.chunk * others_forward * t.window / PATIENCE,
+            false => t.chunk + t.chunk * t.window / PATIENCE,
         };
         if turns(&tuning) > LOOP_LIMIT {
             tuning.window = 0;
@@ -222,6 +236,7 @@ impl Plan {
         let mut plan = Plan {
             pairs: model.pairs(),
             bins: model.bins,
+            bin_width: model.bin_width,
             iterations: options.iterations,
             accumulation,
             continuous: options.sampling == Sampling::Continuous,
@@ -279,6 +294,13 @@ impl Plan {
             return 1;
         }
         level.grid.storage().min(self.capacity).div_ceil(self.tuning.chunk as usize) as u32
+    }
+
+    /// Whether the forward kernel's private columns would be too narrow at `level`.
+    pub fn forward_direct(&self, level: &Level) -> bool {
+        // A path changes by no more than twice what the voxel moves.
+        let span = 16.0 * level.grid.pitch.length() / self.bin_width;
+        span > f64::from(self.tuning.window_span)
     }
 
     /// Weights of the noise term.

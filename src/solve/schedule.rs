@@ -36,10 +36,11 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
 /// A forward pass by `kernel`, in as many dispatches as its accumulation takes.
 pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
     let mut s = Schedule::default();
+    let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     for set in 0..plan.forward_sets(level) {
         s.indirect(kernel, "arguments", 12 * u64::from(ARGUMENTS_FORWARD + set))
             .bind("scene", level.scene)
-            .with(Push { first: set, ..Default::default() });
+            .with(Push { first: set, flags, ..Default::default() });
     }
     s
 }
