@@ -199,6 +199,7 @@ pub fn load(
         memory,
         device: device.device.clone(),
         validation: device.validation,
+        tuned: true,
         ..Request::new(solver, "")
     };
     Ok((loaded, request))

@@ -4,7 +4,7 @@
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
-use thirdbounce::solve::{Accumulation, Decay, NoiseTerm, PaperOptions, VectorOptions};
+use thirdbounce::solve::{Accumulation, Decay, NoiseTerm, PaperOptions, Sizes, VectorOptions};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// One of the words that `T` is written as in files.
@@ -33,6 +33,10 @@ pub struct PaperArgs {
         value_parser = word::<Accumulation>(&["auto", "float", "fixed", "fixed32", "cas", "owned"]),
         help_heading = "Solver")]
     accumulation: Option<Accumulation>,
+    /// How the work is cut: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
+    /// [default: what `profile --tune` has found for this device and kind of scene, else what suits its kind]
+    #[arg(long, value_name = "NAME=N,...", help_heading = "Device")]
+    sizes: Option<Sizes>,
 
     /// Adam's step [default: 1]
     #[arg(long, value_name = "X", help_heading = "Optimiser (defaults as published)")]
@@ -173,6 +177,7 @@ impl PaperArgs {
                 Some(given) => given,
                 None => base.accumulation,
             },
+            sizes: self.sizes.unwrap_or(base.sizes),
             seed: self.seed.unwrap_or(base.seed),
         }
     }
@@ -241,6 +246,7 @@ impl VectorArgs {
                 Some(given) => given,
                 None => base.accumulation,
             },
+            sizes: shared.sizes.unwrap_or(base.sizes),
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
             start_above: self.start_above.unwrap_or(base.start_above),
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),

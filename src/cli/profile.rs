@@ -8,6 +8,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::job::profile::{
     self, DeviceLimits, KernelProfile, Profile, ProfileRequest, check, device_of, limits, write_json,
 };
+use thirdbounce::job::{Loaded, Request};
 use thirdbounce::{Error, Kind, Result};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
@@ -33,6 +34,10 @@ pub struct Args {
     /// float64 twin, and measure what the device does at most
     #[arg(long, conflicts_with_all = ["capture", "trace", "out"])]
     pub check: bool,
+    /// Instead of one solve: solve with one size of workgroups, chunks and columns after the other, and keep the
+    /// fastest for later runs of this device, solver, kind of pairs and model
+    #[arg(long, conflicts_with_all = ["trace", "out", "check", "sizes"])]
+    tune: bool,
     /// No progress and no notes, errors only
     #[arg(long, short)]
     quiet: bool,
@@ -49,6 +54,9 @@ pub fn run(args: &Args) -> Result<()> {
     let (loaded, request) = load(capture, &args.solver, &args.grid, &args.device)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    if args.tune {
+        return tune(args, &loaded, &request);
     }
     let (json, trace, out) = (args.json.clone(), args.trace.clone(), args.out.clone());
     let what = ProfileRequest { request, json, trace, out };
@@ -70,6 +78,33 @@ pub fn run(args: &Args) -> Result<()> {
         print(&format!("wrote     {}", files.join("\n          ")));
     }
     Ok(())
+}
+
+fn tune(args: &Args, loaded: &Loaded, request: &Request) -> Result<()> {
+    if let Some(file) = &args.json {
+        thirdbounce::job::check_file(file)?;
+    }
+    let mut tell = |text: &str| {
+        if !args.quiet {
+            say(text);
+        }
+    };
+    let tuned = profile::tune::tune(request, loaded, &mut tell)?;
+    let mut text = format!("for       {}\n", tuned.class);
+    text += &match tuned.best.is_default() {
+        true => "best      the device kind's own sizes\n".to_string(),
+        false => {
+            format!("best      --sizes {}, {:.2} of the time of its kind's own\n", tuned.best, tuned.ratio)
+        }
+    };
+    if let Some(file) = &tuned.file {
+        text += &format!("kept      {}\n", file.display());
+    }
+    print(&text);
+    match &args.json {
+        Some(file) => write_json(file, &tuned, true),
+        None => Ok(()),
+    }
 }
 
 /// What `--check` writes.

@@ -10,6 +10,7 @@ pub mod check;
 pub mod limits;
 mod passes;
 mod trace;
+pub mod tune;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -102,12 +103,7 @@ pub fn profile(
     what.out.as_deref().map(places::check_results).transpose()?;
     let grid = request.grid(&loaded.capture)?;
     let gpu = request.open()?;
-    if !gpu.has_clock() {
-        return Err(Error::device(
-            format!("{} has no time stamps", gpu.info.name),
-            "its kernels cannot be timed one by one: choose another device with --device",
-        ));
-    }
+    check_clock(&gpu)?;
     say(&format!("measuring what {} does at most", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     solving::warm_up(&request, loaded, &gpu, grid)?;
@@ -160,6 +156,16 @@ pub fn profile(
         write_json(file, &profile, true)?;
     }
     Ok(profile)
+}
+
+fn check_clock(gpu: &Gpu) -> Result<()> {
+    if gpu.has_clock() {
+        return Ok(());
+    }
+    Err(Error::device(
+        format!("{} has no time stamps", gpu.info.name),
+        "its kernels cannot be timed one by one: choose another device with --device",
+    ))
 }
 
 /// The device as reports name it.

@@ -29,6 +29,8 @@ pub struct Request {
     pub validation: bool,
     /// Time every kernel by itself and keep what host and device did when.
     pub timings: bool,
+    /// Use the sizes that [`super::profile::tune`] has found for this device and kind of scene, if it has.
+    pub tuned: bool,
     /// What is to go wrong on the device; for tests.
     pub faults: Faults,
     /// Truth to measure the result against.
@@ -67,6 +69,7 @@ impl Request {
             device: None,
             validation: false,
             timings: false,
+            tuned: false,
             faults: Faults::default(),
             truth: None,
             mask_fraction: Maps::MASK_FRACTION,

@@ -5,7 +5,9 @@ use serde::Serialize;
 use super::plain;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
-use crate::solve::{Beside, PaperOptions, Plan, Reconstruction, VectorOptions, Watch, paper, vector};
+use crate::solve::{
+    Accumulation, Beside, PaperOptions, Plan, Reconstruction, Sizes, VectorOptions, Watch, paper, vector,
+};
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Result};
 
@@ -65,6 +67,38 @@ impl SolverOptions {
         match self {
             SolverOptions::Paper(o) => PaperOptions { lateral, ..o.clone() }.into(),
             SolverOptions::Vector(o) => VectorOptions { lateral, ..o.clone() }.into(),
+        }
+    }
+
+    /// Sizes that are asked for.
+    pub fn sizes(&self) -> Sizes {
+        match self {
+            SolverOptions::Paper(o) => o.sizes,
+            SolverOptions::Vector(o) => o.sizes,
+        }
+    }
+
+    /// The same options with other sizes.
+    pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {
+        match self {
+            SolverOptions::Paper(o) => PaperOptions { sizes, ..o.clone() }.into(),
+            SolverOptions::Vector(o) => VectorOptions { sizes, ..o.clone() }.into(),
+        }
+    }
+
+    /// How surfaces reflect.
+    pub fn reflectance(&self) -> Reflectance {
+        match self {
+            SolverOptions::Paper(o) => o.reflectance,
+            SolverOptions::Vector(o) => o.reflectance,
+        }
+    }
+
+    /// How contributions are to be added up.
+    pub fn accumulation(&self) -> Accumulation {
+        match self {
+            SolverOptions::Paper(o) => o.accumulation,
+            SolverOptions::Vector(o) => o.accumulation,
         }
     }
 

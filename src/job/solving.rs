@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::checkpoint::{self, Kept};
+use super::profile::tune;
 use super::{Loaded, Request, fit};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
@@ -88,7 +89,8 @@ pub fn solve(
     let with_volume = request.volume_file.is_some();
     let beside = Beside { watch: &mut watch, keep: Some(keep) };
     let capture = &loaded.capture;
-    let done = request.solver.solve_beside(gpu, capture, grid, request.memory, with_volume, beside);
+    let solver = tune::with_kept(request, gpu, capture);
+    let done = solver.solve_beside(gpu, capture, grid, request.memory, with_volume, beside);
     let mut solved = match failed {
         Some(e) => return Err(e),
         None => done
@@ -118,7 +120,8 @@ fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Err
 pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    match request.solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
+    let solver = tune::with_kept(request, gpu, &loaded.capture);
+    match solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(fit::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }

@@ -24,6 +24,6 @@ pub use extent::default_volume;
 pub use job::{Job, upload};
 pub use options::{Accumulation, Decay, NoiseTerm, PaperOptions, Preset};
 pub use paper::{Reconstruction, VolumeMap};
-pub use plan::{Level, Plan, Tuning, Wanted};
+pub use plan::{Level, Plan, Sizes, Tuning, Wanted};
 pub use schedule::iteration;
 pub use vector::VectorOptions;

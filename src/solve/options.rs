@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Sizes;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 use crate::{Error, Result};
 
@@ -99,6 +100,9 @@ pub struct PaperOptions {
     /// Leave nothing out: every pair with two points, normals of every wall.
     pub general: bool,
     pub accumulation: Accumulation,
+    /// Sizes of workgroups and the like, instead of those that suit the kind of device.
+    #[serde(default, skip_serializing_if = "Sizes::is_default")]
+    pub sizes: Sizes,
     pub seed: u32,
 }
 
@@ -135,6 +139,7 @@ impl PaperOptions {
             reflectance: Reflectance::Cosine,
             general: false,
             accumulation: Accumulation::Auto,
+            sizes: Sizes::default(),
             seed: 0,
         }
     }

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use super::{Accumulation, NoiseTerm, PaperOptions};
 use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
-use crate::transport::kernels::*;
 use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling};
 use crate::{Error, Result};
 
 mod buffers;
 mod kernels;
 mod left_out;
+mod tuning;
+
+pub use tuning::{Sizes, Tuning};
 
 /// One lateral resolution of the coarse-to-fine sequence.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,29 +34,6 @@ const SCENES: [[&str; 2]; 8] = [
     ["scene_6", "reachable_6"],
     ["scene_7", "reachable_7"],
 ];
-
-/// Workgroup and chunk sizes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Tuning {
-    /// Forward: pairs of a workgroup.
-    pub lanes: u32,
-    /// Forward: voxels of a workgroup.
-    pub chunk: u32,
-    /// Backward: voxels of a workgroup.
-    pub voxels: u32,
-    /// Backward: lanes that share a voxel.
-    pub slices: u32,
-    /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
-    pub others_forward: u32,
-    pub others_backward: u32,
-    /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
-    pub window: u32,
-    /// Forward: the columns are used at levels where a brick of voxels is seen within so many bins. Wider ones would
-    /// move them all the time, at several times the cost of atomics.
-    pub window_span: u32,
-    /// A product's forward kernel finds the other points' arms together, through shared memory.
-    pub share_arms: bool,
-}
 
 /// Variants, sizes and buffers of one job.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,6 +92,7 @@ pub struct Wanted {
     pub smooth_truncate: f64,
     pub vectors: bool,
     pub general: bool,
+    pub sizes: Sizes,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -130,13 +110,10 @@ impl From<&PaperOptions> for Wanted {
             smooth_truncate: o.smooth_truncate,
             vectors: false,
             general: o.general,
+            sizes: o.sizes,
         }
     }
 }
-
-/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels is seen within
-/// about as many.
-const WINDOW: u32 = 64;
 
 /// lavapipe stops an invocation silently after so many loop turns in all.
 const LOOP_LIMIT: u32 = 65_535;
@@ -181,49 +158,12 @@ impl Plan {
             }
         }
         let levels = levels(grid, scan, options.coarse_to_fine)?;
-        let owned = accumulation == Accumulation::Owned;
-        let cpu = device.kind == DeviceKind::Cpu;
-        // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
-        let others = model.wall.others.len() as u32;
-        let product = model.wall.geometry == Geometry::Product;
-        let at_once = |most: u32| if product { others.min(most) } else { 1 };
-        let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
-        let (lanes, chunk, voxels, slices) = if cpu { (8, 4096, 64, 1) } else { (64, 256, 32, 4) };
-        // A product's lane turns once for every other point too, and fills shared memory.
-        let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
-        let chunk = if owned { owned_chunk } else { chunk };
-        // On a CPU additions to memory of one's own cost the same wherever it lies.
-        let window = if cpu { 0 } else { WINDOW / others_forward };
-        let share_arms = !cpu;
-        let mut tuning = Tuning {
-            lanes,
-            chunk,
-            voxels,
-            slices,
-            others_forward,
-            others_backward,
-            window,
-            window_span: window,
-            share_arms,
-        };
         let capacity = if options.vectors { capacity(&levels) } else { grid.storage() };
-        if !owned {
-            // So many chunks that one dispatch holds them all, even if every voxel is active.
-            tuning.chunk = tuning.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
-        }
-        let turns = |t: &Tuning| match product {
-            true => t.chunk / 4 * (5 * others_forward + 5) + t.chunk * others_forward * t.window / PATIENCE,
-            false => t.chunk + t.chunk * t.window / PATIENCE,
-        };
-        if turns(&tuning) > LOOP_LIMIT {
-            tuning.window = 0;
-        }
-        let turns = [turns(&tuning), PAIR_CHUNK / tuning.slices * 2, 2 * LONGEST_LOOP as u32];
-        assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
+        let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
             Geometry::Product => {
                 model.wall.scanned.len().div_ceil(tuning.lanes as usize)
-                    * model.wall.others.len().div_ceil(others_forward as usize)
+                    * model.wall.others.len().div_ceil(tuning.others_forward as usize)
             }
             _ => model.pairs().div_ceil(tuning.lanes as usize),
         };

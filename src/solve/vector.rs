@@ -16,7 +16,7 @@ use super::drive::{Beside, Steps, Watch, drive};
 use super::job::{Job, upload};
 use super::paper::finish;
 use super::plan::Wanted;
-use super::{Accumulation, NoiseTerm, Plan, Reconstruction, domain};
+use super::{Accumulation, NoiseTerm, Plan, Reconstruction, Sizes, domain};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::transport::{Binning, Gradient, Grid, Model, Reflectance, Sampling};
@@ -66,6 +66,9 @@ pub struct VectorOptions {
     /// The measurement is scaled so that this is its largest value.
     pub peak: f64,
     pub accumulation: Accumulation,
+    /// Sizes of workgroups and the like, instead of those that suit the kind of device.
+    #[serde(default, skip_serializing_if = "Sizes::is_default")]
+    pub sizes: Sizes,
 }
 
 impl Default for VectorOptions {
@@ -90,6 +93,7 @@ impl Default for VectorOptions {
             min_depth: 0.2,
             peak: 10.0,
             accumulation: Accumulation::Auto,
+            sizes: Sizes::default(),
         }
     }
 }
@@ -109,6 +113,7 @@ impl From<&VectorOptions> for Wanted {
             smooth_truncate: 4.0,
             vectors: true,
             general: o.general,
+            sizes: o.sizes,
         }
     }
 }

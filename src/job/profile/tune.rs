@@ -1,0 +1,200 @@
+//! Finds the sizes of workgroups, chunks and columns that suit a device and a kind of scene, and keeps them.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::super::account::plain;
+use super::super::{Loaded, Request, solving};
+use super::{pass_of, write_json};
+use crate::capture::Capture;
+use crate::gpu::{DeviceKind, Gpu};
+use crate::solve::{Accumulation, Sizes};
+use crate::{Kind, Result};
+
+/// One trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tried {
+    pub sizes: Sizes,
+    /// Device seconds of all forward passes and of all backward passes.
+    pub forward_s: f64,
+    pub backward_s: f64,
+}
+
+/// What tuning found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tuned {
+    /// Device, driver, solver, pairs and reflectance that it is for.
+    pub class: String,
+    /// The first one is the device kind's own.
+    pub tried: Vec<Tried>,
+    pub best: Sizes,
+    /// Seconds of both passes with the best sizes over those with the device kind's own.
+    pub ratio: f64,
+    /// Where it is kept; `None` if no folder for caches is known or the device kind's own are best.
+    pub file: Option<PathBuf>,
+}
+
+/// A pass must become this much faster to be worth other sizes.
+const WORTH: f64 = 0.97;
+
+/// Solves with one size after the other changed, each from the best so far: what the forward pass takes, then what the
+/// backward pass does. The sizes found are kept for later runs of the class. `say` is told of every trial.
+///
+/// # Errors
+/// As [`super::profile`]; a cache that cannot be written.
+pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
+    let request = Request { timings: true, tuned: false, ..request.clone() };
+    request.solver.check()?;
+    let grid = request.grid(&loaded.capture)?;
+    let gpu = request.open()?;
+    super::check_clock(&gpu)?;
+    let mut tried: Vec<Tried> = vec![];
+    let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
+        if let Some(known) = tried.iter().find(|t| t.sizes == sizes) {
+            return Ok(Some(known.clone()));
+        }
+        let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
+        // Once to warm up, twice to measure.
+        let mut best: Option<Tried> = None;
+        for _ in 0..3 {
+            let mut hear = |_: &_| ControlFlow::Continue(());
+            let done = match solving::solve(&request, loaded, &gpu, grid, None, &mut hear) {
+                Ok(done) => done.solved,
+                // More than the device takes: not a candidate.
+                Err(e) if e.kind == Kind::Options && !sizes.is_default() => return Ok(None),
+                Err(e) => return Err(e),
+            };
+            let of = |begins: &str| {
+                let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.name.starts_with(begins));
+                done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()
+            };
+            let now = Tried { sizes, forward_s: of("forward"), backward_s: of("backward") };
+            best = Some(match best {
+                Some(b) => Tried {
+                    sizes,
+                    forward_s: b.forward_s.min(now.forward_s),
+                    backward_s: b.backward_s.min(now.backward_s),
+                },
+                None => now,
+            });
+        }
+        gpu.take_recording();
+        let best = best.expect("three runs");
+        say(&format!(
+            "{:<52} forward {:.4} s, backward {:.4} s",
+            if sizes.is_default() { "the device kind's own".into() } else { sizes.to_string() },
+            best.forward_s,
+            best.backward_s
+        ));
+        tried.push(best.clone());
+        Ok(Some(best))
+    };
+    let own = run(request.solver.sizes(), &mut tried)?.expect("the own sizes are no trial");
+    let (mut best, mut forward_s, mut backward_s) = (own.sizes, own.forward_s, own.backward_s);
+    for set in steps(gpu.info.kind) {
+        for change in set.changes {
+            let Some(now) = run(change(best), &mut tried)? else { continue };
+            let (new, old) =
+                if set.forward { (now.forward_s, &mut forward_s) } else { (now.backward_s, &mut backward_s) };
+            if new < WORTH * *old {
+                (*old, best) = (new, now.sizes);
+            }
+        }
+    }
+    let class = class_of(&gpu, &request, &loaded.capture);
+    let file = if best.is_default() { None } else { keep(&class, best)? };
+    let ratio = (forward_s + backward_s) / (own.forward_s + own.backward_s).max(1e-12);
+    Ok(Tuned { class, tried, best, ratio, file })
+}
+
+/// Changes of one size, tried in turn; judged by the pass that they are of.
+struct Step {
+    forward: bool,
+    changes: Vec<Box<dyn Fn(Sizes) -> Sizes>>,
+}
+
+fn steps(kind: DeviceKind) -> Vec<Step> {
+    let cpu = kind == DeviceKind::Cpu;
+    fn each<const N: usize>(values: [u32; N], set: fn(&mut Sizes, u32)) -> Vec<Box<dyn Fn(Sizes) -> Sizes>> {
+        let one = |v: u32| -> Box<dyn Fn(Sizes) -> Sizes> {
+            Box::new(move |mut s| {
+                set(&mut s, v);
+                s
+            })
+        };
+        values.into_iter().map(one).collect()
+    }
+    let window = if cpu { vec![] } else { each([0, 16, 32, 64, 128], |s, v| s.window = Some(v)) };
+    let lanes = if cpu { [4, 8, 16, 32] } else { [32, 64, 128, 256] };
+    let chunk = if cpu { [4096, 8192, 16384, 32768] } else { [64, 128, 512, 1024] };
+    let voxels = if cpu { [8, 16, 32, 128] } else { [16, 32, 64, 128] };
+    let slices = if cpu { vec![] } else { each([1, 2, 4, 8], |s, v| s.slices = Some(v)) };
+    [
+        (true, each(chunk, |s, v| s.chunk = Some(v))),
+        (true, each(lanes, |s, v| s.lanes = Some(v))),
+        (true, window),
+        (false, each(voxels, |s, v| s.voxels = Some(v))),
+        (false, slices),
+    ]
+    .into_iter()
+    .map(|(forward, changes)| Step { forward, changes })
+    .collect()
+}
+
+/// What sizes are kept for.
+fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
+    let kind = capture.pair_kind();
+    let model = request.solver.reflectance();
+    let (name, driver) = (gpu.info.name.trim(), gpu.info.driver.trim());
+    format!("{name} | {driver} | {} | {} | {}", request.solver.name(), plain(&kind), plain(&model))
+}
+
+/// The request's solver with the sizes that were found for it, unless it asks for its own, or for the same bits on
+/// every run: private columns change them.
+pub(in crate::job) fn with_kept(
+    request: &Request,
+    gpu: &Gpu,
+    capture: &Capture,
+) -> super::super::SolverOptions {
+    let solver = &request.solver;
+    let fixed = matches!(solver.accumulation(), Accumulation::Fixed | Accumulation::Fixed32);
+    if !request.tuned || fixed || !solver.sizes().is_default() {
+        return solver.clone();
+    }
+    match kept().get(&class_of(gpu, request, capture)) {
+        Some(sizes) => solver.with_sizes(*sizes),
+        None => solver.clone(),
+    }
+}
+
+/// `thirdbounce/sizes.json` in the user's folder for caches.
+fn cache() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+    let folder = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
+    Some(folder.join("thirdbounce").join("sizes.json"))
+}
+
+/// All that is kept. A file that cannot be read counts as none: it is a cache.
+fn kept() -> BTreeMap<String, Sizes> {
+    let text = cache().and_then(|file| std::fs::read_to_string(file).ok());
+    text.and_then(|t| serde_json::from_str(&t).ok()).unwrap_or_default()
+}
+
+fn keep(class: &str, sizes: Sizes) -> Result<Option<PathBuf>> {
+    let Some(file) = cache() else { return Ok(None) };
+    let mut all = kept();
+    all.insert(class.into(), sizes);
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| {
+            crate::Error::output(
+                format!("{}: {e}", folder.display()),
+                "set XDG_CACHE_HOME to a folder of your own",
+            )
+        })?;
+    }
+    write_json(&file, &all, true)?;
+    Ok(Some(file))
+}

@@ -1,0 +1,233 @@
+//! Sizes of workgroups, chunks and columns: what suits a kind of device, or what was measured on one (`thirdbounce
+//! profile --tune`). They change how the work is cut, not what is computed.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::{LONGEST_LOOP, LOOP_LIMIT};
+use crate::gpu::{Abilities, DeviceKind};
+use crate::solve::Accumulation;
+use crate::transport::kernels::*;
+use crate::transport::{Geometry, Model};
+use crate::{Error, Result};
+
+/// Workgroup and chunk sizes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tuning {
+    /// Forward: pairs of a workgroup.
+    pub lanes: u32,
+    /// Forward: voxels of a workgroup.
+    pub chunk: u32,
+    /// Backward: voxels of a workgroup.
+    pub voxels: u32,
+    /// Backward: lanes that share a voxel.
+    pub slices: u32,
+    /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
+    pub others_forward: u32,
+    pub others_backward: u32,
+    /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
+    pub window: u32,
+    /// Forward: the columns are used at levels where a brick of voxels is seen within so many bins. Wider ones would
+    /// move them all the time, at several times the cost of atomics.
+    pub window_span: u32,
+    /// A product's forward kernel finds the other points' arms together, through shared memory.
+    pub share_arms: bool,
+}
+
+/// Sizes that somebody asks for instead of those that suit the kind of device. Written `lanes=64,chunk=256`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sizes {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lanes: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chunk: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub window: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxels: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slices: Option<u32>,
+}
+
+impl Sizes {
+    /// None asked for.
+    pub fn is_default(&self) -> bool {
+        *self == Sizes::default()
+    }
+
+    fn named(&self) -> [(&'static str, Option<u32>); 5] {
+        [
+            ("lanes", self.lanes),
+            ("chunk", self.chunk),
+            ("window", self.window),
+            ("voxels", self.voxels),
+            ("slices", self.slices),
+        ]
+    }
+}
+
+impl fmt::Display for Sizes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let given: Vec<_> =
+            self.named().iter().filter_map(|(name, v)| v.map(|v| format!("{name}={v}"))).collect();
+        f.write_str(&given.join(","))
+    }
+}
+
+impl FromStr for Sizes {
+    type Err = Error;
+
+    /// # Errors
+    /// A name that is none of the sizes', a value that is no whole number.
+    fn from_str(text: &str) -> Result<Sizes> {
+        let mut sizes = Sizes::default();
+        for part in text.split(',') {
+            let wrong = || {
+                Error::options(
+                    format!("--sizes {text}: {part:?} is no size"),
+                    "write sizes as lanes=64,chunk=256,window=64,voxels=32,slices=4, or some of them",
+                )
+            };
+            let (name, value) = part.split_once('=').ok_or_else(wrong)?;
+            let value: u32 = value.trim().parse().map_err(|_| wrong())?;
+            let slot = match name.trim() {
+                "lanes" => &mut sizes.lanes,
+                "chunk" => &mut sizes.chunk,
+                "window" => &mut sizes.window,
+                "voxels" => &mut sizes.voxels,
+                "slices" => &mut sizes.slices,
+                _ => return Err(wrong()),
+            };
+            *slot = Some(value);
+        }
+        Ok(sizes)
+    }
+}
+
+/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels is seen within
+/// about as many.
+const WINDOW: u32 = 64;
+
+impl Tuning {
+    /// What suits the device, with the sizes that are asked for. `capacity` is how many voxels may be active.
+    ///
+    /// # Errors
+    /// Sizes that the device or the kernels do not take.
+    pub fn new(
+        model: &Model,
+        capacity: usize,
+        accumulation: Accumulation,
+        device: &Abilities,
+        sizes: &Sizes,
+    ) -> Result<Tuning> {
+        let owned = accumulation == Accumulation::Owned;
+        let cpu = device.kind == DeviceKind::Cpu;
+        let others = model.wall.others.len() as u32;
+        let product = model.wall.geometry == Geometry::Product;
+        let at_once = |most: u32| if product { others.min(most) } else { 1 };
+        let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
+        // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
+        let (lanes, chunk, voxels, slices) = if cpu { (8, 4096, 64, 1) } else { (64, 256, 32, 4) };
+        // A product's lane turns once for every other point too, and fills shared memory.
+        let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
+        let chunk = if owned { owned_chunk } else { chunk };
+        // On a CPU additions to memory of one's own cost the same wherever it lies.
+        let window = if cpu { 0 } else { WINDOW / others_forward };
+        let mut t = Tuning {
+            lanes: sizes.lanes.unwrap_or(lanes),
+            chunk: sizes.chunk.unwrap_or(chunk),
+            voxels: sizes.voxels.unwrap_or(voxels),
+            slices: sizes.slices.unwrap_or(slices),
+            others_forward,
+            others_backward,
+            window: sizes.window.unwrap_or(window),
+            window_span: sizes.window.unwrap_or(window),
+            share_arms: !cpu,
+        };
+        t.check(device, sizes)?;
+        if !owned {
+            // So many chunks that one dispatch holds them all, even if every voxel is active.
+            t.chunk = t.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
+        }
+        if t.turns(product) > LOOP_LIMIT && sizes.window.is_none() {
+            t.window = 0;
+        }
+        if t.turns(product) > LOOP_LIMIT {
+            return Err(Error::options(
+                format!("--sizes {sizes}: a chunk of {} voxels loops longer than drivers allow", t.chunk),
+                "use a smaller chunk or window",
+            ));
+        }
+        let turns = [PAIR_CHUNK / t.slices * 2, 2 * LONGEST_LOOP as u32];
+        assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
+        Ok(t)
+    }
+
+    /// Loop turns of an invocation of the forward kernel, at most.
+    fn turns(&self, product: bool) -> u32 {
+        let (chunk, others) = (self.chunk, self.others_forward);
+        let moves = chunk.saturating_mul(others).saturating_mul(self.window) / PATIENCE;
+        moves.saturating_add(if product { chunk / 4 * (5 * others + 5) } else { chunk })
+    }
+
+    fn check(&self, device: &Abilities, sizes: &Sizes) -> Result<()> {
+        let bad = |what: String, mend: &str| Err(Error::options(format!("--sizes {sizes}: {what}"), mend));
+        let none = sizes.named().into_iter().find(|(name, v)| *v == Some(0) && *name != "window");
+        if let Some((name, _)) = none {
+            return bad(format!("{name} is 0"), "give 1 or more, or leave it out");
+        }
+        let invocations = device.limits.workgroup_invocations;
+        for (what, size) in
+            [("lanes", Some(self.lanes)), ("voxels times slices", self.voxels.checked_mul(self.slices))]
+        {
+            if size.is_none_or(|s| s > invocations) {
+                let most = format!("use at most {invocations}");
+                return bad(
+                    format!("{what} are more invocations than a workgroup of this device has"),
+                    &most,
+                );
+            }
+        }
+        if self.chunk > OWNED_CHUNK {
+            return bad(
+                format!("a chunk of {} voxels is too long", self.chunk),
+                &format!("use at most {OWNED_CHUNK}"),
+            );
+        }
+        // Beside the columns a product holds 64 voxels' arms to the other points.
+        let columns =
+            [self.lanes, self.others_forward, self.window, 4].iter().map(|v| u64::from(*v)).product::<u64>();
+        let bytes = columns + 64 * 12 * u64::from(self.others_forward) + 64;
+        if bytes > u64::from(device.limits.shared_memory) {
+            return bad(
+                format!(
+                    "{bytes} bytes of shared memory, where a workgroup has {}",
+                    device.limits.shared_memory
+                ),
+                "use fewer lanes or a smaller window",
+            );
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_written_as_they_are_read() {
+        let sizes: Sizes = "lanes=32, window=0,slices=8".parse().unwrap();
+        assert_eq!(sizes, Sizes { lanes: Some(32), window: Some(0), slices: Some(8), ..Sizes::default() });
+        assert_eq!(sizes.to_string(), "lanes=32,window=0,slices=8");
+        assert_eq!(sizes.to_string().parse::<Sizes>().unwrap(), sizes);
+        for wrong in
+            ["", "lanes", "lanes=", "lanes=-1", "lane=3", "lanes=1.5", "lanes=99999999999", "lanes=1,,"]
+        {
+            assert!(wrong.parse::<Sizes>().is_err(), "{wrong:?}");
+        }
+    }
+}
