@@ -6,7 +6,8 @@
 # 1. Every pass of both solvers on every accumulation path against its float64 twin, and what the device does at most.
 #    Stops here if a pass is wrong.
 # 2. Both solvers on the paper's scene (32 x 32 points, 128 x 128 voxels), simulated on the spot: every kernel.
-# 3. Every accumulation path, in short runs of the paper's solver.
+# 3. The same with the sizes of workgroups, chunks and columns that trials find the fastest here.
+# 4. Every accumulation path, in short runs of the paper's solver.
 # Prints a table of each and writes benches/results/<device>-<driver>.json. --quick takes a scene that two CPU cores
 # solve in seconds, and marks the file so.
 set -eu
@@ -37,6 +38,8 @@ binary=$(cd "$(dirname "$binary")" && pwd)/$(basename "$binary")
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+# Sizes found earlier must not count, nor stay.
+export XDG_CACHE_HOME="$work/cache"
 # Files by their bare names, so that no result tells where it was made.
 cd "$work"
 # The device's words may hold spaces.
@@ -60,6 +63,15 @@ title "vector solver"
 profile figure.npz --solver vector --lateral $lateral --iterations $vector --quiet --json vector.json
 title "paper's solver"
 profile figure.npz --solver paper --lateral $lateral --iterations $paper --quiet --json paper.json
+for solver in vector paper; do
+    title "sizes for the $solver solver, then with them"
+    iterations=$vector
+    [ $solver = vector ] || iterations=$((paper / 4))
+    profile figure.npz --solver $solver --lateral $lateral --iterations $iterations --tune --json tune-$solver.json
+    [ $solver = vector ] || iterations=$paper
+    profile figure.npz --solver $solver --lateral $lateral --iterations $iterations --quiet --json tuned-$solver.json
+done
+rm -rf "$XDG_CACHE_HOME"
 paths=
 for path in owned float fixed fixed32 cas; do
     title "paper's solver, --accumulation $path"
@@ -79,9 +91,9 @@ result="$here/results/$(slug "$(word name)")-$(slug "$(word driver)").json"
     printf '{\n"device": "%s",\n"driver": "%s",\n"quick": %s,\n' "$(word name)" "$(word driver)" "$quick"
     printf '"check": '
     cat check.json
-    for solver in vector paper; do
-        printf ',\n"%s": ' "$solver"
-        cat "$solver.json"
+    for part in vector paper tune-vector tuned-vector tune-paper tuned-paper; do
+        printf ',\n"%s": ' "$part"
+        cat "$part.json"
     done
     printf ',\n"accumulation": {'
     comma=

@@ -28,7 +28,12 @@ void flush_column(uint column, uint row, Run run) {
 
 // Adds a value at its place to histogram `row`, whose column and run these are.
 void deposit(uint column, uint row, Place place, float value, inout Run run) {
-    if (WINDOW == 0u || (push.flags & FORWARD_DIRECT) != 0u) {
+    // Two questions, as the first is answered when the kernel is made.
+    if (WINDOW == 0u) {
+        accumulate_at(row, place, value, run);
+        return;
+    }
+    if ((push.flags & FORWARD_DIRECT) != 0u) {
         accumulate_at(row, place, value, run);
         return;
     }

@@ -38,7 +38,7 @@ pub struct Tuned {
 }
 
 /// A pass must become this much faster to be worth other sizes.
-const WORTH: f64 = 0.97;
+const WORTH: f64 = 0.95;
 
 /// Solves with one size after the other changed, each from the best so far: what the forward pass takes, then what the
 /// backward pass does. The sizes found are kept for later runs of the class. `say` is told of every trial.
@@ -52,21 +52,21 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     let gpu = request.open()?;
     super::check_clock(&gpu)?;
     let mut tried: Vec<Tried> = vec![];
+    let mut seen = vec![];
+    // None where the device does not take the sizes, or they cut the work as others did.
     let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
-        if let Some(known) = tried.iter().find(|t| t.sizes == sizes) {
-            return Ok(Some(known.clone()));
-        }
         let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
+        match request.solver.plan(&loaded.capture, grid, &gpu.abilities(), false) {
+            Ok(plan) if seen.contains(&plan.tuning) => return Ok(None),
+            Ok(plan) => seen.push(plan.tuning),
+            Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
+            Err(e) => return Err(e),
+        }
         // Once to warm up, twice to measure.
         let mut best: Option<Tried> = None;
         for _ in 0..3 {
             let mut hear = |_: &_| ControlFlow::Continue(());
-            let done = match solving::solve(&request, loaded, &gpu, grid, None, &mut hear) {
-                Ok(done) => done.solved,
-                // More than the device takes: not a candidate.
-                Err(e) if e.kind == Kind::Options && !sizes.is_default() => return Ok(None),
-                Err(e) => return Err(e),
-            };
+            let done = solving::solve(&request, loaded, &gpu, grid, None, &mut hear)?.solved;
             let of = |begins: &str| {
                 let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.name.starts_with(begins));
                 done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()
