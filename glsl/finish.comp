@@ -39,6 +39,7 @@ void main() {
     trace[row + TRACE_PEAK] = counts[COUNT_PEAK_ALBEDO];
     trace[row + TRACE_OBJECTIVE] = floatBitsToUint(objective);
     trace[row + TRACE_FAULTS] = counts[COUNT_FAULTS];
+    trace[row + TRACE_LEAST] = counts[COUNT_LEAST_SMOOTH];
     counts[COUNT_PEAK_ALBEDO] = 0u;
     if (ACCELERATED == 0u) return;
     objective += sum.z;

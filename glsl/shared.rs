@@ -121,7 +121,12 @@ const NUMBERS: &[(&str, u32, &str)] = &[
         6,
         "index in a row of `trace`: which kernels have given a value that is not finite (uint)",
     ),
-    ("TRACE_ROW", 7, "length of a row of `trace`"),
+    (
+        "TRACE_LEAST",
+        7,
+        "index in a row of `trace`: the least smoothed albedo that there was room for, 0 for any",
+    ),
+    ("TRACE_ROW", 8, "length of a row of `trace`"),
     ("MOMENTUM_T", 0, "index in `momentum`: FISTA's t"),
     ("MOMENTUM_BETA", 1, "index in `momentum`: extrapolation of the next iteration"),
     ("MOMENTUM_OBJECTIVE", 2, "index in `momentum`: objective of the iteration before"),

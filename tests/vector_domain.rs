@@ -189,6 +189,10 @@ fn a_domain_beyond_its_room_keeps_the_brightest() {
         let told_least = f64::from(f32::from_bits(told[COUNT_LEAST_SMOOTH as usize]));
         assert_eq!(told_least, least, "room for {room}");
         assert_eq!(least > 0.05 * peak, room < count(&all));
+        // The iteration after it tells.
+        run_iteration(&mut job, 3, &["finish"]);
+        let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+        assert_eq!(rows[3][TRACE_LEAST as usize], told[COUNT_LEAST_SMOOTH as usize]);
         let kept: Vec<bool> = all.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
         let differ = read_mask(&mut job, "mask", grid.storage());
         let differ = differ.iter().zip(&kept).filter(|(a, b)| a != b).count();

@@ -43,6 +43,11 @@ pub fn report(report: &Report) -> String {
             ),
         );
     }
+    if report.plan.full {
+        let what = "the domain was larger than there is room for, its dimmest voxels were left out: if the result \
+                    looks cut off, use a coarser --lateral or --depth-pitch, or a narrower --gate";
+        line(&mut out, "note", what.into());
+    }
     if let Some(metrics) = &report.metrics {
         out += &self::metrics(metrics);
     }

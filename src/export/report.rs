@@ -44,6 +44,8 @@ pub struct Plan {
     pub left_out: Vec<String>,
     /// Bytes of each buffer by name.
     pub buffers: BTreeMap<String, u64>,
+    /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
+    pub full: bool,
 }
 
 /// One line of the trace.

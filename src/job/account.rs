@@ -32,6 +32,7 @@ pub fn report_of(
             variants: solved.plan.variants(),
             left_out: solved.plan.left_out.clone(),
             buffers: solved.plan.bytes(),
+            full: solved.full,
         },
         trace: done.trace(),
         totals: report::Totals {

@@ -8,6 +8,7 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Gpu, KernelTime, Schedule};
 use crate::maps::Maps;
+use crate::transport::kernels::{TRACE_LEAST, TRACE_ROW};
 use crate::transport::{Grid, Model};
 
 /// Volume of a finished solve.
@@ -31,6 +32,8 @@ pub struct Reconstruction {
     pub pairs: u64,
     pub solve_seconds: f64,
     pub device_bytes: u64,
+    /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
+    pub full: bool,
     /// Per kernel, if the device was opened with timings.
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
@@ -123,6 +126,9 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
     } else {
         None
     };
+    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+    let done = driven.trace.last().map_or(0, |p| p.iteration);
+    let full = rows[..done].iter().any(|r| r[TRACE_LEAST as usize] != 0);
     Ok(Reconstruction {
         maps: driven.maps,
         volume,
@@ -131,6 +137,7 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
         pairs: driven.pairs,
         solve_seconds: driven.seconds,
         device_bytes: job.executor.arena.bytes(),
+        full,
         kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
         plan: job.plan,
     })
