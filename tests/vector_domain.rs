@@ -341,7 +341,7 @@ fn the_papers_scene_takes_150_megabytes() {
     let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 1.4) };
     let grid = Grid::new(volume, 128, (volume.max.z - volume.min.z) / 333.0).unwrap();
     assert_eq!(grid.n, [128, 128, 333]);
-    let o = VectorOptions { coarse_to_fine: true, ..vector_options(&grid) };
+    let o = VectorOptions { coarse_to_fine: true, room: None, ..vector_options(&grid) };
     let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), false).unwrap();
     let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
     assert!(bytes < 100_000_000, "{bytes}");

@@ -206,6 +206,10 @@ pub struct VectorArgs {
     /// Steepest surface: largest |n_xy| / |n_z|
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     cone: Option<f64>,
+    /// Share of the finest grid that may be active at once; of a larger domain the brightest voxels are kept. More
+    /// takes more memory [default: a sixteenth, at least half of the first grid or 262,144 voxels]
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    room: Option<f64>,
     /// Do not take off the background that is estimated behind the signal
     #[arg(long, help_heading = "Vector solver")]
     no_background: bool,
@@ -225,6 +229,7 @@ impl VectorArgs {
             ("bound-every", self.bound_every.is_some()),
             ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
+            ("room", self.room.is_some()),
             ("no-background", self.no_background),
             ("stop", self.stop.is_some()),
         ];
@@ -254,6 +259,7 @@ impl VectorArgs {
             bound_every: self.bound_every.unwrap_or(base.bound_every),
             step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),
+            room: self.room.or(base.room),
             background: base.background && !self.no_background,
             reflectance: base.reflectance,
             general: base.general,

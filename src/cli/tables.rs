@@ -45,7 +45,7 @@ pub fn report(report: &Report) -> String {
     }
     if report.plan.full {
         let what = "the domain was larger than there is room for, its dimmest voxels were left out: if the result \
-                    looks cut off, use a coarser --lateral or --depth-pitch, or a narrower --gate";
+                    looks cut off, use a larger --room, a coarser --lateral or --depth-pitch, or a narrower --gate";
         line(&mut out, "note", what.into());
     }
     if let Some(metrics) = &report.metrics {

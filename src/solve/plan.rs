@@ -93,6 +93,8 @@ pub struct Wanted {
     pub vectors: bool,
     pub general: bool,
     pub sizes: Sizes,
+    /// Share of the finest grid that the vector solver has room for.
+    pub room: Option<f64>,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -111,6 +113,7 @@ impl From<&PaperOptions> for Wanted {
             vectors: false,
             general: o.general,
             sizes: o.sizes,
+            room: None,
         }
     }
 }
@@ -158,7 +161,7 @@ impl Plan {
             }
         }
         let levels = levels(grid, scan, options.coarse_to_fine)?;
-        let capacity = if options.vectors { capacity(&levels) } else { grid.storage() };
+        let capacity = if options.vectors { capacity(&levels, options.room) } else { grid.storage() };
         let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
             Geometry::Product => {
@@ -261,10 +264,13 @@ impl Plan {
 /// Voxels that the vector solver has room for: all of a small grid's, half of the first one's, a sixteenth of the last
 /// one's, whichever is most. A first back-projection leaves a tenth of the first grid, surfaces a hundredth of the last;
 /// of more the brightest are kept.
-fn capacity(levels: &[Level]) -> usize {
+fn capacity(levels: &[Level], room: Option<f64>) -> usize {
     const SMALL: usize = 1 << 18;
     let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-    SMALL.max(first / 2).max(last / 16).min(last)
+    match room {
+        Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
+        None => SMALL.max(first / 2).max(last / 16).min(last),
+    }
 }
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {

@@ -59,6 +59,9 @@ pub struct VectorOptions {
     pub general: bool,
     /// Subtract the background estimated behind the signal.
     pub background: bool,
+    /// Share of the finest grid that may be active at once, as memory has room; of a larger domain the brightest are kept.
+    /// `None`: a sixteenth, and at least half of the first grid or 262,144 voxels.
+    pub room: Option<f64>,
     /// Stop once what is left of the data is no more than its noise.
     pub stop: bool,
     /// Nothing nearer than this is ever active, metres.
@@ -89,6 +92,7 @@ impl Default for VectorOptions {
             reflectance: Reflectance::Cosine,
             general: false,
             background: true,
+            room: None,
             stop: true,
             min_depth: 0.2,
             peak: 10.0,
@@ -114,6 +118,7 @@ impl From<&VectorOptions> for Wanted {
             vectors: true,
             general: o.general,
             sizes: o.sizes,
+            room: o.room,
         }
     }
 }
@@ -169,6 +174,9 @@ impl VectorOptions {
             if !(value.is_finite() && value >= 0.0) {
                 return bad(name, value.to_string(), "zero or a positive number");
             }
+        }
+        if let Some(room) = self.room.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
+            return bad("room", room.to_string(), "a positive number up to 1");
         }
         for (name, value) in [("keep-above", self.keep_above), ("start-above", self.start_above)] {
             if !(0.0..1.0).contains(&value) {

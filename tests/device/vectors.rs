@@ -15,7 +15,14 @@ pub fn scene(n: usize, bins: usize, seed: u64) -> Model {
 }
 
 pub fn vector_options(grid: &Grid) -> VectorOptions {
-    VectorOptions { lateral: grid.n[0], iterations: 64, coarse_to_fine: false, ..Default::default() }
+    VectorOptions {
+        lateral: grid.n[0],
+        iterations: 64,
+        coarse_to_fine: false,
+        // Tests may have every voxel active.
+        room: Some(1.0),
+        ..Default::default()
+    }
 }
 
 /// Runs those of the schedule's commands whose kernel is among `names`.
