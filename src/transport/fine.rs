@@ -7,7 +7,7 @@ use super::{Grid, Model};
 
 /// Paths of more bins than this are told apart only in parts: by fp32 alone a contribution would share its value between
 /// two bins with an error above some 1e-4 (docs/stability.md).
-const MOST_BINS: f64 = 1000.0;
+const MOST_BINS: f64 = 700.0;
 
 /// The constants of exact places.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -228,6 +228,7 @@ pub fn all() -> Vec<Case> {
         wall_of(100.0),
         made("voxels 100:1 across", model_of(4, 600, 0.5, 1.7), grid_of(4, 250, 0.3, 0.0025), 0.2, one),
         made("voxels 1:100 deep", model_of(4, 20, 0.0, 8.0), grid_of(16, 3, 0.3, 0.0625 * 16.0), 0.5, one),
+        narrow(650.0),
         narrow(1e3),
         narrow(1e4),
         narrow(1e5),
