@@ -67,11 +67,20 @@ void add_to_bin(uint row, int bin, float value) {
     if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
 }
 
+// What a value gives to its bin and, with SPLIT, to the next.
+vec2 parts_of(Place place, float value) {
+    return SPLIT == 0u ? vec2(value, 0.0) : value * vec2(1.0 - place.share, place.share);
+}
+
+void add_parts(uint row, int bin, vec2 parts) {
+    add_to_bin(row, bin, parts.x);
+    if (SPLIT != 0u) add_to_bin(row, bin + 1, parts.y);
+}
+
 // Adds what a run holds to histogram `row` and empties it.
 void flush(uint row, inout Run run) {
     if (RUNS == 0u) return;
-    add_to_bin(row, run.bin, run.values.x);
-    if (SPLIT != 0u) add_to_bin(row, run.bin + 1, run.values.y);
+    add_parts(row, run.bin, run.values);
     run.values = vec2(0.0);
 }
 
@@ -80,13 +89,8 @@ void accumulate_at(uint row, Place place, float value, inout Run run) {
     if (RUNS != 0u) {
         if (place.bin != run.bin) flush(row, run);
         run.bin = place.bin;
-        run.values += SPLIT != 0u ? value * vec2(1.0 - place.share, place.share) : vec2(value, 0.0);
+        run.values += parts_of(place, value);
         return;
     }
-    if (SPLIT == 0u) {
-        add_to_bin(row, place.bin, value);
-        return;
-    }
-    add_to_bin(row, place.bin, value * (1.0 - place.share));
-    add_to_bin(row, place.bin + 1, value * place.share);
+    add_parts(row, place.bin, parts_of(place, value));
 }

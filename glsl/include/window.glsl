@@ -2,10 +2,10 @@
 // nobody else touches. Neighbouring voxels are seen at neighbouring bins, so a column takes many additions before it is
 // added to its histogram, once per touched bin: when PATIENCE contributions have fallen beside it, the last of which
 // moves it there, and at the end. What falls beside it before goes straight to the histogram, so a scattered domain
-// costs little more than without windows. Where a brick of voxels is wider than a window, the host asks for none.
-// No barrier and no bound of the chunk are needed. Columns lie side by side, so lanes meet no bank twice. In fixed point, too, a column's own sum is
-// of one lane and in one order. A window is a second level of
-// sums, too, and takes the place of runs. Needs SPLIT, COLUMNS and accumulate.glsl.
+// costs little more than without windows; where a brick of voxels is wider than a window, the host asks for none. No
+// barrier and no bound of the chunk are needed. Columns lie side by side, so lanes meet no bank twice. In fixed point,
+// too, a column's own sum is of one lane and in one order. A window is a second level of sums, and takes the place of
+// runs. Needs SPLIT, COLUMNS and accumulate.glsl.
 
 layout(constant_id = 25) const uint WINDOW = 0u; // bins of a column; 0 for none
 
@@ -39,11 +39,10 @@ void deposit(uint column, uint row, Place place, float value, inout Run run) {
     }
     int last = SPLIT == 0u ? place.bin : place.bin + 1;
     if (last < 0 || place.bin >= int(scene.bins)) return;
-    vec2 parts = SPLIT == 0u ? vec2(value, 0.0) : value * vec2(1.0 - place.share, place.share);
+    vec2 parts = parts_of(place, value);
     if (place.bin < run.bin || last >= run.bin + int(WINDOW)) {
         if (run.bin != NO_RUN.bin && ++run.missed < PATIENCE) {
-            add_to_bin(row, place.bin, parts.x);
-            if (SPLIT != 0u) add_to_bin(row, last, parts.y);
+            add_parts(row, place.bin, parts);
             return;
         }
         flush_column(column, row, run);

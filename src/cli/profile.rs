@@ -55,18 +55,18 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    if args.tune {
-        return tune(args, &loaded, &request);
-    }
-    let (json, trace, out) = (args.json.clone(), args.trace.clone(), args.out.clone());
-    let what = ProfileRequest { request, json, trace, out };
-    interrupt::take_care();
-    let mut meter = Meter::new(args.quiet);
     let mut tell = |text: &str| {
         if !args.quiet {
             say(text);
         }
     };
+    if args.tune {
+        return tune(args, &loaded, &request, &mut tell);
+    }
+    let (json, trace, out) = (args.json.clone(), args.trace.clone(), args.out.clone());
+    let what = ProfileRequest { request, json, trace, out };
+    interrupt::take_care();
+    let mut meter = Meter::new(args.quiet);
     let done = profile::profile(&what, &loaded, &mut tell, &mut |progress| meter.hear(progress));
     meter.end();
     let done = done?;
@@ -80,16 +80,11 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn tune(args: &Args, loaded: &Loaded, request: &Request) -> Result<()> {
+fn tune(args: &Args, loaded: &Loaded, request: &Request, tell: &mut dyn FnMut(&str)) -> Result<()> {
     if let Some(file) = &args.json {
         thirdbounce::job::check_file(file)?;
     }
-    let mut tell = |text: &str| {
-        if !args.quiet {
-            say(text);
-        }
-    };
-    let tuned = profile::tune::tune(request, loaded, &mut tell)?;
+    let tuned = profile::tune::tune(request, loaded, tell)?;
     let mut text = format!("for       {}\n", tuned.class);
     text += &match tuned.best.is_default() {
         true => "best      the device kind's own sizes\n".to_string(),

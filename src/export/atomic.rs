@@ -4,9 +4,8 @@ use std::cell::Cell;
 use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::staging::sweep;
+use super::staging::{aside, sweep};
 use crate::error::{Error, Result};
 
 /// Writes `bytes` to `path`: first under a temporary name in the same folder, then renamed over it. Missing
@@ -26,7 +25,6 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// `Kind::Output` naming the path, or the error of `fill`.
 pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
     let Some(name) = path.file_name() else {
         return Err(Error::output(format!("{}: not a file name", path.display()), "give the name of a file"));
     };
@@ -40,8 +38,7 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
     create_dir(folder)?;
     let prefix = format!(".{}.", name.to_string_lossy());
     sweep(folder, &prefix);
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    let temporary = Temporary(folder.join(format!("{prefix}{}.{number}.part", std::process::id())));
+    let temporary = Temporary(aside(folder, &prefix));
     let fault = next_fault();
     if let Some(fault) = fault {
         begin(fault, &temporary.0).map_err(|e| cannot(path, &e))?;

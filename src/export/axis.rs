@@ -1,5 +1,52 @@
 //! Axes of plots: ranges, marks and their labels.
 
+use super::drawing::{Anchor, Drawing};
+
+/// Inks that all plots share.
+pub const INK: [u8; 3] = [40, 40, 46];
+pub const GRID: [u8; 3] = [226, 226, 230];
+pub const FRAME: [u8; 3] = [120, 120, 128];
+
+/// How a grid's marks are labelled, in pixels.
+pub struct Labels {
+    pub size: f64,
+    /// From the plot's bottom down to the text's foot, and from its left side to the text's end.
+    pub below: f64,
+    pub beside: f64,
+    /// Length of a stroke at every labelled mark; 0 for none.
+    pub stroke: f64,
+}
+
+/// Draws the grid of a plot at (x, y, width, height) with the labels of its marks.
+pub fn grid(drawing: &mut Drawing, [x, y, w, h]: [f64; 4], [along, up]: [&Axis; 2], labels: &Labels) {
+    let &Labels { size, below, beside, stroke } = labels;
+    for (value, label) in along.ticks() {
+        let at = x + w * along.share(value);
+        drawing.line(&[[at, y], [at, y + h]], 1.0, GRID);
+        if let Some(label) = label {
+            if stroke > 0.0 {
+                drawing.line(&[[at, y + h], [at, y + h + stroke]], 1.2, FRAME);
+            }
+            drawing.text(&label, [at, y + h + below], size, Anchor::Middle, INK);
+        }
+    }
+    for (value, label) in up.ticks() {
+        let at = y + h * (1.0 - up.share(value));
+        drawing.line(&[[x, at], [x + w, at]], 1.0, GRID);
+        if let Some(label) = label {
+            if stroke > 0.0 {
+                drawing.line(&[[x - stroke, at], [x, at]], 1.2, FRAME);
+            }
+            drawing.text(&label, [x - beside, at + 5.0], size, Anchor::End, INK);
+        }
+    }
+}
+
+/// Draws the frame of such a plot.
+pub fn frame(drawing: &mut Drawing, [x, y, w, h]: [f64; 4]) {
+    drawing.line(&[[x, y], [x + w, y], [x + w, y + h], [x, y + h], [x, y]], 1.2, FRAME);
+}
+
 /// A range of values with marks at plain numbers.
 pub struct Axis {
     pub low: f64,

@@ -1,13 +1,10 @@
 //! The plot of error against run time: four panels over one logarithmic time axis.
 
-use super::axis::{Axis, plain, rounded};
+use super::axis::{self, Axis, FRAME, INK, Labels, plain, rounded};
 use super::comparison::{Comparison, MethodReport};
 use super::drawing::{Anchor, Drawing};
 use super::report::TraceEntry;
 
-pub(super) const INK: [u8; 3] = [40, 40, 46];
-pub(super) const GRID: [u8; 3] = [226, 226, 230];
-pub(super) const FRAME: [u8; 3] = [120, 120, 128];
 /// Colours that people of all kinds of colour vision tell apart (Okabe and Ito).
 pub(super) const COLOURS: [[u8; 3]; 7] = [
     [0, 114, 178],
@@ -97,22 +94,8 @@ fn draw_panel(drawing: &mut Drawing, [x, y]: [f64; 2], panel: &Panel, time: &Axi
     let axis = Axis::new(methods.iter().flat_map(|m| &m.trace).filter_map(value), panel.logarithmic);
     let place = |seconds: f64, v: f64| [x + w * time.share(seconds), y + h * (1.0 - axis.share(v))];
     drawing.title(panel.title, [x, y - 12.0], 12.0, Anchor::Start, INK);
-    for (tick, label) in time.ticks() {
-        let at = x + w * time.share(tick);
-        drawing.line(&[[at, y], [at, y + h]], 1.0, GRID);
-        if let Some(label) = label {
-            drawing.line(&[[at, y + h], [at, y + h + 5.0]], 1.2, FRAME);
-            drawing.text(&label, [at, y + h + 20.0], 10.5, Anchor::Middle, INK);
-        }
-    }
-    for (tick, label) in axis.ticks() {
-        let at = y + h * (1.0 - axis.share(tick));
-        drawing.line(&[[x, at], [x + w, at]], 1.0, GRID);
-        if let Some(label) = label {
-            drawing.line(&[[x - 5.0, at], [x, at]], 1.2, FRAME);
-            drawing.text(&label, [x - 10.0, at + 5.0], 10.5, Anchor::End, INK);
-        }
-    }
+    let labels = Labels { size: 10.5, below: 20.0, beside: 10.0, stroke: 5.0 };
+    axis::grid(drawing, [x, y, w, h], [time, &axis], &labels);
     drawing.text("solve time (s)", [x + 0.5 * w, y + h + 42.0], 10.5, Anchor::Middle, INK);
     if let Some(goal) = methods.first().and_then(|m| m.trace.last()).and_then(value) {
         drawing.dashes(&[place(time.low, goal), place(time.high, goal)], 1.2, FRAME);
@@ -126,7 +109,7 @@ fn draw_panel(drawing: &mut Drawing, [x, y]: [f64; 2], panel: &Panel, time: &Axi
             drawing.disc(*end, 5.0, colour);
         }
     }
-    drawing.line(&[[x, y], [x + w, y], [x + w, y + h], [x, y + h], [x, y]], 1.2, FRAME);
+    axis::frame(drawing, [x, y, w, h]);
 }
 
 fn shortened(text: &str, most: usize) -> String {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::axis::{Axis, plain, rounded};
+use super::axis::{self, Axis, INK, Labels, plain, rounded};
 use super::drawing::{Anchor, Drawing};
 use super::picture::{BACKGROUND, Picture, colour};
 use super::png;
@@ -10,9 +10,6 @@ use crate::capture::Capture;
 use crate::error::Result;
 use crate::maps::percentile;
 
-const INK: [u8; 3] = [40, 40, 46];
-const GRID: [u8; 3] = [226, 226, 230];
-const FRAME: [u8; 3] = [120, 120, 128];
 const CURVE: [u8; 3] = [0, 114, 178];
 const WIDTH: f64 = 1120.0;
 const LEFT: f64 = 90.0;
@@ -80,16 +77,8 @@ fn mean_histogram(drawing: &mut Drawing, capture: &Capture) {
         Axis::new(mean.iter().copied().chain([0.0]), false),
     );
     drawing.title("mean histogram", [x, y - 12.0], 12.0, Anchor::Start, INK);
-    for (value, label) in along.ticks() {
-        let at = x + w * along.share(value);
-        drawing.line(&[[at, y], [at, y + h]], 1.0, GRID);
-        label.iter().for_each(|l| drawing.text(l, [at, y + h + 20.0], 10.0, Anchor::Middle, INK));
-    }
-    for (value, label) in up.ticks() {
-        let at = y + h * (1.0 - up.share(value));
-        drawing.line(&[[x, at], [x + w, at]], 1.0, GRID);
-        label.iter().for_each(|l| drawing.text(l, [x - 8.0, at + 5.0], 10.0, Anchor::End, INK));
-    }
+    let labels = Labels { size: 10.0, below: 20.0, beside: 8.0, stroke: 0.0 };
+    axis::grid(drawing, PLOT, [&along, &up], &labels);
     let place = |bin: usize, v: f64| {
         let t = capture.t_start + bin as f64 * capture.bin_width;
         [x + w * along.share(t), y + h * (1.0 - up.share(v))]
@@ -104,7 +93,7 @@ fn mean_histogram(drawing: &mut Drawing, capture: &Capture) {
     }
     curve.push(place(mean.len(), 0.0));
     drawing.line(&curve, 1.6, CURVE);
-    drawing.line(&[[x, y], [x, y + h], [x + w, y + h], [x + w, y], [x, y]], 1.2, FRAME);
+    axis::frame(drawing, PLOT);
     drawing.text("path (m)", [x + w, y + h + 42.0], 10.0, Anchor::End, INK);
 }
 

@@ -1,7 +1,7 @@
 //! A plot of curves over one axis, both logarithmic or not.
 
-use super::axis::Axis;
-use super::curves::{COLOURS, FRAME, GRID, INK};
+use super::axis::{self, Axis, FRAME, INK, Labels};
+use super::curves::COLOURS;
 use super::drawing::{Anchor, Drawing};
 
 /// Curves by name, each of points (x, y); what is not finite, or not above zero on a logarithmic axis, is left out.
@@ -39,20 +39,9 @@ impl Plot {
         let marked = self.mark.iter().map(|m| m.1);
         let y = Axis::new(points().map(|p| p[1]).chain(marked), self.logarithmic[1]);
         let place = |p: &[f64; 2]| [LEFT + w * x.share(p[0]), TOP + h * (1.0 - y.share(p[1]))];
-        for (tick, label) in x.ticks() {
-            let at = LEFT + w * x.share(tick);
-            drawing.line(&[[at, TOP], [at, TOP + h]], 1.0, GRID);
-            if let Some(label) = label {
-                drawing.text(&label, [at, TOP + h + 20.0], 10.5, Anchor::Middle, INK);
-            }
-        }
-        for (tick, label) in y.ticks() {
-            let at = TOP + h * (1.0 - y.share(tick));
-            drawing.line(&[[LEFT, at], [LEFT + w, at]], 1.0, GRID);
-            if let Some(label) = label {
-                drawing.text(&label, [LEFT - 10.0, at + 5.0], 10.5, Anchor::End, INK);
-            }
-        }
+        let plot = [LEFT, TOP, w, h];
+        let labels = Labels { size: 10.5, below: 20.0, beside: 10.0, stroke: 0.0 };
+        axis::grid(&mut drawing, plot, [&x, &y], &labels);
         drawing.text(&self.y, [LEFT, TOP - 12.0], 10.5, Anchor::Start, INK);
         drawing.text(&self.x, [LEFT + 0.5 * w, TOP + h + 44.0], 10.5, Anchor::Middle, INK);
         let mut line = TOP + h + 76.0;
@@ -76,11 +65,7 @@ impl Plot {
             let y = legend(&mut drawing, name);
             drawing.line(&[[LEFT, y], [LEFT + 34.0, y]], 2.6, colour);
         }
-        drawing.line(
-            &[[LEFT, TOP], [LEFT + w, TOP], [LEFT + w, TOP + h], [LEFT, TOP + h], [LEFT, TOP]],
-            1.2,
-            FRAME,
-        );
+        axis::frame(&mut drawing, plot);
         drawing
     }
 }

@@ -32,11 +32,9 @@ impl Staging {
     /// # Errors
     /// `Kind::Output` if a folder cannot be made.
     pub fn new(target: &Path) -> Result<Staging> {
-        static COUNT: AtomicU64 = AtomicU64::new(0);
         create_dir(target)?;
         sweep(target, PREFIX);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let folder = target.join(format!("{PREFIX}{}.{number}{SUFFIX}", std::process::id()));
+        let folder = aside(target, PREFIX);
         fs::create_dir(&folder).map_err(|e| cannot(target, &e))?;
         let lock = File::open(&folder).ok().filter(|f| f.try_lock().is_ok());
         Ok(Staging { target: target.into(), folder, _lock: lock })
@@ -60,10 +58,7 @@ impl Staging {
         };
         let places: Vec<PathBuf> = files.iter().map(place).collect();
         if let Some(last) = places.last() {
-            match fs::remove_file(last) {
-                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(cannot(last, &e)),
-                _ => {}
-            }
+            remove(last)?;
         }
         for (from, to) in files.iter().zip(&places) {
             to.parent().map(create_dir).transpose()?;
@@ -77,6 +72,34 @@ impl Drop for Staging {
     fn drop(&mut self) {
         // Nothing to do about a failure: the next process that writes here tries again.
         let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// A hidden place in `folder` that nobody else of this or another process has, and that [`sweep`] knows.
+pub(super) fn aside(folder: &Path, prefix: &str) -> PathBuf {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    folder.join(format!("{prefix}{}.{number}{SUFFIX}", std::process::id()))
+}
+
+/// Whether a file can be made in `folder`, which exists: makes one and removes it.
+///
+/// # Errors
+/// The system's.
+pub(crate) fn probe(folder: &Path) -> std::io::Result<()> {
+    let file = aside(folder, PREFIX);
+    File::create(&file)?;
+    fs::remove_file(&file)
+}
+
+/// Removes a file if there is one.
+///
+/// # Errors
+/// `Kind::Output` if it stays.
+pub(crate) fn remove(file: &Path) -> Result<()> {
+    match fs::remove_file(file) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(cannot(file, &e)),
+        _ => Ok(()),
     }
 }
 

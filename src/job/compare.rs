@@ -8,7 +8,7 @@ use super::solving::{self, Solved};
 use super::{Loaded, Request, account, places};
 use crate::export::comparison::{self, MethodReport, Reached};
 use crate::export::report::TraceEntry;
-use crate::export::{self, curves};
+use crate::export::{self, curves, staging};
 use crate::gpu::Gpu;
 use crate::maps::Truth;
 use crate::measure::{Metrics, Reach, median, reach};
@@ -96,11 +96,11 @@ pub fn compare(
 
     let json = what.out.join("compare.json");
     // From here on an older one would stand beside files that it does not describe.
-    places::remove(&json)?;
+    staging::remove(&json)?;
     let mut files = Vec::new();
     for ((method, run), grid) in methods.iter().zip(&runs).zip(&grids) {
         let folder = &method.request.out;
-        places::remove(&folder.join("report.json"))?;
+        staging::remove(&folder.join("report.json"))?;
         export::write_maps(folder, &run.first.solved.maps)?;
         let report = account::report_of(&method.request, loaded, grid, &gpu, &run.first);
         export::report::write(&folder.join("report.json"), &report)?;

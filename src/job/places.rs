@@ -1,11 +1,10 @@
 //! Whether results can be written, found out before hours of work and without leaving anything behind.
 
 use std::fs;
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
 
 use crate::export::atomic::cannot;
+use crate::export::staging;
 use crate::{Error, Result};
 
 /// What a run writes into its folder.
@@ -67,17 +66,5 @@ fn check_folder(folder: &Path) -> Result<()> {
             "choose another folder for the results",
         ));
     }
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    let probe: PathBuf = at.join(format!(".thirdbounce.{}.{number}.part", std::process::id()));
-    fs::File::create(&probe).map_err(|e| cannot(folder, &e))?;
-    fs::remove_file(&probe).map_err(|e| cannot(folder, &e))
-}
-
-/// Removes a file if there is one.
-pub fn remove(file: &Path) -> Result<()> {
-    match fs::remove_file(file) {
-        Err(e) if e.kind() != ErrorKind::NotFound => Err(cannot(file, &e)),
-        _ => Ok(()),
-    }
+    staging::probe(at).map_err(|e| cannot(folder, &e))
 }

@@ -6,12 +6,22 @@ use super::plain;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
 use crate::solve::{
-    Accumulation, Beside, PaperOptions, Plan, Reconstruction, Sizes, VectorOptions, Watch, paper, vector,
+    Accumulation, Beside, PaperOptions, Plan, Reconstruction, Sizes, VectorOptions, paper, vector,
 };
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Result};
 
-/// A solver's options. A new solver is one more variant, and one more arm in each function below.
+/// What every solver's options have, whichever these are.
+macro_rules! of_either {
+    ($options:expr, $o:ident => $value:expr) => {
+        match $options {
+            SolverOptions::Paper($o) => $value,
+            SolverOptions::Vector($o) => $value,
+        }
+    };
+}
+
+/// A solver's options. A new solver is one more variant, and one more arm wherever they are told apart below.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SolverOptions {
@@ -48,74 +58,51 @@ impl SolverOptions {
     /// # Errors
     /// The first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
-        match self {
-            SolverOptions::Paper(o) => o.check(),
-            SolverOptions::Vector(o) => o.check(),
-        }
+        of_either!(self, o => o.check())
     }
 
     /// Lateral voxels of the final grid.
     pub fn lateral(&self) -> usize {
-        match self {
-            SolverOptions::Paper(o) => o.lateral,
-            SolverOptions::Vector(o) => o.lateral,
-        }
+        of_either!(self, o => o.lateral)
     }
 
     /// The same options for another lateral resolution.
     pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
-        match self {
-            SolverOptions::Paper(o) => PaperOptions { lateral, ..o.clone() }.into(),
-            SolverOptions::Vector(o) => VectorOptions { lateral, ..o.clone() }.into(),
-        }
+        let mut other = self.clone();
+        of_either!(&mut other, o => o.lateral = lateral);
+        other
     }
 
     /// Sizes that are asked for.
     pub fn sizes(&self) -> Sizes {
-        match self {
-            SolverOptions::Paper(o) => o.sizes,
-            SolverOptions::Vector(o) => o.sizes,
-        }
+        of_either!(self, o => o.sizes)
     }
 
     /// The same options with other sizes.
     pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {
-        match self {
-            SolverOptions::Paper(o) => PaperOptions { sizes, ..o.clone() }.into(),
-            SolverOptions::Vector(o) => VectorOptions { sizes, ..o.clone() }.into(),
-        }
+        let mut other = self.clone();
+        of_either!(&mut other, o => o.sizes = sizes);
+        other
     }
 
     /// How surfaces reflect.
     pub fn reflectance(&self) -> Reflectance {
-        match self {
-            SolverOptions::Paper(o) => o.reflectance,
-            SolverOptions::Vector(o) => o.reflectance,
-        }
+        of_either!(self, o => o.reflectance)
     }
 
     /// How contributions are to be added up.
     pub fn accumulation(&self) -> Accumulation {
-        match self {
-            SolverOptions::Paper(o) => o.accumulation,
-            SolverOptions::Vector(o) => o.accumulation,
-        }
+        of_either!(self, o => o.accumulation)
     }
 
     /// The most iterations.
     pub fn iterations(&self) -> usize {
-        match self {
-            SolverOptions::Paper(o) => o.iterations,
-            SolverOptions::Vector(o) => o.iterations,
-        }
+        of_either!(self, o => o.iterations)
     }
 
     /// Nothing nearer than this is reconstructed, metres.
     pub fn min_depth(&self) -> f64 {
-        match self {
-            SolverOptions::Paper(o) => o.min_depth,
-            SolverOptions::Vector(o) => o.min_depth,
-        }
+        of_either!(self, o => o.min_depth)
     }
 
     /// What a solve would need of a device.
@@ -129,53 +116,31 @@ impl SolverOptions {
         abilities: &Abilities,
         with_volume: bool,
     ) -> Result<Plan> {
-        match self {
-            SolverOptions::Paper(o) => {
-                let model = paper::model(capture, &grid, o);
-                Plan::new(&model, grid, capture.resolution(), o, abilities, with_volume)
-            }
-            SolverOptions::Vector(o) => {
-                let model = vector::model(capture, &grid, o);
-                Plan::new(&model, grid, capture.resolution(), o, abilities, with_volume)
-            }
-        }
+        let model = match self {
+            SolverOptions::Paper(o) => paper::model(capture, &grid, o),
+            SolverOptions::Vector(o) => vector::model(capture, &grid, o),
+        };
+        let resolution = capture.resolution();
+        of_either!(self, o => Plan::new(&model, grid, resolution, o, abilities, with_volume))
     }
 
     /// Runs the solver.
     ///
     /// # Errors
     /// See [`paper::reconstruct`].
-    pub fn solve(
+    pub fn solve<'b, 'w: 'b>(
         &self,
         gpu: &Gpu,
         capture: &Capture,
         grid: Grid,
         memory: Option<u64>,
         with_volume: bool,
-        watch: &mut Watch<'_>,
-    ) -> Result<Reconstruction> {
-        self.solve_beside(gpu, capture, grid, memory, with_volume, watch.into())
-    }
-
-    /// Runs the solver, and keeps its state on the way or goes on from one.
-    ///
-    /// # Errors
-    /// See [`paper::reconstruct_beside`].
-    pub fn solve_beside(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-        beside: Beside<'_, '_>,
+        beside: impl Into<Beside<'b, 'w>>,
     ) -> Result<Reconstruction> {
         match self {
-            SolverOptions::Paper(o) => {
-                paper::reconstruct_beside(gpu, capture, grid, o, memory, with_volume, beside)
-            }
+            SolverOptions::Paper(o) => paper::reconstruct(gpu, capture, grid, o, memory, with_volume, beside),
             SolverOptions::Vector(o) => {
-                vector::reconstruct_beside(gpu, capture, grid, o, memory, with_volume, beside)
+                vector::reconstruct(gpu, capture, grid, o, memory, with_volume, beside)
             }
         }
     }

@@ -90,7 +90,7 @@ pub fn solve(
     let beside = Beside { watch: &mut watch, keep: Some(keep) };
     let capture = &loaded.capture;
     let solver = tune::with_kept(request, gpu, capture);
-    let done = solver.solve_beside(gpu, capture, grid, request.memory, with_volume, beside);
+    let done = solver.solve(gpu, capture, grid, request.memory, with_volume, beside);
     let mut solved = match failed {
         Some(e) => return Err(e),
         None => done

@@ -1,7 +1,7 @@
 //! The solver of "Domain Reduction Strategy for Non-Line-of-Sight Imaging" (ECCV 2024).
 
 use super::checkpoint::Keeper;
-use super::drive::{Beside, Driven, Steps, TracePoint, Watch, drive};
+use super::drive::{Beside, Driven, Steps, TracePoint, drive};
 use super::job::{Job, read_volume};
 use super::{Decay, NoiseTerm, PaperOptions, Plan, domain, iteration};
 use crate::Result;
@@ -67,34 +67,21 @@ pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
     model
 }
 
-/// Runs the solver.
+/// Runs the solver; `beside` is a [`Watch`](super::Watch), or one and a state that is kept on the way or gone on from.
 ///
 /// Errors: bad options, a capture that does not fit the solver, memory, device; [`crate::Kind::Cancelled`] if the
-/// watch broke off; a loss that is not finite.
-pub fn reconstruct(
+/// watch broke off; a loss that is not finite; what keeping a state yields; a state of another capture, other options or
+/// another plan.
+pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
     capture: &Capture,
     grid: Grid,
     options: &PaperOptions,
     memory: Option<u64>,
     with_volume: bool,
-    watch: &mut Watch<'_>,
+    beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
-    reconstruct_beside(gpu, capture, grid, options, memory, with_volume, watch.into())
-}
-
-/// As [`reconstruct`], with a state that is kept on the way or gone on from.
-///
-/// Errors: besides, what keeping it yields; a state of another capture, other options or another plan.
-pub fn reconstruct_beside(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    options: &PaperOptions,
-    memory: Option<u64>,
-    with_volume: bool,
-    beside: Beside<'_, '_>,
-) -> Result<Reconstruction> {
+    let Beside { watch, keep } = beside.into();
     options.check()?;
     capture.check()?;
     let model = model(capture, &grid, options);
@@ -108,8 +95,8 @@ pub fn reconstruct_beside(
         l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
         stop_below: None,
     };
-    let keeper = Keeper::new(beside.keep, &job, options)?;
-    let driven = drive(gpu, &mut job, options.iterations, steps, beside.watch, keeper)?;
+    let keeper = Keeper::new(keep, &job, options)?;
+    let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper)?;
     finish(job, driven, with_volume)
 }
 

@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::checkpoint::Keeper;
-use super::drive::{Beside, Steps, Watch, drive};
+use super::drive::{Beside, Steps, drive};
 use super::job::{Job, upload};
 use super::paper::finish;
 use super::plan::Wanted;
@@ -190,30 +190,16 @@ impl VectorOptions {
 /// Runs the solver.
 ///
 /// Errors: as [`super::paper::reconstruct`].
-pub fn reconstruct(
+pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
     capture: &Capture,
     grid: Grid,
     options: &VectorOptions,
     memory: Option<u64>,
     with_volume: bool,
-    watch: &mut Watch<'_>,
+    beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
-    reconstruct_beside(gpu, capture, grid, options, memory, with_volume, watch.into())
-}
-
-/// As [`reconstruct`], with a state that is kept on the way or gone on from.
-///
-/// Errors: besides, what keeping it yields; a state of another capture, other options or another plan.
-pub fn reconstruct_beside(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
-    beside: Beside<'_, '_>,
-) -> Result<Reconstruction> {
+    let Beside { watch, keep } = beside.into();
     options.check()?;
     capture.check()?;
     let model = model(capture, &grid, options);
@@ -230,8 +216,8 @@ pub fn reconstruct_beside(
         l1_weight: &|_| 1.0,
         stop_below: options.stop.then(|| expected_noise(&job.model)),
     };
-    let keeper = Keeper::new(beside.keep, &job, options)?;
-    let driven = drive(gpu, &mut job, options.iterations, steps, beside.watch, keeper)?;
+    let keeper = Keeper::new(keep, &job, options)?;
+    let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper)?;
     finish(job, driven, with_volume)
 }
 

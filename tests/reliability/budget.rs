@@ -8,7 +8,7 @@ use thirdbounce::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind, Faults,
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{Accumulation, Plan, VectorOptions};
-use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, Volume, Wall};
+use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind};
 
 use super::ledger::{Held, Row, clear, holds};
@@ -130,36 +130,12 @@ const USUAL: Limits = Limits {
 fn model(pairs: usize, bins: usize) -> Model {
     Model {
         elements: pairs * bins,
-        wall: Wall {
-            geometry: Geometry::Confocal,
-            scanned: vec![glam::DVec3::ZERO; pairs],
-            others: vec![],
-            normals: None,
-        },
-        reflectance: Reflectance::Cosine,
+        wall: Wall::confocal(vec![glam::DVec3::ZERO; pairs]),
         bins,
         bin_width: 0.01,
         t_start: 0.3,
         measured: vec![],
-        peak: 10.0,
-        counts_per_unit: 1.0,
-        reference: 0.6,
-        min_depth: 0.25,
-        sampling: Sampling::Fixed,
-        binning: Binning::Linear,
-        gradient: Gradient::Exact,
-        l1: 0.0,
-        noise: [0.0; 2],
-        learning_rate: 1.0,
-        decay_over: 0.0,
-        betas: [0.9, 0.999],
-        epsilon: 1e-8,
-        keep_above: 0.05,
-        seed: 0,
-        cone: 2.0,
-        variance: [0.1, 0.0],
-        noise_factor: 1.0,
-        roughness: 0.0,
+        ..Model::new(&loaded().capture, Reflectance::Cosine, 10.0, true)
     }
 }
 

@@ -143,7 +143,7 @@ pub fn solve_keeping(
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let beside = Beside { watch: &mut watch, keep: Some(Keep { every, save: &mut save, from }) };
     let grid = Request::new(solver.clone(), "").grid(capture)?;
-    let done = solver.solve_beside(gpu, capture, grid, None, true, beside)?;
+    let done = solver.solve(gpu, capture, grid, None, true, beside)?;
     Ok((done, kept))
 }
 

@@ -62,8 +62,8 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
             Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
             Err(e) => return Err(e),
         }
-        // Once to warm up, twice to measure.
-        let mut best: Option<Tried> = None;
+        // The best of three: in the first the driver may still compile.
+        let mut best = Tried { sizes, forward_s: f64::INFINITY, backward_s: f64::INFINITY };
         for _ in 0..3 {
             let mut hear = |_: &_| ControlFlow::Continue(());
             let done = solving::solve(&request, loaded, &gpu, grid, None, &mut hear)?.solved;
@@ -71,18 +71,10 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
                 let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.name.starts_with(begins));
                 done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()
             };
-            let now = Tried { sizes, forward_s: of("forward"), backward_s: of("backward") };
-            best = Some(match best {
-                Some(b) => Tried {
-                    sizes,
-                    forward_s: b.forward_s.min(now.forward_s),
-                    backward_s: b.backward_s.min(now.backward_s),
-                },
-                None => now,
-            });
+            best.forward_s = best.forward_s.min(of("forward"));
+            best.backward_s = best.backward_s.min(of("backward"));
         }
         gpu.take_recording();
-        let best = best.expect("three runs");
         say(&format!(
             "{:<52} forward {:.4} s, backward {:.4} s",
             if sizes.is_default() { "the device kind's own".into() } else { sizes.to_string() },
@@ -94,11 +86,13 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     };
     let own = run(request.solver.sizes(), &mut tried)?.expect("the own sizes are no trial");
     let (mut best, mut forward_s, mut backward_s) = (own.sizes, own.forward_s, own.backward_s);
-    for set in steps(gpu.info.kind) {
-        for change in set.changes {
-            let Some(now) = run(change(best), &mut tried)? else { continue };
+    for (forward, set, values) in steps(gpu.info.kind) {
+        for value in values {
+            let mut sizes = best;
+            set(&mut sizes, *value);
+            let Some(now) = run(sizes, &mut tried)? else { continue };
             let (new, old) =
-                if set.forward { (now.forward_s, &mut forward_s) } else { (now.backward_s, &mut backward_s) };
+                if forward { (now.forward_s, &mut forward_s) } else { (now.backward_s, &mut backward_s) };
             if new < WORTH * *old {
                 (*old, best) = (new, now.sizes);
             }
@@ -110,38 +104,19 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     Ok(Tuned { class, tried, best, ratio, file })
 }
 
-/// Changes of one size, tried in turn; judged by the pass that they are of.
-struct Step {
-    forward: bool,
-    changes: Vec<Box<dyn Fn(Sizes) -> Sizes>>,
-}
+/// One size: whether the forward pass judges it (else the backward pass), how it is set, what is tried in turn.
+type Step = (bool, fn(&mut Sizes, u32), &'static [u32]);
 
-fn steps(kind: DeviceKind) -> Vec<Step> {
+fn steps(kind: DeviceKind) -> [Step; 5] {
     let cpu = kind == DeviceKind::Cpu;
-    fn each<const N: usize>(values: [u32; N], set: fn(&mut Sizes, u32)) -> Vec<Box<dyn Fn(Sizes) -> Sizes>> {
-        let one = |v: u32| -> Box<dyn Fn(Sizes) -> Sizes> {
-            Box::new(move |mut s| {
-                set(&mut s, v);
-                s
-            })
-        };
-        values.into_iter().map(one).collect()
-    }
-    let window = if cpu { vec![] } else { each([0, 16, 32, 64, 128], |s, v| s.window = Some(v)) };
-    let lanes = if cpu { [4, 8, 16, 32] } else { [32, 64, 128, 256] };
-    let chunk = if cpu { [4096, 8192, 16384, 32768] } else { [64, 128, 512, 1024] };
-    let voxels = if cpu { [8, 16, 32, 128] } else { [16, 32, 64, 128] };
-    let slices = if cpu { vec![] } else { each([1, 2, 4, 8], |s, v| s.slices = Some(v)) };
+    let of = |on_cpu: &'static [u32], elsewhere: &'static [u32]| if cpu { on_cpu } else { elsewhere };
     [
-        (true, each(chunk, |s, v| s.chunk = Some(v))),
-        (true, each(lanes, |s, v| s.lanes = Some(v))),
-        (true, window),
-        (false, each(voxels, |s, v| s.voxels = Some(v))),
-        (false, slices),
+        (true, |s, v| s.chunk = Some(v), of(&[4096, 8192, 16384, 32768], &[64, 128, 512, 1024])),
+        (true, |s, v| s.lanes = Some(v), of(&[4, 8, 16, 32], &[32, 64, 128, 256])),
+        (true, |s, v| s.window = Some(v), of(&[], &[0, 16, 32, 64, 128])),
+        (false, |s, v| s.voxels = Some(v), of(&[8, 16, 32, 128], &[16, 32, 64, 128])),
+        (false, |s, v| s.slices = Some(v), of(&[], &[1, 2, 4, 8])),
     ]
-    .into_iter()
-    .map(|(forward, changes)| Step { forward, changes })
-    .collect()
 }
 
 /// What sizes are kept for.
