@@ -100,6 +100,52 @@ fn the_passes_count_as_they_are_written() {
     assert_eq!(of("backward", &[("SPLIT", 0), ("EXACT", 0), ("SLICES", 4)]).special, 1);
 }
 
+/// Variants of the notes' table, with the most issue slots that a pair may take: a change that adds some says so here.
+/// `cargo test spirv -- --nocapture` prints the table.
+#[test]
+fn a_pair_takes_no_more_than_it_did() {
+    let (near, linear) = (("SPLIT", 0), ("SPLIT", 1));
+    let apart = ("TOUCHING", 0);
+    let lambertian = ("REFLECTANCE", 1);
+    let two = ("GEOMETRY", 1);
+    let product = ("GEOMETRY", 2);
+    let table: &[(&str, &[(&str, u32)], u32)] = &[
+        ("forward_owned", &[near, apart], 99),
+        ("forward_owned", &[linear, apart], 99),
+        ("forward_owned", &[linear, apart, lambertian], 99),
+        ("forward_owned", &[linear, apart, ("BOUND", 1)], 99),
+        ("forward_float", &[near, apart], 99),
+        ("forward_float", &[linear, apart], 99),
+        ("forward_float", &[linear], 99),
+        ("forward_float", &[linear, apart, two], 99),
+        ("forward_float", &[linear, apart, ("FINE", 1)], 199),
+        ("forward_fixed64", &[near, apart], 99),
+        ("forward_fixed32", &[near, apart], 99),
+        ("forward_cas", &[near, apart], 99),
+        ("forward_product_owned", &[linear, apart, ("OTHERS", 4), ("SHARED", 0)], 99),
+        ("forward_product_float", &[linear, apart, ("OTHERS", 4)], 99),
+        ("backward", &[near, apart, ("EXACT", 0)], 99),
+        ("backward", &[linear, apart, ("EXACT", 0)], 99),
+        ("backward", &[linear, apart, ("EXACT", 1)], 99),
+        ("step", &[linear, apart], 99),
+        ("step", &[linear], 99),
+        ("step", &[linear, apart, lambertian], 99),
+        ("step", &[linear, apart, two], 99),
+        ("step", &[linear, apart, product, ("OTHERS", 4)], 99),
+        ("bound", &[linear, apart, ("WHAT", 0)], 99),
+        ("bound", &[linear, apart, ("WHAT", 1)], 99),
+        ("backproject", &[apart], 99),
+    ];
+    let over = table.iter().filter(|(name, constants, most)| {
+        let c = of(name, constants);
+        let numbers =
+            [c.fma, c.special, c.other, c.conversions, c.loads, c.broadcasts, c.stores, c.shared, c.atomics];
+        println!("| {name} {constants:?} | {numbers:?} | {} | {} |", c.issued(), c.bytes);
+        c.issued() > *most
+    });
+    assert_eq!(over.count(), 0);
+}
+
 #[test]
 fn limits_count_what_they_say() {
     let fma = of("limit_fma", &[]);
