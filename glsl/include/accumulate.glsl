@@ -74,17 +74,22 @@ vec2 parts_of(Place place, float value) {
 // would meet at one address.
 void add_parts(uint row, uint cell, vec2 parts) {
 #if !defined(ACCUMULATE_OWNED)
-    if (!in_bins(cell)) return;
+    if (in_bins(cell))
 #endif
-    accumulate(row + cell, parts.x);
-    if (SPLIT != 0u) accumulate(row + cell + 1u, parts.y);
+    {
+        accumulate(row + cell, parts.x);
+        if (SPLIT != 0u) accumulate(row + cell + 1u, parts.y);
+    }
 }
 
 // Adds what a run holds to histogram `row` and empties it.
 void flush(uint row, inout Run run) {
-    if (RUNS == 0u || run.cell == NO_RUN.cell) return;
-    add_parts(row, run.cell, run.values);
-    run.values = vec2(0.0);
+    // Two questions, as the first is answered when the kernel is made.
+    if (RUNS != 0u) {
+        if (run.cell == NO_RUN.cell) return;
+        add_parts(row, run.cell, run.values);
+        run.values = vec2(0.0);
+    }
 }
 
 // Adds a value at its place to histogram `row`: to its bin, or shared by the two around it. Needs place.glsl.
@@ -93,7 +98,7 @@ void accumulate_at(uint row, Place place, float value, inout Run run) {
         if (place.cell != run.cell) flush(row, run);
         run.cell = place.cell;
         run.values += parts_of(place, value);
-        return;
+    } else {
+        add_parts(row, place.cell, parts_of(place, value));
     }
-    add_parts(row, place.cell, parts_of(place, value));
 }

@@ -145,7 +145,8 @@ impl Plan {
     ) -> Result<Plan> {
         let options: Wanted = wanted.into();
         let accumulation = choose(options.accumulation, device.kind, device.accumulations)?;
-        if model.cells() > 1 << 30 {
+        // Kernels count three words of noise for a bin, and two of fixed point for a cell.
+        if (model.pairs() as u64 * model.bins as u64) > 1 << 30 || model.cells() as u64 >= 1 << 31 {
             return Err(Error::memory(
                 format!("{} pairs of {} bins are beyond 2^30 values", model.pairs(), model.bins),
                 "use a larger --stride or a narrower --gate",

@@ -11,8 +11,8 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Sample, Twin};
 use thirdbounce::transport::{Grid, Model};
 
-use super::device::vectors::{read_floats, run_iteration, vector_options, zero_histograms};
-use super::device::{job, read, read_raw, rounded, set_counts, write_samples};
+use super::device::vectors::{run_iteration, vector_options};
+use super::device::{job, read, read_raw, read_rows, rounded, set_counts, write_samples, zero_histograms};
 
 /// A scene, its domain, and vectors (albedo times normal, by storage index) whose light is measured.
 #[derive(Clone)]
