@@ -88,7 +88,7 @@ fn a_product_finds_the_scanned_points_arm_once_for_several_pairs() {
         let [pair, shared] = count_loop(code, constants).expect("a loop over the other points");
         println!("{name}: {pair:?}, shared {shared:?}");
         assert_eq!(shared.special, 1, "{name}: one root for the arm");
-        assert!(shared.fma >= 8 && shared.broadcasts >= 3, "{name}: {shared:?}");
+        assert!(shared.fma >= 7 && shared.broadcasts >= 3, "{name}: {shared:?}");
         assert_eq!((shared.atomics, shared.stores, shared.loads), (0, 0, 0), "{name}: bins are a pair's own");
         assert!(pair.issued() > 20, "{name}: {pair:?}");
     }
@@ -135,16 +135,16 @@ fn a_pair_takes_no_more_than_it_did() {
         ("forward_owned", &[linear, apart], 49),
         ("forward_owned", &[linear, apart, lambertian], 66),
         ("forward_owned", &[linear, apart, ("BOUND", 1)], 38),
-        ("forward_float", &[near, apart], 46),
-        ("forward_float", &[linear, apart], 51),
-        ("forward_float", &[linear], 54),
-        ("forward_float", &[linear, apart, two], 66),
-        ("forward_float", &[linear, apart, ("FINE", 1)], 111),
-        ("forward_fixed64", &[near, apart], 47),
-        ("forward_fixed32", &[near, apart], 69),
-        ("forward_cas", &[near, apart], 46),
+        ("forward_float", &[near, apart], 47),
+        ("forward_float", &[linear, apart], 52),
+        ("forward_float", &[linear], 55),
+        ("forward_float", &[linear, apart, two], 67),
+        ("forward_float", &[linear, apart, ("FINE", 1)], 112),
+        ("forward_fixed64", &[near, apart], 46),
+        ("forward_fixed32", &[near, apart], 68),
+        ("forward_cas", &[near, apart], 45),
         ("forward_product_owned", &[linear, apart, ("OTHERS", 4), ("SHARED", 0)], 44),
-        ("forward_product_float", &[linear, apart, ("OTHERS", 4)], 44),
+        ("forward_product_float", &[linear, apart, ("OTHERS", 4)], 34),
         ("backward", &[near, apart, ("EXACT", 0)], 32),
         ("backward", &[linear, apart, ("EXACT", 0)], 39),
         ("backward", &[linear, apart, ("EXACT", 1)], 43),
