@@ -7,6 +7,7 @@ use super::module::{Block, Id, Instruction, Module, op};
 
 const CLASS_INPUT: u32 = 1;
 const CLASS_UNIFORM: u32 = 2;
+const CLASS_FUNCTION: u32 = 7;
 const CLASS_PUSH: u32 = 9;
 
 /// Built-ins that differ between lanes of a subgroup.
@@ -85,7 +86,17 @@ fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
     let all = || blocks.iter().flat_map(|b| &b.instructions);
     let by_result: HashMap<Id, &Instruction> =
         all().filter(|i| i.result != 0).map(|i| (i.result, i)).collect();
-    let effect = |i: &&Instruction| i.result == 0 || (227..=242).contains(&i.op) || i.op == 6035;
+    let base = |pointer: Id| match by_result.get(&pointer) {
+        Some(i) if matches!(i.op, op::ACCESS_CHAIN | op::IN_BOUNDS_ACCESS_CHAIN) => i.rest[0],
+        _ => pointer,
+    };
+    let loaded: HashSet<Id> = all().filter(|i| i.op == op::LOAD).map(|i| base(i.rest[0])).collect();
+    // Modules with extensions that the optimiser does not know keep variables of a function that nothing reads.
+    let unread = |i: &Instruction| {
+        i.op == op::STORE && m.class(i.rest[0]) == CLASS_FUNCTION && !loaded.contains(&base(i.rest[0]))
+    };
+    let effect =
+        |i: &&Instruction| (i.result == 0 && !unread(i)) || (227..=242).contains(&i.op) || i.op == 6035;
     let mut open: Vec<&Instruction> = all().filter(effect).collect();
     let mut uses: HashMap<Id, u32> = HashMap::new();
     while let Some(i) = open.pop() {
