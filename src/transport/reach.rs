@@ -81,7 +81,7 @@ impl Model {
             .chain([&block.min, &block.max])
             .fold(0.0f64, |a, p| p.abs().max_element().max(a));
         let least = self.nearest(grid) + 1e-5 * far;
-        self.wall.all_points().any(|p| !(block.nearest(*p) > least))
+        !self.wall.all_points().all(|p| block.nearest(*p) > least)
     }
 
     /// Leaves out the bins that no path over a voxel of `grid` reaches: they cannot change, so they add the same to
