@@ -98,7 +98,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         } else {
             read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect()
         };
-        let beyond = position < -0.6 || position > 40.6;
+        let beyond = !(-0.6..=40.6).contains(&position);
         if beyond {
             assert!(got.iter().all(|g| *g == 0.0), "{what}: {got:?}");
         }

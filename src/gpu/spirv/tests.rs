@@ -130,7 +130,8 @@ fn a_pair_takes_no_more_than_it_did() {
     let lambertian = ("REFLECTANCE", 1);
     let two = ("GEOMETRY", 1);
     let product = ("GEOMETRY", 2);
-    let table: &[(&str, &[(&str, u32)], u32)] = &[
+    type Row<'a> = (&'a str, &'a [(&'a str, u32)], u32);
+    let table: &[Row] = &[
         ("forward_owned", &[near, apart], 40),
         ("forward_owned", &[linear, apart], 49),
         ("forward_owned", &[linear, apart, lambertian], 66),
