@@ -36,7 +36,8 @@ fn main() {
     let one_laser = spread(&confocal, |_, n| n == 0);
     let exhaustive = spread(&capture(4), |_, _| true);
     let vector = |capture: &Capture, reflectance, general| {
-        vector_side(&gpu, capture, grid, VectorOptions { reflectance, general, ..VectorOptions::default() })
+        let options = VectorOptions { reflectance, general, ..VectorOptions::default() };
+        vector_side(&gpu, capture, grid, options, |_| ())
     };
 
     use Reflectance::{Cosine, Isotropic, Lambertian};
@@ -64,6 +65,8 @@ fn main() {
         vector(&confocal, Lambertian, false),
         vector(&tilted(&confocal), Lambertian, false),
     );
+    let asking = vector_side(&gpu, &confocal, grid, VectorOptions::default(), |plan| plan.touching = true);
+    compare("voxels on wall points", "confocal, 256 pairs", vector(&confocal, Cosine, false), asking);
     compare(
         "surfaces' normals (another model)",
         "confocal, isotropic for cosine",
@@ -139,9 +142,16 @@ fn tilted(base: &Capture) -> Capture {
     Capture { laser_normal: Some(normals.clone()), sensor_normal: Some(normals), ..base.clone() }
 }
 
-fn vector_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: VectorOptions) -> Side<'g> {
+fn vector_side<'g>(
+    gpu: &'g Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: VectorOptions,
+    change: impl FnOnce(&mut Plan),
+) -> Side<'g> {
     let model = vector::model(capture, &grid, &options);
-    let plan = plan(&model, grid, &options, gpu);
+    let mut plan = plan(&model, grid, &options, gpu);
+    change(&mut plan);
     let mut job = Job::new(gpu, model, plan, None).expect("memory");
     // Every voxel active: the back-projection is asked to keep all that is above nothing.
     let mut start =

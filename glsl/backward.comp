@@ -36,8 +36,7 @@ void main() {
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 s = owned ? sample_points[slot] : vec4(0.0);
     vec4 n = owned && NORMALS ? sample_normals[slot] : vec4(0.0, 0.0, -1.0, 1.0);
-    direction = n.xyz;
-    if (owned) gather(s.xyz, slice, SLICES);
+    vec4 sum = owned ? gather_slope(s.xyz, n.xyz, slice, SLICES) : vec4(0.0);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;
         barrier();

@@ -1,5 +1,6 @@
 // Histograms filtered for back-projection: weighted by the inverse falloff, then a Mexican hat (the negative
-// second derivative of a Gaussian) along time. One invocation owns one bin. taps: [0] = radius, then weights.
+// second derivative of a Gaussian) along time. One invocation owns one cell; what is no bin
+// (place.glsl) is zero. taps: [0] = radius, then weights.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,14 +12,16 @@ layout(std430, set = 0, binding = 2) readonly buffer HatTaps { float hat_taps[];
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
 
 void main() {
-    uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (index >= scene.pairs * scene.bins) return;
-    int bin = int(index % scene.bins);
-    uint row = index - uint(bin);
-    int radius = int(hat_taps[0]);
+    uint cell = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (cell >= scene.pairs * scene.stride + PADDING) return;
+    uint pair = cell / scene.stride;
+    int bin = int(cell % scene.stride) - int(PADDING);
     float sum = 0.0;
-    for (int i = max(bin - radius, 0); i <= min(bin + radius, int(scene.bins) - 1); ++i) {
-        sum += hat_taps[1 + abs(i - bin)] * bin_weight(uint(i)) * measured[row + uint(i)];
+    if (pair < scene.pairs && bin >= 0) {
+        int radius = int(hat_taps[0]);
+        for (int i = max(bin - radius, 0); i <= min(bin + radius, int(scene.bins) - 1); ++i) {
+            sum += hat_taps[1 + abs(i - bin)] * bin_weight(uint(i)) * measured[pair * scene.bins + uint(i)];
+        }
     }
-    residual[index] = sum;
+    residual[cell] = sum;
 }

@@ -22,7 +22,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
-    uint losses = (scene.pairs * scene.bins + tile - 1u) / tile * WORKGROUP;
+    uint losses = (scene.pairs * scene.stride + PADDING + tile - 1u) / tile * WORKGROUP;
     uint voxel_groups = (counts[COUNT_ACTIVE] + VOXELS - 1u) / VOXELS;
     for (uint i = lane; i < losses; i += WORKGROUP) sum.xy += loss_partials[i];
     for (uint i = lane; i < voxel_groups; i += WORKGROUP) {

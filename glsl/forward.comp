@@ -51,7 +51,7 @@ void main() {
     vec3 point_b = wall[other].xyz;
     vec3 normal_a = CURVED != 0u ? wall[normals + pair].xyz : vec3(0.0);
     vec3 normal_b = CURVED != 0u ? wall[normals + other].xyz : vec3(0.0);
-    uint row = pair * scene.bins;
+    uint row = row_of(pair);
     uint column = gl_LocalInvocationID.x;
     clear_column(column);
     Run run = NO_RUN;
@@ -61,7 +61,7 @@ void main() {
         Arm b = a;
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
         float value = BOUND != 0u ? bound_of(a, b) : s.w * a.falloff * b.falloff;
-        if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz).value;
+        if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz);
         deposit(column, row, place_of(a, b), value, run);
         if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);
     }

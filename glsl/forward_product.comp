@@ -45,8 +45,8 @@ shared float other_rests[FINE * SHARED * BLOCK * OTHERS + 1u];
 // An arm's part of the value, for a surface of such direction.
 float part(Arm arm, vec3 direction, bool directed) {
     float value = arm.falloff;
-    if (REFLECTANCE == LAMBERTIAN) value *= arm.wall;
-    if (BOUND == 0u && directed) value *= max(dot(direction, arm.toward), 0.0);
+    if (REFLECTANCE == LAMBERTIAN) value *= arm.wall * arm.inverse;
+    if (BOUND == 0u && directed) value *= max(dot(direction, arm.way), 0.0) * arm.inverse;
     return value;
 }
 
@@ -56,13 +56,13 @@ vec3 other_arm(vec3 there, vec3 normal, uint slot) {
     Arm b = arm_to(there, normal, s.xyz);
     // The cosine model has none toward the other point.
     vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
-    float value = part(b, v / max(length(v), 1e-30), REFLECTANCE == LAMBERTIAN);
+    float value = part(b, v * inversesqrt(max(dot(v, v), LEAST_SQUARE)), REFLECTANCE == LAMBERTIAN);
     return vec3(b.distance, value * (BOUND == 0u ? s.w : 1.0), b.rest);
 }
 
 // Column of a lane's k-th histogram, and the histogram.
 uint column_of(uint k) { return k * LANES + gl_LocalInvocationID.x; }
-uint row_of(uint other, uint point) { return (other * scene.scanned + point) * scene.bins; }
+uint row_of(uint other, uint point) { return row_of(other * scene.scanned + point); }
 
 Run runs[OTHERS];
 

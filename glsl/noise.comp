@@ -35,10 +35,11 @@ void main() {
     if (pair >= scene.pairs) return;
     uint lane = gl_LocalInvocationID.x;
     uint row = pair * scene.bins;
+    uint cells = pair * scene.stride + PADDING;
     float sum = 0.0;
     for (uint bin = lane; bin < scene.bins; bin += WORKGROUP) {
-        if (PER_HISTOGRAM != 0u) sum += residual[row + bin];
-        else learn(3u * (row + bin), residual[row + bin]);
+        if (PER_HISTOGRAM != 0u) sum += residual[cells + bin];
+        else learn(3u * (row + bin), residual[cells + bin]);
     }
     if (PER_HISTOGRAM == 0u) return;
     sum = sum_over_group(vec4(sum)).x;

@@ -1,6 +1,7 @@
-// One invocation owns RESIDUAL_BINS bins, a workgroup apart: turns the accumulated sum into the rendered value, adds the noise term,
-// compares with the measurement, writes what the backward kernel gathers (dLoss / d accumulated value) and
-// leaves the sum at zero for the next iteration, so no pass over the histograms is spent on clearing.
+// One invocation owns RESIDUAL_BINS cells, a workgroup apart: turns the accumulated sum into the rendered value, adds the
+// noise term, compares with the measurement, writes what the backward kernel gathers (dLoss / d accumulated value) and
+// leaves the sum at zero for the next iteration, so no pass over the histograms is spent on clearing. Cells that are no
+// bin (place.glsl) count for nothing and are left at zero on both sides.
 // The squared differences are summed in a fixed order: here per invocation, in finish.comp over invocations. No
 // barrier: on a CPU a tree over a workgroup cost twenty times what its bins did.
 #version 460
@@ -44,35 +45,43 @@ float accumulated(uint index) { return histograms[index]; }
 #define ZERO 0.0
 #endif
 
-// Squared difference of one value, of the histogram's given bin, weighted and plain, and the size of what is rendered.
-vec3 compare(uint index, uint bin) {
-    float rendered = accumulated(index) * scene.render_scale;
-    histograms[index] = ZERO;
+// Squared difference of one value, of the pair's given bin, weighted and plain, and the size of what is rendered.
+vec3 compare(uint cell, uint pair, uint bin) {
+    uint index = pair * scene.bins + bin;
+    float rendered = accumulated(cell) * scene.render_scale;
     float open = 1.0;
     if (NOISE != 0u) {
-        float w = noise_state[3u * (NOISE == 1u ? index : index / scene.bins)];
+        float w = noise_state[3u * (NOISE == 1u ? index : pair)];
         rendered += scene.noise_base + scene.noise_span / (1.0 + exp(-w));
         open = rendered > 0.0 ? 1.0 : 0.0;
         rendered = max(rendered, 0.0);
     }
     float difference = rendered - (MEASURE != 0u ? measured[index] : 0.0);
     float weight = WEIGHTED != 0u ? bin_weight(bin) : 1.0;
-    residual[index] = 2.0 * scene.loss_scale * scene.render_scale * open * weight * difference;
+    residual[cell] = 2.0 * scene.loss_scale * scene.render_scale * open * weight * difference;
     return vec3(difference * difference * vec2(weight, 1.0), abs(rendered));
 }
 
 void main() {
     uint group = group_index();
     uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
-    uint end = scene.pairs * scene.bins;
+    uint end = scene.pairs * scene.stride + PADDING;
     vec3 squared = vec3(0.0);
     // A remainder costs a CPU more than all else here: one to begin with, then a subtraction.
-    uint bin = first % scene.bins;
-    uint on = WORKGROUP % scene.bins;
-    for (uint index = first, i = 0u; i < RESIDUAL_BINS && index < end; ++i, index += WORKGROUP) {
-        squared += compare(index, bin);
-        bin += on;
-        if (bin >= scene.bins) bin -= scene.bins;
+    uint pair = first / scene.stride;
+    uint at = first % scene.stride;
+    uint rows = WORKGROUP / scene.stride;
+    uint on = WORKGROUP % scene.stride;
+    for (uint cell = first, i = 0u; i < RESIDUAL_BINS && cell < end; ++i, cell += WORKGROUP) {
+        if (at >= PADDING && pair < scene.pairs) squared += compare(cell, pair, at - PADDING);
+        else residual[cell] = 0.0;
+        histograms[cell] = ZERO;
+        pair += rows;
+        at += on;
+        if (at >= scene.stride) {
+            at -= scene.stride;
+            ++pair;
+        }
     }
     loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
     bool rendered = finite(squared.z);

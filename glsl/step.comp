@@ -61,8 +61,8 @@ void main() {
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
     vec3 y = NORMALS ? (owned ? sample_normals[slot].xyz : vec3(0.0)) : vec3(0.0, 0.0, -point.w);
     // Nothing shines in no direction: what is zero may grow toward the wall.
-    direction = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
-    if (owned) gather(point.xyz, slice, SLICES);
+    vec3 seen = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
+    vec4 sum = owned ? gather_slope(point.xyz, seen, slice, SLICES) : vec4(0.0);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;
         barrier();

@@ -99,7 +99,7 @@ fn initialise_is_uniform_and_keeps_the_near_space_out() {
     for buffer in ["moment_first", "moment_second"] {
         assert!(read_raw(&mut job, buffer, grid.storage()).concat().iter().all(|v| *v == 0.0));
     }
-    let sums: Vec<f32> = read(&mut job, "histograms", model.pairs() * model.bins);
+    let sums: Vec<f32> = read(&mut job, "histograms", model.cells());
     assert!(sums.iter().all(|v| *v == 0.0));
     assert_valid(&gpu);
 }

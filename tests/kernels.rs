@@ -87,29 +87,24 @@ fn forward_on_every_accumulation_path() {
         assert!(samples.len() > 800);
         let want = twin::forward(&twin, &samples);
         let peak = samples.iter().fold(0.0f64, |a, s| a.max(s.albedo.abs()));
-        let mut fixed: Vec<Vec<u32>> = vec![];
+        let mut fixed: Vec<Vec<i64>> = vec![];
         for accumulation in ACCUMULATIONS {
             let mut o = options(&model, &grid);
             o.accumulation = accumulation;
             let mut job = job(&gpu, &model, &grid, &o);
             write_samples(&mut job, &samples);
             set_counts(&mut job, samples.len(), peak);
-            let elements = want.len();
-            let mut zero = Schedule::default();
-            let bytes = if job.plan.fixed_point() { 8 } else { 4 } * elements as u64;
-            zero.fill("histograms", bytes, 0);
-            job.executor.run(&zero).unwrap();
+            zero_histograms(&mut job);
             run(&mut job, &["forward"], 0, 1);
             let got: Vec<f64> = if job.plan.fixed_point() {
-                let words: Vec<u32> = read(&mut job, "histograms", 2 * elements);
+                let sums: Vec<i64> = read_rows(&mut job, "histograms");
                 let bound = model.scene(&grid).kernel_bound;
                 let exponent = fixed_exponent(peak as f32, bound, samples.len() as u32);
-                let sums = words.chunks(2).map(|w| (u64::from(w[1]) << 32 | u64::from(w[0])) as i64);
-                let got = sums.map(|s| s as f64 * 2f64.powi(-exponent)).collect();
-                fixed.push(words);
+                let got = sums.iter().map(|s| *s as f64 * 2f64.powi(-exponent)).collect();
+                fixed.push(sums);
                 got
             } else {
-                read::<f32>(&mut job, "histograms", elements).into_iter().map(f64::from).collect()
+                read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect()
             };
             let e = error(got, want.iter().copied());
             assert!(e < 2e-5, "{binning:?} {accumulation:?}: {e}");
@@ -154,22 +149,23 @@ fn residual_with_and_without_noise_term() {
             let sums: Vec<f64> = if job.plan.fixed_point() {
                 let e = fixed_exponent(1.5, model.scene(&grid).kernel_bound, 900);
                 let fixed: Vec<i64> = sums.iter().map(|s| (s * 2f64.powi(e)) as i64).collect();
-                write(&mut job, "histograms", &fixed);
+                write_rows(&mut job, "histograms", &fixed, -1);
                 fixed.iter().map(|s| *s as f64 * 2f64.powi(-e)).collect()
             } else {
                 let floats: Vec<f32> = sums.iter().map(|s| *s as f32).collect();
-                write(&mut job, "histograms", &floats);
+                write_rows(&mut job, "histograms", &floats, f32::NAN);
                 floats.iter().map(|s| f64::from(*s)).collect()
             };
             let (want, loss) = twin::residual(&twin, &sums, &weights);
             run(&mut job, &["residual"], 0, 1);
-            let got: Vec<f32> = read(&mut job, "residual", elements);
+            let got: Vec<f32> = read_rows(&mut job, "residual");
+            assert!(read_padding(&mut job, "residual").iter().all(|w| *w == 0));
             assert!(error(got.iter().map(|v| f64::from(*v)), want) < 3e-6);
-            let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(elements));
+            let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(&model));
             assert!(partials.iter().all(|p| p[0] == p[1]), "the paper's objective is the plain one");
             let sum: f64 = partials.iter().map(|v| f64::from(v[1])).sum();
             assert!((sum / elements as f64 / loss - 1.0).abs() < 1e-5);
-            let bytes = elements * if job.plan.fixed_point() { 8 } else { 4 };
+            let bytes = job.plan.bytes()["histograms"] as usize;
             let left: Vec<u8> = read(&mut job, "histograms", bytes);
             assert!(left.iter().all(|b| *b == 0), "the sums are left at zero");
         }
@@ -196,7 +192,7 @@ fn noise_learns_as_its_twin() {
         let state: Vec<[f32; 3]> = want.iter().map(|s| s.map(|v| v as f32)).collect();
         write(&mut job, "noise_state", &state);
         let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
-        write(&mut job, "residual", &floats);
+        write_rows(&mut job, "residual", &floats, 0.0);
         for step in 1..=3 {
             run(&mut job, &["noise"], step - 1, step);
             twin::noise(&twin, step, &residual, &mut want);
@@ -229,7 +225,7 @@ fn backward_published_and_exact() {
             let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
             write_samples(&mut job, &samples);
             let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
-            write(&mut job, "residual", &floats);
+            write_rows(&mut job, "residual", &floats, 0.0);
             set_counts(&mut job, samples.len(), 1.5);
             run(&mut job, &["backward"], 0, 1);
             let got = read_raw(&mut job, "gradient", samples.len());
@@ -254,12 +250,10 @@ fn forward_and_backward_of_every_model_pair_and_wall() {
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
         write_samples(&mut job, &samples);
         set_counts(&mut job, samples.len(), 1.5);
-        let mut zero = Schedule::default();
-        zero.fill("histograms", 4 * want.len() as u64, 0);
-        job.executor.run(&zero).unwrap();
+        zero_histograms(&mut job);
         run(&mut job, &["forward"], 0, 1);
         let what = format!("{geometry:?} {reflectance:?} curved {curved}");
-        let got: Vec<f32> = read(&mut job, "histograms", want.len());
+        let got: Vec<f32> = read_rows(&mut job, "histograms");
         let e = error(got.into_iter().map(f64::from), want);
         assert!(e < 2e-5, "forward {what}: {e}");
         let mut random = Random::new(11);
@@ -267,7 +261,7 @@ fn forward_and_backward_of_every_model_pair_and_wall() {
             (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
         let exact: Vec<f64> = residual.iter().map(|v| f64::from(*v)).collect();
         let want = twin::backward(&twin, &samples, &exact).concat();
-        write(&mut job, "residual", &residual);
+        write_rows(&mut job, "residual", &residual, 0.0);
         run(&mut job, &["backward"], 0, 1);
         let e = error(read_raw(&mut job, "gradient", samples.len()).concat(), want);
         assert!(e < 2e-5, "backward {what}: {e}");
@@ -290,7 +284,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
     let want = twin::backward(&twin, &samples, &exact).concat();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_samples(&mut job, &samples);
-    write(&mut job, "residual", &residual);
+    write_rows(&mut job, "residual", &residual, 0.0);
     let backward = KERNELS.iter().find(|k| k.name == "backward").unwrap();
     for (voxels, slices) in [(32, 4), (8, 8), (1, 64)] {
         let constants = [("VOXELS", voxels), ("SLICES", slices), ("SPLIT", 1), ("EXACT", 0)];
@@ -367,7 +361,7 @@ fn finish_sums_and_resets() {
     let grid = grid();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let mut random = Random::new(16);
-    let loss: Vec<f32> = (0..2 * losses(16 * 50)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
+    let loss: Vec<f32> = (0..2 * losses(&model)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
     let l1: Vec<f32> = (0..777usize.div_ceil(64)).map(|_| random.uniform(0.0, 50.0) as f32).collect();
     write(&mut job, "loss_partials", &loss);
     write(&mut job, "l1_partials", &l1);

@@ -186,10 +186,12 @@ fn the_plan_says_what_it_leaves_out_and_leaves_it_unallocated() {
         says(&cosine, "second distance") && says(&cosine, "wall's normals") && says(&cosine, "gated bins")
     );
     assert!(!says(&cosine, "surfaces' normals"));
+    assert!(says(&cosine, "voxels on wall points") && !cosine.touching);
     let general = plan(Geometry::Confocal, Reflectance::Cosine, true);
     assert!(
         !says(&general, "distance") && !says(&general, "wall's normals") && !says(&general, "gated bins")
     );
+    assert!(!says(&general, "voxels on wall points") && general.touching, "the general one asks");
     let isotropic = plan(Geometry::Product, Reflectance::Isotropic, false);
     assert!(says(&isotropic, "surfaces' normals") && says(&isotropic, "every scanned point"));
     let bytes = |p: &Plan, name: &str| p.bytes()[name];

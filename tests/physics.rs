@@ -21,12 +21,9 @@ fn render(gpu: &Gpu, model: &Model, grid: &Grid, samples: &[Sample]) -> Vec<f64>
     set_counts(&mut job, samples.len(), 1.0);
     let mut s = iteration(&job.plan, job.plan.finest(), 0, 1);
     s.commands.retain(|c| c.name() == "forward");
-    let count = model.pairs() * model.bins;
-    let mut zero = thirdbounce::gpu::Schedule::default();
-    zero.fill("histograms", count as u64 * 4, 0);
-    zero.extend(s);
-    job.executor.run(&zero).unwrap();
-    read::<f32>(&mut job, "histograms", count).into_iter().map(f64::from).collect()
+    zero_histograms(&mut job);
+    job.executor.run(&s).unwrap();
+    read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect()
 }
 
 fn facing(point: DVec3) -> Sample {

@@ -46,7 +46,7 @@ fn a_nan_is_found_where_it_is_read() {
             "bounds" => write(&mut job, "bounds", &vec![[1.0, nan]; slot + 1]),
             "wall" => write(&mut job, "wall", &[[nan; 4]]),
             "measured" => write(&mut job, "measured", &[nan]),
-            _ => write(&mut job, "histograms", &[nan]),
+            _ => write(&mut job, "histograms", &[nan; PADDING as usize + 1]),
         }
         let row = solve::run(&mut job, 2..3)[0];
         assert_eq!(first(row[TRACE_FAULTS as usize]), fault, "{buffer}: {row:?}");

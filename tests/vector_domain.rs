@@ -29,7 +29,7 @@ fn finish_decides_on_the_momentum() {
         let level = 1.0 / f64::from(1 + i) + if rise { 2.0 } else { 0.0 };
         let sign = if i % 5 == 4 { 1.0 } else { -1.0 };
         let loss: Vec<f32> =
-            (0..2 * losses(elements)).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
+            (0..2 * losses(&model)).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
         let l1: Vec<f32> = (0..active.div_ceil(voxels)).map(|_| (level * 0.01) as f32).collect();
         let against: Vec<f32> = l1.iter().map(|_| (sign * random.uniform(0.1, 1.0)) as f32).collect();
         write(&mut job, "loss_partials", &loss);

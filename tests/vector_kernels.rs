@@ -127,10 +127,10 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
         model.reflectance,
         model.wall.normals.is_some()
     );
-    let got = read_floats(&mut job, "residual", want.len());
+    let got: Vec<f64> = read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from).collect();
     let e = error(got, want.iter().copied());
     assert!(e < 3e-5, "{what}: {e}");
-    let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(want.len()));
+    let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(&model));
     for k in 0..2 {
         let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
         assert!((sum / want.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{what}: {k}");
@@ -237,7 +237,7 @@ impl StepCase {
         write_vectors(job, "raw", &self.active, &self.v);
         write_vectors(job, "before", &self.active, &self.before);
         write(job, "active_voxels", &self.active);
-        write(job, "residual", &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
+        write_rows(job, "residual", &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
         write_bounds(job, &self.active, &self.bounds);
         write_momentum(job, Momentum { beta: BETA, share: SHARE, ..REST });
         write_samples(job, &self.samples());
@@ -366,7 +366,7 @@ fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize) {
     run(&mut job, s, &["step"]);
     case.check(&mut job, voxels);
     check_bounds(&mut job, &twin, &case.active, 15);
-    write(&mut job, "residual", &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
+    write_rows(&mut job, "residual", &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
     run_start(&mut job, &["backproject"]);
     let want = twin::backproject(&twin, &case.residual);
     let projected = job.plan.volumes()[1];
@@ -378,7 +378,7 @@ fn check_bounds(job: &mut Job<'_>, twin: &Twin, active: &[u32], seed: u64) {
     let mut random = Random::new(seed);
     let residual: Vec<f64> =
         (0..twin.model.pairs() * twin.model.bins).map(|_| random.uniform(0.0, 1e-3)).collect();
-    write(job, "residual", &residual.iter().map(|r| *r as f32).collect::<Vec<f32>>());
+    write_rows(job, "residual", &residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
     write(job, "active_voxels", active);
     let samples = rounded(&twin::points(twin, active));
     write_samples(job, &samples);
@@ -417,10 +417,9 @@ fn variance_filter_and_backproject() {
     let grid = grid();
     let twin = Twin { model: &model, grid: &grid };
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
-    let elements = model.pairs() * model.bins;
     run_start(&mut job, &["variance"]);
     let want = twin::variance(&twin);
-    assert!(error(read_floats(&mut job, "residual", elements), want) < 3e-6);
+    assert!(error(read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from), want) < 3e-6);
 
     for sigma in [0.2, 2.5, 40.0] {
         let hat = vector::hat(sigma, model.bins);
@@ -428,7 +427,10 @@ fn variance_filter_and_backproject() {
         run_start(&mut job, &["filter"]);
         let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
         let want = twin::filter(&twin, &half);
-        assert!(error(read_floats(&mut job, "residual", elements), want.iter().copied()) < 3e-6);
+        assert!(
+            error(read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from), want.iter().copied())
+                < 3e-6
+        );
         run_start(&mut job, &["backproject"]);
         let filtered: Vec<f64> = want.iter().map(|w| f64::from(*w as f32)).collect();
         let want = twin::backproject(&twin, &filtered);

@@ -11,8 +11,7 @@ use thirdbounce::solve::{Accumulation, iteration};
 use thirdbounce::transport::twin;
 use thirdbounce::transport::{Binning, Geometry, Reflectance};
 
-use crate::device::vectors::zero_histograms;
-use crate::device::{options, set_counts, write_samples};
+use crate::device::{options, set_counts, write_samples, zero_histograms};
 use crate::extreme::{Case, cases, passes, passes_of, plain_kernels, read_histograms, solve};
 use crate::tables::LARGEST;
 
@@ -104,7 +103,7 @@ fn misplaced(gpu: &Gpu, case: &Case, plain: bool) -> f64 {
     let mut s = iteration(&job.plan, job.plan.finest(), 0, 1);
     s.commands.retain(|c| c.name() == "forward");
     job.executor.run(&s).expect("a pass runs");
-    let got = read_histograms(&mut job, want.len());
+    let got = read_histograms(&mut job);
     let off: f64 = got.iter().zip(&want).map(|(g, w)| (g - w).abs()).sum();
     0.5 * off / want.iter().sum::<f64>()
 }

@@ -57,40 +57,48 @@ layout(constant_id = 16) const uint RUNS = 0u;
 const uint LONGEST_RUN = 256u;
 
 struct Run {
-    int bin;     // or where a window begins (window.glsl)
-    vec2 values; // of the bin and, with SPLIT, of the next
+    uint cell;   // or where a window begins (window.glsl); 0 for nothing yet
+    vec2 values; // of the cell and, with SPLIT, of the next
     uint missed; // what fell beside the window where it stands
 };
-const Run NO_RUN = Run(-0x40000000, vec2(0.0), 0u);
+const Run NO_RUN = Run(0u, vec2(0.0), 0u);
 
-void add_to_bin(uint row, int bin, float value) {
-    if (bin >= 0 && bin < int(scene.bins)) accumulate(row + uint(bin), value);
-}
-
-// What a value gives to its bin and, with SPLIT, to the next.
+// What a value gives to its cell and, with SPLIT, to the next.
 vec2 parts_of(Place place, float value) {
-    return SPLIT == 0u ? vec2(value, 0.0) : value * vec2(1.0 - place.share, place.share);
+    if (SPLIT == 0u) return vec2(value, 0.0);
+    float second = value * place.share;
+    return vec2(value - second, second);
 }
 
-void add_parts(uint row, int bin, vec2 parts) {
-    add_to_bin(row, bin, parts.x);
-    if (SPLIT != 0u) add_to_bin(row, bin + 1, parts.y);
+// Adds to cells of a row. Beside the bins a lane that owns the row adds to the padding rather than ask; atomics there
+// would meet at one address.
+void add_parts(uint row, uint cell, vec2 parts) {
+#if !defined(ACCUMULATE_OWNED)
+    if (in_bins(cell))
+#endif
+    {
+        accumulate(row + cell, parts.x);
+        if (SPLIT != 0u) accumulate(row + cell + 1u, parts.y);
+    }
 }
 
 // Adds what a run holds to histogram `row` and empties it.
 void flush(uint row, inout Run run) {
-    if (RUNS == 0u) return;
-    add_parts(row, run.bin, run.values);
-    run.values = vec2(0.0);
+    // Two questions, as the first is answered when the kernel is made.
+    if (RUNS != 0u) {
+        if (run.cell == NO_RUN.cell) return;
+        add_parts(row, run.cell, run.values);
+        run.values = vec2(0.0);
+    }
 }
 
 // Adds a value at its place to histogram `row`: to its bin, or shared by the two around it. Needs place.glsl.
 void accumulate_at(uint row, Place place, float value, inout Run run) {
     if (RUNS != 0u) {
-        if (place.bin != run.bin) flush(row, run);
-        run.bin = place.bin;
+        if (place.cell != run.cell) flush(row, run);
+        run.cell = place.cell;
         run.values += parts_of(place, value);
-        return;
+    } else {
+        add_parts(row, place.cell, parts_of(place, value));
     }
-    add_parts(row, place.bin, parts_of(place, value));
 }

@@ -15,38 +15,39 @@ Arm arm_at(uint point, vec3 x) {
     return arm_to(wall[point].xyz, normal, x);
 }
 
-float residual_at(uint row, int bin) {
-    return bin >= 0 && bin < int(scene.bins) ? residual[row + uint(bin)] : 0.0;
-}
-
-// The residual of histogram `row` that a path there sees: of its bin, or of the two around it.
+// The residual of row `row` that a path there sees: of its bin, or of the two around it.
 float residual_around(uint row, Place place) {
-    float low = residual_at(row, place.bin);
-    return SPLIT == 0u ? low : mix(low, residual_at(row, place.bin + 1), place.share);
+    float low = residual[row + place.cell];
+    if (SPLIT == 0u) return low;
+    return low + place.share * (residual[row + place.cell + 1u] - low);
 }
 
 void gather(vec3 x, uint slice, uint slices) {
     if (GEOMETRY != PRODUCT) {
+        uint row = row_of(push.first + slice);
         for (uint pair = push.first + slice; pair < push.last; pair += slices) {
             Arm a = arm_at(pair, x);
             Arm b = a;
             if (GEOMETRY == TWO_POINTS) b = arm_at(scene.scanned + pair, x);
-            meet(a, b, residual_around(pair * scene.bins, place_of(a, b)));
+            meet(a, b, residual_around(row, place_of(a, b)));
+            row += slices * scene.stride;
         }
         return;
     }
     uint first = push.first / scene.scanned;
     uint rows = (push.last - 1u) / scene.scanned + 1u;
     uint end = rows - first > 1u ? scene.scanned : push.last - first * scene.scanned;
+    uint next = scene.scanned * scene.stride; // the same scanned point with the next other one
     for (uint other = first; other < rows; other += OTHERS) {
         Arm b[OTHERS];
         for (uint i = 0u; i < OTHERS; ++i) b[i] = arm_at(scene.scanned + min(other + i, rows - 1u), x);
         for (uint point = push.first % scene.scanned + slice; point < end; point += slices) {
             Arm a = arm_at(point, x);
+            uint row = row_of(other * scene.scanned + point);
             for (uint i = 0u; i < OTHERS; ++i) {
                 if (other + i >= rows) break;
-                uint row = ((other + i) * scene.scanned + point) * scene.bins;
                 meet(a, b[i], residual_around(row, place_of(a, b[i])));
+                row += next;
             }
         }
     }

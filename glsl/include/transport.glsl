@@ -11,13 +11,17 @@ const uint PRODUCT = 2u;    // every scanned point with every other point; pair 
 layout(constant_id = 20) const uint GEOMETRY = 0u;
 layout(constant_id = 22) const uint CURVED = 0u; // 0: the wall's normal is (0, 0, 1) everywhere
 layout(constant_id = 24) const uint FINE = 0u;   // 1: paths are more bins long than fp32 tells apart (place.glsl)
+layout(constant_id = 26) const uint TOUCHING = 1u; // 0: no sample can be within `nearest` of a wall point
 
+// What leads from a sample to a wall point. The direction is left as long as it is: the inverse goes into the one factor
+// that a pair has anyway, not into three components.
 struct Arm {
-    vec3 toward;    // unit, sample to wall point; zero for a degenerate pair
+    vec3 way;       // to the wall point, metres
+    float inverse;  // of its length; 0 for a degenerate pair
     float distance; // metres; with FINE whole grains
     float rest;     // with FINE: what is left of the distance, grains
     float falloff;  // (reference / distance)^2, or its root for retroreflective surfaces; 0 for a degenerate pair
-    float wall;     // cosine at the wall, for Lambertian surfaces
+    float wall;     // cosine at the wall times the distance, for Lambertian surfaces
 };
 
 // The distance to some 34 bits: a rounded root r, and (d.d - r r) / 2r. Every length is a whole number of grains, at
@@ -39,44 +43,37 @@ void refine(inout Arm arm, vec3 point, vec3 x, vec3 d, float inverse) {
 
 Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     Arm arm;
-    vec3 d = point - x;
-    float d2 = dot(d, d);
+    arm.way = point - x;
+    float d2 = dot(arm.way, arm.way);
+    arm.inverse = inversesqrt(d2);
     // A sample on a wall point has no direction; its kernel is defined as nothing.
-    bool degenerate = d2 < scene.nearest * scene.nearest || d2 == 0.0;
-    float inverse = degenerate ? 0.0 : inversesqrt(d2);
-    arm.toward = d * inverse;
-    arm.distance = d2 * inverse;
+    if (TOUCHING != 0u && (d2 < scene.nearest * scene.nearest || d2 == 0.0)) arm.inverse = 0.0;
+    arm.distance = d2 * arm.inverse;
     arm.rest = 0.0;
-    if (FINE != 0u) refine(arm, point, x, d, inverse);
-    float scaled = scene.reference * inverse;
+    if (FINE != 0u) refine(arm, point, x, arm.way, arm.inverse);
+    float scaled = scene.reference * arm.inverse;
     arm.falloff = REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
-    arm.wall = max(CURVED != 0u ? -dot(normal, arm.toward) : -arm.toward.z, 0.0);
+    arm.wall = max(CURVED != 0u ? -dot(normal, arm.way) : -arm.way.z, 0.0);
     return arm;
 }
 
+// What both walls of a Lambertian pair show.
+float walls(Arm a, Arm b) { return a.wall * a.inverse * (b.wall * b.inverse); }
+
 // What no unit vector shows more of: all that does not depend on the surface's direction.
 float bound_of(Arm a, Arm b) {
-    return a.falloff * b.falloff * (REFLECTANCE == LAMBERTIAN ? a.wall * b.wall : 1.0);
+    return a.falloff * b.falloff * (REFLECTANCE == LAMBERTIAN ? walls(a, b) : 1.0);
 }
 
-// What a surface vector v (unit, or albedo * normal) shows to a pair, without the falloff, and its slope there.
-// Both models are homogeneous in |v|, so one slope serves unit normals and vectors. A surface that faces away from
-// one of the points shows nothing.
-struct Shine {
-    float value;
-    vec3 slope;
-};
+// Where |v| = 0 its inverse must stay finite: the smallest square that fp32 holds with all its bits.
+const float LEAST_SQUARE = 1e-36;
 
-Shine shine(Arm a, Arm b, vec3 v) {
-    if (!NORMALS) return Shine(1.0, vec3(0.0));
-    if (REFLECTANCE == COSINE) {
-        float value = dot(v, a.toward);
-        return value > 0.0 ? Shine(value, a.toward) : Shine(0.0, vec3(0.0));
-    }
-    float size = max(length(v), 1e-30);
-    vec3 n = v / size;
-    float cos_a = dot(n, a.toward);
-    float cos_b = dot(n, b.toward);
-    float walls = cos_a > 0.0 && cos_b > 0.0 ? a.wall * b.wall : 0.0;
-    return Shine(walls * size * cos_a * cos_b, walls * (cos_b * a.toward + cos_a * b.toward - cos_a * cos_b * n));
+// What a surface vector v (unit, or albedo * normal) shows to a pair, without the falloff: |v| times the cosines. A
+// surface that faces away from one of the points shows nothing.
+float shine(Arm a, Arm b, vec3 v) {
+    if (!NORMALS) return 1.0;
+    float toward_a = max(dot(v, a.way), 0.0) * a.inverse;
+    if (REFLECTANCE == COSINE) return toward_a;
+    float toward_b = max(dot(v, b.way), 0.0) * b.inverse;
+    return walls(a, b) * toward_a * toward_b * inversesqrt(max(dot(v, v), LEAST_SQUARE));
 }

@@ -17,12 +17,13 @@ void clear_column(uint column) {
 
 // Adds a column to histogram `row`, and leaves it empty.
 void flush_column(uint column, uint row, Run run) {
-    if (run.bin == NO_RUN.bin) return;
+    if (run.cell == NO_RUN.cell) return;
     for (uint i = 0u; i < WINDOW; ++i) {
         float value = columns[i * COLUMNS + column];
         if (value == 0.0) continue;
         columns[i * COLUMNS + column] = 0.0;
-        add_to_bin(row, run.bin + int(i), value);
+        // A window may reach beyond its row.
+        if (run.cell + i - (ORIGIN + PADDING) < scene.bins) accumulate(row + run.cell + i, value);
     }
 }
 
@@ -37,19 +38,18 @@ void deposit(uint column, uint row, Place place, float value, inout Run run) {
         accumulate_at(row, place, value, run);
         return;
     }
-    int last = SPLIT == 0u ? place.bin : place.bin + 1;
-    if (last < 0 || place.bin >= int(scene.bins)) return;
+    if (!in_bins(place.cell)) return;
     vec2 parts = parts_of(place, value);
-    if (place.bin < run.bin || last >= run.bin + int(WINDOW)) {
-        if (run.bin != NO_RUN.bin && ++run.missed < PATIENCE) {
-            add_parts(row, place.bin, parts);
+    if (place.cell - run.cell >= WINDOW - SPLIT) {
+        if (run.cell != NO_RUN.cell && ++run.missed < PATIENCE) {
+            add_parts(row, place.cell, parts);
             return;
         }
         flush_column(column, row, run);
-        run.bin = place.bin - int(WINDOW / 2u);
+        run.cell = place.cell - WINDOW / 2u;
         run.missed = 0u;
     }
-    uint at = uint(place.bin - run.bin) * COLUMNS + column;
+    uint at = (place.cell - run.cell) * COLUMNS + column;
     columns[at] += parts.x;
     if (SPLIT != 0u) columns[at + COLUMNS] += parts.y;
 }

@@ -41,6 +41,8 @@ pub struct Plan {
     pub levels: Vec<Level>,
     pub pairs: usize,
     pub bins: usize,
+    /// Of all histograms, with their padding.
+    pub cells: usize,
     /// Metres of path.
     pub bin_width: f64,
     pub iterations: usize,
@@ -58,6 +60,8 @@ pub struct Plan {
     pub fine: bool,
     /// Voxels are summed by runs before they are added to a bin, which takes more of them than fp32 sums bear.
     pub runs: bool,
+    /// A sample may be so near to a wall point that the pair gives nothing.
+    pub touching: bool,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side, and of the other.
@@ -141,8 +145,8 @@ impl Plan {
     ) -> Result<Plan> {
         let options: Wanted = wanted.into();
         let accumulation = choose(options.accumulation, device.kind, device.accumulations)?;
-        let elements = model.pairs() as u64 * model.bins as u64;
-        if elements > 1 << 30 {
+        // Kernels count three words of noise for a bin, and two of fixed point for a cell.
+        if (model.pairs() as u64 * model.bins as u64) > 1 << 30 || model.cells() as u64 >= 1 << 31 {
             return Err(Error::memory(
                 format!("{} pairs of {} bins are beyond 2^30 values", model.pairs(), model.bins),
                 "use a larger --stride or a narrower --gate",
@@ -179,6 +183,7 @@ impl Plan {
         let mut plan = Plan {
             pairs: model.pairs(),
             bins: model.bins,
+            cells: model.cells(),
             bin_width: model.bin_width,
             iterations: options.iterations,
             accumulation,
@@ -192,6 +197,7 @@ impl Plan {
             reflectance: model.reflectance,
             fine: model.is_fine(&grid),
             runs: false,
+            touching: true,
             curved: model.wall.normals.is_some(),
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
@@ -211,6 +217,7 @@ impl Plan {
         // Fixed point adds without rounding, and a window is a second level by itself.
         plan.runs =
             !plan.fixed_point() && plan.tuning.window == 0 && plan.capacity / model.bins > VOXELS_PER_BIN;
+        plan.touching = options.general || plan.levels.iter().any(|l| model.touches(&l.grid));
         plan.reachable = plan.levels.iter().map(reachable).collect();
         plan.buffers = plan.list_buffers(with_volume);
         plan.left_out = plan.list_left_out();

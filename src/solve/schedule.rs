@@ -13,7 +13,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     let arguments = |triple: u32| 12 * u64::from(triple);
     s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP * RESIDUAL_BINS))
+    s.dispatch("residual", groups(plan.cells, WORKGROUP * RESIDUAL_BINS))
         .bind("scene", level.scene)
         .with(push);
     if plan.noise != NoiseTerm::Off {

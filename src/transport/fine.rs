@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::{Grid, Model};
+use super::{Binning, Grid, Model};
 
 /// Paths of more bins than this are told apart only in parts: by fp32 alone a contribution would share its value between
 /// two bins with an error above some 1e-4 (docs/stability.md).
@@ -16,7 +16,8 @@ pub(super) struct Fine {
     pub grain: f64,
     /// Bins per grain: 12 bits of them, so that up to 2^12 grains are an exact multiple, and the rest.
     pub bins_per_grain: [f64; 2],
-    /// Bins before the gate: what is a multiple of the last of those bits, and the rest.
+    /// Bins before the gate, and half a bin where two share a contribution: what is a multiple of the last of those
+    /// bits, and the rest.
     pub start_bins: [f64; 2],
 }
 
@@ -44,6 +45,11 @@ impl Model {
             let most = (v / unit).round() * unit;
             [most, v - most]
         };
-        Fine { grain, bins_per_grain: split(bins), start_bins: split(self.t_start / self.bin_width) }
+        let mut start_bins = split(self.t_start / self.bin_width);
+        if self.binning == Binning::Linear {
+            // What is shared by two bins counts from the first one's centre.
+            start_bins[1] += 0.5;
+        }
+        Fine { grain, bins_per_grain: split(bins), start_bins }
     }
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::kernels::SceneData;
-use super::{Grid, Wall};
+use super::kernels::{PADDING, SceneData};
+use super::{Geometry, Grid, Wall};
 use crate::capture::Capture;
 
 /// Where the sample of a voxel lies.
@@ -159,6 +159,40 @@ impl Model {
         self.wall.pairs()
     }
 
+    /// Cells of the device from one histogram to the next: its bins, and before them what no bin is
+    /// (`glsl/include/place.glsl`).
+    pub fn stride(&self) -> usize {
+        self.bins + PADDING as usize
+    }
+
+    /// Cells of all histograms.
+    pub fn cells(&self) -> usize {
+        self.pairs() * self.stride() + PADDING as usize
+    }
+
+    /// Of the cells of histograms or residuals those that are bins, `[pair * bins + bin]`.
+    pub fn bins_of<T: Copy>(&self, cells: &[T]) -> Vec<T> {
+        let padding = PADDING as usize;
+        cells[..self.pairs() * self.stride()]
+            .chunks(self.stride())
+            .flat_map(|row| &row[padding..])
+            .copied()
+            .collect()
+    }
+
+    /// Factor and addend from a path (of a confocal pair: from half of it) to its place in a row, as a part of its cells.
+    fn place(&self) -> [f64; 2] {
+        let stride = self.stride() as f64;
+        let arms = if self.wall.geometry == Geometry::Confocal { 2.0 } else { 1.0 };
+        let start = f64::from(PADDING - 1) - self.t_start / self.bin_width;
+        let shift = match self.binning {
+            Binning::Linear => -0.5 / stride,
+            // What lies on an edge counts to the bin that begins there, though fp32 may have it a little before.
+            Binning::Nearest => 2f64.powi(-22),
+        };
+        [arms / self.bin_width / stride, start / stride + shift]
+    }
+
     /// What power of the distance a confocal value falls off with.
     pub fn falloff_power(&self) -> i32 {
         if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
@@ -188,6 +222,7 @@ impl Model {
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
         let fine = self.fine(grid);
+        let place = self.place();
         SceneData {
             grid_x: grid.n[0] as u32,
             grid_y: grid.n[1] as u32,
@@ -200,6 +235,8 @@ impl Model {
             scanned: self.wall.scanned.len() as u32,
             others: self.wall.others.len() as u32,
             bins: self.bins as u32,
+            stride: self.stride() as u32,
+            row_cells: self.stride() as f32,
             seed: self.seed,
             capacity: grid.storage() as u32,
             origin_x: grid.origin.x as f32,
@@ -210,6 +247,8 @@ impl Model {
             pitch_z: grid.pitch.z as f32,
             t_start: self.t_start as f32,
             bins_per_metre: (1.0 / self.bin_width) as f32,
+            place_scale: place[0] as f32,
+            place_offset: place[1] as f32,
             grain: fine.grain as f32,
             grains_per_metre: (1.0 / fine.grain) as f32,
             bins_per_grain: fine.bins_per_grain[0] as f32,

@@ -70,6 +70,20 @@ impl Model {
         (0..bricks.iter().product()).into_par_iter().map(one).collect()
     }
 
+    /// Whether a sample of `grid` may be within [`Model::nearest`] of a wall point, or so little beyond that fp32 might
+    /// not tell.
+    pub fn touches(&self, grid: &Grid) -> bool {
+        let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
+        let block = Block::of(grid, low, grid.n.map(|n| n - 1));
+        let far = self
+            .wall
+            .all_points()
+            .chain([&block.min, &block.max])
+            .fold(0.0f64, |a, p| p.abs().max_element().max(a));
+        let least = self.nearest(grid) + 1e-5 * far;
+        !self.wall.all_points().all(|p| block.nearest(*p) > least)
+    }
+
     /// Leaves out the bins that no path over a voxel of `grid` reaches: they cannot change, so they add the same to
     /// the loss at every step. Returns how many went.
     pub fn trim(&mut self, grid: &Grid) -> usize {
@@ -86,5 +100,50 @@ impl Model {
         self.t_start += first as f64 * self.bin_width;
         self.bins = last - first;
         before - self.bins
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::dvec3;
+
+    use super::*;
+    use crate::capture::Capture;
+    use crate::transport::Reflectance;
+
+    fn model(points: Vec<DVec3>, min_depth: f64) -> Model {
+        let capture = Capture {
+            name: "points".into(),
+            scan: [points.len(), 1],
+            laser: points.clone(),
+            sensor: points.clone(),
+            laser_normal: None,
+            sensor_normal: None,
+            bins: 4,
+            bin_width: 0.1,
+            t_start: 0.0,
+            histograms: vec![1.0; 4 * points.len()],
+            integer_counts: false,
+        };
+        Model { min_depth, ..Model::new(&capture, Reflectance::Cosine, 1.0, false) }
+    }
+
+    #[test]
+    fn a_grid_touches_a_wall_point_within_a_quarter_of_a_voxel_of_where_samples_stray() {
+        let grid = Grid { n: [4, 4, 8], origin: dvec3(0.0, 0.0, 0.0), pitch: DVec3::splat(0.1) };
+        let touches = |points: &[DVec3], min_depth| model(points.to_vec(), min_depth).touches(&grid);
+        let far = dvec3(5.0, 5.0, 0.0);
+        // In the grid, and where voxels are too near to the wall to be active.
+        assert!(touches(&[far, dvec3(0.1, 0.1, 0.4)], 0.2));
+        assert!(!touches(&[far, dvec3(0.1, 0.1, 0.0)], 0.2));
+        assert!(touches(&[far, dvec3(0.1, 0.1, 0.0)], 0.0));
+        // Voxels from 0.2 on, half a voxel nearer, a quarter of one before that.
+        assert!(touches(&[dvec3(0.1, 0.1, 0.126)], 0.2));
+        assert!(!touches(&[dvec3(0.1, 0.1, 0.124)], 0.2));
+        // Beside the grid: voxels reach to 0.35.
+        assert!(touches(&[dvec3(0.374, 0.1, 0.4)], 0.2) && !touches(&[dvec3(0.376, 0.1, 0.4)], 0.2));
+        // A grid far away from its wall, by which fp32 might round.
+        assert!(touches(&[dvec3(0.3755, 0.1, 0.4), dvec3(0.0, 1000.0, 0.0)], 0.2));
+        assert!(touches(&[dvec3(f64::NAN, 0.0, 0.0)], 0.2), "what is no number is no reason to leave it out");
     }
 }

@@ -11,7 +11,7 @@ use thirdbounce::solve::{
     Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Progress, Tuning, Wanted, Watch,
 };
 use thirdbounce::solve::{Job, upload};
-use thirdbounce::transport::kernels::{RESIDUAL_BINS, WORKGROUP};
+use thirdbounce::transport::kernels::{PADDING, RESIDUAL_BINS, WORKGROUP};
 use thirdbounce::transport::twin::{Raw, Sample, Twin};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, Volume, Wall};
 
@@ -228,6 +228,43 @@ pub fn read<T: bytemuck::Pod>(job: &mut Job<'_>, buffer: &'static str, count: us
     bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("back")[..bytes])
 }
 
+/// Cells of histograms or residuals that are bins, `[pair * bins + bin]`.
+pub fn read_rows<T: bytemuck::Pod>(job: &mut Job<'_>, buffer: &'static str) -> Vec<T> {
+    let cells: Vec<T> = read(job, buffer, job.model.cells());
+    job.model.bins_of(&cells)
+}
+
+/// The rest of them: what no bin may ever be told of.
+pub fn read_padding(job: &mut Job<'_>, buffer: &'static str) -> Vec<u32> {
+    let (cells, stride) = (job.model.cells(), job.model.stride());
+    let words = job.plan.bytes()[buffer] as usize / 4 / cells;
+    let all: Vec<u32> = read(job, buffer, cells * words);
+    all.chunks(words)
+        .enumerate()
+        .filter(|(i, _)| i % stride < PADDING as usize)
+        .flat_map(|(_, c)| c)
+        .copied()
+        .collect()
+}
+
+/// Writes histograms or residuals, and the same to every cell that is no bin.
+pub fn write_rows<T: bytemuck::NoUninit>(job: &mut Job<'_>, buffer: &'static str, bins: &[T], padding: T) {
+    let none = [padding; PADDING as usize];
+    let rows = bins.chunks(job.model.bins).flat_map(|row| none.iter().chain(row));
+    let cells: Vec<T> = rows.chain(&none).copied().collect();
+    write(job, buffer, &cells);
+}
+
+/// No light in any bin, and all bits set in what is none.
+pub fn zero_histograms(job: &mut Job<'_>) {
+    let bins = job.model.pairs() * job.model.bins;
+    if job.plan.fixed_point() {
+        write_rows(job, "histograms", &vec![0u64; bins], u64::MAX);
+    } else {
+        write_rows(job, "histograms", &vec![0u32; bins], u32::MAX);
+    }
+}
+
 pub fn write_raw(job: &mut Job<'_>, buffer: &'static str, raw: &[Raw]) {
     let values: Vec<[f32; 4]> = raw.iter().map(|r| r.map(|v| v as f32)).collect();
     write(job, buffer, &values);
@@ -325,10 +362,10 @@ pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
     job.executor.run(&s).expect("a dispatch runs");
 }
 
-/// Partial losses that the residual kernel leaves of so many bins.
-pub fn losses(elements: usize) -> usize {
+/// Partial losses that the residual kernel leaves.
+pub fn losses(model: &Model) -> usize {
     let tile = WORKGROUP as usize * RESIDUAL_BINS as usize;
-    elements.div_ceil(tile) * WORKGROUP as usize
+    model.cells().div_ceil(tile) * WORKGROUP as usize
 }
 
 /// A watch that only hears.

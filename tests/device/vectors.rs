@@ -98,13 +98,6 @@ pub fn flat(v: &[DVec3]) -> Vec<f64> {
     v.iter().flat_map(|v| v.to_array()).collect()
 }
 
-pub fn zero_histograms(job: &mut Job<'_>) {
-    let bytes = job.plan.bytes()["histograms"];
-    let mut s = Schedule::default();
-    s.fill("histograms", bytes, 0);
-    job.executor.run(&s).unwrap();
-}
-
 pub fn write_momentum(job: &mut Job<'_>, m: Momentum) {
     write(job, "momentum", &[m.t, m.beta, m.objective, m.restarts, m.share].map(|v| v as f32));
 }

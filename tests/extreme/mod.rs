@@ -11,8 +11,8 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Sample, Twin};
 use thirdbounce::transport::{Grid, Model};
 
-use super::device::vectors::{read_floats, run_iteration, vector_options, zero_histograms};
-use super::device::{job, read, read_raw, rounded, set_counts, write_samples};
+use super::device::vectors::{run_iteration, vector_options};
+use super::device::{job, read, read_raw, read_rows, rounded, set_counts, write_samples, zero_histograms};
 
 /// A scene, its domain, and vectors (albedo times normal, by storage index) whose light is measured.
 #[derive(Clone)]
@@ -87,16 +87,15 @@ pub fn apart(got: &[f64], want: &[f64], bins: usize) -> Apart {
 }
 
 /// The accumulated histograms as numbers, whatever the path.
-pub fn read_histograms(job: &mut Job<'_>, elements: usize) -> Vec<f64> {
+pub fn read_histograms(job: &mut Job<'_>) -> Vec<f64> {
     if !job.plan.fixed_point() {
-        return read_floats(job, "histograms", elements);
+        return read_rows::<f32>(job, "histograms").into_iter().map(f64::from).collect();
     }
     let counts: Vec<u32> = read(job, "counts", COUNTS as usize);
     let bound = job.model.scene(&job.plan.finest().grid).kernel_bound;
     let exponent = fixed_exponent(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]), bound, counts[0]);
-    let words: Vec<u32> = read(job, "histograms", 2 * elements);
-    let sums = words.chunks(2).map(|w| (u64::from(w[1]) << 32 | u64::from(w[0])) as i64);
-    sums.map(|s| s as f64 * 2f64.powi(-exponent)).collect()
+    let sums: Vec<i64> = read_rows(job, "histograms");
+    sums.iter().map(|s| *s as f64 * 2f64.powi(-exponent)).collect()
 }
 
 /// The scale of fixed-point accumulation, as `glsl/include/fixed.glsl` has it.
@@ -130,9 +129,9 @@ pub fn passes_of(job: &mut Job<'_>, case: &Case) -> Passes {
     set_counts(job, samples.len(), peak);
     zero_histograms(job);
     run_iteration(job, 0, &["forward"]);
-    let forward = apart(&read_histograms(job, accumulated.len()), &accumulated, bins);
+    let forward = apart(&read_histograms(job), &accumulated, bins);
     run_iteration(job, 0, &["residual"]);
-    let got = read_floats(job, "residual", residual.len());
+    let got: Vec<f64> = read_rows::<f32>(job, "residual").into_iter().map(f64::from).collect();
     let residual = apart(&got, &residual, bins);
     let mut s = Schedule::default();
     // Without the last flag the gradient is left in its buffer.

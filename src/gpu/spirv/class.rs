@@ -13,6 +13,8 @@ pub struct Counts {
     pub special: u32,
     /// Whole numbers, comparisons, selections, conversions, rounding, minima, addresses, branches, barriers.
     pub other: u32,
+    /// Of these, roundings and conversions between floats and whole numbers: GPUs do them where they do special functions.
+    pub conversions: u32,
     /// Words loaded from and stored to buffers, each lane at an address of its own.
     pub loads: u32,
     pub stores: u32,
@@ -43,6 +45,7 @@ impl Counts {
         self.fma += o.fma;
         self.special += o.special;
         self.other += o.other;
+        self.conversions += o.conversions;
         self.loads += o.loads;
         self.stores += o.stores;
         self.broadcasts += o.broadcasts;
@@ -85,6 +88,7 @@ pub(super) fn cost(m: &Module, i: &Instruction, apart: bool) -> Counts {
             CLASS_INPUT | CLASS_PRIVATE | CLASS_FUNCTION => Counts::default(),
             _ => other(1),
         },
+        109..=112 => Counts { other: n, conversions: n, ..Counts::default() },
         // Signs are modifiers; composites, copies and choices of a path are names for registers.
         op::F_NEGATE | op::PHI | op::BRANCH | 79..=83 | 124 | 253..=255 => Counts::default(),
         op::BRANCH_CONDITIONAL | op::SWITCH | op::CONTROL_BARRIER => other(1),
@@ -119,6 +123,12 @@ fn extended(m: &Module, i: &Instruction, n: u32) -> Counts {
         26 => counts(n, 2 * n, 0),
         // tan, asin to atanh: two special functions and a polynomial
         15..=25 => counts(4 * n, 2 * n, 0),
+        // round, trunc, floor, ceil, fract
+        1..=3 | 8..=10 => Counts { conversions: n, ..counts(0, 0, n) },
+        // Between 0 and 1 a clamp is a modifier of the instruction before it.
+        43 if m.value(i.rest[3]) == Some(0) && m.value(i.rest[4]) == Some(u64::from(1f32.to_bits())) => {
+            counts(0, 0, 0)
+        }
         // clamp, sign
         6 | 43..=45 => counts(0, 0, 2 * n),
         // mix: a subtraction and an fma

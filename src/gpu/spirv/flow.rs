@@ -7,13 +7,14 @@ use super::module::{Block, Id, Instruction, Module, op};
 
 const CLASS_INPUT: u32 = 1;
 const CLASS_UNIFORM: u32 = 2;
+const CLASS_FUNCTION: u32 = 7;
 const CLASS_PUSH: u32 = 9;
 
 /// Built-ins that differ between lanes of a subgroup.
 const LANE_BUILTINS: [u32; 4] = [27, 28, 29, 41];
 
 /// See [`super::count_loop`].
-pub(super) fn count(m: &Module) -> Option<Counts> {
+pub(super) fn count(m: &Module) -> Option<[Counts; 2]> {
     let by_label: HashMap<Id, &Block> = m.blocks.iter().map(|b| (b.label, b)).collect();
     let reached = reach(&by_label, m.blocks.first()?.label, None);
     if m.blocks
@@ -29,18 +30,28 @@ pub(super) fn count(m: &Module) -> Option<Counts> {
         .iter()
         .filter_map(|b| b.merge.map(|merge| (b.label, reach(&by_label, b.label, Some(merge)))))
         .collect();
-    // The loop that holds the most by itself; those inside it count once.
-    let inside = |(head, body): &(Id, HashSet<Id>)| {
-        let nested = loops.iter().filter(|(h, _)| h != head && body.contains(h));
-        nested.flat_map(|(_, b)| b).copied().collect::<HashSet<Id>>()
-    };
-    let weight = |l: &(Id, HashSet<Id>)| {
-        let nested = inside(l);
+    // A loop's own, without those inside it.
+    let own = |l: &(Id, HashSet<Id>)| {
+        let nested = loops.iter().filter(|(h, _)| *h != l.0 && l.1.contains(h));
+        let nested: HashSet<Id> = nested.flat_map(|(_, b)| b).copied().collect();
         let own: HashSet<Id> = l.1.difference(&nested).copied().collect();
-        in_loop(m, &blocks, &l.1, &own, &uses, &apart).issued()
+        in_loop(m, &blocks, &l.1, &own, &uses, &apart)
     };
-    let (_, body) = loops.iter().max_by_key(|l| weight(l))?;
-    Some(in_loop(m, &blocks, body, body, &uses, &apart))
+    let around = |l: &(Id, HashSet<Id>)| {
+        let head = l.0;
+        loops.iter().filter(move |(h, b)| *h != head && b.contains(&head))
+    };
+    // What is done most often: of loops that hold much by themselves, the innermost. What prepares for a product's pairs
+    // may hold more, what tries again or empties a window holds little.
+    let weights: Vec<u32> = loops.iter().map(|l| own(l).issued()).collect();
+    let most = *weights.iter().max()?;
+    let much = loops.iter().zip(&weights).filter(|(_, w)| 2 * **w >= most);
+    let (counted, _) = much.max_by_key(|(l, w)| (around(l).count(), **w))?;
+    let body = &counted.1;
+    let turn = in_loop(m, &blocks, body, body, &uses, &apart);
+    // The smallest that holds it.
+    let shared = around(counted).min_by_key(|l| l.1.len()).map_or(Counts::default(), own);
+    Some([turn, shared])
 }
 
 /// Blocks that control reaches from `from` without passing `end`.
@@ -75,7 +86,17 @@ fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
     let all = || blocks.iter().flat_map(|b| &b.instructions);
     let by_result: HashMap<Id, &Instruction> =
         all().filter(|i| i.result != 0).map(|i| (i.result, i)).collect();
-    let effect = |i: &&Instruction| i.result == 0 || (227..=242).contains(&i.op) || i.op == 6035;
+    let base = |pointer: Id| match by_result.get(&pointer) {
+        Some(i) if matches!(i.op, op::ACCESS_CHAIN | op::IN_BOUNDS_ACCESS_CHAIN) => i.rest[0],
+        _ => pointer,
+    };
+    let loaded: HashSet<Id> = all().filter(|i| i.op == op::LOAD).map(|i| base(i.rest[0])).collect();
+    // Modules with extensions that the optimiser does not know keep variables of a function that nothing reads.
+    let unread = |i: &Instruction| {
+        i.op == op::STORE && m.class(i.rest[0]) == CLASS_FUNCTION && !loaded.contains(&base(i.rest[0]))
+    };
+    let effect =
+        |i: &&Instruction| (i.result == 0 && !unread(i)) || (227..=242).contains(&i.op) || i.op == 6035;
     let mut open: Vec<&Instruction> = all().filter(effect).collect();
     let mut uses: HashMap<Id, u32> = HashMap::new();
     while let Some(i) = open.pop() {

@@ -15,9 +15,10 @@ pub use class::Counts;
 
 use super::KernelCode;
 
-/// Counts of one turn of the loop that holds the most, loops inside it once; `None` if there is no loop, or one
-/// calls functions that the compiler did not expand. `constants` are specialization constants by name.
-pub fn count_loop<N: AsRef<str>>(code: &KernelCode, constants: &[(N, u32)]) -> Option<Counts> {
+/// Counts of one turn of the loop that holds the most, loops inside it once, and what the loop around it does besides:
+/// once for all turns of the inner one. `None` if there is no loop, or one calls functions that the compiler did not
+/// expand. `constants` are specialization constants by name.
+pub fn count_loop<N: AsRef<str>>(code: &KernelCode, constants: &[(N, u32)]) -> Option<[Counts; 2]> {
     let ids = constants.iter().filter_map(|(name, value)| {
         code.constants.iter().find(|c| c.name == name.as_ref()).map(|c| (c.id, *value))
     });

@@ -30,6 +30,8 @@ pub struct KernelProfile {
     pub floor: Option<Floor>,
     /// Instructions of a pair, counted in the compiled module.
     pub counts: Option<Counts>,
+    /// What the loop around it does once for so many pairs: in a product, the arm of the scanned point.
+    pub shared: Option<(Counts, u32)>,
     /// Registers, shared memory and so on, in the driver's words.
     pub statistics: BTreeMap<String, f64>,
 }
@@ -135,8 +137,13 @@ pub fn kernels(
             }
             if let (Some(pass), Some(made)) = (pass, made) {
                 let float = made.code.name.ends_with("_float");
-                k.counts = count_loop(&made.code, &made.constants);
-                let floor = k.counts.map(|c| Floor::new(&c, limits, float).shared(pass.pairs_per_turn));
+                let others = made.constants.iter().find(|c| c.0 == "OTHERS").map_or(1, |c| c.1);
+                let counted = count_loop(&made.code, &made.constants);
+                k.counts = counted.map(|c| c[0]);
+                k.shared = counted.map(|c| (c[1], others)).filter(|s| s.0 != Counts::default());
+                let of = |c: &Counts| Floor::new(c, limits, float);
+                let floor = k.counts.map(|c| of(&c).shared(pass.pairs_per_turn));
+                let floor = floor.map(|f| k.shared.map_or(f, |(c, pairs)| f.and(of(&c).shared(pairs))));
                 k.share_of_limit = floor.and_then(|f| Some(f.seconds() * k.pairs_per_s?));
                 k.floor = floor;
             }
@@ -148,6 +155,16 @@ pub fn kernels(
 }
 
 impl Floor {
+    /// Of this and that.
+    fn and(self, o: Floor) -> Floor {
+        Floor {
+            issue: self.issue + o.issue,
+            special: self.special + o.special,
+            load: self.load + o.load,
+            atomic: self.atomic + o.atomic,
+        }
+    }
+
     /// Of one pair, where a turn evaluates so many.
     fn shared(self, pairs: u32) -> Floor {
         let by = |v: f64| v / f64::from(pairs.max(1));
@@ -302,5 +319,6 @@ mod tests {
         assert_eq!(Floor::new(&adding, &limits, true).atomic, 0.5);
         assert_eq!(Floor::new(&adding, &limits, false).atomic, 0.1);
         assert_eq!(floor.shared(2).special, 0.1);
+        assert_eq!(floor.and(floor.shared(2)).issue, 0.28 + 0.14);
     }
 }

@@ -106,7 +106,7 @@ fn check_paper(
         samples.iter().flat_map(one).collect()
     };
     note("sample", error(&flat(&got), &flat(&want)));
-    let residual = read_floats(&mut job, "residual", model.pairs() * model.bins)?;
+    let residual = model.bins_of(&read_floats(&mut job, "residual", model.cells())?);
     let (want, _) = twin::residual(&twin, &twin::forward(&twin, &got), &[]);
     note("forward", error(&residual, &want));
     let gradient = read_raw(&mut job, "gradient", active.len())?;
@@ -173,7 +173,7 @@ fn check_vector(
     let got = read_samples(&mut job, count)?;
     let want = twin::extrapolate(&twin, &active, &v, &before, momentum[MOMENTUM_BETA as usize]);
     note("extrapolate", error(&directions(&got), &directions(&want)));
-    let residual = read_floats(&mut job, "residual", model.pairs() * model.bins)?;
+    let residual = model.bins_of(&read_floats(&mut job, "residual", model.cells())?);
     let accumulated = twin::forward(&twin, &got);
     let (want, _) = twin::residual_weighted(&twin, &accumulated, true);
     note("forward", error(&residual, &want));

@@ -14,12 +14,13 @@ impl Plan {
         let of_vectors = |bytes: u64| if self.vectors { bytes } else { 0 };
         let columns = (grid.n[0] * grid.n[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
+        let cells = self.cells as u64;
         let sets = self.forward_sets(self.finest());
         let device = [
             ("wall", (self.scanned + self.others) as u64 * if self.curved { 32 } else { 16 }),
             ("measured", elements * 4),
-            ("histograms", elements * if self.fixed_point() { 8 } else { 4 }),
-            ("residual", elements * 4),
+            ("histograms", cells * if self.fixed_point() { 8 } else { 4 }),
+            ("residual", cells * 4),
             ("noise_state", self.noise_weights() as u64 * 12),
             ("raw", slots * 16),
             ("before", of_vectors(slots * 16)),
@@ -49,7 +50,7 @@ impl Plan {
             ("l1_partials", slots.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
             (
                 "loss_partials",
-                elements.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP) * 8,
+                cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP) * 8,
             ),
             ("columns", columns),
         ];

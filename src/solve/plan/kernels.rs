@@ -44,6 +44,7 @@ impl Plan {
             ("REFLECTANCE", self.reflectance.number()),
             ("CURVED", u32::from(self.curved)),
             ("FINE", u32::from(self.fine)),
+            ("TOUCHING", u32::from(self.touching)),
         ];
         let u = |name, variant, constants: &[(&'static str, u32)]| {
             let asks = |c: &&(&str, u32)| code(variant).constants.iter().any(|known| known.name == c.0);

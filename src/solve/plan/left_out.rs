@@ -33,6 +33,9 @@ impl Plan {
             let points = (self.scanned + self.others) as u64;
             left(format!("the wall's normals: {why}"), mebibytes(points * 16));
         }
+        if !self.touching {
+            left("voxels on wall points: there are none".into(), "a question per distance".into());
+        }
         if !self.reflectance.has_normals() {
             left("the surfaces' normals: the model has no cosine".into(), mebibytes(voxels * 16));
         }

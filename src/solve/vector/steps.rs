@@ -14,7 +14,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
         s.fill(buffer, bytes(buffer), 0);
     }
     s.set("momentum", MOMENTUM_SHARE, (options.step_share as f32).to_bits());
-    s.dispatch("filter", groups(plan.pairs * plan.bins, WORKGROUP)).bind("scene", level.scene);
+    s.dispatch("filter", groups(plan.cells, WORKGROUP)).bind("scene", level.scene);
     for push in pair_chunks(plan) {
         s.dispatch("backproject", groups(level.grid.storage(), WORKGROUP))
             .bind("scene", level.scene)
@@ -38,7 +38,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
         .bind("scene", level.scene)
         .with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.pairs * plan.bins, WORKGROUP * RESIDUAL_BINS))
+    s.dispatch("residual", groups(plan.cells, WORKGROUP * RESIDUAL_BINS))
         .bind("scene", level.scene)
         .with(push);
     for chunk in pair_chunks(plan) {
@@ -124,17 +124,16 @@ fn settle(plan: &Plan, level: &Level, how: &'static str) -> Schedule {
 fn bounds(plan: &Plan, level: &Level) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
-    let elements = plan.pairs * plan.bins;
     let sample = 12 * u64::from(ARGUMENTS_SAMPLE);
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
-    s.dispatch("residual_bound", groups(elements, WORKGROUP * RESIDUAL_BINS)).bind("scene", scene);
+    s.dispatch("residual_bound", groups(plan.cells, WORKGROUP * RESIDUAL_BINS)).bind("scene", scene);
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
     for chunk in pair_chunks(plan) {
         s.indirect("bound_step", "arguments", sample).bind("scene", scene).with(chunk);
     }
-    s.dispatch("variance", groups(elements, WORKGROUP)).bind("scene", scene);
+    s.dispatch("variance", groups(plan.cells, WORKGROUP)).bind("scene", scene);
     for chunk in pair_chunks(plan) {
         s.indirect("bound_noise", "arguments", sample).bind("scene", scene).with(chunk);
     }
