@@ -1,8 +1,8 @@
 //! Every buffer of a plan.
 
-use super::Plan;
+use super::{Level, Plan, WALL};
 use crate::gpu::{BufferPlan, Place};
-use crate::transport::BRICK_VOXELS;
+use crate::transport::{BRICK_VOXELS, Geometry};
 use crate::transport::kernels::*;
 
 impl Plan {
@@ -14,9 +14,10 @@ impl Plan {
         let of_vectors = |bytes: u64| if self.vectors { bytes } else { 0 };
         let columns = (grid.n[0] * grid.n[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
+        let of_point = if self.curved { 32 } else { 16 };
         let sets = self.forward_sets(self.finest());
         let device = [
-            ("wall", (self.scanned + self.others) as u64 * if self.curved { 32 } else { 16 }),
+            (WALL, self.points(self.finest()) * of_point),
             ("measured", elements * 4),
             ("histograms", elements * if self.fixed_point() { 8 } else { 4 }),
             ("residual", elements * 4),
@@ -58,6 +59,9 @@ impl Plan {
             all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
             let bricks = level.grid.storage() / BRICK_VOXELS;
             all.push(BufferPlan::new(level.reachable, bricks as u64 * 4, Place::Device));
+            if level.wall != WALL {
+                all.push(BufferPlan::new(level.wall, self.points(level) * of_point, Place::Device));
+            }
         }
         all.push(BufferPlan::new("upload", elements * 4, Place::Upload));
         all.push(BufferPlan::new(
@@ -71,5 +75,15 @@ impl Plan {
             all.push(BufferPlan::new("mask_host", voxels / 8, Place::Readback));
         }
         all
+    }
+
+    /// Wall points that the pairs of a level have.
+    fn points(&self, level: &Level) -> u64 {
+        let rows = if self.others == 1 { 1 } else { level.pairs / self.scanned.max(1) };
+        match self.geometry {
+            Geometry::Confocal => level.pairs as u64,
+            Geometry::TwoPoints => 2 * level.pairs as u64,
+            Geometry::Product => (level.pairs / rows + rows) as u64,
+        }
     }
 }
