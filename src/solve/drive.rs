@@ -236,11 +236,7 @@ fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {
 
 /// What labels and traces tell of a stage: the next iteration (from 0) and the level it runs at.
 fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 3] {
-    [
-        ("iteration", iteration as u64),
-        ("lateral", level.grid.n[0] as u64),
-        ("pairs", level.pairs as u64),
-    ]
+    [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64), ("pairs", level.pairs as u64)]
 }
 
 /// Seconds since the start, less the pauses.

@@ -2,8 +2,8 @@
 
 use super::{Level, Plan, WALL};
 use crate::gpu::{BufferPlan, Place};
-use crate::transport::{BRICK_VOXELS, Geometry};
 use crate::transport::kernels::*;
+use crate::transport::{BRICK_VOXELS, Geometry};
 
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {

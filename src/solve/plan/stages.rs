@@ -12,7 +12,12 @@ const ROWS: usize = 16;
 
 /// By doubling from the scan's resolution (or more, where the final one is no power of two of it). Where pairs are
 /// spread, from [`AMPLE`] if the scan has more, and with a part of the pairs before the last stage.
-pub(super) fn stages(model: &Model, finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Result<Vec<Level>> {
+pub(super) fn stages(
+    model: &Model,
+    finest: Grid,
+    scan: [usize; 2],
+    coarse_to_fine: bool,
+) -> Result<Vec<Level>> {
     let side = scan[0].max(scan[1]);
     let least = if model.is_spread { side.min(AMPLE) } else { side };
     let mut factor = 1;

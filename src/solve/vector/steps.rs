@@ -142,11 +142,17 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
     s.dispatch("residual_bound", groups(elements, WORKGROUP * RESIDUAL_BINS)).bind("scene", scene);
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
     for chunk in pair_chunks(plan, level) {
-        s.indirect("bound_step", "arguments", sample).bind("scene", scene).bind("wall", level.wall).with(chunk);
+        s.indirect("bound_step", "arguments", sample)
+            .bind("scene", scene)
+            .bind("wall", level.wall)
+            .with(chunk);
     }
     s.dispatch("variance", groups(elements, WORKGROUP)).bind("scene", scene);
     for chunk in pair_chunks(plan, level) {
-        s.indirect("bound_noise", "arguments", sample).bind("scene", scene).bind("wall", level.wall).with(chunk);
+        s.indirect("bound_noise", "arguments", sample)
+            .bind("scene", scene)
+            .bind("wall", level.wall)
+            .with(chunk);
     }
     s
 }
