@@ -245,14 +245,14 @@ fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
     let fits = |r: &Reconstruction| r.trace.last().map_or(0.0, |p| p.data_loss) / r.empty_loss;
     assert!(fits(&done) < 1.3 * fits(&whole) && fits(&done) < 0.2, "{} {}", fits(&done), fits(&whole));
 
-    // From the state after every iteration, those about the change of pairs among them.
+    // From the states about the change of pairs, which comes after the fifth.
     let bits = |r: &Reconstruction| {
         let volume =
             r.volume.as_ref().expect("asked for").albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         (volume, r.pairs, r.trace.iter().map(|p| (p.pairs, p.loss.to_bits())).collect::<Vec<_>>())
     };
-    assert!(kept.iter().any(|k| k.iteration == 5) && kept.iter().any(|k| k.iteration == 6));
-    for state in kept {
+    assert_eq!(kept.len(), 8);
+    for state in kept.into_iter().filter(|k| (4..=6).contains(&k.iteration)) {
         let at = state.iteration;
         let (resumed, _) = solve(&o, &capture, Some(state));
         assert!(bits(&resumed) == bits(&done), "other bits from iteration {at}");

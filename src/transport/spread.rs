@@ -12,8 +12,8 @@ const BITS: u32 = 15;
 /// the cells of the wall, and taken from that list in bit-reversed order: of n points the first n / 4^k are every
 /// 4^k-th along the curve. Where the points are a lattice with 2^k points to a side of its blocks, those are every
 /// 2^k-th in x and y; anywhere else, one out of every 4^k that are neighbours.
-pub fn spread_order(points: &[Vec<DVec3>]) -> Vec<usize> {
-    let count = points.first().map_or(0, Vec::len);
+pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {
+    let count = points.first().map_or(0, |side| side.len());
     let axes: Vec<Vec<usize>> =
         points.iter().flat_map(|side| [0, 1].map(|axis| cells(side, |p| p[axis]))).collect();
     let along = |i: usize| {
@@ -87,15 +87,15 @@ impl Wall {
         let (s, o) = (&self.scanned, &self.others);
         match self.geometry {
             Geometry::Confocal => {
-                let order = spread_order(&[s.clone()]);
+                let order = spread_order(&[s]);
                 ([order.clone(), vec![]], order)
             }
             Geometry::TwoPoints => {
-                let order = spread_order(&[s.clone(), o.clone()]);
+                let order = spread_order(&[s, o]);
                 ([order.clone(), order.clone()], order)
             }
             Geometry::Product => {
-                let sides = [s, o].map(|side| spread_order(&[side.clone()]));
+                let sides = [s, o].map(|side| spread_order(&[side]));
                 let of_row = |row: usize| sides[0].iter().map(move |point| row * s.len() + point);
                 let pairs = sides[1].iter().flat_map(|row| of_row(*row)).collect();
                 (sides, pairs)
@@ -161,11 +161,11 @@ mod tests {
     #[test]
     fn an_order_is_a_permutation() {
         for points in [lattice(7, 5, 0.0), lattice(16, 16, 0.3), lattice(100, 1, 0.0), lattice(1, 1, 0.0)] {
-            let mut order = spread_order(&[points.clone()]);
+            let mut order = spread_order(&[&points]);
             order.sort_unstable();
             assert!(order.into_iter().eq(0..points.len()));
         }
-        assert!(spread_order(&[vec![]]).is_empty());
+        assert!(spread_order(&[&[]]).is_empty());
     }
 
     #[test]
@@ -173,7 +173,7 @@ mod tests {
         // Also where the points are not quite in their places, and where there are not as many in x as in y.
         for (nx, ny, jitter) in [(64, 64, 0.0), (64, 64, 0.3), (96, 96, 0.0), (128, 32, 0.0)] {
             let points = lattice(nx, ny, jitter);
-            let order = spread_order(&[points.clone()]);
+            let order = spread_order(&[&points]);
             for step in [2, 4] {
                 let places: Vec<[usize; 2]> =
                     order[..nx * ny / step / step].iter().map(|i| [i / ny, i % ny]).collect();
@@ -194,7 +194,7 @@ mod tests {
             // Two irrational steps: no lattice, but nowhere dense or empty.
             (0..4000).map(|i| dvec3(one(i, 0.754_877_666), one(i, 0.569_840_291), 0.0)).collect()
         };
-        let order = spread_order(&[points.clone()]);
+        let order = spread_order(&[&points]);
         for count in [250, 1000, 1500] {
             // 7 x 7 squares of the wall have shares that differ less than by chance, where the variance is the mean.
             let mut held = [[0usize; 7]; 7];
@@ -213,7 +213,7 @@ mod tests {
         let side = lattice(8, 8, 0.0);
         let (lasers, sensors): (Vec<DVec3>, Vec<DVec3>) =
             side.iter().flat_map(|l| side.iter().map(move |s| (*l, *s))).unzip();
-        let order = spread_order(&[lasers.clone(), sensors.clone()]);
+        let order = spread_order(&[&lasers, &sensors]);
         let first = &order[..256];
         for points in [&lasers, &sensors] {
             let mut met: Vec<_> = first.iter().map(|i| points[*i].to_array().map(f64::to_bits)).collect();
