@@ -34,7 +34,7 @@ pub struct VectorOptions {
     /// Lateral voxels of the final grid (N of N × N × Z).
     pub lateral: usize,
     pub iterations: usize,
-    /// Start at the scan's resolution and double, or start at `lateral`.
+    /// Start at the scan's resolution, or at 32 lateral voxels where it is finer, and double; or start at `lateral`.
     pub coarse_to_fine: bool,
     /// Iterations at each resolution below the last.
     pub coarse_iterations: usize,
