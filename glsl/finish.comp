@@ -23,8 +23,13 @@ void main() {
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
     uint losses = (scene.pairs * scene.stride + PADDING + tile - 1u) / tile * WORKGROUP;
+    // Written out 32 times: turn by turn, lavapipe's limit of 65,535 ends the sum after 2^26 bins of all pairs.
+#define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
+#define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
     uint voxel_groups = (counts[COUNT_ACTIVE] + VOXELS - 1u) / VOXELS;
-    for (uint i = lane; i < losses; i += WORKGROUP) sum.xy += loss_partials[i];
+    for (uint i = lane; i < losses; i += 32u * WORKGROUP) {
+        ADD_4(0u) ADD_4(4u) ADD_4(8u) ADD_4(12u) ADD_4(16u) ADD_4(20u) ADD_4(24u) ADD_4(28u)
+    }
     for (uint i = lane; i < voxel_groups; i += WORKGROUP) {
         sum.z += l1_partials[i];
         if (ACCELERATED != 0u) sum.w += against_partials[i];

@@ -61,8 +61,12 @@ fn text(found: &Inspection) -> String {
     }
     found.problems.iter().for_each(|problem| out += &format!("problem   {problem}\n"));
     let Some(plan) = &found.plan else { return out };
-    let levels: Vec<_> = plan.levels.iter().map(|n| n.to_string()).collect();
-    out += &format!("levels    {} lateral voxels\n", levels.join(", "));
+    let list = |all: &[usize]| all.iter().map(|n| n.to_string()).collect::<Vec<_>>().join(", ");
+    out += &format!("levels    {} lateral voxels", list(&plan.levels));
+    if plan.level_pairs.iter().any(|n| *n < found.capture.pairs) {
+        out += &format!(", of {} pairs", list(&plan.level_pairs));
+    }
+    out += "\n";
     out += &format!("adding    {}\n", job::plain(&plan.accumulation));
     out += &format!("left out  {}\n", plan.left_out.join("\n          "));
     out += &format!(

@@ -197,6 +197,12 @@ pub struct VectorArgs {
     /// Weight of the roughness term: more holds neighbours closer together where photons are few
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     roughness: Option<f64>,
+    /// Iterations with all pairs, at the end; those before take a part of the pairs where there are more than 1,024
+    #[arg(long, value_name = "N", help_heading = "Vector solver")]
+    whole_iterations: Option<usize>,
+    /// Take all pairs in every iteration, and no grid coarser than the scan
+    #[arg(long, help_heading = "Vector solver")]
+    all_pairs: bool,
     /// Renew the bounds that steps come from after so many iterations
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     bound_every: Option<usize>,
@@ -223,6 +229,8 @@ impl VectorArgs {
     pub fn own(&self) -> Option<&'static str> {
         let given = [
             ("coarse-iterations", self.coarse_iterations.is_some()),
+            ("whole-iterations", self.whole_iterations.is_some()),
+            ("all-pairs", self.all_pairs),
             ("start-above", self.start_above.is_some()),
             ("noise-factor", self.noise_factor.is_some()),
             ("roughness", self.roughness.is_some()),
@@ -253,6 +261,8 @@ impl VectorArgs {
             },
             sizes: shared.sizes.unwrap_or(base.sizes),
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
+            whole_iterations: self.whole_iterations.unwrap_or(base.whole_iterations),
+            all_pairs: base.all_pairs || self.all_pairs,
             start_above: self.start_above.unwrap_or(base.start_above),
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
             roughness: self.roughness.unwrap_or(base.roughness),

@@ -58,6 +58,9 @@ pub struct TraceEntry {
     pub gpu_seconds: Option<f64>,
     /// Lateral resolution of the grid.
     pub lateral: usize,
+    /// Laser-sensor pairs that it took; the losses are means over their bins.
+    #[serde(default)]
+    pub pairs: usize,
     /// Active voxels, and their share of the whole grid.
     pub active: usize,
     pub active_ratio: f64,

@@ -39,7 +39,7 @@ struct Head {
     active: usize,
     pending: Vec<[usize; 3]>,
     /// Bits, as a loss may be anything.
-    trace: Vec<[u64; 8]>,
+    trace: Vec<[u64; 9]>,
     pairs: u64,
     seconds: f64,
     gpu_seconds: f64,
@@ -192,20 +192,21 @@ fn snapshot_head(iteration: usize, m: &Maps) -> SnapshotHead {
     SnapshotHead { iteration, nx: m.nx, ny: m.ny, extent: m.extent, mask_fraction: m.mask_fraction }
 }
 
-fn bits(p: &TracePoint) -> [u64; 8] {
-    let (iteration, lateral, active) = (p.iteration as u64, p.lateral as u64, p.active as u64);
+fn bits(p: &TracePoint) -> [u64; 9] {
+    let [iteration, lateral, pairs, active] = [p.iteration, p.lateral, p.pairs, p.active].map(|n| n as u64);
     let [seconds, gpu, ratio, loss, data] =
         [p.seconds, p.gpu_seconds, p.active_ratio, p.loss, p.data_loss].map(f64::to_bits);
-    [iteration, seconds, gpu, lateral, active, ratio, loss, data]
+    [iteration, seconds, gpu, lateral, pairs, active, ratio, loss, data]
 }
 
-fn point(bits: &[u64; 8]) -> TracePoint {
-    let [iteration, seconds, gpu, lateral, active, ratio, loss, data] = *bits;
+fn point(bits: &[u64; 9]) -> TracePoint {
+    let [iteration, seconds, gpu, lateral, pairs, active, ratio, loss, data] = *bits;
     TracePoint {
         iteration: iteration as usize,
         seconds: f64::from_bits(seconds),
         gpu_seconds: f64::from_bits(gpu),
         lateral: lateral as usize,
+        pairs: pairs as usize,
         active: active as usize,
         active_ratio: f64::from_bits(ratio),
         loss: f64::from_bits(loss),

@@ -41,6 +41,8 @@ pub struct Inspection {
 pub struct Planned {
     /// Lateral resolutions, coarse to fine.
     pub levels: Vec<usize>,
+    /// The pairs that each of them takes.
+    pub level_pairs: Vec<usize>,
     pub accumulation: Accumulation,
     pub left_out: Vec<String>,
     pub variants: Vec<String>,
@@ -95,6 +97,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         device: device.map(|gpu| gpu.info.clone()),
         plan: plan.map(|plan| Planned {
             levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
+            level_pairs: plan.levels.iter().map(|l| l.pairs).collect(),
             accumulation: plan.accumulation,
             left_out: plan.left_out.clone(),
             variants: plan.variants(),

@@ -127,7 +127,7 @@ pub fn profile(
         g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
     };
     let voxels = solved.plan.levels.iter().map(|l| (l.grid.n[0] as u64, near(&l.grid))).collect();
-    let kernels = account::kernels(&recording, &solved.trace, solved.plan.pairs, &voxels, &limits);
+    let kernels = account::kernels(&recording, &solved.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),

@@ -138,6 +138,7 @@ impl Solved {
             seconds: p.seconds,
             gpu_seconds: timed.then_some(p.gpu_seconds),
             lateral: p.lateral,
+            pairs: p.pairs,
             active: p.active,
             active_ratio: p.active_ratio,
             loss: p.loss,

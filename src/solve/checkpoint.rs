@@ -147,7 +147,7 @@ impl Identity {
 }
 
 fn hash_of_scene(job: &Job<'_>, level: &super::Level) -> u64 {
-    fnv(0, bytemuck::bytes_of(&job.model.scene(&level.grid)))
+    fnv(0, bytemuck::bytes_of(&job.model.scene_of(&level.grid, level.pairs)))
 }
 
 /// FNV-1a.

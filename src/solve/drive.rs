@@ -22,6 +22,8 @@ pub struct TracePoint {
     /// Seconds of device time among them.
     pub gpu_seconds: f64,
     pub lateral: usize,
+    /// Pairs that the iteration took; the losses are means over their bins.
+    pub pairs: usize,
     pub active: usize,
     /// Active voxels over voxels of the grid at that resolution.
     pub active_ratio: f64,
@@ -76,7 +78,7 @@ pub(super) struct Steps<'s> {
     pub extract: &'s dyn Fn(&Level) -> Schedule,
     /// Weight of the trace's L1 column in the loss at a level.
     pub l1_weight: &'s dyn Fn(&Level) -> f64,
-    /// Stop at the finest level once the objective's data term is not above this: the rest is noise.
+    /// Stop at the finest level, with all pairs, once the objective's data term is not above this: the rest is noise.
     pub stop_below: Option<f64>,
 }
 
@@ -174,7 +176,7 @@ pub(super) fn drive(
             change = (steps.due)(&job.plan, &mut level, done);
         }
         let changes = !change.commands.is_empty();
-        if !(last || measured || changes || done - first >= block_length(gpu, active * job.plan.pairs)) {
+        if !(last || measured || changes || done - first >= block_length(gpu, active * here.pairs)) {
             continue;
         }
         let ticket = job.executor.submit(&std::mem::take(&mut block))?;
@@ -233,8 +235,8 @@ fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {
 }
 
 /// What labels and traces tell of a stage: the next iteration (from 0) and the level it runs at.
-fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 2] {
-    [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64)]
+fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 3] {
+    [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64), ("pairs", level.pairs as u64)]
 }
 
 /// Seconds since the start, less the pauses.
@@ -294,13 +296,14 @@ impl Reader {
                     "use smaller steps or weights (--learning-rate, --l1, --peak), and check the capture (`thirdbounce info`)",
                 ));
             }
-            self.pairs += (active * job.plan.pairs) as u64;
+            self.pairs += (active * level.pairs) as u64;
         }
         let point = TracePoint {
             iteration: iterations.end,
             seconds,
             gpu_seconds: gpu_seconds - self.gpu_before,
             lateral: level.grid.n[0],
+            pairs: level.pairs,
             active,
             active_ratio: active as f64 / voxels as f64,
             loss,

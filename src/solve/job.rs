@@ -36,10 +36,14 @@ impl<'g> Job<'g> {
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         upload(executor, "taps", bytemuck::cast_slice(&taps))?;
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
-            let scene = SceneData { capacity: plan.capacity as u32, ..model.scene(&level.grid) };
+            let scene = model.scene_of(&level.grid, level.pairs);
+            let scene = SceneData { capacity: plan.capacity as u32, ..scene };
             upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             upload(executor, level.reachable, bytemuck::cast_slice(&bricks))?;
+            if level.pairs < plan.pairs {
+                upload(executor, level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
+            }
         }
         Ok(())
     }

@@ -4,36 +4,46 @@ use std::collections::BTreeMap;
 
 use super::{Accumulation, NoiseTerm, PaperOptions};
 use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
+use crate::transport::kernels::PADDING;
 use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling};
 use crate::{Error, Result};
 
 mod buffers;
 mod kernels;
 mod left_out;
+mod stages;
 mod tuning;
 
+pub(super) use stages::AMPLE;
 pub use tuning::{Sizes, Tuning};
 
-/// One lateral resolution of the coarse-to-fine sequence.
+/// One stage of the coarse-to-fine sequence: a lateral resolution, and as many of the pairs as it is solved with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     pub grid: Grid,
+    /// The first so many.
+    pub pairs: usize,
+    /// Buffer that holds the wall points of these pairs.
+    pub wall: &'static str,
     /// Buffer that holds its constants.
     pub scene: &'static str,
     /// Buffer that tells which bricks a bin can be reached from.
     pub reachable: &'static str,
 }
 
-const SCENES: [[&str; 2]; 8] = [
-    ["scene_0", "reachable_0"],
-    ["scene_1", "reachable_1"],
-    ["scene_2", "reachable_2"],
-    ["scene_3", "reachable_3"],
-    ["scene_4", "reachable_4"],
-    ["scene_5", "reachable_5"],
-    ["scene_6", "reachable_6"],
-    ["scene_7", "reachable_7"],
+const SCENES: [[&str; 3]; 8] = [
+    ["scene_0", "reachable_0", "wall_0"],
+    ["scene_1", "reachable_1", "wall_1"],
+    ["scene_2", "reachable_2", "wall_2"],
+    ["scene_3", "reachable_3", "wall_3"],
+    ["scene_4", "reachable_4", "wall_4"],
+    ["scene_5", "reachable_5", "wall_5"],
+    ["scene_6", "reachable_6", "wall_6"],
+    ["scene_7", "reachable_7", "wall_7"],
 ];
+
+/// Where the points of all pairs are.
+const WALL: &str = "wall";
 
 /// Variants, sizes and buffers of one job.
 #[derive(Debug, Clone, PartialEq)]
@@ -164,7 +174,7 @@ impl Plan {
                 ));
             }
         }
-        let levels = levels(grid, scan, options.coarse_to_fine)?;
+        let levels = stages::stages(model, grid, scan, options.coarse_to_fine)?;
         let capacity = if options.vectors { capacity(&levels, options.room) } else { grid.storage() };
         let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
@@ -222,6 +232,11 @@ impl Plan {
         plan.buffers = plan.list_buffers(with_volume);
         plan.left_out = plan.list_left_out();
         Ok(plan)
+    }
+
+    /// Cells of the histograms that `level` uses, with their padding.
+    pub fn cells_at(&self, level: &Level) -> usize {
+        level.pairs * (self.bins + PADDING as usize) + PADDING as usize
     }
 
     pub fn finest(&self) -> &Level {
@@ -294,30 +309,4 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
         }
         other => other,
     })
-}
-
-/// From the scan's resolution (or more, where the final one is no power of two of it) by doubling.
-fn levels(finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Result<Vec<Level>> {
-    let mut factor = 1;
-    while coarse_to_fine
-        && finest.n[0].is_multiple_of(factor * 2)
-        && finest.n[0] / (factor * 2) >= scan[0].max(scan[1])
-    {
-        factor *= 2;
-    }
-    let count = factor.ilog2() as usize + 1;
-    if count > SCENES.len() {
-        return Err(Error::options(
-            format!(
-                "{count} levels from a scan of {} x {} to {} lateral voxels",
-                scan[0], scan[1], finest.n[0]
-            ),
-            "use a smaller --lateral, or --no-coarse-to-fine",
-        ));
-    }
-    let level = |i: usize| {
-        let [scene, reachable] = SCENES[i];
-        Level { grid: finest.coarser(factor >> i), scene, reachable }
-    };
-    Ok((0..count).map(level).collect())
 }

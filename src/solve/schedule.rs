@@ -13,15 +13,16 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     let arguments = |triple: u32| 12 * u64::from(triple);
     s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.cells, WORKGROUP * RESIDUAL_BINS))
+    s.dispatch("residual", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
         .bind("scene", level.scene)
         .with(push);
     if plan.noise != NoiseTerm::Off {
-        s.dispatch("noise", groups(plan.pairs, 1)).bind("scene", level.scene).with(push);
+        s.dispatch("noise", groups(level.pairs, 1)).bind("scene", level.scene).with(push);
     }
-    for chunk in pair_chunks(plan) {
+    for chunk in pair_chunks(plan, level) {
         s.indirect("backward", "arguments", arguments(ARGUMENTS_BACKWARD))
             .bind("scene", level.scene)
+            .bind("wall", level.wall)
             .with(chunk);
     }
     let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
@@ -40,16 +41,18 @@ pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Sched
     for set in 0..plan.forward_sets(level) {
         s.indirect(kernel, "arguments", 12 * u64::from(ARGUMENTS_FORWARD + set))
             .bind("scene", level.scene)
+            .bind("wall", level.wall)
             .with(Push { first: set, flags, ..Default::default() });
     }
     s
 }
 
-/// Push constants of a gather over all pairs, in as many dispatches as the loop limit asks for: of a product, whole
+/// Push constants of a gather over all pairs of `level`, in as many dispatches as the loop limit asks for: of a product, whole
 /// rows of scanned points where they fit, or parts of one row.
-pub(super) fn pair_chunks(plan: &Plan) -> Vec<Push> {
-    let (pairs, most) = (plan.pairs as u32, PAIR_CHUNK);
-    let row = if plan.geometry == Geometry::Product { plan.scanned as u32 } else { pairs };
+pub(super) fn pair_chunks(plan: &Plan, level: &Level) -> Vec<Push> {
+    let (pairs, most) = (level.pairs as u32, PAIR_CHUNK);
+    let several = plan.geometry == Geometry::Product && plan.others > 1;
+    let row = if several { plan.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
     let mut chunks: Vec<Push> = vec![];
     let mut first = 0;

@@ -15,7 +15,7 @@ use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
 use super::job::{Job, upload};
 use super::paper::finish;
-use super::plan::Wanted;
+use super::plan::{AMPLE, Wanted};
 use super::{Accumulation, NoiseTerm, Plan, Reconstruction, Sizes, domain};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
@@ -34,10 +34,14 @@ pub struct VectorOptions {
     /// Lateral voxels of the final grid (N of N × N × Z).
     pub lateral: usize,
     pub iterations: usize,
-    /// Start at the scan's resolution and double, or start at `lateral`.
+    /// Start at the scan's resolution, or at 32 lateral voxels where it is finer, and double; or start at `lateral`.
     pub coarse_to_fine: bool,
     /// Iterations at each resolution below the last.
     pub coarse_iterations: usize,
+    /// Iterations with all pairs, at the end, where the others have a part of them.
+    pub whole_iterations: usize,
+    /// All pairs in every iteration, and no level coarser than the scan.
+    pub all_pairs: bool,
     pub reduce_every: usize,
     /// Renew the bounds that steps come from after so many iterations; between, the domain may only shrink.
     pub bound_every: usize,
@@ -81,6 +85,8 @@ impl Default for VectorOptions {
             iterations: 60,
             coarse_to_fine: true,
             coarse_iterations: 15,
+            whole_iterations: 15,
+            all_pairs: false,
             reduce_every: 5,
             bound_every: 15,
             step_share: 0.25,
@@ -151,6 +157,7 @@ impl VectorOptions {
             ("lateral", self.lateral, 4096),
             ("iterations", self.iterations, 1_000_000),
             ("coarse-iterations", self.coarse_iterations, 1_000_000),
+            ("whole-iterations", self.whole_iterations, 1_000_000),
             ("reduce-every", self.reduce_every, 1_000_000),
             ("bound-every", self.bound_every, 1_000_000),
         ] {
@@ -238,6 +245,9 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     let scale = 1.0 / model.counts_per_unit;
     for m in &mut model.measured {
         *m -= (level * scale) as f32;
+    }
+    if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
+        model.spread();
     }
     model.variance = [per_count * scale, per_count * level * scale * scale];
     if !options.general {

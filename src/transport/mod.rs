@@ -6,9 +6,11 @@ mod grid;
 pub mod kernels;
 mod model;
 mod reach;
+mod spread;
 pub mod twin;
 mod wall;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
 pub use model::{Binning, Gradient, Model, Reflectance, Sampling};
+pub use spread::spread_order;
 pub use wall::{Geometry, Wall};

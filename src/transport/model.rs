@@ -66,6 +66,8 @@ impl Reflectance {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     pub wall: Wall,
+    /// Every beginning of the list of pairs is spread over the wall ([`Model::spread`]).
+    pub is_spread: bool,
     pub reflectance: Reflectance,
     pub bins: usize,
     pub bin_width: f64,
@@ -128,6 +130,7 @@ impl Model {
         Model {
             elements: wall.pairs() * capture.bins,
             wall,
+            is_spread: false,
             reflectance,
             bins: capture.bins,
             bin_width: capture.bin_width,
@@ -216,7 +219,15 @@ impl Model {
 
     /// The constants of `grid`'s kernels.
     pub fn scene(&self, grid: &Grid) -> SceneData {
+        self.scene_of(grid, self.pairs())
+    }
+
+    /// The same for the first `pairs` alone.
+    pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {
         let bricks = grid.bricks();
+        let [scanned, others] = self.wall.counts(pairs);
+        // Bins of these pairs, as `elements` counts them.
+        let elements = self.elements * pairs / self.pairs().max(1);
         // A sample strays half a voxel from its centre; what is nearer than `nearest` is dropped.
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
@@ -231,9 +242,9 @@ impl Model {
             bricks_y: bricks[1] as u32,
             bricks_z: bricks[2] as u32,
             near_z: self.near_z(grid) as u32,
-            pairs: self.pairs() as u32,
-            scanned: self.wall.scanned.len() as u32,
-            others: self.wall.others.len() as u32,
+            pairs: pairs as u32,
+            scanned: scanned as u32,
+            others: others as u32,
             bins: self.bins as u32,
             stride: self.stride() as u32,
             row_cells: self.stride() as f32,
@@ -259,7 +270,7 @@ impl Model {
             reference: self.reference as f32,
             nearest: self.nearest(grid) as f32,
             render_scale: (grid.pitch.x * grid.pitch.y / unit_of(grid).powi(2) * RENDER_FACTOR) as f32,
-            loss_scale: (1.0 / self.elements as f64) as f32,
+            loss_scale: (1.0 / elements as f64) as f32,
             l1_scale: (self.l1 / grid.voxels() as f64) as f32,
             noise_base: (self.noise[0] * self.peak) as f32,
             noise_span: (self.noise[1] * self.peak) as f32,

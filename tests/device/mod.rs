@@ -57,6 +57,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
     Model {
         elements: n * n * bins,
         wall: Wall::confocal(points),
+        is_spread: false,
         reflectance: Reflectance::Cosine,
         bins,
         bin_width,

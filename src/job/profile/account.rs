@@ -99,7 +99,6 @@ pub struct IterationProfile {
 pub fn kernels(
     recording: &Recording,
     trace: &[TracePoint],
-    pairs: usize,
     grid_voxels: &BTreeMap<u64, usize>,
     limits: &DeviceLimits,
 ) -> Vec<KernelProfile> {
@@ -116,7 +115,7 @@ pub fn kernels(
                 Voxels::Active => active_at(trace, value("iteration").unwrap_or(0) as usize),
                 Voxels::Grid => value("lateral").and_then(|n| grid_voxels.get(&n).copied()).unwrap_or(0),
             };
-            k.pairs += voxels as f64 * pairs as f64;
+            k.pairs += voxels as f64 * value("pairs").unwrap_or(0) as f64;
         }
     }
     let total: f64 = all.values().map(|k| k.seconds).sum();
@@ -238,7 +237,10 @@ mod tests {
     use crate::gpu::Stage;
 
     fn recording() -> Recording {
-        let stage = |name, iteration| Stage { name, values: vec![("iteration", iteration), ("lateral", 8)] };
+        let stage = |name, iteration| Stage {
+            name,
+            values: vec![("iteration", iteration), ("lateral", 8), ("pairs", 5)],
+        };
         let ran = |kernel, stage, submission, from, to| Ran { kernel, stage, submission, from, to };
         Recording {
             stages: vec![stage("start", 0), stage("iteration", 0), stage("iteration", 1)],
@@ -261,6 +263,7 @@ mod tests {
             seconds: 0.0,
             gpu_seconds: 0.0,
             lateral: 8,
+            pairs: 5,
             active,
             active_ratio: 0.0,
             loss: 0.0,
@@ -271,7 +274,7 @@ mod tests {
 
     #[test]
     fn pairs_count_once_per_pass_with_the_voxels_of_their_iteration() {
-        let k = kernels(&recording(), &trace(), 5, &[(8, 1000)].into(), &DeviceLimits::default());
+        let k = kernels(&recording(), &trace(), &[(8, 1000)].into(), &DeviceLimits::default());
         let of = |name: &str| k.iter().find(|k| k.name == name).unwrap();
         assert_eq!((of("forward").calls, of("forward").pairs, of("forward").seconds), (3, 550.0, 2.75));
         assert_eq!(of("forward").pairs_per_s, Some(200.0));

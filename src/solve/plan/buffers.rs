@@ -1,9 +1,9 @@
 //! Every buffer of a plan.
 
-use super::Plan;
+use super::{Level, Plan, WALL};
 use crate::gpu::{BufferPlan, Place};
-use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
+use crate::transport::{BRICK_VOXELS, Geometry};
 
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
@@ -15,9 +15,10 @@ impl Plan {
         let columns = (grid.n[0] * grid.n[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
         let cells = self.cells as u64;
+        let of_point = if self.curved { 32 } else { 16 };
         let sets = self.forward_sets(self.finest());
         let device = [
-            ("wall", (self.scanned + self.others) as u64 * if self.curved { 32 } else { 16 }),
+            (WALL, self.points(self.finest()) * of_point),
             ("measured", elements * 4),
             ("histograms", cells * if self.fixed_point() { 8 } else { 4 }),
             ("residual", cells * 4),
@@ -59,6 +60,9 @@ impl Plan {
             all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
             let bricks = level.grid.storage() / BRICK_VOXELS;
             all.push(BufferPlan::new(level.reachable, bricks as u64 * 4, Place::Device));
+            if level.wall != WALL {
+                all.push(BufferPlan::new(level.wall, self.points(level) * of_point, Place::Device));
+            }
         }
         all.push(BufferPlan::new("upload", elements * 4, Place::Upload));
         all.push(BufferPlan::new(
@@ -72,5 +76,15 @@ impl Plan {
             all.push(BufferPlan::new("mask_host", voxels / 8, Place::Readback));
         }
         all
+    }
+
+    /// Wall points that the pairs of a level have.
+    fn points(&self, level: &Level) -> u64 {
+        let rows = if self.others == 1 { 1 } else { level.pairs / self.scanned.max(1) };
+        match self.geometry {
+            Geometry::Confocal => level.pairs as u64,
+            Geometry::TwoPoints => 2 * level.pairs as u64,
+            Geometry::Product => (level.pairs / rows + rows) as u64,
+        }
     }
 }

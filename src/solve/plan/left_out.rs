@@ -1,7 +1,7 @@
 //! What a scene does not need, and what is saved by leaving it out: exact for memory and for what is counted, and
 //! measured for time in docs/leave-out.md.
 
-use super::Plan;
+use super::{Level, Plan};
 use crate::solve::NoiseTerm;
 use crate::transport::{Geometry, Gradient, Reflectance};
 
@@ -57,6 +57,17 @@ impl Plan {
             left(
                 format!("{dark} of {} bricks: no gated bin tells of them", finest.len()),
                 format!("up to {:.1} % of dense iterations", 100.0 * dark as f64 / finest.len() as f64),
+            );
+        }
+        let early: Vec<&Level> = self.levels.iter().filter(|l| l.pairs < self.pairs).collect();
+        if let Some(most) = early.iter().map(|l| l.pairs).max() {
+            let of = |l: &&Level| format!("{} on {} lateral voxels", l.pairs, l.grid.n[0]);
+            left(
+                format!(
+                    "pairs of early iterations: of {pairs} they take {}",
+                    early.iter().map(of).collect::<Vec<_>>().join(", ")
+                ),
+                format!("{:.0} % or more of their passes", 100.0 * (1.0 - most as f64 / pairs as f64)),
             );
         }
         let slots = self.capacity as u64;

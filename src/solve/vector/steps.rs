@@ -14,10 +14,11 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
         s.fill(buffer, bytes(buffer), 0);
     }
     s.set("momentum", MOMENTUM_SHARE, (options.step_share as f32).to_bits());
-    s.dispatch("filter", groups(plan.cells, WORKGROUP)).bind("scene", level.scene);
-    for push in pair_chunks(plan) {
+    s.dispatch("filter", groups(plan.cells_at(level), WORKGROUP)).bind("scene", level.scene);
+    for push in pair_chunks(plan, level) {
         s.dispatch("backproject", groups(level.grid.storage(), WORKGROUP))
             .bind("scene", level.scene)
+            .bind("wall", level.wall)
             .bind("target", plan.volumes()[1])
             .with(push);
     }
@@ -38,31 +39,40 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
         .bind("scene", level.scene)
         .with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.cells, WORKGROUP * RESIDUAL_BINS))
+    s.dispatch("residual", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
         .bind("scene", level.scene)
         .with(push);
-    for chunk in pair_chunks(plan) {
+    for chunk in pair_chunks(plan, level) {
         // The sums begin with the roughness.
         let chunk = Push { flags: chunk.flags | BACKWARD_CONTINUE, ..chunk };
         s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
             .bind("scene", level.scene)
+            .bind("wall", level.wall)
             .with(chunk);
     }
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
     s
 }
 
-/// What is due after `done` iterations: doubling (the level moves on) or reduction.
+/// What is due after `done` iterations: the next level, on a finer grid or with more pairs, or reduction.
 pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) -> Schedule {
     let mut s = Schedule::default();
     let here = &plan.levels[*level];
-    if done.is_multiple_of(options.coarse_iterations) && *level + 1 < plan.levels.len() {
+    let next = plan.levels.get(*level + 1);
+    let doubles = next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.coarse_iterations));
+    let all_pairs = options.iterations.saturating_sub(options.whole_iterations);
+    let widens = next.filter(|l| l.grid == here.grid && done >= all_pairs);
+    if let Some(fine) = doubles {
         // A voxel becomes four.
         s.extend(reduce(plan, here, options, plan.capacity / 4));
-        let fine = &plan.levels[*level + 1];
         s.extend(domain::double_mask(here, fine));
         s.extend(settle(plan, fine, "settle_doubled"));
         s.extend(bounds(plan, fine));
+        *level += 1;
+    } else if let Some(wide) = widens {
+        s.extend(reduce(plan, here, options, plan.capacity));
+        s.extend(settle(plan, wide, "settle"));
+        s.extend(bounds(plan, wide));
         *level += 1;
     } else if done.is_multiple_of(options.reduce_every) {
         s.extend(reduce(plan, here, options, plan.capacity));
@@ -128,14 +138,21 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
-    s.dispatch("residual_bound", groups(plan.cells, WORKGROUP * RESIDUAL_BINS)).bind("scene", scene);
+    s.dispatch("residual_bound", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
+        .bind("scene", scene);
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
-    for chunk in pair_chunks(plan) {
-        s.indirect("bound_step", "arguments", sample).bind("scene", scene).with(chunk);
+    for chunk in pair_chunks(plan, level) {
+        s.indirect("bound_step", "arguments", sample)
+            .bind("scene", scene)
+            .bind("wall", level.wall)
+            .with(chunk);
     }
-    s.dispatch("variance", groups(plan.cells, WORKGROUP)).bind("scene", scene);
-    for chunk in pair_chunks(plan) {
-        s.indirect("bound_noise", "arguments", sample).bind("scene", scene).with(chunk);
+    s.dispatch("variance", groups(plan.cells_at(level), WORKGROUP)).bind("scene", scene);
+    for chunk in pair_chunks(plan, level) {
+        s.indirect("bound_noise", "arguments", sample)
+            .bind("scene", scene)
+            .bind("wall", level.wall)
+            .with(chunk);
     }
     s
 }

@@ -1,0 +1,72 @@
+//! The stages of a solve: from a coarse grid and a part of the pairs to the finest and all of them.
+
+use super::{Level, SCENES, WALL};
+use crate::transport::{Geometry, Grid, Model};
+use crate::{Error, Result};
+
+/// Points side by side that are ample for a grid of as many or twice as many lateral voxels.
+pub const AMPLE: usize = 32;
+
+/// Other points of a product that are ample at first.
+const ROWS: usize = 16;
+
+/// By doubling from the scan's resolution (or more, where the final one is no power of two of it). Where pairs are
+/// spread, from [`AMPLE`] if the scan has more, and with a part of the pairs before the last stage.
+pub(super) fn stages(
+    model: &Model,
+    finest: Grid,
+    scan: [usize; 2],
+    coarse_to_fine: bool,
+) -> Result<Vec<Level>> {
+    let side = scan[0].max(scan[1]);
+    let least = if model.is_spread { side.min(AMPLE) } else { side };
+    let mut factor = 1;
+    while coarse_to_fine && finest.n[0].is_multiple_of(factor * 2) && finest.n[0] / (factor * 2) >= least {
+        factor *= 2;
+    }
+    let grids = (0..=factor.ilog2()).map(|i| finest.coarser(factor >> i));
+    let mut steps: Vec<(Grid, usize)> = grids.map(|grid| (grid, part(model, grid.n[0]))).collect();
+    if steps.last().is_some_and(|(_, pairs)| *pairs < model.pairs()) {
+        steps.push((finest, model.pairs()));
+    }
+    if steps.len() > SCENES.len() {
+        return Err(Error::options(
+            format!(
+                "{} levels from a scan of {} x {} to {} lateral voxels",
+                steps.len(),
+                scan[0],
+                scan[1],
+                finest.n[0]
+            ),
+            "use a smaller --lateral, or --no-coarse-to-fine",
+        ));
+    }
+    let level = |((grid, pairs), [scene, reachable, own]): ((Grid, usize), [&'static str; 3])| Level {
+        grid,
+        pairs,
+        wall: if pairs == model.pairs() { WALL } else { own },
+        scene,
+        reachable,
+    };
+    Ok(steps.into_iter().zip(SCENES).map(level).collect())
+}
+
+/// How many of the pairs a grid of so many lateral voxels is solved with before the last stage: half as many points side
+/// by side as voxels, but at least [`AMPLE`]; a fourth, a sixteenth, ... of all. Of a product whole rows, of at least
+/// [`ROWS`] other points.
+fn part(model: &Model, lateral: usize) -> usize {
+    let all = model.pairs();
+    if !model.is_spread {
+        return all;
+    }
+    let wanted = AMPLE.max(lateral / 2).pow(2);
+    let mut share = 1;
+    while all / (4 * share) >= wanted {
+        share *= 4;
+    }
+    let rows = model.wall.others.len();
+    if model.wall.geometry != Geometry::Product || rows == 1 {
+        return all.div_ceil(share);
+    }
+    rows.div_ceil(share).max(ROWS.min(rows)) * model.wall.scanned.len()
+}

@@ -1,0 +1,232 @@
+//! An order of pairs of which every beginning is spread over the whole wall, so that a solver may work on a part of them
+//! without a copy of any data.
+
+use glam::DVec3;
+
+use super::{Geometry, Model, Wall};
+
+/// Bits of a cell's number along one axis.
+const BITS: u32 = 15;
+
+/// The order in which `points` (of a pair one each, or two) are to stand. Points are sorted along a Z-order curve over
+/// the cells of the wall, and taken from that list in bit-reversed order: of n points the first n / 4^k are every
+/// 4^k-th along the curve. Where the points are a lattice with 2^k points to a side of its blocks, those are every
+/// 2^k-th in x and y; anywhere else, one out of every 4^k that are neighbours.
+pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {
+    let count = points.first().map_or(0, |side| side.len());
+    let axes: Vec<Vec<usize>> =
+        points.iter().flat_map(|side| [0, 1].map(|axis| cells(side, |p| p[axis]))).collect();
+    let along = |i: usize| {
+        let bit = |b: u32| axes.iter().fold(0u64, move |code, axis| code << 1 | (axis[i] as u64 >> b & 1));
+        (0..BITS).rev().fold(0, |code, b| code << axes.len() | bit(b))
+    };
+    let mut curve: Vec<usize> = (0..count).collect();
+    curve.sort_by_cached_key(|i| along(*i));
+    let mut order: Vec<usize> = (0..count).collect();
+    // Begun at the third of a block of 2, 4, 8, ... points, never at its edge: a coarse lattice is nearer to the middle.
+    const MIDDLE: u64 = 0x3333_3333_3333_3333;
+    order.sort_by_key(|rank| (*rank as u64 ^ MIDDLE).reverse_bits());
+    order.into_iter().map(|rank| curve[rank]).collect()
+}
+
+/// The cell of each point along one axis: its column where many points share one, else its rank among the points in
+/// as many steps as there are points side by side. Ranks, not lengths: so a lattice whose points are not quite in their
+/// places gives its columns too.
+fn cells(points: &[DVec3], axis: impl Fn(&DVec3) -> f64) -> Vec<usize> {
+    let mut sorted: Vec<usize> = (0..points.len()).collect();
+    sorted.sort_by(|a, b| axis(&points[*a]).total_cmp(&axis(&points[*b])));
+    let [low, high] = [sorted.first(), sorted.last()].map(|i| i.map_or(0.0, |i| axis(&points[*i])));
+    // What is closer is one coordinate.
+    let near = 1e-6 * (high - low);
+    let (mut column, mut at) = (0, low);
+    let [mut columns, mut ranks] = [vec![0; points.len()], vec![0; points.len()]];
+    for (rank, p) in sorted.iter().enumerate() {
+        if axis(&points[*p]) - at > near {
+            (column, at) = (column + 1, axis(&points[*p]));
+        }
+        (columns[*p], ranks[*p]) = (column, rank);
+    }
+    let most = 1 << BITS;
+    if 2 * column < points.len() {
+        return columns.into_iter().map(|c| c.min(most - 1)).collect();
+    }
+    let steps = ((points.len() as f64).sqrt().round() as usize).clamp(1, most);
+    ranks.into_iter().map(|rank| rank * steps / points.len()).collect()
+}
+
+impl Wall {
+    /// Points of the scanned side, and of the other, that the first `pairs` have: of a product whole rows, each of all
+    /// scanned points with another one, and so all scanned points unless there is one row only.
+    pub fn counts(&self, pairs: usize) -> [usize; 2] {
+        match (self.geometry, self.others.len()) {
+            (Geometry::Confocal, _) => [pairs, 0],
+            (Geometry::TwoPoints, _) => [pairs, pairs],
+            (Geometry::Product, 1) => [pairs, 1],
+            (Geometry::Product, _) => [self.scanned.len(), pairs / self.scanned.len()],
+        }
+    }
+
+    /// The wall of the first `pairs` alone.
+    pub fn first(&self, pairs: usize) -> Wall {
+        let [scanned, others] = self.counts(pairs);
+        let normals = |n: &Vec<DVec3>| {
+            let (a, b) = n.split_at(self.scanned.len());
+            [&a[..scanned], &b[..others]].concat()
+        };
+        Wall {
+            geometry: self.geometry,
+            scanned: self.scanned[..scanned].to_vec(),
+            others: self.others[..others].to_vec(),
+            normals: self.normals.as_ref().map(normals),
+        }
+    }
+
+    /// The order for [`spread_order`]'s sake of the scanned points and of the others, and the pair that comes to stand
+    /// at each place.
+    fn spread(&self) -> ([Vec<usize>; 2], Vec<usize>) {
+        let (s, o) = (&self.scanned, &self.others);
+        match self.geometry {
+            Geometry::Confocal => {
+                let order = spread_order(&[s]);
+                ([order.clone(), vec![]], order)
+            }
+            Geometry::TwoPoints => {
+                let order = spread_order(&[s, o]);
+                ([order.clone(), order.clone()], order)
+            }
+            Geometry::Product => {
+                let sides = [s, o].map(|side| spread_order(&[side]));
+                let of_row = |row: usize| sides[0].iter().map(move |point| row * s.len() + point);
+                let pairs = sides[1].iter().flat_map(|row| of_row(*row)).collect();
+                (sides, pairs)
+            }
+        }
+    }
+}
+
+impl Model {
+    /// Puts the pairs into an order of which every beginning is spread over the wall. In place: histograms are large.
+    pub fn spread(&mut self) {
+        let (sides, pairs) = self.wall.spread();
+        let wall = &self.wall;
+        let pick = |points: &[DVec3], order: &[usize]| order.iter().map(|i| points[*i]).collect::<Vec<_>>();
+        let normals = wall.normals.as_ref().map(|n| {
+            let (a, b) = n.split_at(wall.scanned.len());
+            [pick(a, &sides[0]), pick(b, &sides[1])].concat()
+        });
+        self.wall = Wall {
+            geometry: wall.geometry,
+            scanned: pick(&wall.scanned, &sides[0]),
+            others: pick(&wall.others, &sides[1]),
+            normals,
+        };
+        arrange(&mut self.measured, self.bins, &pairs);
+        self.is_spread = true;
+    }
+}
+
+/// Moves row `from[i]` of so many values to row i, for all i, along the cycles of the permutation.
+fn arrange(rows: &mut [f32], length: usize, from: &[usize]) {
+    let mut done = vec![false; from.len()];
+    let mut first = vec![0.0; length];
+    for start in 0..from.len() {
+        if done[start] || from[start] == start {
+            continue;
+        }
+        first.copy_from_slice(&rows[start * length..][..length]);
+        let mut to = start;
+        while from[to] != start {
+            rows.copy_within(from[to] * length..(from[to] + 1) * length, to * length);
+            done[to] = true;
+            to = from[to];
+        }
+        rows[to * length..][..length].copy_from_slice(&first);
+        done[to] = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec3;
+
+    fn lattice(nx: usize, ny: usize, jitter: f64) -> Vec<DVec3> {
+        // Repeatable noise.
+        let noise = |i: usize| jitter * ((i as f64 * 12.9898).sin() * 43758.5453).fract();
+        (0..nx * ny)
+            .map(|i| dvec3((i / ny) as f64 + noise(i), (i % ny) as f64 + noise(i + 7919), 0.0) * 0.01)
+            .collect()
+    }
+
+    #[test]
+    fn an_order_is_a_permutation() {
+        for points in [lattice(7, 5, 0.0), lattice(16, 16, 0.3), lattice(100, 1, 0.0), lattice(1, 1, 0.0)] {
+            let mut order = spread_order(&[&points]);
+            order.sort_unstable();
+            assert!(order.into_iter().eq(0..points.len()));
+        }
+        assert!(spread_order(&[&[]]).is_empty());
+    }
+
+    #[test]
+    fn beginnings_of_a_lattice_are_coarser_lattices() {
+        // Also where the points are not quite in their places, and where there are not as many in x as in y.
+        for (nx, ny, jitter) in [(64, 64, 0.0), (64, 64, 0.3), (96, 96, 0.0), (128, 32, 0.0)] {
+            let points = lattice(nx, ny, jitter);
+            let order = spread_order(&[&points]);
+            for step in [2, 4] {
+                let places: Vec<[usize; 2]> =
+                    order[..nx * ny / step / step].iter().map(|i| [i / ny, i % ny]).collect();
+                let [x, y] = places[0].map(|c| c % step);
+                assert!(x > 0 || step == 2, "nearer to the middle of its block than its edge: {x}");
+                assert!(
+                    places.iter().all(|[a, b]| a % step == x && b % step == y),
+                    "{nx} {ny} {jitter} {step}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn beginnings_of_scattered_points_leave_no_hole() {
+        let points: Vec<DVec3> = {
+            let one = |i: usize, by: f64| (i as f64 * by).fract();
+            // Two irrational steps: no lattice, but nowhere dense or empty.
+            (0..4000).map(|i| dvec3(one(i, 0.754_877_666), one(i, 0.569_840_291), 0.0)).collect()
+        };
+        let order = spread_order(&[&points]);
+        for count in [250, 1000, 1500] {
+            // 7 x 7 squares of the wall have shares that differ less than by chance, where the variance is the mean.
+            let mut held = [[0usize; 7]; 7];
+            for i in &order[..count] {
+                held[(points[*i].x * 7.0) as usize][(points[*i].y * 7.0) as usize] += 1;
+            }
+            let share = count as f64 / 49.0;
+            let variance = held.iter().flatten().map(|n| (*n as f64 - share).powi(2)).sum::<f64>() / 49.0;
+            assert!(variance < 0.45 * share, "{count}: {}", variance / share);
+        }
+    }
+
+    #[test]
+    fn pairs_of_two_points_are_spread_over_both() {
+        // Every laser with every sensor point, as a general plan has them: one laser after the other.
+        let side = lattice(8, 8, 0.0);
+        let (lasers, sensors): (Vec<DVec3>, Vec<DVec3>) =
+            side.iter().flat_map(|l| side.iter().map(move |s| (*l, *s))).unzip();
+        let order = spread_order(&[&lasers, &sensors]);
+        let first = &order[..256];
+        for points in [&lasers, &sensors] {
+            let mut met: Vec<_> = first.iter().map(|i| points[*i].to_array().map(f64::to_bits)).collect();
+            met.sort_unstable();
+            met.dedup();
+            assert_eq!(met.len(), 16, "every second point in x and y");
+        }
+    }
+
+    #[test]
+    fn rows_go_where_the_order_says() {
+        let mut rows: Vec<f32> = (0..15).map(|v| v as f32).collect();
+        arrange(&mut rows, 3, &[2, 0, 1, 3, 4]);
+        assert_eq!(rows, [6, 7, 8, 0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14].map(|v| v as f32));
+    }
+}
