@@ -25,6 +25,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("dilate", "dilate.comp", &[]),
     ("double_domain", "double_domain.comp", &[]),
     ("double_raw", "double_raw.comp", &[]),
+    ("expect", "expect.comp", &[]),
     ("extract", "extract.comp", &[]),
     ("extrapolate", "extrapolate.comp", &[]),
     ("filter", "filter.comp", &[]),

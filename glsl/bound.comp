@@ -35,7 +35,7 @@ void main() {
     gather(x, 0u, 1u);
     // Split dispatches add up; the square root is taken where all pairs are in.
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
-    if (WHAT == 1u && (push.flags & BACKWARD_FINISH) != 0u) sum = scene.noise_factor * sqrt(sum);
+    if ((push.flags & BACKWARD_FINISH) != 0u) sum = WHAT == 0u ? sum / sample_points[slot].w : scene.noise_factor * sqrt(sum);
     watch(finite(sum), FAULT_BOUND);
     bounds[slot][WHAT] = sum;
 }

@@ -60,7 +60,7 @@ void main() {
         Arm a = arm_to(point_a, normal_a, s.xyz);
         Arm b = a;
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
-        float value = BOUND != 0u ? bound_of(a, b) : s.w * a.falloff * b.falloff;
+        float value = s.w * (BOUND != 0u ? bound_of(a, b) : a.falloff * b.falloff);
         if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz);
         deposit(column, row, place_of(a, b), value, run);
         if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);

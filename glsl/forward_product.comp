@@ -57,7 +57,7 @@ vec3 other_arm(vec3 there, vec3 normal, uint slot) {
     // The cosine model has none toward the other point.
     vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
     float value = part(b, v * inversesqrt(max(dot(v, v), LEAST_SQUARE)), REFLECTANCE == LAMBERTIAN);
-    return vec3(b.distance, value * (BOUND == 0u ? s.w : 1.0), b.rest);
+    return vec3(b.distance, value * s.w, b.rest);
 }
 
 // Column of a lane's k-th histogram, and the histogram.

@@ -205,10 +205,11 @@ fn a_domain_beyond_its_room_keeps_the_brightest() {
     assert_valid(&gpu);
 }
 
-/// D and lambda that the solver finds for a domain, by storage index.
-fn bounds_of(twin: &Twin, mask: &[bool]) -> Vec<[f64; 2]> {
+/// D and lambda that the solver finds for a domain whose voxels are expected so bright, by storage index.
+fn bounds_of(twin: &Twin, mask: &[bool], expected: &[f64]) -> Vec<[f64; 2]> {
     let active = twin::compact(mask);
-    let points = twin::points(twin, &active);
+    let mut points = twin::points(twin, &active);
+    active.iter().zip(&mut points).for_each(|(i, p)| p.albedo = expected[*i as usize]);
     let rendered = twin::forward_bound(twin, &points);
     let (residual, _) = twin::residual_weighted(twin, &rendered, false);
     let d = twin::bound(twin, &points, &residual, Bound::Step);
@@ -218,13 +219,62 @@ fn bounds_of(twin: &Twin, mask: &[bool]) -> Vec<[f64; 2]> {
     all
 }
 
-fn check_bounds_of(job: &mut Job<'_>, twin: &Twin, mask: &[bool]) {
+fn check_bounds_of(job: &mut Job<'_>, twin: &Twin, mask: &[bool], expected: &[f64]) {
     let got = read_bounds(job, &twin::compact(mask), mask.len());
-    let want = bounds_of(twin, mask);
+    let want = bounds_of(twin, mask, expected);
     for k in 0..2 {
         let e = error(got.iter().map(|b| b[k]), want.iter().map(|b| b[k]));
         assert!(e < 3e-5, "{k}: {e}");
     }
+}
+
+/// Weights of the bounds after a reduction that left so much.
+fn expected(smooth: &[f64], power: f64) -> Vec<f64> {
+    let most = smooth.iter().copied().fold(0.0, f64::max);
+    twin::expect(&smooth.iter().map(|s| s / most).collect::<Vec<_>>(), power)
+}
+
+/// The iteration finds samples of unit weight, whatever the bounds took them for.
+fn check_points(job: &mut Job<'_>, twin: &Twin, mask: &[bool]) {
+    let want = twin::points(twin, &twin::compact(mask));
+    let got: Vec<[f32; 4]> = read(job, "sample_points", want.len());
+    for (g, w) in got.iter().zip(&want) {
+        assert!(
+            (w.point - dvec3(g[0].into(), g[1].into(), g[2].into())).length() < 1e-6 && g[3] == 1.0,
+            "{g:?}"
+        );
+    }
+}
+
+/// Bounds renewed beside a reduction lean on what it smoothed; with a power of zero all voxels count alike.
+#[test]
+fn bounds_weigh_voxels_by_how_bright_they_are() {
+    let gpu = gpu();
+    let (model, grid) = (scene(4, 40, 31), grid());
+    let mut first = None;
+    for power in [0.0, 0.5, 1.5] {
+        let o = VectorOptions { keep_above: 0.3, bound_power: power, ..vector_options(&grid) };
+        let mut job = job(&gpu, &model, &grid, &o);
+        let domain = state(&model, &grid, 0.6, 32).1;
+        let v = within(vectors(grid.storage(), 33), &domain);
+        let active = write_domain(&mut job, &domain);
+        write_vectors(&mut job, "raw", &active, &v);
+        set_counts(&mut job, active.len(), 0.0);
+        zero_histograms(&mut job);
+        write_momentum(&mut job, REST);
+        let s = vector::due(&job.plan, &o, &mut 0, o.bound_every * o.reduce_every);
+        job.executor.run(&s).unwrap();
+        let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
+        let mask = read_mask(&mut job, "mask", grid.storage());
+        let twin = Twin { model: &model, grid: &grid };
+        check_bounds_of(&mut job, &twin, &mask, &expected(&smooth, power));
+        check_points(&mut job, &twin, &mask);
+        let bounds = read_bounds(&mut job, &twin::compact(&mask), grid.storage());
+        let first = first.get_or_insert_with(|| bounds.clone());
+        let apart = bounds.iter().zip(&*first).filter(|(b, f)| (b[0] / f[0] - 1.0).abs() > 0.05).count();
+        assert_eq!(apart > active.len() / 4, power > 0.0, "{power}: {apart} of {}", active.len());
+    }
+    assert_valid(&gpu);
 }
 
 #[test]
@@ -232,7 +282,8 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     let gpu = gpu();
     let (model, fine) = (scene(3, 40, 25), grid());
     let coarse = fine.coarser(2);
-    let o = VectorOptions { coarse_to_fine: true, keep_above: 0.5, ..vector_options(&fine) };
+    let o =
+        VectorOptions { coarse_to_fine: true, keep_above: 0.5, bound_power: 1.5, ..vector_options(&fine) };
     let mut job = job(&gpu, &model, &fine, &o);
     assert_eq!(job.plan.levels.len(), 2);
     let domain = state(&model, &coarse, 0.6, 26).1;
@@ -260,7 +311,15 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
         twin::double_raw(&coarse, &fine, &raw).iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
     let twin = Twin { model: &model, grid: &fine };
     check_settled(&mut job, &twin, &split, &doubled, REST);
-    check_bounds_of(&mut job, &twin, &split);
+    // As bright as its parent was.
+    let of_coarse = expected(&smooth, 1.5);
+    let parent = |i: usize| {
+        let [x, y, z] = fine.voxel(i);
+        if fine.contains([x, y, z]) { of_coarse[coarse.index([x / 2, y / 2, z])] } else { 0.0 }
+    };
+    let of_fine: Vec<f64> = (0..fine.storage()).map(parent).collect();
+    check_bounds_of(&mut job, &twin, &split, &of_fine);
+    check_points(&mut job, &twin, &split);
     assert_valid(&gpu);
 }
 
@@ -287,7 +346,7 @@ fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     assert!(want.iter().any(|w| *w) && want.iter().filter(|w| **w).count() < grid.voxels() / 2);
     let share = f64::from(o.step_share as f32);
     check_settled(&mut job, &twin, &mask, &vec![DVec3::ZERO; grid.storage()], Momentum { share, ..REST });
-    check_bounds_of(&mut job, &twin, &mask);
+    check_bounds_of(&mut job, &twin, &mask, &vec![1.0; grid.storage()]);
     let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
     assert_eq!(counts[COUNT_PEAK_ALBEDO as usize], 0);
     let bytes = job.plan.bytes()["histograms"] as usize;

@@ -151,6 +151,49 @@ fn the_bound_majorises_the_normal_operator() {
     }
 }
 
+/// So do the bounds of any positive weights, and they are tight where all x are the weights: bright voxels then take
+/// longer steps than among equals, and dim ones shorter.
+#[test]
+fn a_bound_of_any_weights_majorises_the_normal_operator() {
+    let (base, grid, active) = scene(71, 2.0);
+    let cosine = Model { reflectance: Reflectance::Cosine, ..base };
+    let isotropic = Model { reflectance: Reflectance::Isotropic, ..cosine.clone() };
+    let twin = Twin { model: &cosine, grid: &grid };
+    let mut random = Random::new(72);
+    let mut points = twin::points(&twin, &active);
+    let equal = bounds(&twin, &points);
+    let shares: Vec<f64> = active.iter().map(|_| random.uniform(0.0, 1.0).powi(4)).collect();
+    let weights = twin::expect(&shares, 1.5);
+    points.iter_mut().zip(&weights).for_each(|(p, w)| p.albedo = *w);
+    let d = bounds(&twin, &points);
+    let energy = |model: &Model, s: &[Sample]| {
+        let twin = Twin { model, grid: &grid };
+        2.0 * twin::residual_weighted(&twin, &twin::forward(&twin, s), false).1[0]
+    };
+    let total: f64 = d.iter().zip(&weights).map(|(d, w)| d[0] * w * w).sum();
+    let tight = energy(&isotropic, &points) / total;
+    assert!((tight - 1.0).abs() < 1e-9, "{tight}");
+    for ((d, e), w) in d.iter().zip(&equal).zip(&weights) {
+        assert!(*w < 0.9 || d[0] < e[0], "{w}: {} {}", d[0], e[0]);
+        assert!((d[1] / e[1] - 1.0).abs() < 1e-12);
+    }
+    for _ in 0..20 {
+        let v = vectors(&grid, 2.0, &mut random);
+        // Often the bright ones shine where the weights have dim ones.
+        let samples: Vec<Sample> = points
+            .iter()
+            .zip(&active)
+            .map(|(p, i)| Sample {
+                albedo: 1.0,
+                normal: random.uniform(0.0, 1.0).powi(5) * v[*i as usize],
+                ..*p
+            })
+            .collect();
+        let bound: f64 = d.iter().zip(&samples).map(|(d, s)| d[0] * s.normal.length_squared()).sum();
+        assert!(energy(&cosine, &samples) <= bound);
+    }
+}
+
 /// Largest objective after a plain step (no momentum, the whole bound) over the objective before, and the
 /// objective after the last step over the first, in 100 steps from random vectors.
 fn plain_steps(seed: u64, cone: f64, reflectance: Reflectance) -> [f64; 2] {

@@ -206,6 +206,10 @@ pub struct VectorArgs {
     /// Renew the bounds that steps come from after so many iterations
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     bound_every: Option<usize>,
+    /// Power of a voxel's brightness in the weights of its step's bound: 0 weighs all alike, more lets bright voxels
+    /// take longer steps
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    bound_power: Option<f64>,
     /// Share of the bound that the first step divides by: 1 cannot overshoot, less goes faster
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     step_share: Option<f64>,
@@ -235,6 +239,7 @@ impl VectorArgs {
             ("noise-factor", self.noise_factor.is_some()),
             ("roughness", self.roughness.is_some()),
             ("bound-every", self.bound_every.is_some()),
+            ("bound-power", self.bound_power.is_some()),
             ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
             ("room", self.room.is_some()),
@@ -267,6 +272,7 @@ impl VectorArgs {
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),
             roughness: self.roughness.unwrap_or(base.roughness),
             bound_every: self.bound_every.unwrap_or(base.bound_every),
+            bound_power: self.bound_power.unwrap_or(base.bound_power),
             step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),
             room: self.room.or(base.room),

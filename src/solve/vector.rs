@@ -45,6 +45,9 @@ pub struct VectorOptions {
     pub reduce_every: usize,
     /// Renew the bounds that steps come from after so many iterations; between, the domain may only shrink.
     pub bound_every: usize,
+    /// Power of a voxel's expected brightness in the weights of the bound: 0 weighs all alike, more lets bright voxels
+    /// take longer steps and dim ones shorter.
+    pub bound_power: f64,
     /// Share of the bound that the first step divides by. 1 cannot overshoot; less goes faster, and grows where the
     /// objective rises.
     pub step_share: f64,
@@ -89,6 +92,7 @@ impl Default for VectorOptions {
             all_pairs: false,
             reduce_every: 5,
             bound_every: 15,
+            bound_power: 0.0,
             step_share: 0.25,
             keep_above: 0.05,
             start_above: 0.02,
@@ -138,12 +142,23 @@ pub const HAT_SIGMA: f64 = 1.5;
 /// Iterations where laser and sensor point differ: half of a path moves, and so half as fast (docs/scenes.md).
 const ITERATIONS_OF_TWO_POINTS: usize = 150;
 
+/// And of these the last with all pairs.
+const WHOLE_ITERATIONS_OF_TWO_POINTS: usize = 40;
+
+/// Power of the bound's weights where the model is right for the scene, or iterations are many. The cosine model of a
+/// confocal scan of matt surfaces fits its own error sooner, too, and normals get worse.
+const BOUND_POWER: f64 = 0.5;
+
 impl VectorOptions {
     /// These with what suits other scenes.
     pub fn suited(mut self, confocal: bool, reflectance: Reflectance) -> VectorOptions {
         self.reflectance = reflectance;
         if !confocal {
             self.iterations = ITERATIONS_OF_TWO_POINTS;
+            self.whole_iterations = WHOLE_ITERATIONS_OF_TWO_POINTS;
+        }
+        if !confocal || reflectance == Reflectance::Lambertian {
+            self.bound_power = BOUND_POWER;
         }
         self
     }
@@ -174,6 +189,7 @@ impl VectorOptions {
             return bad("step-share", self.step_share.to_string(), "a positive number up to 1");
         }
         for (name, value) in [
+            ("bound-power", self.bound_power),
             ("noise-factor", self.noise_factor),
             ("roughness", self.roughness),
             ("min-depth", self.min_depth),

@@ -107,6 +107,8 @@ impl Plan {
                 u("levels", "levels", &[]),
                 u("room", "room", &[]),
                 u("points", "points", &[]),
+                u("expect", "expect", &[("DOUBLED", 0)]),
+                u("expect_doubled", "expect", &[("DOUBLED", 1)]),
                 u("extrapolate", "extrapolate", &[]),
                 u("step", "step", &gather_constants),
             ]);

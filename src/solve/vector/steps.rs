@@ -27,7 +27,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
     s.set("counts", COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     s.extend(settle(plan, level, "settle"));
-    s.extend(bounds(plan, level));
+    s.extend(bounds(plan, level, None));
     s
 }
 
@@ -61,24 +61,25 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let next = plan.levels.get(*level + 1);
     let doubles = next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.coarse_iterations));
     let all_pairs = options.iterations.saturating_sub(options.whole_iterations);
+    let expected = |kernel| (options.bound_power > 0.0).then_some((kernel, options.bound_power));
     let widens = next.filter(|l| l.grid == here.grid && done >= all_pairs);
     if let Some(fine) = doubles {
         // A voxel becomes four.
         s.extend(reduce(plan, here, options, plan.capacity / 4));
         s.extend(domain::double_mask(here, fine));
         s.extend(settle(plan, fine, "settle_doubled"));
-        s.extend(bounds(plan, fine));
+        s.extend(bounds(plan, fine, expected("expect_doubled")));
         *level += 1;
     } else if let Some(wide) = widens {
         s.extend(reduce(plan, here, options, plan.capacity));
         s.extend(settle(plan, wide, "settle"));
-        s.extend(bounds(plan, wide));
+        s.extend(bounds(plan, wide, expected("expect")));
         *level += 1;
     } else if done.is_multiple_of(options.reduce_every) {
         s.extend(reduce(plan, here, options, plan.capacity));
         s.extend(settle(plan, here, "settle"));
         if done.is_multiple_of(options.bound_every) {
-            s.extend(bounds(plan, here));
+            s.extend(bounds(plan, here, expected("expect")));
         }
     }
     s
@@ -129,12 +130,19 @@ fn settle(plan: &Plan, level: &Level, how: &'static str) -> Schedule {
     s
 }
 
-/// D and lambda of the active voxels. What becomes active later has no bound, and stays zero until the next time:
+/// D and lambda of the active voxels, D for voxels as bright as `expected` (the kernel that tells, and the power) or
+/// all alike. What becomes active later has no bound, and stays zero until the next time:
 /// so the bounds of the others hold in between.
-fn bounds(plan: &Plan, level: &Level) -> Schedule {
+fn bounds(plan: &Plan, level: &Level, expected: Option<(&'static str, f64)>) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
     let sample = 12 * u64::from(ARGUMENTS_SAMPLE);
+    if let Some((kernel, power)) = expected {
+        s.indirect(kernel, "arguments", sample)
+            .bind("scene", scene)
+            .bind("source", plan.volumes()[0])
+            .with(Push { flags: (power as f32).to_bits(), ..Default::default() });
+    }
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
@@ -153,6 +161,9 @@ fn bounds(plan: &Plan, level: &Level) -> Schedule {
             .bind("scene", scene)
             .bind("wall", level.wall)
             .with(chunk);
+    }
+    if expected.is_some() {
+        s.indirect("points", "arguments", sample).bind("scene", scene);
     }
     s
 }

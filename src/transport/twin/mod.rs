@@ -19,7 +19,7 @@ pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
 };
 pub use vector::{
-    Bound, Momentum, Rough, Told, backproject, bound, extract_vectors, extrapolate, filter,
+    Bound, Momentum, Rough, Told, backproject, bound, expect, extract_vectors, extrapolate, filter,
     finish_accelerated, forward_bound, gradient_vectors, into_cone, lengths, objective_vectors, points,
     residual_weighted, roughness, settle, shrink, step, variance,
 };

@@ -78,10 +78,10 @@ pub fn roughness(
     all
 }
 
-/// Accumulated histograms of unit albedo without the surface's cosines, before the render scale: no vectors of at
-/// most unit length give more.
+/// Accumulated histograms without the surface's cosines, before the render scale: no vectors of at
+/// most the samples' albedos in length give more.
 pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
-    accumulate(twin, samples, |k, _| k.most)
+    accumulate(twin, samples, |k, s| s.albedo * k.most)
 }
 
 /// d(weighted mean squared error) / d(accumulated value) of every bin, that error, and the plain one. Without
@@ -168,6 +168,11 @@ pub fn step(
     active.iter().zip(samples).zip(gradient).map(one).collect()
 }
 
+/// How bright voxels are expected to be, as weights of their bounds: `shares` are smoothed albedos over the largest.
+pub fn expect(shares: &[f64], power: f64) -> Vec<f64> {
+    shares.iter().map(|s| ((s + 0.05) / 1.05).powf(power)).collect()
+}
+
 /// Which bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
@@ -177,7 +182,7 @@ pub enum Bound {
     Noise,
 }
 
-/// Bounds of the samples.
+/// Bounds of the samples, their albedos being the weights of the step's.
 pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> Vec<f64> {
     samples
         .iter()
@@ -186,7 +191,7 @@ pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> 
             gather(twin, s, residual, |k, r| {
                 sum += r * if what == Bound::Step { k.most } else { k.most * k.most };
             });
-            if what == Bound::Step { sum } else { twin.model.noise_factor * sum.sqrt() }
+            if what == Bound::Step { sum / s.albedo } else { twin.model.noise_factor * sum.sqrt() }
         })
         .collect()
 }
