@@ -50,8 +50,8 @@ fn levels_take_the_pairs_that_their_grid_needs() {
     };
     assert_eq!(confocal(64, 64), [[32, 1024], [64, 1024], [64, 4096]]);
     assert_eq!(confocal(64, 128), [[32, 1024], [64, 1024], [128, 4096]]);
-    assert_eq!(confocal(256, 64), [[32, 1024], [64, 1024], [64, 65_536]]);
-    assert_eq!(confocal(256, 128), [[32, 1024], [64, 1024], [128, 4096], [128, 65_536]]);
+    assert_eq!(confocal(256, 64), [[32, 1024], [64, 1024], [64, 4096], [64, 16_384], [64, 65_536]]);
+    assert_eq!(confocal(256, 128), [[32, 1024], [64, 1024], [128, 4096], [128, 16_384], [128, 65_536]]);
     // Half of 96 is more than 32, a fourth is less.
     assert_eq!(confocal(96, 64), [[32, 2304], [64, 2304], [64, 9216]]);
     let of =
@@ -59,7 +59,10 @@ fn levels_take_the_pairs_that_their_grid_needs() {
     assert_eq!(of(Geometry::TwoPoints, 4096, 4096, 64), [[32, 1024], [64, 1024], [64, 4096]]);
     assert_eq!(of(Geometry::Product, 4096, 1, 64), [[32, 1024], [64, 1024], [64, 4096]]);
     // Whole rows of a product, sixteen at least.
-    assert_eq!(of(Geometry::Product, 256, 256, 16), [[16, 4096], [32, 4096], [64, 4096], [64, 65_536]]);
+    assert_eq!(
+        of(Geometry::Product, 256, 256, 16),
+        [[16, 4096], [32, 4096], [64, 4096], [64, 16_384], [64, 65_536]]
+    );
     assert_eq!(of(Geometry::Product, 4096, 4, 64), [[32, 16_384], [64, 16_384]]);
 }
 
@@ -183,7 +186,7 @@ fn small_options() -> VectorOptions {
     VectorOptions {
         lateral: 16,
         iterations: 9,
-        whole_iterations: 4,
+        growth_iterations: 4,
         reduce_every: 3,
         bound_every: 3,
         stop: false,

@@ -197,9 +197,10 @@ pub struct VectorArgs {
     /// Weight of the roughness term: more holds neighbours closer together where photons are few
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     roughness: Option<f64>,
-    /// Iterations with all pairs, at the end; those before take a part of the pairs where there are more than 1,024
+    /// Iterations at the end in which pairs grow to all; those before take a part of them where there are more than
+    /// 1,024
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
-    whole_iterations: Option<usize>,
+    growth_iterations: Option<usize>,
     /// Take all pairs in every iteration, and no grid coarser than the scan
     #[arg(long, help_heading = "Vector solver")]
     all_pairs: bool,
@@ -233,7 +234,7 @@ impl VectorArgs {
     pub fn own(&self) -> Option<&'static str> {
         let given = [
             ("coarse-iterations", self.coarse_iterations.is_some()),
-            ("whole-iterations", self.whole_iterations.is_some()),
+            ("growth-iterations", self.growth_iterations.is_some()),
             ("all-pairs", self.all_pairs),
             ("start-above", self.start_above.is_some()),
             ("noise-factor", self.noise_factor.is_some()),
@@ -266,7 +267,7 @@ impl VectorArgs {
             },
             sizes: shared.sizes.unwrap_or(base.sizes),
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
-            whole_iterations: self.whole_iterations.unwrap_or(base.whole_iterations),
+            growth_iterations: self.growth_iterations.unwrap_or(base.growth_iterations),
             all_pairs: base.all_pairs || self.all_pairs,
             start_above: self.start_above.unwrap_or(base.start_above),
             noise_factor: self.noise_factor.unwrap_or(base.noise_factor),

@@ -38,8 +38,8 @@ pub struct VectorOptions {
     pub coarse_to_fine: bool,
     /// Iterations at each resolution below the last.
     pub coarse_iterations: usize,
-    /// Iterations with all pairs, at the end, where the others have a part of them.
-    pub whole_iterations: usize,
+    /// Iterations at the end in which the pairs grow fourfold until they are all, where the others have a part of them.
+    pub growth_iterations: usize,
     /// All pairs in every iteration, and no level coarser than the scan.
     pub all_pairs: bool,
     pub reduce_every: usize,
@@ -88,7 +88,7 @@ impl Default for VectorOptions {
             iterations: 60,
             coarse_to_fine: true,
             coarse_iterations: 15,
-            whole_iterations: 15,
+            growth_iterations: 30,
             all_pairs: false,
             reduce_every: 5,
             bound_every: 15,
@@ -142,8 +142,8 @@ pub const HAT_SIGMA: f64 = 1.5;
 /// Iterations where laser and sensor point differ: half of a path moves, and so half as fast (docs/scenes.md).
 const ITERATIONS_OF_TWO_POINTS: usize = 150;
 
-/// And of these the last with all pairs.
-const WHOLE_ITERATIONS_OF_TWO_POINTS: usize = 40;
+/// And of these the last, in which pairs grow.
+const GROWTH_OF_TWO_POINTS: usize = 40;
 
 /// Power of the bound's weights where the model is right for the scene, or iterations are many. The cosine model of a
 /// confocal scan of matt surfaces fits its own error sooner, too, and normals get worse.
@@ -155,7 +155,7 @@ impl VectorOptions {
         self.reflectance = reflectance;
         if !confocal {
             self.iterations = ITERATIONS_OF_TWO_POINTS;
-            self.whole_iterations = WHOLE_ITERATIONS_OF_TWO_POINTS;
+            self.growth_iterations = GROWTH_OF_TWO_POINTS;
         }
         if !confocal || reflectance == Reflectance::Lambertian {
             self.bound_power = BOUND_POWER;
@@ -172,7 +172,7 @@ impl VectorOptions {
             ("lateral", self.lateral, 4096),
             ("iterations", self.iterations, 1_000_000),
             ("coarse-iterations", self.coarse_iterations, 1_000_000),
-            ("whole-iterations", self.whole_iterations, 1_000_000),
+            ("growth-iterations", self.growth_iterations, 1_000_000),
             ("reduce-every", self.reduce_every, 1_000_000),
             ("bound-every", self.bound_every, 1_000_000),
         ] {

@@ -11,7 +11,7 @@ pub const AMPLE: usize = 32;
 const ROWS: usize = 16;
 
 /// By doubling from the scan's resolution (or more, where the final one is no power of two of it). Where pairs are
-/// spread, from [`AMPLE`] if the scan has more, and with a part of the pairs before the last stage.
+/// spread, from [`AMPLE`] if the scan has more, and with a part of the pairs that ends by growing fourfold until it is all.
 pub(super) fn stages(
     model: &Model,
     finest: Grid,
@@ -25,9 +25,15 @@ pub(super) fn stages(
         factor *= 2;
     }
     let grids = (0..=factor.ilog2()).map(|i| finest.coarser(factor >> i));
-    let mut steps: Vec<(Grid, usize)> = grids.map(|grid| (grid, part(model, grid.n[0]))).collect();
-    if steps.last().is_some_and(|(_, pairs)| *pairs < model.pairs()) {
-        steps.push((finest, model.pairs()));
+    let mut steps: Vec<(Grid, usize)> =
+        grids.map(|grid| (grid, part(model, share(model, grid.n[0])))).collect();
+    let mut rest = share(model, finest.n[0]);
+    while rest > 1 {
+        rest /= 4;
+        let pairs = part(model, rest);
+        if steps.last().is_some_and(|last| last.1 < pairs) {
+            steps.push((finest, pairs));
+        }
     }
     if steps.len() > SCENES.len() {
         return Err(Error::options(
@@ -51,22 +57,22 @@ pub(super) fn stages(
     Ok(steps.into_iter().zip(SCENES).map(level).collect())
 }
 
-/// How many of the pairs a grid of so many lateral voxels is solved with before the last stage: half as many points side
-/// by side as voxels, but at least [`AMPLE`]; a fourth, a sixteenth, ... of all. Of a product whole rows, of at least
-/// [`ROWS`] other points.
-fn part(model: &Model, lateral: usize) -> usize {
-    let all = model.pairs();
-    if !model.is_spread {
-        return all;
-    }
+/// The share of the pairs, 1 in 4 or 16 or ..., that a grid of so many lateral voxels is solved with at first: half as
+/// many points side by side as voxels, but at least [`AMPLE`].
+fn share(model: &Model, lateral: usize) -> usize {
     let wanted = AMPLE.max(lateral / 2).pow(2);
     let mut share = 1;
-    while all / (4 * share) >= wanted {
+    while model.is_spread && model.pairs() / (4 * share) >= wanted {
         share *= 4;
     }
+    share
+}
+
+/// How many pairs one in so many are. Of a product whole rows, of at least [`ROWS`] other points.
+fn part(model: &Model, share: usize) -> usize {
     let rows = model.wall.others.len();
     if model.wall.geometry != Geometry::Product || rows == 1 {
-        return all.div_ceil(share);
+        return model.pairs().div_ceil(share);
     }
     rows.div_ceil(share).max(ROWS.min(rows)) * model.wall.scanned.len()
 }

@@ -60,9 +60,13 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let here = &plan.levels[*level];
     let next = plan.levels.get(*level + 1);
     let doubles = next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.coarse_iterations));
-    let all_pairs = options.iterations.saturating_sub(options.whole_iterations);
+    // The first growth begins the last iterations, every further one the last third of what is left.
+    let grown = plan.levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
+    let left = options.growth_iterations / 3usize.pow(grown - 1);
+    let growths = plan.levels.len() - 1 - *level;
+    let grows_from = options.iterations.saturating_sub(left.max(growths));
     let expected = |kernel| (options.bound_power > 0.0).then_some((kernel, options.bound_power));
-    let widens = next.filter(|l| l.grid == here.grid && done >= all_pairs);
+    let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
     if let Some(fine) = doubles {
         // A voxel becomes four.
         s.extend(reduce(plan, here, options, plan.capacity / 4));
