@@ -90,9 +90,14 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let drawn = vectors(grid.storage(), 5);
     let v = if bounding { &none } else { &drawn };
     let mut model = model.clone();
+    let mut random = Random::new(6);
     let samples = {
         let twin = Twin { model: &model, grid };
-        away_from_edges(&twin, &twin::extrapolate(&twin, &active, v, v, 0.0))
+        let mut samples = twin::extrapolate(&twin, &active, v, v, 0.0);
+        if bounding {
+            samples.iter_mut().for_each(|s| s.albedo = random.uniform(0.1, 1.0));
+        }
+        away_from_edges(&twin, &samples)
     };
     assert!(samples.len() > 500, "{}", samples.len());
     let accumulated = {
@@ -102,7 +107,6 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     assert!(accumulated.iter().any(|v| *v != 0.0));
     // Measured is about what is rendered.
     let render = f64::from(model.scene(grid).render_scale);
-    let mut random = Random::new(6);
     model.measured = accumulated.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
     let twin = Twin { model: &model, grid };
     let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);

@@ -135,7 +135,7 @@ fn a_pair_takes_no_more_than_it_did() {
         ("forward_owned", &[near, apart], 40),
         ("forward_owned", &[linear, apart], 49),
         ("forward_owned", &[linear, apart, lambertian], 66),
-        ("forward_owned", &[linear, apart, ("BOUND", 1)], 38),
+        ("forward_owned", &[linear, apart, ("BOUND", 1)], 39),
         ("forward_float", &[near, apart], 42),
         ("forward_float", &[linear, apart], 49),
         ("forward_float", &[linear], 52),
