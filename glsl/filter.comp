@@ -13,7 +13,7 @@ layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[
 
 void main() {
     uint cell = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (cell >= scene.pairs * scene.stride + PADDING) return;
+    if (cell >= cell_count()) return;
     uint pair = cell / scene.stride;
     int bin = int(cell % scene.stride) - int(PADDING);
     float sum = 0.0;

@@ -22,7 +22,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
-    uint losses = (scene.pairs * scene.stride + PADDING + tile - 1u) / tile * WORKGROUP;
+    uint losses = (cell_count() + tile - 1u) / tile * WORKGROUP;
     // Written out 32 times: turn by turn, lavapipe's limit of 65,535 ends the sum after 2^26 bins of all pairs.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))

@@ -65,7 +65,7 @@ vec3 compare(uint cell, uint pair, uint bin) {
 void main() {
     uint group = group_index();
     uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
-    uint end = scene.pairs * scene.stride + PADDING;
+    uint end = cell_count();
     vec3 squared = vec3(0.0);
     // A remainder costs a CPU more than all else here: one to begin with, then a subtraction.
     uint pair = first / scene.stride;

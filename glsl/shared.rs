@@ -15,7 +15,6 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("others", "uint", "wall points of the other side; none in a confocal scan"),
     ("bins", "uint", "gated bins T"),
     ("stride", "uint", "cells from one histogram to the next: its bins and the padding before them"),
-    ("row_cells", "float", "the same"),
     ("seed", "uint", "of the random samples"),
     ("capacity", "uint", "voxels that may be active at once"),
     ("origin_x", "float", "centre of voxel (0, 0, 0), metres"),

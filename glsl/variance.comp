@@ -18,7 +18,7 @@ void main() {
         float scale = 2.0 * scene.loss_scale * scene.render_scale * bin_weight(bin);
         float counts = max(measured[pair * scene.bins + bin], 0.0);
         residual[cell] = scale * scale * (scene.variance * counts + scene.variance_floor);
-    } else if (cell < scene.pairs * scene.stride + PADDING) {
+    } else if (cell < cell_count()) {
         residual[cell] = 0.0;
     }
 }

@@ -2,19 +2,17 @@
 //! part to all with true figures and the same bits.
 
 mod device;
-
-use std::ops::ControlFlow;
+#[path = "common/keeping.rs"]
+mod keeping;
 
 use device::vectors::*;
 use device::*;
 use glam::{DVec3, dvec3};
+use keeping::solve_keeping;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions, Schedule};
-use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{
-    Accumulation, Beside, Checkpoint, Job, Keep, Plan, Progress, Reconstruction, VectorOptions, Watch, vector,
-};
+use thirdbounce::solve::{Accumulation, Checkpoint, Job, Plan, Reconstruction, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 
@@ -204,18 +202,7 @@ fn solve(
     let faults = Faults { poison: Some(0x7fc0_0000), ..Faults::default() };
     let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
     let every = usize::from(from.is_none());
-    let mut kept = vec![];
-    let mut save = |state| {
-        kept.push(state);
-        Ok(())
-    };
-    let mut hear = |_: &Progress| ControlFlow::Continue(());
-    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let beside = Beside { watch: &mut watch, keep: Some(Keep { every, save: &mut save, from }) };
-    let solver: SolverOptions = options.clone().into();
-    let grid = Request::new(solver.clone(), "").grid(capture).expect("a grid");
-    let done = solver.solve(&gpu, capture, grid, None, true, beside).expect("a solve of a small scene");
-    (done, kept)
+    solve_keeping(&gpu, &options.clone().into(), capture, every, from).expect("a solve of a small scene")
 }
 
 #[test]

@@ -205,6 +205,16 @@ fn a_domain_beyond_its_room_keeps_the_brightest() {
     assert_valid(&gpu);
 }
 
+/// Vectors of a domain as an iteration leaves them, with no light and the momentum at rest; its active voxels.
+fn hold(job: &mut Job<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
+    let active = write_domain(job, domain);
+    write_vectors(job, "raw", &active, v);
+    set_counts(job, active.len(), 0.0);
+    zero_histograms(job);
+    write_momentum(job, REST);
+    active
+}
+
 /// D and lambda that the solver finds for a domain whose voxels are expected so bright, by storage index.
 fn bounds_of(twin: &Twin, mask: &[bool], expected: &[f64]) -> Vec<[f64; 2]> {
     let active = twin::compact(mask);
@@ -257,11 +267,7 @@ fn bounds_weigh_voxels_by_how_bright_they_are() {
         let mut job = job(&gpu, &model, &grid, &o);
         let domain = state(&model, &grid, 0.6, 32).1;
         let v = within(vectors(grid.storage(), 33), &domain);
-        let active = write_domain(&mut job, &domain);
-        write_vectors(&mut job, "raw", &active, &v);
-        set_counts(&mut job, active.len(), 0.0);
-        zero_histograms(&mut job);
-        write_momentum(&mut job, REST);
+        let active = hold(&mut job, &domain, &v);
         let s = vector::due(&job.plan, &o, &mut 0, o.bound_every * o.reduce_every);
         job.executor.run(&s).unwrap();
         let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
@@ -288,11 +294,7 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     assert_eq!(job.plan.levels.len(), 2);
     let domain = state(&model, &coarse, 0.6, 26).1;
     let v = within(vectors(coarse.storage(), 27), &domain);
-    let active = write_domain(&mut job, &domain);
-    write_vectors(&mut job, "raw", &active, &v);
-    set_counts(&mut job, active.len(), 0.0);
-    zero_histograms(&mut job);
-    write_momentum(&mut job, REST);
+    hold(&mut job, &domain, &v);
     let mut level = 0;
     let s = vector::due(&job.plan, &o, &mut level, o.coarse_iterations);
     assert_eq!(level, 1);

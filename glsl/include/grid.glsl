@@ -7,6 +7,8 @@ uint spread3(uint v) { return (v & 1u) | ((v & 2u) << 2) | ((v & 4u) << 4); }
 uint gather3(uint v) { return (v & 1u) | ((v >> 2) & 2u) | ((v >> 4) & 4u); }
 
 uvec3 grid_size() { return uvec3(scene.grid_x, scene.grid_y, scene.grid_z); }
+// Cells of the histograms, with their padding (place.glsl).
+uint cell_count() { return scene.pairs * scene.stride + PADDING; }
 uint brick_count() { return scene.bricks_x * scene.bricks_y * scene.bricks_z; }
 
 // Storage index of voxel c in a grid of so many bricks along x and y.

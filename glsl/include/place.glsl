@@ -30,8 +30,8 @@ Place place_of(float distance, float rest) {
         // The host has folded gate, half bins and padding into the sum. GPUs clamp to 0 and 1 in the instruction before.
         float part = clamp(distance * scene.place_scale + scene.place_offset, 0.0, 1.0);
         // Not to be simplified.
-        precise float whole = fma(part, scene.row_cells, WHOLE - 0.5);
-        precise float share = fma(part, scene.row_cells, WHOLE - whole);
+        precise float whole = fma(part, float(scene.stride), WHOLE - 0.5);
+        precise float share = fma(part, float(scene.stride), WHOLE - whole);
         return Place(floatBitsToUint(whole), share);
     }
     precise float coarse = distance * scene.bins_per_grain - scene.start_bins;
@@ -39,7 +39,7 @@ Place place_of(float distance, float rest) {
     precise float within = distance * scene.bins_per_grain_rest + (rest * scene.fine_bins_per_grain - scene.start_bins_rest);
     float position = (coarse - grains) + within;
     float low = floor(position);
-    float cell = clamp(grains + low + float(PADDING - 1u), 0.0, scene.row_cells);
+    float cell = clamp(grains + low + float(PADDING - 1u), 0.0, float(scene.stride));
     return Place(floatBitsToUint(cell + WHOLE), position - low);
 }
 

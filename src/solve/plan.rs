@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use super::{Accumulation, NoiseTerm, PaperOptions};
 use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
-use crate::transport::kernels::PADDING;
-use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling};
+use crate::transport::{
+    BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, cells,
+};
 use crate::{Error, Result};
 
 mod buffers;
@@ -51,8 +52,6 @@ pub struct Plan {
     pub levels: Vec<Level>,
     pub pairs: usize,
     pub bins: usize,
-    /// Of all histograms, with their padding.
-    pub cells: usize,
     /// Metres of path.
     pub bin_width: f64,
     pub iterations: usize,
@@ -193,7 +192,6 @@ impl Plan {
         let mut plan = Plan {
             pairs: model.pairs(),
             bins: model.bins,
-            cells: model.cells(),
             bin_width: model.bin_width,
             iterations: options.iterations,
             accumulation,
@@ -236,7 +234,7 @@ impl Plan {
 
     /// Cells of the histograms that `level` uses, with their padding.
     pub fn cells_at(&self, level: &Level) -> usize {
-        level.pairs * (self.bins + PADDING as usize) + PADDING as usize
+        cells(level.pairs, self.bins)
     }
 
     pub fn finest(&self) -> &Level {

@@ -11,6 +11,6 @@ pub mod twin;
 mod wall;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
-pub use model::{Binning, Gradient, Model, Reflectance, Sampling};
+pub use model::{Binning, Gradient, Model, Reflectance, Sampling, cells};
 pub use spread::spread_order;
 pub use wall::{Geometry, Wall};

@@ -120,6 +120,11 @@ fn unit_of(grid: &Grid) -> f64 {
     if ORDINARY_WIDTHS.contains(&width) { 1.0 } else { width }
 }
 
+/// Cells of so many histograms of so many bins, with the padding before each and after the last.
+pub fn cells(pairs: usize, bins: usize) -> usize {
+    pairs * (bins + PADDING as usize) + PADDING as usize
+}
+
 impl Model {
     /// Scales a capture to the given peak and takes the paper's defaults for the rest. `general`: see [`Wall::of`].
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
@@ -170,7 +175,7 @@ impl Model {
 
     /// Cells of all histograms.
     pub fn cells(&self) -> usize {
-        self.pairs() * self.stride() + PADDING as usize
+        cells(self.pairs(), self.bins)
     }
 
     /// Of the cells of histograms or residuals those that are bins, `[pair * bins + bin]`.
@@ -225,7 +230,8 @@ impl Model {
     /// The same for the first `pairs` alone.
     pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {
         let bricks = grid.bricks();
-        let [scanned, others] = self.wall.counts(pairs);
+        let [scanned, others] =
+            self.wall.geometry.counts(pairs, self.wall.scanned.len(), self.wall.others.len());
         // Bins of these pairs, as `elements` counts them.
         let elements = self.elements * pairs / self.pairs().max(1);
         // A sample strays half a voxel from its centre; what is nearer than `nearest` is dropped.
@@ -247,7 +253,6 @@ impl Model {
             others: others as u32,
             bins: self.bins as u32,
             stride: self.stride() as u32,
-            row_cells: self.stride() as f32,
             seed: self.seed,
             capacity: grid.storage() as u32,
             origin_x: grid.origin.x as f32,

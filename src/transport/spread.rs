@@ -55,20 +55,9 @@ fn cells(points: &[DVec3], axis: impl Fn(&DVec3) -> f64) -> Vec<usize> {
 }
 
 impl Wall {
-    /// Points of the scanned side, and of the other, that the first `pairs` have: of a product whole rows, each of all
-    /// scanned points with another one, and so all scanned points unless there is one row only.
-    pub fn counts(&self, pairs: usize) -> [usize; 2] {
-        match (self.geometry, self.others.len()) {
-            (Geometry::Confocal, _) => [pairs, 0],
-            (Geometry::TwoPoints, _) => [pairs, pairs],
-            (Geometry::Product, 1) => [pairs, 1],
-            (Geometry::Product, _) => [self.scanned.len(), pairs / self.scanned.len()],
-        }
-    }
-
     /// The wall of the first `pairs` alone.
     pub fn first(&self, pairs: usize) -> Wall {
-        let [scanned, others] = self.counts(pairs);
+        let [scanned, others] = self.geometry.counts(pairs, self.scanned.len(), self.others.len());
         let normals = |n: &Vec<DVec3>| {
             let (a, b) = n.split_at(self.scanned.len());
             [&a[..scanned], &b[..others]].concat()

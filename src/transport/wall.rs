@@ -18,6 +18,19 @@ pub enum Geometry {
     Product,
 }
 
+impl Geometry {
+    /// Points of the scanned side, and of the other, that the first `pairs` have on a wall of so many: of a product whole
+    /// rows, each of all scanned points with another one, and so all scanned points unless there is one row only.
+    pub fn counts(self, pairs: usize, scanned: usize, others: usize) -> [usize; 2] {
+        match (self, others) {
+            (Geometry::Confocal, _) => [pairs, 0],
+            (Geometry::TwoPoints, _) => [pairs, pairs],
+            (Geometry::Product, 1) => [pairs, 1],
+            (Geometry::Product, _) => [scanned, pairs / scanned],
+        }
+    }
+}
+
 /// Wall points, in metres. Light is symmetric, so it does not matter which side is the laser's: the scanned side is
 /// the one with more distinct points.
 #[derive(Debug, Clone, PartialEq)]

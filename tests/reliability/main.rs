@@ -5,6 +5,8 @@
 mod budget;
 mod disk;
 mod injected;
+#[path = "../common/keeping.rs"]
+mod keeping;
 mod killed;
 mod ledger;
 mod options;

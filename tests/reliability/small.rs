@@ -10,8 +10,7 @@ use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
 use thirdbounce::job::{self, Input, Loaded, Request, SolverOptions};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 use thirdbounce::solve::{
-    Accumulation, Beside, Checkpoint, Keep, NoiseTerm, PaperOptions, Preset, Progress, Reconstruction,
-    VectorOptions, Watch,
+    Accumulation, NoiseTerm, PaperOptions, Preset, Progress, Reconstruction, VectorOptions, Watch,
 };
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Result, export};
@@ -124,27 +123,6 @@ pub fn solve(
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let grid = Request::new(solver.clone(), "").grid(capture)?;
     solver.solve(gpu, capture, grid, None, true, &mut watch)
-}
-
-/// A solve that keeps its state after every so-manieth iteration, or goes on from one.
-pub fn solve_keeping(
-    gpu: &Gpu,
-    solver: &SolverOptions,
-    capture: &Capture,
-    every: usize,
-    from: Option<Checkpoint>,
-) -> Result<(Reconstruction, Vec<Checkpoint>)> {
-    let mut kept = vec![];
-    let mut save = |state| {
-        kept.push(state);
-        Ok(())
-    };
-    let mut hear = |_: &Progress| ControlFlow::Continue(());
-    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let beside = Beside { watch: &mut watch, keep: Some(Keep { every, save: &mut save, from }) };
-    let grid = Request::new(solver.clone(), "").grid(capture)?;
-    let done = solver.solve(gpu, capture, grid, None, true, beside)?;
-    Ok((done, kept))
 }
 
 /// Every bit of a result that does not tell of time.

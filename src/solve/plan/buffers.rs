@@ -2,8 +2,8 @@
 
 use super::{Level, Plan, WALL};
 use crate::gpu::{BufferPlan, Place};
+use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
-use crate::transport::{BRICK_VOXELS, Geometry};
 
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
@@ -14,7 +14,7 @@ impl Plan {
         let of_vectors = |bytes: u64| if self.vectors { bytes } else { 0 };
         let columns = (grid.n[0] * grid.n[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
-        let cells = self.cells as u64;
+        let cells = self.cells_at(self.finest()) as u64;
         let of_point = if self.curved { 32 } else { 16 };
         let sets = self.forward_sets(self.finest());
         let device = [
@@ -80,11 +80,6 @@ impl Plan {
 
     /// Wall points that the pairs of a level have.
     fn points(&self, level: &Level) -> u64 {
-        let rows = if self.others == 1 { 1 } else { level.pairs / self.scanned.max(1) };
-        match self.geometry {
-            Geometry::Confocal => level.pairs as u64,
-            Geometry::TwoPoints => 2 * level.pairs as u64,
-            Geometry::Product => (level.pairs / rows + rows) as u64,
-        }
+        self.geometry.counts(level.pairs, self.scanned, self.others).iter().sum::<usize>() as u64
     }
 }
