@@ -16,7 +16,7 @@ layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 float sum = 0.0;
 
 // The cosine whatever the model: what else there is only widens what is found.
-void meet(Arm a, Arm b, float r) { sum += r * (NORMALS ? max(-a.way.z, 0.0) * a.inverse : 1.0); }
+void meet(Arm a, Arm b, vec2 r) { sum += r.x * (NORMALS ? max(-a.way.z, 0.0) * a.inverse : 1.0); }
 
 void main() {
     uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;

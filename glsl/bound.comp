@@ -23,9 +23,9 @@ layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
 
 float sum = 0.0;
 
-void meet(Arm a, Arm b, float r) {
+void meet(Arm a, Arm b, vec2 r) {
     float most = bound_of(a, b);
-    sum += WHAT == 0u ? r * most : r * most * most;
+    sum += r.x * (WHAT == 0u ? most : most * most);
 }
 
 void main() {

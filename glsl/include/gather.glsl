@@ -7,7 +7,7 @@
 
 layout(constant_id = 23) const uint OTHERS = 1u;
 
-void meet(Arm a, Arm b, float r);
+void meet(Arm a, Arm b, vec2 r);
 
 // From a sample to a wall point by its number.
 Arm arm_at(uint point, vec3 x) {
@@ -15,11 +15,12 @@ Arm arm_at(uint point, vec3 x) {
     return arm_to(wall[point].xyz, normal, x);
 }
 
-// The residual of row `row` that a path there sees: of its bin, or of the two around it.
-float residual_around(uint row, Place place) {
+// The residual of row `row` that a path there sees, of its bin or of the two around it, and its rise from one to the other.
+vec2 residual_around(uint row, Place place) {
     float low = residual[row + place.cell];
-    if (SPLIT == 0u) return low;
-    return low + place.share * (residual[row + place.cell + 1u] - low);
+    if (SPLIT == 0u) return vec2(low, 0.0);
+    float rise = residual[row + place.cell + 1u] - low;
+    return vec2(low + place.share * rise, rise);
 }
 
 void gather(vec3 x, uint slice, uint slices) {

@@ -10,7 +10,7 @@ vec3 unit;           // the same as a unit vector, for Lambertian surfaces
 vec3 aside = vec3(0.0); // sum of the slopes but for what lies along n
 float along = 0.0;   // sum of that; without normals, of the residual that is seen
 
-void meet(Arm a, Arm b, float r) {
+void slope_of(Arm a, Arm b, float r) {
     if (EXACT != 0u) r *= a.falloff * b.falloff;
     if (!NORMALS) {
         along += r;
@@ -31,6 +31,10 @@ void meet(Arm a, Arm b, float r) {
     aside += of_a * a.way;
     if (GEOMETRY != CONFOCAL) aside += r * toward_a * b.way;
 }
+
+#ifndef OWN_MEET
+void meet(Arm a, Arm b, vec2 r) { slope_of(a, b, r.x); }
+#endif
 
 // (value, slope) over all pairs between push.first and push.last, of this slice: d/d albedo, and d/d vector, or d/d
 // normal without the factor albedo.

@@ -22,6 +22,7 @@ struct Arm {
     float rest;     // with FINE: what is left of the distance, grains
     float falloff;  // (reference / distance)^2, or its root for retroreflective surfaces; 0 for a degenerate pair
     float wall;     // cosine at the wall times the distance, for Lambertian surfaces
+    float wall_rise; // what a metre of depth adds to it
 };
 
 // The distance to some 34 bits: a rounded root r, and (d.d - r r) / 2r. Every length is a whole number of grains, at
@@ -54,6 +55,7 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     float scaled = scene.reference * arm.inverse;
     arm.falloff = REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
     arm.wall = max(CURVED != 0u ? -dot(normal, arm.way) : -arm.way.z, 0.0);
+    arm.wall_rise = CURVED != 0u ? normal.z : 1.0;
     return arm;
 }
 

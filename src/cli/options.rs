@@ -188,6 +188,9 @@ pub struct VectorArgs {
     /// Iterations at each resolution below the last
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     coarse_iterations: Option<usize>,
+    /// Iterations of the surface that the volume's maps begin, after the volume's; 0 leaves the maps as they are [default: 40]
+    #[arg(long, value_name = "N", help_heading = "Vector solver")]
+    surface_iterations: Option<usize>,
     /// Keep voxels above this share of the first back-projection's maximum
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     start_above: Option<f64>,
@@ -234,6 +237,7 @@ impl VectorArgs {
     pub fn own(&self) -> Option<&'static str> {
         let given = [
             ("coarse-iterations", self.coarse_iterations.is_some()),
+            ("surface-iterations", self.surface_iterations.is_some()),
             ("growth-iterations", self.growth_iterations.is_some()),
             ("all-pairs", self.all_pairs),
             ("start-above", self.start_above.is_some()),
@@ -267,6 +271,7 @@ impl VectorArgs {
             },
             sizes: shared.sizes.unwrap_or(base.sizes),
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
+            surface_iterations: self.surface_iterations.unwrap_or(base.surface_iterations),
             growth_iterations: self.growth_iterations.unwrap_or(base.growth_iterations),
             all_pairs: base.all_pairs || self.all_pairs,
             start_above: self.start_above.unwrap_or(base.start_above),

@@ -78,6 +78,8 @@ pub(super) struct Steps<'s> {
     pub extract: &'s dyn Fn(&Level) -> Schedule,
     /// Weight of the trace's L1 column in the loss at a level.
     pub l1_weight: &'s dyn Fn(&Level) -> f64,
+    /// Iterations that the whole solve is to have, for those who listen.
+    pub of: usize,
     /// Stop at the finest level, with all pairs, once the objective's data term is not above this: the rest is noise.
     pub stop_below: Option<f64>,
 }
@@ -93,7 +95,8 @@ pub(super) struct Driven {
     pub seconds: f64,
 }
 
-/// Runs `steps` for `iterations`. Two blocks are in flight, so the device never waits for the host.
+/// Runs `steps` up to the iteration `iterations`, from the first or after what was driven `before`. Two blocks are in
+/// flight, so the device never waits for the host.
 ///
 /// Errors: the device's; [`Kind::Cancelled`] if the watch broke off; a loss that is not finite.
 pub(super) fn drive(
@@ -103,6 +106,7 @@ pub(super) fn drive(
     mut steps: Steps<'_>,
     watch: &mut Watch<'_>,
     mut keeper: Option<Keeper<'_>>,
+    before: Option<Driven>,
 ) -> Result<Driven> {
     let gpu_before = job.executor.gpu_seconds();
     let has_normals = job.plan.reflectance.has_normals();
@@ -126,7 +130,17 @@ pub(super) fn drive(
         reader = Reader { gpu_before, trace: from.trace, pairs: from.pairs };
         clock = Clock { start: Instant::now(), paused: Duration::ZERO, before: from.seconds };
     } else {
-        block.stage("start", &stage_values(&job.plan.levels[0], 0));
+        if let Some(Driven { trace, level: reached, pairs, seconds, .. }) = before {
+            level = job.plan.levels.iter().position(|l| *l == reached).unwrap_or(0);
+            let last = trace.last().copied();
+            begin = last.map_or(0, |p| p.iteration);
+            first = begin;
+            active = last.map_or(active, |p| p.active);
+            reader.gpu_before -= last.map_or(0.0, |p| p.gpu_seconds);
+            reader = Reader { trace, pairs, ..reader };
+            clock.before = seconds;
+        }
+        block.stage("start", &stage_values(&job.plan.levels[level], begin));
         block.extend(std::mem::take(&mut steps.start));
     }
     let mut reached = job.plan.levels[level];
@@ -201,7 +215,7 @@ pub(super) fn drive(
                     .run(&maps_of(&steps, &at))
                     .map(|()| read_maps(&job.executor.arena, &at.grid, has_normals))
             });
-            let progress = Progress { point, iterations, maps: maps.transpose()? };
+            let progress = Progress { point, iterations: steps.of, maps: maps.transpose()? };
             if (watch.hear)(&progress).is_break() {
                 let what = format!("cancelled after {} iterations", point.iteration);
                 return Err(Error::new(Kind::Cancelled, what, "run it again"));

@@ -14,6 +14,7 @@ mod options;
 pub mod paper;
 mod plan;
 mod schedule;
+pub mod surface;
 pub mod vector;
 
 pub use assume::{assume_reflectance, falloff_slope};

@@ -93,10 +93,11 @@ pub fn reconstruct<'b, 'w: 'b>(
         due: &|plan, level, done| domain::due(plan, options, level, done),
         extract: &domain::extract,
         l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
+        of: options.iterations,
         stop_below: None,
     };
     let keeper = Keeper::new(keep, &job, options)?;
-    let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper)?;
+    let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
     finish(job, driven, with_volume)
 }
 

@@ -55,6 +55,8 @@ pub struct Plan {
     /// Metres of path.
     pub bin_width: f64,
     pub iterations: usize,
+    /// Iterations of the surface after those of the volume.
+    pub surface_iterations: usize,
     pub accumulation: Accumulation,
     pub continuous: bool,
     pub binning: Binning,
@@ -96,6 +98,7 @@ pub struct Wanted {
     pub accumulation: Accumulation,
     pub coarse_to_fine: bool,
     pub iterations: usize,
+    pub surface_iterations: usize,
     pub sampling: Sampling,
     pub binning: Binning,
     pub gradient: Gradient,
@@ -116,6 +119,7 @@ impl From<&PaperOptions> for Wanted {
             accumulation: o.accumulation,
             coarse_to_fine: o.coarse_to_fine,
             iterations: o.iterations,
+            surface_iterations: 0,
             sampling: o.sampling,
             binning: o.binning,
             gradient: o.gradient,
@@ -194,6 +198,7 @@ impl Plan {
             bins: model.bins,
             bin_width: model.bin_width,
             iterations: options.iterations,
+            surface_iterations: options.surface_iterations,
             accumulation,
             continuous: options.sampling == Sampling::Continuous,
             binning: options.binning,
@@ -264,6 +269,12 @@ impl Plan {
         // A path changes by no more than twice what the voxel moves.
         let span = 16.0 * level.grid.pitch.length() / self.bin_width;
         span > f64::from(self.tuning.window_span)
+    }
+
+    /// Pixels that the surface may have: all of the finest grid's, as far as there is room for four points of each.
+    pub fn pixels(&self) -> usize {
+        let [x, y, _] = self.finest().grid.n;
+        if self.surface_iterations == 0 { 0 } else { (x * y).min(self.capacity / 4) }
     }
 
     /// Weights of the noise term.

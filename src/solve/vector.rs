@@ -16,7 +16,7 @@ use super::drive::{Beside, Steps, drive};
 use super::job::{Job, upload};
 use super::paper::finish;
 use super::plan::{AMPLE, Wanted};
-use super::{Accumulation, NoiseTerm, Plan, Reconstruction, Sizes, domain};
+use super::{Accumulation, NoiseTerm, Plan, Reconstruction, Sizes, domain, surface};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::transport::{Binning, Gradient, Grid, Model, Reflectance, Sampling};
@@ -38,6 +38,8 @@ pub struct VectorOptions {
     pub coarse_to_fine: bool,
     /// Iterations at each resolution below the last.
     pub coarse_iterations: usize,
+    /// Iterations of the surface that the volume's maps begin, after those of the volume; none leaves the maps as they are.
+    pub surface_iterations: usize,
     /// Iterations at the end in which the pairs grow fourfold until they are all, where the others have a part of them.
     pub growth_iterations: usize,
     /// All pairs in every iteration, and no level coarser than the scan.
@@ -88,6 +90,7 @@ impl Default for VectorOptions {
             iterations: 60,
             coarse_to_fine: true,
             coarse_iterations: 15,
+            surface_iterations: 40,
             growth_iterations: 30,
             all_pairs: false,
             reduce_every: 5,
@@ -118,6 +121,7 @@ impl From<&VectorOptions> for Wanted {
             accumulation: o.accumulation,
             coarse_to_fine: o.coarse_to_fine,
             iterations: o.iterations,
+            surface_iterations: o.surface_iterations,
             sampling: Sampling::Fixed,
             binning: Binning::Linear,
             gradient: Gradient::Exact,
@@ -198,6 +202,10 @@ impl VectorOptions {
                 return bad(name, value.to_string(), "zero or a positive number");
             }
         }
+        if self.surface_iterations > 1_000_000 {
+            let most = "a whole number from 0 to 1000000";
+            return bad("surface-iterations", self.surface_iterations.to_string(), most);
+        }
         if let Some(room) = self.room.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
             return bad("room", room.to_string(), "a positive number up to 1");
         }
@@ -237,10 +245,14 @@ pub fn reconstruct<'b, 'w: 'b>(
         due: &|plan, level, done| due(plan, options, level, done),
         extract: &domain::extract,
         l1_weight: &|_| 1.0,
+        of: options.iterations + options.surface_iterations,
         stop_below: options.stop.then(|| expected_noise(&job.model)),
     };
     let keeper = Keeper::new(keep, &job, options)?;
-    let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper)?;
+    let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
+    if options.surface_iterations > 0 {
+        driven = surface::refine(gpu, &mut job, options.surface_iterations, watch, driven)?;
+    }
     finish(job, driven, with_volume)
 }
 

@@ -17,6 +17,7 @@ impl Plan {
         let cells = self.cells_at(self.finest()) as u64;
         let of_point = if self.curved { 32 } else { 16 };
         let sets = self.forward_sets(self.finest());
+        let pixels = self.pixels() as u64;
         let device = [
             (WALL, self.points(self.finest()) * of_point),
             ("measured", elements * 4),
@@ -54,6 +55,14 @@ impl Plan {
                 cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP) * 8,
             ),
             ("columns", columns),
+            ("pixels", pixels * 16),
+            ("pixel_of", if pixels > 0 { columns / 8 } else { 0 }),
+            ("heights", pixels * 8),
+            ("slopes", pixels * 8),
+            ("stencils", pixels * 64),
+            ("height_gradient", pixels * 16),
+            ("height_moments", pixels * 16),
+            ("surface_weights", if pixels > 0 { u64::from(SURFACE_WEIGHTS) * 4 } else { 0 }),
         ];
         let mut all: Vec<_> = device.iter().map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
         for level in &self.levels {
@@ -67,7 +76,7 @@ impl Plan {
         all.push(BufferPlan::new("upload", elements * 4, Place::Upload));
         all.push(BufferPlan::new(
             "trace",
-            (self.iterations * TRACE_ROW as usize * 4) as u64,
+            ((self.iterations + self.surface_iterations) * TRACE_ROW as usize * 4) as u64,
             Place::Readback,
         ));
         all.push(BufferPlan::new("columns_host", columns, Place::Readback));

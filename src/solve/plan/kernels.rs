@@ -112,6 +112,18 @@ impl Plan {
                 u("extrapolate", "extrapolate", &[]),
                 u("step", "step", &gather_constants),
             ]);
+            if self.surface_iterations > 0 {
+                let points = [("VOXELS", t.voxels), ("SLICES", t.slices), others];
+                all.extend([
+                    u("surface_bonds", "surface_bonds", &[]),
+                    u("surface_points", "surface_points", &[]),
+                    u("surface_gather", "surface_gather", &points),
+                    u("surface_combine", "surface_combine", &[]),
+                    u("surface_step", "surface_step", &[]),
+                    u("surface_finish", "finish", &[("ACCELERATED", 0), ("VOXELS", 4 * WORKGROUP)]),
+                    u("surface_extract", "surface_extract", &[]),
+                ]);
+            }
             return all;
         }
         all.extend([

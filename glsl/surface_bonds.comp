@@ -1,0 +1,43 @@
+// How a pixel's slopes follow from its neighbours' depths: the plane that fits them best, each weighed by its bond (see
+// heights.glsl) to the pixel, as coefficients of their depths less its own. Weights come from the depths at hand and stay
+// until this runs again, so slopes are linear in the depths between. One invocation owns one pixel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) buffer Pixels { uvec4 pixels[]; }; // column, albedo, depth that bonds come from
+layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, amplitude
+layout(std430, set = 0, binding = 4) writeonly buffer Stencils { vec2 stencils[]; };
+
+#include "heights.glsl"
+
+void main() {
+    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (pixel >= push.last) return;
+    float depth = heights[pixel].x;
+    float weights[8];
+    float all = 1.0; // the pixel's own
+    vec2 mean = vec2(0.0);
+    mat2 spread = mat2(0.0);
+    for (uint k = 0u; k < 8u; ++k) {
+        uint other = neighbour(pixel, k);
+        weights[k] = other == NOWHERE ? 0.0 : bond(k, heights[other].x - depth);
+        vec2 d = vec2(AROUND[k]);
+        all += weights[k];
+        mean += weights[k] * d;
+        spread += outerProduct(weights[k] * d, d);
+    }
+    mean /= all;
+    spread -= outerProduct(all * mean, mean);
+    // A pixel with neighbours on one line, or with none, is level where they tell nothing.
+    spread += mat2(SURFACE_LEVEL);
+    float area = determinant(spread);
+    for (uint k = 0u; k < 8u; ++k) {
+        vec2 d = weights[k] * (vec2(AROUND[k]) - mean);
+        vec2 c = vec2(spread[1][1] * d.x - spread[1][0] * d.y, spread[0][0] * d.y - spread[0][1] * d.x) / area;
+        stencils[8u * pixel + k] = c / pixel_pitch();
+    }
+    pixels[pixel].z = floatBitsToUint(depth);
+}

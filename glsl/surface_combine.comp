@@ -1,0 +1,68 @@
+// From the gradients of a pixel's four points to those of its depth, amplitude and slopes, and the prior that holds
+// neighbours together where photons are few: over pairs of neighbours,
+//   bond * (e^2 / (2 bend^2) + (a_i - a_j)^2 / (2 jump^2)),   e = (z_j - z_i - (s_i + s_j) / 2 . d) / pixel
+// with d from i to j: how far j is off the planes that both pixels lie in. What the slopes' gradient means for the depths
+// that they come from is surface_step.comp's. One invocation owns one pixel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "reflectance.glsl"
+#include "sums.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
+layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Slopes { vec2 slopes[]; };
+layout(std430, set = 0, binding = 5) readonly buffer Gradient { vec4 gradient[]; };
+layout(std430, set = 0, binding = 6) writeonly buffer HeightGradient { vec4 height_gradient[]; }; // slopes, depth, amplitude
+layout(std430, set = 0, binding = 7) readonly buffer SurfaceWeights { float surface_weights[]; };
+layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_partials[]; };
+
+#include "heights.glsl"
+
+void main() {
+    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    float energy = 0.0;
+    if (pixel < push.last) {
+        vec2 height = heights[pixel];
+        vec2 slope = slopes[pixel];
+        vec4 points = vec4(0.0);
+        vec2 tilts = vec2(0.0);
+        float deeper = 0.0;
+        for (uint k = 0u; k < 4u; ++k) {
+            vec4 g = gradient[4u * pixel + k];
+            float along = NORMALS ? g.w : g.y;
+            points += g;
+            deeper += along;
+            tilts += along * quarter(k);
+        }
+        float brighter = 0.25 * points.x;
+        if (NORMALS) {
+            vec3 n = facing(slope);
+            vec3 turned = 0.25 * height.y * points.xyz;
+            brighter = 0.25 * dot(n, points.xyz);
+            // d n / d slope = (e - n n.e) |n_z|.
+            tilts -= n.z * (turned.xy - dot(turned, n) * n.xy);
+        }
+        float bend = surface_weights[SURFACE_BEND];
+        float jump = surface_weights[SURFACE_JUMP];
+        float size = pixel_size();
+        for (uint k = 0u; k < 8u; ++k) {
+            uint other = neighbour(pixel, k);
+            if (other == NOWHERE) continue;
+            float weight = bond(k, uintBitsToFloat(pixels[other].z) - uintBitsToFloat(pixels[pixel].z));
+            vec2 d = vec2(AROUND[k]) * pixel_pitch();
+            float off = (heights[other].x - height.x - 0.5 * dot(slope + slopes[other], d)) / size;
+            float differs = height.y - heights[other].y;
+            deeper -= bend * weight * off / size;
+            tilts -= 0.5 * bend * weight * off / size * d;
+            brighter += jump * weight * differs;
+            // Half of the pair's; the other half is the neighbour's.
+            energy += 0.25 * weight * (bend * off * off + jump * differs * differs);
+        }
+        height_gradient[pixel] = vec4(tilts, deeper, brighter);
+    }
+    vec4 all = sum_over_group(vec4(energy, 0.0, 0.0, 0.0));
+    if (gl_LocalInvocationID.x == 0u) l1_partials[group_index()] = all.x;
+}

@@ -1,0 +1,44 @@
+// A pixel's slopes, and its four points as samples, each with a quarter of its amplitude: a pixel stands for as much
+// surface as its tilted square, whose paths differ by several bins. One invocation owns one pixel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+#include "reflectance.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
+layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
+layout(std430, set = 0, binding = 4) readonly buffer Stencils { vec2 stencils[]; };
+layout(std430, set = 0, binding = 5) writeonly buffer Slopes { vec2 slopes[]; };
+layout(std430, set = 0, binding = 6) writeonly buffer SamplePoints { vec4 sample_points[]; };
+layout(std430, set = 0, binding = 7) writeonly buffer SampleNormals { vec4 sample_normals[]; };
+layout(std430, set = 0, binding = 8) buffer Counts { uint counts[]; };
+
+#include "heights.glsl"
+#include "faults.glsl"
+
+void main() {
+    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (pixel >= push.last) return;
+    vec2 height = heights[pixel];
+    vec2 slope = vec2(0.0);
+    for (uint k = 0u; k < 8u; ++k) {
+        uint other = neighbour(pixel, k);
+        if (other != NOWHERE) slope += stencils[8u * pixel + k] * (heights[other].x - height.x);
+    }
+    slopes[pixel] = slope;
+    float amplitude = 0.25 * height.y;
+    vec2 limits = depth_limits();
+    vec3 centre = position(vec3(pixel_xy(pixel), 0.0));
+    for (uint k = 0u; k < 4u; ++k) {
+        vec2 d = quarter(k);
+        float z = clamp(height.x + dot(slope, d), limits.x, limits.y);
+        uint slot = 4u * pixel + k;
+        sample_points[slot] = vec4(centre.xy + d, z, NORMALS ? 1.0 : amplitude);
+        if (NORMALS) sample_normals[slot] = vec4(amplitude * facing(slope), 0.0);
+    }
+    watch(finite(slope.x + slope.y + amplitude), FAULT_SAMPLE);
+    // For the fixed-point scale; bits of nonnegative floats order as the floats do.
+    atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(amplitude));
+}

@@ -1,0 +1,248 @@
+//! The surface that a volume's maps begin: a depth and an amplitude for every pixel, refined together.
+//!
+//! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface for several
+//! voxels of a column, so a volume keeps normals too level and depths to a voxel however long it is solved (study in
+//! benches/NOTES.md). Here a pixel is its tilted square, four points of it, and its normal is that of the plane through its
+//! neighbours: shading and shape are one. Minimised is what the vector solver minimises, with a Gaussian prior instead of its
+//! other terms: neighbours lie in each other's planes to [`BEND`] and have amplitudes alike to [`JUMP`], weighed as the noise
+//! of the histograms asks, by Adam. The pixels are those whose albedo is above [`SUPPORT`]; depths stay within the grid.
+
+use super::drive::{Driven, Steps, Watch, drive};
+use super::job::{Job, upload};
+use super::schedule::{forward, groups, pair_chunks};
+use super::vector::expected_noise;
+use super::{Level, Plan};
+use crate::Result;
+use crate::gpu::{Gpu, Schedule};
+use crate::maps::Maps;
+use crate::transport::Model;
+use crate::transport::kernels::*;
+
+/// Share of the map's white that a pixel's albedo must have.
+const SUPPORT: f32 = 0.1;
+
+/// How far a pixel may be off its neighbours' planes, in pixels, and how different its amplitude, in the largest one.
+const BEND: f64 = 0.1;
+const JUMP: f64 = 0.2;
+
+/// Amplitude that no model explains, as a share of the data's: where there is no noise the prior still has a say.
+const MISFIT: f64 = 0.05;
+
+/// First steps: depths in bins of path and in pixels, whichever is less, amplitudes in the largest one.
+const DEPTH_BINS: f64 = 1.0 / 3.0;
+const DEPTH_PIXELS: f64 = 0.25;
+const AMPLITUDE: f64 = 0.06;
+
+/// Iterations after which slopes find their neighbours anew.
+const RENEW: usize = 10;
+
+/// Pixels of a surface.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Pixels {
+    /// Where each is among the maps' pixels, ascending.
+    pub columns: Vec<u32>,
+    pub albedo: Vec<f32>,
+    /// Metres.
+    pub depth: Vec<f32>,
+}
+
+impl Pixels {
+    /// Those of `maps` that are bright enough, the brightest if there are more than `most`.
+    pub fn of(maps: &Maps, most: usize) -> Pixels {
+        let threshold = SUPPORT * Maps::white(&maps.albedo);
+        let mut columns: Vec<u32> = (0..maps.albedo.len() as u32)
+            .filter(|c| maps.albedo[*c as usize] > threshold && maps.depth[*c as usize].is_finite())
+            .collect();
+        if columns.len() > most {
+            columns.sort_by(|a, b| maps.albedo[*b as usize].total_cmp(&maps.albedo[*a as usize]));
+            columns.truncate(most);
+            columns.sort_unstable();
+        }
+        let of = |from: &[f32]| columns.iter().map(|c| from[*c as usize]).collect();
+        Pixels { albedo: of(&maps.albedo), depth: of(&maps.depth), columns }
+    }
+
+    pub fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty()
+    }
+
+    /// The buffer `pixels`.
+    pub fn words(&self) -> Vec<[u32; 4]> {
+        let word = |(c, (a, z)): (&u32, (&f32, &f32))| [*c, a.to_bits(), z.to_bits(), 0];
+        self.columns.iter().zip(self.albedo.iter().zip(&self.depth)).map(word).collect()
+    }
+
+    /// The buffer `pixel_of`, for maps of so many pixels.
+    pub fn places(&self, maps: usize) -> Vec<u32> {
+        let mut all = vec![u32::MAX; maps];
+        for (pixel, c) in self.columns.iter().enumerate() {
+            all[*c as usize] = pixel as u32;
+        }
+        all
+    }
+}
+
+/// Refines the surface of what was `driven` for so many iterations more; leaves everything as it is if there is none, or none
+/// of what is measured comes from it.
+pub(super) fn refine(
+    gpu: &Gpu,
+    job: &mut Job<'_>,
+    iterations: usize,
+    watch: &mut Watch<'_>,
+    driven: Driven,
+) -> Result<Driven> {
+    let pixels = Pixels::of(&driven.maps, job.plan.pixels());
+    let begin = driven.trace.last().map_or(0, |p| p.iteration);
+    let level = driven.level;
+    if pixels.is_empty() || !place(job, &level, &pixels, iterations, begin)? {
+        return Ok(driven);
+    }
+    let count = pixels.len();
+    let steps = Steps {
+        start: Schedule::default(),
+        iteration: &|plan, level, i| iteration(plan, level, count, i, i - begin),
+        due: &|_, _, done| renewal(&level, count, done - begin),
+        extract: &|level| extract(level, count),
+        l1_weight: &|_| 1.0,
+        of: begin + iterations,
+        stop_below: None,
+    };
+    drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))
+}
+
+/// Puts the pixels on the device with amplitudes that explain most of the data; false if none do. Row `row` of the trace
+/// is written on.
+fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, iterations: usize, row: usize) -> Result<bool> {
+    let heights = |scale: f64| -> Vec<[f32; 2]> {
+        pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
+    };
+    let [x, y, _] = level.grid.n;
+    upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
+    upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(x * y)))?;
+    upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(1.0)))?;
+    let mut objective = |residual| -> Result<f64> {
+        let count = pixels.len();
+        let mut s = start(level, count);
+        s.extend(points(level, count));
+        s.extend(forward(&job.plan, level, "forward"));
+        s.dispatch(residual, groups(job.plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
+            .bind("scene", level.scene);
+        s.dispatch("surface_finish", [1, 1, 1])
+            .bind("scene", level.scene)
+            .with(Push { iteration: row as u32, ..Default::default() });
+        job.executor.run(&s)?;
+        let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+        Ok(f64::from(f32::from_bits(rows[row][TRACE_OBJECTIVE as usize])))
+    };
+    // |A v|² and |A v - h|², and so what factor of v leaves least.
+    let (rendered, left) = (objective("residual_bound")?, objective("residual")?);
+    let measured = energy(&job.model, level.pairs);
+    let scale = 0.5 * (rendered + measured - left) / rendered;
+    if !(scale.is_finite() && scale > 0.0) {
+        return Ok(false);
+    }
+    upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
+    let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
+    let weights = weights(&job.model, level, most, iterations);
+    upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
+    Ok(true)
+}
+
+/// The weighted mean of the squared measurement over the first `pairs`.
+fn energy(model: &Model, pairs: usize) -> f64 {
+    let square = |(i, m): (usize, &f32)| model.bin_weight(i % model.bins) * f64::from(*m).powi(2);
+    let sum: f64 = model.measured[..pairs * model.bins].iter().enumerate().map(square).sum();
+    sum * model.pairs() as f64 / (model.elements * pairs).max(1) as f64
+}
+
+/// The buffer `surface_weights`, for amplitudes of up to `most`.
+pub fn weights(
+    model: &Model,
+    level: &Level,
+    most: f64,
+    iterations: usize,
+) -> [f32; SURFACE_WEIGHTS as usize] {
+    let elements = (model.elements * level.pairs / model.pairs().max(1)).max(1);
+    let noise = expected_noise(model).max(0.0) + MISFIT * MISFIT * energy(model, level.pairs);
+    // Half of chi² is the objective times this, inverted.
+    let unit = 2.0 * noise / elements as f64;
+    let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
+    let mut all = [0.0; SURFACE_WEIGHTS as usize];
+    for (index, value) in [
+        (SURFACE_BEND, unit / (BEND * BEND)),
+        (SURFACE_JUMP, unit / (JUMP * most).powi(2)),
+        (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
+        (SURFACE_AMPLITUDE_RATE, AMPLITUDE * most),
+        (SURFACE_ITERATIONS, iterations as f64),
+    ] {
+        all[index as usize] = value as f32;
+    }
+    all
+}
+
+fn push(count: usize) -> Push {
+    Push { last: count as u32, ..Default::default() }
+}
+
+/// Adam at rest, four samples for each pixel, slopes from the depths at hand.
+pub fn start(level: &Level, count: usize) -> Schedule {
+    let mut s = Schedule::default();
+    s.fill("height_moments", count as u64 * 16, 0);
+    s.set("counts", COUNT_ACTIVE, 4 * count as u32);
+    s.dispatch("arguments", [1, 1, 1]).bind("scene", level.scene);
+    s.extend(bonds(level, count));
+    s
+}
+
+fn bonds(level: &Level, count: usize) -> Schedule {
+    let mut s = Schedule::default();
+    s.dispatch("surface_bonds", groups(count, WORKGROUP)).bind("scene", level.scene).with(push(count));
+    s
+}
+
+/// Slopes and samples of the surface at hand.
+pub fn points(level: &Level, count: usize) -> Schedule {
+    let mut s = Schedule::default();
+    s.dispatch("surface_points", groups(count, WORKGROUP)).bind("scene", level.scene).with(push(count));
+    s
+}
+
+/// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather, combine,
+/// step, finish.
+pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) -> Schedule {
+    let scene = level.scene;
+    let mut s = points(level, count);
+    s.extend(forward(plan, level, "forward"));
+    let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
+    s.dispatch("residual", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
+        .bind("scene", scene)
+        .with(push);
+    for chunk in pair_chunks(plan, level) {
+        s.indirect("surface_gather", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
+            .bind("scene", scene)
+            .bind("wall", level.wall)
+            .with(chunk);
+    }
+    s.dispatch("surface_combine", groups(count, WORKGROUP)).bind("scene", scene).with(push);
+    s.dispatch("surface_step", groups(count, WORKGROUP)).bind("scene", scene).with(push);
+    s.dispatch("surface_finish", [1, 1, 1]).bind("scene", scene).with(push);
+    s
+}
+
+/// What is due after `done` iterations of the surface.
+fn renewal(level: &Level, count: usize, done: usize) -> Schedule {
+    if done.is_multiple_of(RENEW) { bonds(level, count) } else { Schedule::default() }
+}
+
+/// The maps with the surface in them, in `columns_host`.
+pub fn extract(level: &Level, count: usize) -> Schedule {
+    let mut s = points(level, count);
+    s.dispatch("surface_extract", groups(count, WORKGROUP)).bind("scene", level.scene).with(push(count));
+    let columns = level.grid.n[0] * level.grid.n[1];
+    s.copy("columns", "columns_host", columns as u64 * 32);
+    s
+}
