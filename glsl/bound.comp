@@ -25,7 +25,7 @@ float sum = 0.0;
 
 void meet(Arm a, Arm b, vec2 r) {
     float most = bound_of(a, b);
-    sum += r.x * (WHAT == 0u ? most : most * most);
+    sum += WHAT == 0u ? r.x * most : r.x * most * most;
 }
 
 void main() {

@@ -146,7 +146,12 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("SURFACE_DEPTH_RATE", 2, "index in `surface_weights`: first step of depths, metres"),
     ("SURFACE_AMPLITUDE_RATE", 3, "index in `surface_weights`: first step of amplitudes"),
     ("SURFACE_ITERATIONS", 4, "index in `surface_weights`: iterations over which steps fall to nothing"),
-    ("SURFACE_WEIGHTS", 5, "length of `surface_weights`"),
+    (
+        "SURFACE_LARGEST",
+        5,
+        "index in `surface_weights`: largest gradients of depth and, next to it, of amplitude so far",
+    ),
+    ("SURFACE_WEIGHTS", 7, "length of `surface_weights`"),
     ("FORWARD_DIRECT", 4, "flag: add straight to the histograms"),
     ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the dispatch before"),
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),

@@ -16,7 +16,7 @@ layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }
 layout(std430, set = 0, binding = 4) readonly buffer Slopes { vec2 slopes[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Gradient { vec4 gradient[]; };
 layout(std430, set = 0, binding = 6) writeonly buffer HeightGradient { vec4 height_gradient[]; }; // slopes, depth, amplitude
-layout(std430, set = 0, binding = 7) readonly buffer SurfaceWeights { float surface_weights[]; };
+layout(std430, set = 0, binding = 7) buffer SurfaceWeights { uint surface_weights[]; }; // bits of floats
 layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_partials[]; };
 
 #include "heights.glsl"
@@ -45,8 +45,8 @@ void main() {
             // d n / d slope = (e - n n.e) |n_z|.
             tilts -= n.z * (turned.xy - dot(turned, n) * n.xy);
         }
-        float bend = surface_weights[SURFACE_BEND];
-        float jump = surface_weights[SURFACE_JUMP];
+        float bend = uintBitsToFloat(surface_weights[SURFACE_BEND]);
+        float jump = uintBitsToFloat(surface_weights[SURFACE_JUMP]);
         float size = pixel_size();
         for (uint k = 0u; k < 8u; ++k) {
             uint other = neighbour(pixel, k);
@@ -62,6 +62,9 @@ void main() {
             energy += 0.25 * weight * (bend * off * off + jump * differs * differs);
         }
         height_gradient[pixel] = vec4(tilts, deeper, brighter);
+        // Bits of nonnegative floats order as the floats do.
+        atomicMax(surface_weights[SURFACE_LARGEST], floatBitsToUint(abs(deeper)));
+        atomicMax(surface_weights[SURFACE_LARGEST + 1u], floatBitsToUint(abs(brighter)));
     }
     vec4 all = sum_over_group(vec4(energy, 0.0, 0.0, 0.0));
     if (gl_LocalInvocationID.x == 0u) l1_partials[group_index()] = all.x;

@@ -24,29 +24,46 @@ shared vec4 parts[VOXELS * SLICES];
 #include "slope.glsl"
 #include "faults.glsl"
 
-vec3 shown;      // the vector
-float amplitude; // of a surface without a direction
-float deeper = 0.0;
-
-// The value's share that a metre of depth adds to it, of what an arm of this falloff, and `power` inverses more, shows.
-float nearing(Arm arm, float power) {
-    return ((REFLECTANCE == RETROREFLECTIVE ? 1.0 : 2.0) + power) * arm.way.z * arm.inverse * arm.inverse;
-}
-
-// The same of what the wall shows, and of what the surface does.
-float wall_turn(Arm arm) { return arm.wall > 0.0 ? arm.wall_rise / arm.wall : 0.0; }
-float turn(Arm arm) { return -shown.z / dot(shown, arm.way); }
+vec3 shown;         // the vector
+float amplitude;    // of a surface without a direction
+float of_length;    // one over the vector's length, for Lambertian surfaces
+float deeper = 0.0; // through what is shown
+float longer = 0.0; // and through the path, bins
 
 void meet(Arm a, Arm b, vec2 r) {
-    float value = amplitude * a.falloff * b.falloff * shine(a, b, shown);
     slope_of(a, b, r.x);
-    if (value == 0.0) return;
-    float lambertian = REFLECTANCE == LAMBERTIAN ? 2.0 : 0.0;
-    float grows = nearing(a, REFLECTANCE == COSINE ? 1.0 : lambertian) + nearing(b, lambertian);
-    if (NORMALS) grows += turn(a);
-    if (REFLECTANCE == LAMBERTIAN) grows += turn(b) + wall_turn(a) + wall_turn(b);
-    float longer = -(a.way.z * a.inverse + b.way.z * b.inverse);
-    deeper += value * (r.x * grows + r.y * scene.bins_per_metre * longer);
+    float toward_a = NORMALS ? dot(shown, a.way) : 1.0;
+    float toward_b = REFLECTANCE == LAMBERTIAN ? dot(shown, b.way) : 1.0;
+    if (toward_a <= 0.0 || toward_b <= 0.0) return;
+    float steep_a = a.way.z * a.inverse;
+    float steep_b = b.way.z * b.inverse;
+    // What is shown is this, without what turns with the depth; every inverse in it grows by `steep` times itself.
+    float factor = a.falloff * b.falloff;
+    float powers_a = REFLECTANCE == RETROREFLECTIVE ? 1.0 : 2.0;
+    float powers_b = powers_a;
+    float value = factor;
+    float turns = 0.0;
+    if (!NORMALS) {
+        value *= amplitude;
+    } else if (REFLECTANCE == COSINE) {
+        factor *= a.inverse;
+        powers_a += 1.0;
+        value = factor * toward_a;
+        turns = -factor * shown.z;
+    } else {
+        float both = a.inverse * b.inverse;
+        factor *= both * both * of_length;
+        powers_a += 2.0;
+        powers_b += 2.0;
+        float walls = a.wall * b.wall;
+        if (walls <= 0.0) return;
+        float cosines = toward_a * toward_b;
+        value = factor * walls * cosines;
+        turns = factor * (cosines * (a.wall_rise * b.wall + b.wall_rise * a.wall) - walls * shown.z * (toward_a + toward_b));
+    }
+    float grows = powers_a * (steep_a * a.inverse) + powers_b * (steep_b * b.inverse);
+    deeper += r.x * (value * grows + turns);
+    longer -= r.y * value * (steep_a + steep_b);
 }
 
 void main() {
@@ -57,7 +74,9 @@ void main() {
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
     shown = NORMALS && owned ? sample_normals[slot].xyz : vec3(0.0, 0.0, -1.0);
     amplitude = point.w;
+    of_length = inversesqrt(max(dot(shown, shown), LEAST_SQUARE));
     vec4 sum = owned ? gather_slope(point.xyz, shown, slice, SLICES) : vec4(0.0);
+    deeper += scene.bins_per_metre * longer;
     sum = NORMALS ? vec4(sum.yzw, deeper) : vec4(sum.x, deeper, 0.0, 0.0);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;

@@ -21,6 +21,7 @@ layout(std430, set = 0, binding = 8) buffer Counts { uint counts[]; };
 const float BETA_1 = 0.9;
 const float BETA_2 = 0.99;
 const float LAST_RATE = 0.02; // of the first
+const float QUIET = 1e-3;     // of the largest gradient: what is less is rounding, and makes no full step
 const float LEAST = 1e-18;    // its square is the least that fp32 holds
 
 void main() {
@@ -40,7 +41,9 @@ void main() {
     float done = float(push.step - 1u) / surface_weights[SURFACE_ITERATIONS];
     float rate = 0.5 * (1.0 + cos(3.14159265 * done)) + LAST_RATE;
     float age = float(push.step);
-    vec2 step = first / (1.0 - pow(BETA_1, age)) / max(sqrt(second / (1.0 - pow(BETA_2, age))), vec2(LEAST));
+    vec2 largest = vec2(surface_weights[SURFACE_LARGEST], surface_weights[SURFACE_LARGEST + 1u]);
+    vec2 scale = sqrt(second / (1.0 - pow(BETA_2, age)));
+    vec2 step = first / (1.0 - pow(BETA_1, age)) / max(scale, max(QUIET * largest, vec2(LEAST)));
     vec2 height = heights[pixel] - rate * vec2(surface_weights[SURFACE_DEPTH_RATE], surface_weights[SURFACE_AMPLITUDE_RATE]) * step;
     vec2 limits = depth_limits();
     watch(finite(height.x + height.y), FAULT_UPDATE);

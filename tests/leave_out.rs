@@ -63,6 +63,8 @@ fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general:
     let o = VectorOptions {
         lateral: 16,
         iterations: 8,
+        // Three points are no surface: where its pixels go from there, rounding decides.
+        surface_iterations: 2,
         coarse_to_fine: false,
         min_depth: 0.3,
         reflectance,

@@ -51,7 +51,7 @@ fn profiled() -> &'static Profiled {
         let scan = ["--scan", "12", "--bin-width", "0.02", "--noise", "0.1"];
         succeed(&[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
         let paper: &[&str] = &["--double-every", "8", "--reduce-every", "4"];
-        let vector: &[&str] = &["--coarse-iterations", "8"];
+        let vector: &[&str] = &["--coarse-iterations", "8", "--surface-iterations", "8"];
         for (solver, more) in [("paper", paper), ("vector", vector)] {
             let name = |ending: &str| all.folder.path().join(format!("{solver}{ending}"));
             let (profile, trace) = (name(".json"), name(".trace.json"));
@@ -91,7 +91,14 @@ fn the_profile_holds_every_kernel_with_its_figures() {
         let of = |name: &str| kernels.iter().find(|k| k["name"] == name);
         let passes: &[&str] = match *solver {
             "paper" => &["forward", "backward"],
-            _ => &["forward", "forward_bound", "backward_step", "backward_bound_step", "backward_project"],
+            _ => &[
+                "forward",
+                "forward_bound",
+                "backward_step",
+                "backward_surface",
+                "backward_bound_step",
+                "backward_project",
+            ],
         };
         for name in passes {
             let k = of(name).unwrap_or_else(|| panic!("{solver} runs {name}"));
@@ -102,15 +109,19 @@ fn the_profile_holds_every_kernel_with_its_figures() {
             assert!(share > 0.001 && share < 2.0, "{k}");
             assert!(number(&k["counts"], "special") >= 1.0 && number(&k["counts"], "fma") > 8.0, "{k}");
         }
-        // Forward and backward see the same voxels: the trace's sum of pairs.
+        // Forward and backward see the same voxels or points: the trace's sum of pairs.
         let total = number(&profile["totals"], "pairs");
-        assert_eq!(number(of(passes[0]).unwrap(), "pairs"), total);
-        let back = if *solver == "paper" { "backward" } else { "backward_step" };
-        assert_eq!(number(of(back).unwrap(), "pairs"), total);
+        let pairs = |name: &str| of(name).map_or(0.0, |k| number(k, "pairs"));
+        let of_surface = pairs("backward_surface");
+        assert_eq!(pairs("backward") + pairs("backward_step") + of_surface, total);
+        // The surface is rendered twice before its first iteration, to find its amplitudes.
+        let surface_iterations = if *solver == "paper" { 0.0 } else { 8.0 };
+        assert_eq!(pairs("forward"), total + if of_surface > 0.0 { of_surface / 4.0 } else { 0.0 });
+        assert!((of_surface > 0.0) == (surface_iterations > 0.0));
         assert_eq!(number(of("finish").unwrap(), "pairs"), 0.0);
         assert!(of("finish").unwrap()["pairs_per_s"].is_null());
         assert_eq!(number(of("finish").unwrap(), "calls"), 16.0, "one an iteration");
-        assert_eq!(number(&profile["iterations"], "count"), 16.0);
+        assert_eq!(number(&profile["iterations"], "count"), 16.0 + surface_iterations);
     }
 }
 

@@ -130,7 +130,7 @@ impl Request {
                 ),
             ));
         }
-        let iterations = self.solver.iterations();
+        let iterations = self.solver.all_iterations();
         if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
             return Err(Error::options(
                 format!("--snapshots names iteration {beyond}"),

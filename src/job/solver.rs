@@ -95,9 +95,17 @@ impl SolverOptions {
         of_either!(self, o => o.accumulation)
     }
 
-    /// The most iterations.
+    /// The most iterations of the volume.
     pub fn iterations(&self) -> usize {
         of_either!(self, o => o.iterations)
+    }
+
+    /// The most iterations, the surface's among them.
+    pub fn all_iterations(&self) -> usize {
+        match self {
+            SolverOptions::Paper(o) => o.iterations,
+            SolverOptions::Vector(o) => o.iterations + o.surface_iterations,
+        }
     }
 
     /// Nothing nearer than this is reconstructed, metres.

@@ -93,6 +93,8 @@ pub(super) struct Driven {
     /// Active voxels times pairs, summed over iterations.
     pub pairs: u64,
     pub seconds: f64,
+    /// Seconds of device time among them.
+    pub gpu_seconds: f64,
 }
 
 /// Runs `steps` up to the iteration `iterations`, from the first or after what was driven `before`. Two blocks are in
@@ -130,14 +132,13 @@ pub(super) fn drive(
         reader = Reader { gpu_before, trace: from.trace, pairs: from.pairs };
         clock = Clock { start: Instant::now(), paused: Duration::ZERO, before: from.seconds };
     } else {
-        if let Some(Driven { trace, level: reached, pairs, seconds, .. }) = before {
+        if let Some(Driven { trace, level: reached, pairs, seconds, gpu_seconds, .. }) = before {
             level = job.plan.levels.iter().position(|l| *l == reached).unwrap_or(0);
             let last = trace.last().copied();
             begin = last.map_or(0, |p| p.iteration);
             first = begin;
             active = last.map_or(active, |p| p.active);
-            reader.gpu_before -= last.map_or(0.0, |p| p.gpu_seconds);
-            reader = Reader { trace, pairs, ..reader };
+            reader = Reader { gpu_before: gpu_before - gpu_seconds, trace, pairs };
             clock.before = seconds;
         }
         block.stage("start", &stage_values(&job.plan.levels[level], begin));
@@ -237,8 +238,9 @@ pub(super) fn drive(
     }
     job.executor.run(&maps_of(&steps, &reached))?;
     let seconds = clock.seconds();
+    let gpu_seconds = job.executor.gpu_seconds() - reader.gpu_before;
     let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
-    Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds })
+    Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds, gpu_seconds })
 }
 
 fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {
@@ -249,7 +251,7 @@ fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {
 }
 
 /// What labels and traces tell of a stage: the next iteration (from 0) and the level it runs at.
-fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 3] {
+pub(super) fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 3] {
     [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64), ("pairs", level.pairs as u64)]
 }
 

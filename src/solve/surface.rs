@@ -7,7 +7,9 @@
 //! other terms: neighbours lie in each other's planes to [`BEND`] and have amplitudes alike to [`JUMP`], weighed as the noise
 //! of the histograms asks, by Adam. The pixels are those whose albedo is above [`SUPPORT`]; depths stay within the grid.
 
-use super::drive::{Driven, Steps, Watch, drive};
+use std::time::Instant;
+
+use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::job::{Job, upload};
 use super::schedule::{forward, groups, pair_chunks};
 use super::vector::expected_noise;
@@ -93,12 +95,16 @@ pub(super) fn refine(
     job: &mut Job<'_>,
     iterations: usize,
     watch: &mut Watch<'_>,
-    driven: Driven,
+    mut driven: Driven,
 ) -> Result<Driven> {
+    let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
     let pixels = Pixels::of(&driven.maps, job.plan.pixels());
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
     let level = driven.level;
-    if pixels.is_empty() || !place(job, &level, &pixels, iterations, begin)? {
+    let placed = !pixels.is_empty() && place(job, &level, &pixels, iterations, begin)?;
+    driven.seconds += start.elapsed().as_secs_f64();
+    driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
+    if !placed {
         return Ok(driven);
     }
     let count = pixels.len();
@@ -126,7 +132,9 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, iterations: usize, r
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(1.0)))?;
     let mut objective = |residual| -> Result<f64> {
         let count = pixels.len();
-        let mut s = start(level, count);
+        let mut s = Schedule::default();
+        s.stage("surface", &stage_values(level, row));
+        s.extend(start(level, count));
         s.extend(points(level, count));
         s.extend(forward(&job.plan, level, "forward"));
         s.dispatch(residual, groups(job.plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
@@ -147,7 +155,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, iterations: usize, r
     }
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    let weights = weights(&job.model, level, most, iterations);
+    let weights = weights(&job.model, level, most, scale * scale * rendered, iterations);
     upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
     Ok(true)
 }
@@ -159,15 +167,16 @@ fn energy(model: &Model, pairs: usize) -> f64 {
     sum * model.pairs() as f64 / (model.elements * pairs).max(1) as f64
 }
 
-/// The buffer `surface_weights`, for amplitudes of up to `most`.
+/// The buffer `surface_weights`, for amplitudes of up to `most`, which explain so much of the data's weighted mean of squares.
 pub fn weights(
     model: &Model,
     level: &Level,
     most: f64,
+    explained: f64,
     iterations: usize,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
     let elements = (model.elements * level.pairs / model.pairs().max(1)).max(1);
-    let noise = expected_noise(model).max(0.0) + MISFIT * MISFIT * energy(model, level.pairs);
+    let noise = expected_noise(model).max(0.0) + MISFIT * MISFIT * explained;
     // Half of chi² is the objective times this, inverted.
     let unit = 2.0 * noise / elements as f64;
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();

@@ -30,6 +30,7 @@ pub const PASSES: &[Pass] = &[
     pass("forward_bound", "forward_bound", Voxels::Active),
     pass("backward", "backward", Voxels::Active),
     pass("step", "backward_step", Voxels::Active),
+    pass("surface_gather", "backward_surface", Voxels::Active),
     pass("bound_step", "backward_bound_step", Voxels::Active),
     pass("bound_noise", "backward_bound_noise", Voxels::Active),
     pass("backproject", "backward_project", Voxels::Grid),
