@@ -125,12 +125,12 @@ fn without_a_method_every_solver_runs() {
     let out = folder.path().display().to_string();
     let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1"];
     let text = succeed(&[&all[..], &SHORT].concat());
-    assert!(text.contains("| paper | 30 |") && text.contains("| vector | 70 |"), "{text}");
+    assert!(text.contains("| paper | 30 |") && text.contains("| vector | 90 |"), "{text}");
     let told = json(&folder.path().join("compare.json"));
     let residual = figures(&told["methods"][1]["trace"], "residual");
-    assert!(residual.len() == 7 && residual[6] < residual[2], "{residual:?}");
+    assert!(residual.len() == 9 && residual[8] < residual[2], "{residual:?}");
     let one = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
-    assert!(!one.contains("| paper |") && one.contains("| vector | 70 |"), "{one}");
+    assert!(!one.contains("| paper |") && one.contains("| vector | 90 |"), "{one}");
 }
 
 #[test]

@@ -188,7 +188,7 @@ pub struct VectorArgs {
     /// Iterations at each resolution below the last
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     coarse_iterations: Option<usize>,
-    /// Iterations of the surface that the volume's maps begin, after the volume's; 0 leaves the maps as they are [default: 40]
+    /// Iterations of the surface that the volume's maps begin, after the volume's; 0 leaves the maps as they are [default: 60]
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     surface_iterations: Option<usize>,
     /// Keep voxels above this share of the first back-projection's maximum

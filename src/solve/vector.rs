@@ -90,7 +90,7 @@ impl Default for VectorOptions {
             iterations: 60,
             coarse_to_fine: true,
             coarse_iterations: 15,
-            surface_iterations: 40,
+            surface_iterations: 60,
             growth_iterations: 30,
             all_pairs: false,
             reduce_every: 5,
