@@ -64,9 +64,8 @@ fn bonds_and_points() {
         assert!(read::<u32>(&mut job, "height_moments", 4 * field.len()).iter().all(|m| *m == 0));
         let got = read_floats(&mut job, "stencils", 16 * field.len());
         let e = error(got, stencils(&bonds));
-        // Of two on a slanted line the plane is held by a thousandth of their weight, which is what remains of products in
-        // fp32: 1000 times their rounding, a few 1e-7.
-        assert!(e < 3e-4, "{e}");
+        // Where pixels lie on a slanted line, what remains of their products is a thousandth: some hundred times the rounding.
+        assert!(e < 3e-5, "{e}");
         let pixels: Vec<[u32; 4]> = read(&mut job, "pixels", field.len());
         assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
 
@@ -76,12 +75,12 @@ fn bonds_and_points() {
         let (slopes, samples) = field.points(&twin, &bonds);
         let got = read_pairs(&mut job, "slopes", field.len());
         let e = error(got.concat(), flat(&slopes));
-        assert!(e < 3e-5, "{e}");
+        assert!(e < 1e-5, "{e}");
         let clamped = |at: f64| samples.iter().filter(|s| (s.point.z - at).abs() < 1e-9).count();
         assert!(clamped(near) > 1 && clamped(far) > 1);
         let got = read_raw(&mut job, "sample_points", samples.len());
         for (g, w) in got.iter().zip(&samples) {
-            // Metres; a depth takes in a slope, which is known to 3e-5 of at most 5, times a quarter of a pixel.
+            // Metres; a depth takes in a slope, which is known to 1e-5 of at most 5, times a quarter of a pixel.
             assert!(
                 (dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-5 * 5.0 * pitches(&grid),
                 "{g:?} {w:?}"
@@ -217,7 +216,7 @@ fn gather_over_more_pairs_than_a_dispatch_takes() {
         assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
         vectors::run(&mut job, s, &["surface_gather"]);
         // Sums of 1e5 values of both signs, whose largest sum is a hundredth of what is added up.
-        case.check(&mut job, 2e-4);
+        case.check(&mut job, 1e-4);
     }
     assert_valid(&gpu);
 }
@@ -274,16 +273,16 @@ fn combine() {
             let got = read_raw(&mut job, "height_gradient", field.len());
             let e =
                 error(got.iter().flat_map(|g| [g[0], g[1]]), want.iter().flat_map(|c| c.slope.to_array()));
-            assert!(e < 1e-5, "{reflectance:?} {weights:?}: slopes {e}");
+            assert!(e < 3e-6, "{reflectance:?} {weights:?}: slopes {e}");
             // What is off a plane is a small difference of depths, which fp32 knows to 3e-8 m in pixels of 0.08 m.
             let e = error(got.iter().map(|g| g[2]), want.iter().map(|c| c.height.depth));
-            assert!(e < 1e-5, "{reflectance:?} {weights:?}: depths {e}");
+            assert!(e < 3e-6, "{reflectance:?} {weights:?}: depths {e}");
             let e = error(got.iter().map(|g| g[3]), want.iter().map(|c| c.height.amplitude));
-            assert!(e < 1e-5, "{reflectance:?} {weights:?}: amplitudes {e}");
+            assert!(e < 3e-6, "{reflectance:?} {weights:?}: amplitudes {e}");
             let sums = want.chunks(WORKGROUP as usize).map(|c| c.iter().map(|c| c.energy).sum::<f64>());
             let sums: Vec<f64> = sums.collect();
             let energy = read_floats(&mut job, "l1_partials", sums.len());
-            assert!(error(energy, sums.iter().copied()) < 1e-5);
+            assert!(error(energy, sums.iter().copied()) < 3e-6);
             assert!(sums.iter().all(|s| (*s > 0.0) == (weights.bend + weights.jump > 0.0)));
         }
     }
@@ -336,7 +335,7 @@ fn several_steps() {
         let got = read_heights(&mut job, field.len());
         // A depth that is next to balanced goes by a quotient of two small numbers.
         for (k, e) in [0, 1].map(|k| (k, error(halves(&got)[k].clone(), halves(&field.heights)[k].clone()))) {
-            assert!(e < 3e-5, "step {number}, {k}: {e}");
+            assert!(e < 3e-6, "step {number}, {k}: {e}");
         }
         dark += field.heights.iter().filter(|h| h.amplitude == 0.0).count();
         ends += field.heights.iter().filter(|h| h.depth == near || h.depth == far).count();
@@ -370,12 +369,12 @@ fn extract() {
     let slopes = field.points(&twin, &bonds).0;
     let want = twin::surface_extract(&bonds, &field.heights, &slopes, &field.albedo);
     let of = |k: usize| field.columns.iter().map(|c| f64::from(got[*c as usize][k])).collect::<Vec<f64>>();
-    assert!(error(of(0), want.iter().map(|c| c.albedo)) < 1e-5);
+    assert!(error(of(0), want.iter().map(|c| c.albedo)) < 3e-6);
     assert_eq!(of(1), field.heights.iter().map(|h| h.depth).collect::<Vec<_>>());
     assert!(of(3).iter().all(|v| *v == 1.0));
     for k in 0..3 {
         let normals = want.iter().map(|c| c.normal[k]);
-        assert!(error(of(4 + k), normals) < 3e-5);
+        assert!(error(of(4 + k), normals) < 3e-6);
     }
     for c in (0..columns).filter(|c| !field.columns.contains(&(*c as u32))) {
         assert_eq!(got[c], before[8 * c..8 * c + 8], "what is no surface stays");
@@ -450,7 +449,7 @@ fn check_iterations(
     for (row, want) in rows.iter().zip(&want) {
         let got = [TRACE_OBJECTIVE, TRACE_DATA, TRACE_L1].map(|i| f64::from(f32::from_bits(row[i as usize])));
         for k in 0..3 {
-            assert!((got[k] / want[k] - 1.0).abs() < 2e-3, "{what}: {got:?} {want:?}");
+            assert!((got[k] / want[k] - 1.0).abs() < 3e-4, "{what}: {got:?} {want:?}");
         }
         assert_eq!(
             [row[TRACE_ACTIVE as usize] as usize, row[TRACE_FAULTS as usize] as usize],
@@ -462,6 +461,6 @@ fn check_iterations(
     for k in 0..2 {
         let moved = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
         let share = moved(&got[k], &want[k]) / moved(&want[k], &first[k]);
-        assert!(share < 5e-3, "{what}: {k} differs by {share} of the way");
+        assert!(share < 1e-3, "{what}: {k} differs by {share} of the way");
     }
 }

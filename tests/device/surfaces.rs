@@ -69,10 +69,11 @@ impl Field {
         twin::surface_points(twin, &self.columns, bonds, &self.heights)
     }
 
-    /// Writes pixels and heights.
+    /// Writes pixels and heights. What depth bonds come from is for the kernel to tell.
     pub fn write(&self, job: &mut Job<'_>) {
         let [x, y, _] = job.plan.finest().grid.n;
-        write(job, "pixels", &self.pixels().words());
+        let words = self.pixels().words().into_iter().map(|[c, a, _, _]| [c, a, u32::MAX, u32::MAX]);
+        write(job, "pixels", &words.collect::<Vec<_>>());
         write(job, "pixel_of", &self.pixels().places(x * y));
         self.write_heights(job);
     }

@@ -215,7 +215,8 @@ pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl F
     }
 }
 
-/// The same with the residual's rise beside it: from the one of the two bins to the other that share the path's value.
+/// The same with the rise of the residual beside it, from the one to the other of the two bins that linear binning shares a
+/// path between.
 pub(super) fn gather_rising(
     twin: &Twin,
     s: &Sample,
