@@ -35,8 +35,9 @@ void main() {
         vec2 d = quarter(k);
         float z = clamp(height.x + dot(slope, d), limits.x, limits.y);
         uint slot = 4u * pixel + k;
-        sample_points[slot] = vec4(centre.xy + d, z, NORMALS ? 1.0 : amplitude);
-        if (NORMALS) sample_normals[slot] = vec4(amplitude * facing(slope), 0.0);
+        sample_points[slot] = vec4(centre.xy + d, z, amplitude);
+        // Of unit length: a pixel that has become dark keeps its direction, and with it the gradient that may light it again.
+        if (NORMALS) sample_normals[slot] = vec4(facing(slope), 0.0);
     }
     watch(finite(slope.x + slope.y + amplitude), FAULT_SAMPLE);
     // For the fixed-point scale; bits of nonnegative floats order as the floats do.

@@ -1,6 +1,7 @@
 //! What kernel tests share: a device, a random scene, buffers written and read by name.
 #![allow(dead_code)] // each test binary uses its part
 
+pub mod surfaces;
 pub mod vectors;
 
 use std::ops::ControlFlow;

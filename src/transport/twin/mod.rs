@@ -7,16 +7,21 @@ mod domain;
 mod optimise;
 mod random;
 mod render;
+mod surface;
 mod vector;
 
 pub use domain::{
-    compact, dilate, double_domain, double_raw, extract, gaussian, initialise, levels, room, smooth, taps,
-    threshold,
+    Column, compact, dilate, double_domain, double_raw, extract, gaussian, initialise, levels, room, smooth,
+    taps, threshold,
 };
 pub use optimise::{learning_rate, noise, update};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,
+};
+pub use surface::{
+    Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine, surface_extract,
+    surface_gather, surface_gradient, surface_objective, surface_points, surface_step,
 };
 pub use vector::{
     Bound, Momentum, Rough, Told, backproject, bound, expect, extract_vectors, extrapolate, filter,

@@ -78,8 +78,9 @@ pub(super) struct Arm {
     pub distance: f64,
     /// (reference / distance)², or its root for retroreflective surfaces; 0 for a degenerate pair.
     pub falloff: f64,
-    /// Cosine at the wall.
+    /// Cosine at the wall, and the wall's normal.
     pub wall: f64,
+    pub wall_normal: DVec3,
 }
 
 /// A pair as a sample sees it: the arms to the scanned point and to the other one.
@@ -100,11 +101,11 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
         let d = point - s.point;
         let r = d.length();
         if r < m.nearest(twin.grid) || r == 0.0 {
-            return Arm { toward: DVec3::ZERO, distance: 0.0, falloff: 0.0, wall: 0.0 };
+            return Arm { toward: DVec3::ZERO, distance: 0.0, falloff: 0.0, wall: 0.0, wall_normal: normal };
         }
         let toward = d / r;
         let falloff = (m.reference / r).powi(m.falloff_power() / 2);
-        Arm { toward, distance: r, falloff, wall: (-normal.dot(toward)).max(0.0) }
+        Arm { toward, distance: r, falloff, wall: (-normal.dot(toward)).max(0.0), wall_normal: normal }
     });
     let falloff = arms[0].falloff * arms[1].falloff;
     let walls = if m.reflectance == Reflectance::Lambertian { arms[0].wall * arms[1].wall } else { 1.0 };
@@ -211,6 +212,27 @@ pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl F
         let k = kernel(twin, pair, s);
         let r = shares(twin, k.bin).map(|(b, w)| w * residual[pair * bins + b]).sum();
         hear(&k, r);
+    }
+}
+
+/// The same with the rise of the residual beside it, from the one to the other of the two bins that linear binning shares a
+/// path between.
+pub(super) fn gather_rising(
+    twin: &Twin,
+    s: &Sample,
+    residual: &[f64],
+    mut hear: impl FnMut(&Kernel, [f64; 2]),
+) {
+    let bins = twin.model.bins as f64;
+    for pair in 0..twin.model.pairs() {
+        let k = kernel(twin, pair, s);
+        let at = |bin: f64| {
+            let known = bin >= 0.0 && bin < bins;
+            if known { residual[pair * twin.model.bins + bin as usize] } else { 0.0 }
+        };
+        let centre = k.bin - 0.5;
+        let rise = at(centre.floor() + 1.0) - at(centre.floor());
+        hear(&k, [at(centre.floor()) + (centre - centre.floor()) * rise, rise]);
     }
 }
 

@@ -1,0 +1,331 @@
+//! The surface's kernels: pixels with a depth and an amplitude. Lists are by pixel, `columns` tells where each is among the
+//! maps' `ix * ny + iy`; every pixel has four samples.
+
+use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
+
+use super::domain::Column;
+use super::render::{Kernel, gather_rising, shine};
+use super::{Sample, Twin, forward, residual_weighted};
+use crate::transport::Reflectance;
+use crate::transport::kernels::*;
+
+/// A pixel's depth in metres and its amplitude, or what there is for each: a gradient, a moment.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Height {
+    pub depth: f64,
+    pub amplitude: f64,
+}
+
+/// What a pixel has to do with one of its neighbours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bond {
+    /// The neighbour's number.
+    pub other: usize,
+    /// Way to it, in pixels.
+    pub way: [i32; 2],
+    pub weight: f64,
+    /// What the pixel's slopes gain by a metre that the neighbour is deeper.
+    pub stencil: DVec2,
+}
+
+/// The buffer `surface_weights`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceWeights {
+    pub bend: f64,
+    pub jump: f64,
+    pub rates: Height,
+    pub iterations: f64,
+}
+
+impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
+    fn from(words: [f32; SURFACE_WEIGHTS as usize]) -> SurfaceWeights {
+        let at = |i: u32| f64::from(words[i as usize]);
+        SurfaceWeights {
+            bend: at(SURFACE_BEND),
+            jump: at(SURFACE_JUMP),
+            rates: Height { depth: at(SURFACE_DEPTH_RATE), amplitude: at(SURFACE_AMPLITUDE_RATE) },
+            iterations: at(SURFACE_ITERATIONS),
+        }
+    }
+}
+
+/// Slope across which neighbours are half as bound.
+const EDGE: f64 = 2.5;
+
+/// Weight of no slope at all, where neighbours count up to one each.
+const LEVEL: f64 = 1e-3;
+
+/// Where a pixel is among the others.
+fn place(twin: &Twin, column: u32) -> [i32; 2] {
+    let rows = twin.grid.n[1] as u32;
+    [(column / rows) as i32, (column % rows) as i32]
+}
+
+fn pitch(twin: &Twin) -> DVec2 {
+    twin.grid.pitch.truncate()
+}
+
+/// Side of a square as large as a pixel.
+fn size(twin: &Twin) -> f64 {
+    (twin.grid.pitch.x * twin.grid.pitch.y).sqrt()
+}
+
+fn metres(twin: &Twin, way: [i32; 2]) -> DVec2 {
+    dvec2(way[0].into(), way[1].into()) * pitch(twin)
+}
+
+/// Every pixel's neighbours. A pixel's slopes are those of the plane that fits it (with a weight of one) and them best, where
+/// the plane's slopes per pixel are held to zero a little.
+pub fn surface_bonds(twin: &Twin, columns: &[u32], heights: &[Height]) -> Vec<Vec<Bond>> {
+    let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
+    let of_pixel = |pixel: usize| {
+        // A plane's value at a neighbour, as coefficients of its height here and its two slopes.
+        let row = |way: [i32; 2]| dvec3(1.0, way[0].into(), way[1].into());
+        let weight = |other: usize, way: [i32; 2]| {
+            let steep = (heights[other].depth - heights[pixel].depth) / (EDGE * size(twin));
+            (-0.5 * f64::from(way[0] * way[0] + way[1] * way[1])).exp() / (1.0 + steep.powi(4))
+        };
+        let way = |other: usize| [0, 1].map(|a| places[other][a] - places[pixel][a]);
+        let near = |other: &usize| *other != pixel && way(*other).iter().all(|w| w.abs() <= 1);
+        let all: Vec<(usize, [i32; 2], f64)> = (0..places.len())
+            .filter(near)
+            .map(|other| (other, way(other), weight(other, way(other))))
+            .collect();
+        let outer = |r: DVec3| DMat3::from_cols(r * r.x, r * r.y, r * r.z);
+        let own = outer(row([0, 0])) + DMat3::from_diagonal(dvec3(0.0, LEVEL, LEVEL));
+        let normal = all.iter().fold(own, |sum, (_, way, weight)| sum + *weight * outer(row(*way)));
+        let inverse = normal.inverse();
+        let bond = |(other, way, weight): (usize, [i32; 2], f64)| {
+            let plane = inverse * (weight * row(way));
+            Bond { other, way, weight, stencil: dvec2(plane.y, plane.z) / pitch(twin) }
+        };
+        all.into_iter().map(bond).collect()
+    };
+    (0..columns.len()).map(of_pixel).collect()
+}
+
+/// What a pixel with such slopes faces.
+fn facing(slope: DVec2) -> DVec3 {
+    slope.extend(-1.0).normalize()
+}
+
+/// Of a pixel's four points the k-th, from its centre, metres.
+fn quarter(twin: &Twin, k: usize) -> DVec2 {
+    dvec2([-0.25, 0.25][k / 2], [-0.25, 0.25][k % 2]) * pitch(twin)
+}
+
+/// Slopes of every pixel, and its samples: points of its tilted square, as deep as the grid at least and at most.
+pub fn surface_points(
+    twin: &Twin,
+    columns: &[u32],
+    bonds: &[Vec<Bond>],
+    heights: &[Height],
+) -> (Vec<DVec2>, Vec<Sample>) {
+    let slope = |(bonds, here): (&Vec<Bond>, &Height)| -> DVec2 {
+        bonds.iter().map(|b| b.stencil * (heights[b.other].depth - here.depth)).sum()
+    };
+    let slopes: Vec<DVec2> = bonds.iter().zip(heights).map(slope).collect();
+    let [near, far] =
+        [twin.model.near_z(twin.grid), twin.grid.n[2] - 1].map(|z| twin.grid.position(DVec3::Z * z as f64).z);
+    let mut samples = vec![];
+    for ((column, height), slope) in columns.iter().zip(heights).zip(&slopes) {
+        let [x, y] = place(twin, *column).map(f64::from);
+        let centre = twin.grid.position(dvec3(x, y, 0.0)).truncate();
+        for d in (0..4).map(|k| quarter(twin, k)) {
+            let z = (height.depth + slope.dot(d)).clamp(near, far);
+            let (albedo, normal) = (0.25 * height.amplitude, facing(*slope));
+            samples.push(Sample { point: (centre + d).extend(z), albedo, normal, length: 0.0 });
+        }
+    }
+    (slopes, samples)
+}
+
+/// The gradient at a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pull {
+    /// Along albedo * normal; zero for surfaces without a direction.
+    pub vector: DVec3,
+    pub albedo: f64,
+    pub depth: f64,
+}
+
+/// What a metre of depth adds to a pair's kernel of a sample of unit albedo: the product rule over its factors.
+fn deeper(twin: &Twin, k: &Kernel, normal: DVec3) -> f64 {
+    let model = twin.model;
+    let power = f64::from(model.falloff_power()) / 2.0;
+    // How direction, falloff and wall's cosine of an arm change as the sample moves along z.
+    let turned = k.arms.map(|arm| (arm.toward * arm.toward.z - DVec3::Z) / arm.distance);
+    let fallen = k.arms.map(|arm| arm.falloff * power * arm.toward.z / arm.distance);
+    let [a, b] = k.arms;
+    let of_falloff = fallen[0] * b.falloff + a.falloff * fallen[1];
+    let (shown, _) = shine(model.reflectance, &k.arms, normal);
+    let of_shine = match model.reflectance {
+        Reflectance::Cosine if shown > 0.0 => normal.dot(turned[0]),
+        Reflectance::Lambertian if shown > 0.0 => {
+            let (cos_a, cos_b) = (normal.dot(a.toward), normal.dot(b.toward));
+            let of_surface = normal.dot(turned[0]) * cos_b + cos_a * normal.dot(turned[1]);
+            let [wall_a, wall_b] = [0, 1].map(|i| -k.arms[i].wall_normal.dot(turned[i]));
+            a.wall * b.wall * of_surface + (wall_a * b.wall + a.wall * wall_b) * cos_a * cos_b
+        }
+        _ => 0.0,
+    };
+    of_falloff * shown + k.falloff * of_shine
+}
+
+/// Gradients of the samples, whose normals are unit ones.
+pub fn surface_gather(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Pull> {
+    let of_sample = |s: &Sample| {
+        let mut pull = Pull::default();
+        gather_rising(twin, s, residual, |k, [r, rise]| {
+            if k.falloff == 0.0 {
+                return;
+            }
+            let (value, slope) = shine(twin.model.reflectance, &k.arms, s.normal);
+            pull.albedo += r * k.falloff * value;
+            pull.vector += r * k.falloff * slope;
+            let longer = -(k.arms[0].toward.z + k.arms[1].toward.z) / twin.model.bin_width;
+            let moved = rise * longer * k.falloff * value;
+            pull.depth += s.albedo * (moved + r * deeper(twin, k, s.normal));
+        });
+        pull
+    };
+    samples.iter().map(of_sample).collect()
+}
+
+/// The gradient of a pixel's own depth, amplitude and slopes, the latter as if they did not come from depths, and its half
+/// of the prior that it shares with each neighbour.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Combined {
+    pub slope: DVec2,
+    pub height: Height,
+    pub energy: f64,
+}
+
+/// Gathers the pulls of every pixel's samples and adds the prior
+///   bond * (bend (off / size)² + jump (a_i - a_j)²) / 2
+/// of each two neighbours, `off` being how far the one is off the plane through the other whose slopes are the mean of both.
+pub fn surface_combine(
+    twin: &Twin,
+    bonds: &[Vec<Bond>],
+    heights: &[Height],
+    slopes: &[DVec2],
+    pulls: &[Pull],
+    weights: &SurfaceWeights,
+) -> Vec<Combined> {
+    let of_points = |(pixel, pulls): (usize, &[Pull])| {
+        let mut all = Combined::default();
+        for (k, p) in pulls.iter().enumerate() {
+            all.height.depth += p.depth;
+            all.height.amplitude += 0.25 * p.albedo;
+            all.slope += p.depth * quarter(twin, k);
+            // The normal is a vector of the length |(slope, -1)| over it.
+            let n = facing(slopes[pixel]);
+            let across = (p.vector - n * n.dot(p.vector)) / slopes[pixel].extend(-1.0).length();
+            all.slope += 0.25 * heights[pixel].amplitude * across.truncate();
+        }
+        all
+    };
+    let mut all: Vec<Combined> = pulls.chunks(4).enumerate().map(of_points).collect();
+    // Each two neighbours once.
+    for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
+        let (j, way, size) = (b.other, metres(twin, b.way), size(twin));
+        if i > j {
+            continue;
+        }
+        let off = (heights[j].depth - heights[i].depth - way.dot(slopes[i] + slopes[j]) / 2.0) / size;
+        let jump = heights[j].amplitude - heights[i].amplitude;
+        let (bend, unlike) = (b.weight * weights.bend, b.weight * weights.jump);
+        for (pixel, sign) in [(i, -1.0), (j, 1.0)] {
+            all[pixel].energy += 0.25 * (bend * off * off + unlike * jump * jump);
+            all[pixel].height.depth += sign * bend * off / size;
+            all[pixel].height.amplitude += sign * unlike * jump;
+            all[pixel].slope -= bend * off / size * way / 2.0;
+        }
+    }
+    all
+}
+
+/// The gradient of every depth and amplitude: slopes are made of depths.
+pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Height> {
+    let mut all: Vec<Height> = combined.iter().map(|c| c.height).collect();
+    for (pixel, bonds) in bonds.iter().enumerate() {
+        for b in bonds {
+            let through = b.stencil.dot(combined[pixel].slope);
+            all[b.other].depth += through;
+            all[pixel].depth -= through;
+        }
+    }
+    all
+}
+
+/// Step `number` (from 1) of Adam, whose rate falls as half a cosine to a fiftieth of the first; `moments` are the first and
+/// the second one of each pixel.
+pub fn surface_step(
+    twin: &Twin,
+    gradient: &[Height],
+    weights: &SurfaceWeights,
+    number: u32,
+    heights: &mut [Height],
+    moments: &mut [[Height; 2]],
+) {
+    const BETAS: [f64; 2] = [0.9, 0.99];
+    let age = f64::from(number);
+    let rate = 0.5 + 0.5 * (std::f64::consts::PI * (age - 1.0) / weights.iterations).cos() + 0.02;
+    let one = |g: f64, [first, second]: [&mut f64; 2]| {
+        *first += (1.0 - BETAS[0]) * (g - *first);
+        *second += (1.0 - BETAS[1]) * (g * g - *second);
+        let unbiased = |moment: f64, beta: f64| moment / (1.0 - beta.powf(age));
+        rate * unbiased(*first, BETAS[0]) / unbiased(*second, BETAS[1]).sqrt().max(1e-18)
+    };
+    let [near, far] =
+        [twin.model.near_z(twin.grid), twin.grid.n[2] - 1].map(|z| twin.grid.position(DVec3::Z * z as f64).z);
+    for ((height, g), [first, second]) in heights.iter_mut().zip(gradient).zip(moments) {
+        let depth = one(g.depth, [&mut first.depth, &mut second.depth]);
+        let amplitude = one(g.amplitude, [&mut first.amplitude, &mut second.amplitude]);
+        height.depth = (height.depth - weights.rates.depth * depth).clamp(near, far);
+        height.amplitude = (height.amplitude - weights.rates.amplitude * amplitude).max(0.0);
+    }
+}
+
+/// The maps' columns of the pixels, which had such albedos there: their geometric mean with the surface's own as the wall
+/// sees it, under a Gaussian of 0.7 pixels in which what is no surface is dark.
+pub fn surface_extract(
+    bonds: &[Vec<Bond>],
+    heights: &[Height],
+    slopes: &[DVec2],
+    albedo: &[f64],
+) -> Vec<Column> {
+    let gaussian = |way: [i32; 2]| (-f64::from(way[0] * way[0] + way[1] * way[1]) / (2.0 * 0.7 * 0.7)).exp();
+    let whole: f64 = (0..9).map(|k| gaussian([k / 3 - 1, k % 3 - 1])).sum();
+    let seen = |pixel: usize| heights[pixel].amplitude / slopes[pixel].extend(-1.0).length();
+    let of_pixel = |pixel: usize| {
+        let around: f64 = bonds[pixel].iter().map(|b| gaussian(b.way) * seen(b.other)).sum();
+        Column {
+            albedo: (albedo[pixel] * (seen(pixel) + around) / whole).sqrt(),
+            depth: heights[pixel].depth,
+            normal: facing(slopes[pixel]),
+        }
+    };
+    (0..heights.len()).map(of_pixel).collect()
+}
+
+/// What is minimised while `bonds` stay: the weighted mean squared error and the prior.
+pub fn surface_objective(
+    twin: &Twin,
+    columns: &[u32],
+    bonds: &[Vec<Bond>],
+    heights: &[Height],
+    weights: &SurfaceWeights,
+) -> f64 {
+    let (slopes, samples) = surface_points(twin, columns, bonds, heights);
+    let (_, loss) = residual_weighted(twin, &forward(twin, &samples), true);
+    let mut prior = 0.0;
+    for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
+        let plane = heights[i].depth + 0.5 * (slopes[i] + slopes[b.other]).dot(metres(twin, b.way));
+        let off = (heights[b.other].depth - plane) / size(twin);
+        let jump = heights[i].amplitude - heights[b.other].amplitude;
+        // Every two neighbours come twice.
+        prior += 0.5 * b.weight * (weights.bend * off.powi(2) + weights.jump * jump.powi(2)) / 2.0;
+    }
+    loss[0] + prior
+}

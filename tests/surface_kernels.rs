@@ -1,0 +1,466 @@
+//! What the surface's kernels compute, against the float64 twins, on random input in poisoned buffers; the stage as a whole
+//! is in `surface_solve.rs`.
+
+mod device;
+
+use device::surfaces::*;
+use device::vectors::{read_floats, scene};
+use device::*;
+use glam::{DVec2, DVec3, dvec2, dvec3};
+use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::solve::{Accumulation, Job, VectorOptions, surface};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::twin::{self, Bond, Height, Pull, Raw, Sample, SurfaceWeights, Twin};
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
+
+/// Number of a neighbour among the eight, as kernels count them.
+fn slot(way: [i32; 2]) -> usize {
+    let k = (3 * (way[0] + 1) + way[1] + 1) as usize;
+    if k > 4 { k - 1 } else { k }
+}
+
+/// Stencils as kernels store them, zero where no neighbour is.
+fn stencils(bonds: &[Vec<Bond>]) -> Vec<f64> {
+    let mut all = vec![DVec2::ZERO; 8 * bonds.len()];
+    for (pixel, bonds) in bonds.iter().enumerate() {
+        bonds.iter().for_each(|b| all[8 * pixel + slot(b.way)] = b.stencil);
+    }
+    flat(&all)
+}
+
+fn flat(all: &[DVec2]) -> Vec<f64> {
+    all.iter().flat_map(|v| v.to_array()).collect()
+}
+
+fn pitches(grid: &Grid) -> f64 {
+    grid.pitch.x.max(grid.pitch.y)
+}
+
+#[test]
+fn bonds_and_points() {
+    let gpu = gpu();
+    let grid = oblong();
+    for reflectance in [Reflectance::Cosine, Reflectance::Isotropic] {
+        let model = Model { reflectance, ..scene(3, 40, 1) };
+        let twin = Twin { model: &model, grid: &grid };
+        let mut field = field(&grid, 2);
+        // Beside the rest a spike that leaves the grid on both sides of it.
+        let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
+        let middle = field.len() / 2;
+        field.heights[middle].depth = f64::from(near as f32);
+        field.heights[middle + 1].depth = f64::from(far as f32);
+        let bonds = field.bonds(&twin);
+        let counts: Vec<usize> = (0..9).map(|n| bonds.iter().filter(|b| b.len() == n).count()).collect();
+        assert!(counts[0] > 0 && counts[1] > 0 && counts[8] > 0, "alone, in twos, among others: {counts:?}");
+        let weights = || bonds.iter().flatten().map(|b| b.weight);
+        assert!(weights().any(|w| w < 0.1) && weights().any(|w| w > 0.5), "some across an edge");
+        assert!(field.len() > WORKGROUP as usize, "more than one group");
+
+        let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+        field.write(&mut job);
+        run_bonds(&mut job, field.len());
+        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        assert_eq!(counts[COUNT_ACTIVE as usize] as usize, 4 * field.len());
+        assert!(read::<u32>(&mut job, "height_moments", 4 * field.len()).iter().all(|m| *m == 0));
+        let got = read_floats(&mut job, "stencils", 16 * field.len());
+        let e = error(got, stencils(&bonds));
+        // Where pixels lie on a slanted line, what remains of their products is a thousandth: some hundred times the rounding.
+        assert!(e < 3e-5, "{e}");
+        let pixels: Vec<[u32; 4]> = read(&mut job, "pixels", field.len());
+        assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
+
+        write(&mut job, "counts", &[4 * field.len() as u32, 0, 0, 0, 0, 0]);
+        let s = surface::points(job.plan.finest(), field.len());
+        job.executor.run(&s).unwrap();
+        let (slopes, samples) = field.points(&twin, &bonds);
+        let got = read_pairs(&mut job, "slopes", field.len());
+        let e = error(got.concat(), flat(&slopes));
+        assert!(e < 1e-5, "{e}");
+        let clamped = |at: f64| samples.iter().filter(|s| (s.point.z - at).abs() < 1e-9).count();
+        assert!(clamped(near) > 1 && clamped(far) > 1);
+        let got = read_raw(&mut job, "sample_points", samples.len());
+        for (g, w) in got.iter().zip(&samples) {
+            // Metres; a depth takes in a slope, which is known to 1e-5 of at most 5, times a quarter of a pixel.
+            assert!(
+                (dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-5 * 5.0 * pitches(&grid),
+                "{g:?} {w:?}"
+            );
+            assert!((g[3] - w.albedo).abs() <= 1e-6 * w.albedo, "{g:?} {w:?}");
+        }
+        if reflectance.has_normals() {
+            let got = read_raw(&mut job, "sample_normals", samples.len());
+            for (g, w) in got.iter().zip(&samples) {
+                assert!((dvec3(g[0], g[1], g[2]) - w.normal).length() < 3e-5, "{g:?} {w:?}");
+            }
+        }
+        let peak = samples.iter().fold(0.0f64, |a, s| a.max(s.albedo));
+        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        assert_eq!(f64::from(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize])), peak);
+        assert_eq!(counts[COUNT_FAULTS as usize], 0);
+    }
+    assert_valid(&gpu);
+}
+
+/// A gather's input: samples of a field none of which is about to change its bins, random residuals.
+struct GatherCase {
+    model: Model,
+    grid: Grid,
+    samples: Vec<Sample>,
+    residual: Vec<f64>,
+}
+
+impl GatherCase {
+    fn new(model: Model, grid: Grid, seed: u64) -> GatherCase {
+        let twin = Twin { model: &model, grid: &grid };
+        let field = field(&grid, seed);
+        let (_, samples) = field.points(&twin, &field.bonds(&twin));
+        let margin = if model.pairs() > 1000 { 1e-6 } else { 1e-4 };
+        let clear = |s: &Sample| !choices(&twin, s, margin).1;
+        let samples: Vec<Sample> = rounded(&samples).into_iter().filter(clear).collect();
+        let mut random = Random::new(seed + 1);
+        let residual = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 0.6)).collect();
+        GatherCase { model, grid, samples, residual }
+    }
+
+    fn write(&self, job: &mut Job<'_>) {
+        write_rows(job, "residual", &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
+        write_samples(job, &self.samples);
+        set_counts(job, self.samples.len(), 1.0);
+    }
+
+    fn check(&self, job: &mut Job<'_>, tolerance: f64) {
+        let twin = Twin { model: &self.model, grid: &self.grid };
+        let want = twin::surface_gather(&twin, &self.samples, &self.residual);
+        let got = read_raw(job, "gradient", want.len());
+        let directed = self.model.reflectance.has_normals();
+        let what = format!(
+            "{:?} {:?} curved {}",
+            self.model.wall.geometry,
+            self.model.reflectance,
+            self.model.wall.normals.is_some()
+        );
+        // Each has units of its own.
+        let depth = |g: &Raw| if directed { g[3] } else { g[1] };
+        let e = error(got.iter().map(depth), want.iter().map(|p| p.depth));
+        assert!(e < tolerance, "{what}: depth {e}");
+        let e = match directed {
+            true => error(
+                got.iter().flat_map(|g| [g[0], g[1], g[2]]),
+                want.iter().flat_map(|p| p.vector.to_array()),
+            ),
+            false => error(got.iter().map(|g| g[0]), want.iter().map(|p| p.albedo)),
+        };
+        assert!(e < tolerance, "{what}: {e}");
+        assert!(directed || got.iter().all(|g| g[2] == 0.0 && g[3] == 0.0));
+    }
+}
+
+#[test]
+fn gather_of_every_model_pair_and_wall() {
+    let gpu = gpu();
+    for (geometry, reflectance, curved) in variants() {
+        let model = variant(&scene(5, 64, 9), geometry, reflectance, curved, 20);
+        let case = GatherCase::new(model, oblong(), 21);
+        assert!(case.samples.len() > 200, "{}", case.samples.len());
+        assert!(case.samples.iter().any(|s| s.albedo == 0.0));
+        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+        case.write(&mut job);
+        run_surface(&mut job, case.samples.len() / 4, 0, &["surface_gather"]);
+        case.check(&mut job, 3e-5);
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn gather_in_slices_and_groups() {
+    let gpu = gpu();
+    let case = GatherCase::new(scene(5, 64, 9), oblong(), 22);
+    let kernel = KERNELS.iter().find(|k| k.name == "surface_gather").unwrap();
+    let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+    let pairs = case.model.pairs() as u32;
+    for (voxels, slices) in [(32, 4), (8, 8), (1, 64), (64, 2)] {
+        let constants = [("VOXELS", voxels), ("SLICES", slices)];
+        job.executor.add_kernel("surface_gather", kernel, &constants).unwrap();
+        case.write(&mut job);
+        let mut s = Schedule::default();
+        // Two dispatches, that the second may add to the first.
+        for (first, last, flags) in [(0, 10, 0), (10, pairs, BACKWARD_CONTINUE)] {
+            s.dispatch("surface_gather", [(case.samples.len() as u32).div_ceil(voxels), 1, 1])
+                .bind("scene", job.plan.finest().scene)
+                .with(Push { first, last, flags, ..Default::default() });
+        }
+        job.executor.run(&s).unwrap();
+        case.check(&mut job, 3e-5);
+    }
+    assert_valid(&gpu);
+}
+
+/// More pairs than one dispatch may walk. A product is split between rows of scanned points, or within one that is too long.
+#[test]
+fn gather_over_more_pairs_than_a_dispatch_takes() {
+    let gpu = gpu();
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 0.9) };
+    let grid = Grid::new(volume, 4, 0.1).unwrap();
+    let confocal = scene(182, 8, 14);
+    let rows = variant(&confocal, Geometry::Product, Reflectance::Cosine, false, 22);
+    let mut long = variant(&scene(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
+    long.wall.others.truncate(2);
+    long.measured.truncate(long.pairs() * long.bins);
+    assert!(long.wall.scanned.len() > PAIR_CHUNK as usize);
+    for (model, dispatches) in [(confocal, 2), (rows, 3), (long, 4)] {
+        let case = GatherCase::new(model, grid, 24);
+        assert!(case.samples.len() > 20, "{}", case.samples.len());
+        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+        case.write(&mut job);
+        let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0);
+        assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
+        vectors::run(&mut job, s, &["surface_gather"]);
+        // Sums of 1e5 values of both signs, whose largest sum is a hundredth of what is added up.
+        case.check(&mut job, 1e-4);
+    }
+    assert_valid(&gpu);
+}
+
+/// Random gradients at the points of a field whose depths have moved since its bonds were found.
+#[test]
+fn combine() {
+    let gpu = gpu();
+    let grid = oblong();
+    for reflectance in [Reflectance::Lambertian, Reflectance::Retroreflective] {
+        let directed = reflectance.has_normals();
+        let model = Model { reflectance, ..scene(3, 40, 1) };
+        let twin = Twin { model: &model, grid: &grid };
+        let mut field = field(&grid, 31);
+        let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+        field.write(&mut job);
+        run_bonds(&mut job, field.len());
+        let bonds = field.bonds(&twin);
+        let mut random = Random::new(32);
+        for h in &mut field.heights {
+            h.depth = f64::from((h.depth + random.uniform(-0.01, 0.01)) as f32);
+        }
+        field.write_heights(&mut job);
+        let one = |s: &DVec2| s.to_array().map(|v| f64::from(v as f32));
+        let slopes: Vec<[f64; 2]> = field.points(&twin, &bonds).0.iter().map(one).collect();
+        write(&mut job, "slopes", &slopes.iter().map(|s| s.map(|v| v as f32)).collect::<Vec<_>>());
+        let slopes: Vec<DVec2> = slopes.into_iter().map(DVec2::from_array).collect();
+        let gradient: Vec<Raw> = (0..4 * field.len())
+            .map(|_| std::array::from_fn(|k| random.uniform(-1.0, 1.0) * [20.0, 20.0, 20.0, 50.0][k]))
+            .collect();
+        write_raw(&mut job, "gradient", &gradient);
+        let pulls: Vec<Pull> = gradient
+            .iter()
+            .zip(slopes.iter().flat_map(|s| [s; 4]))
+            .map(|(g, slope)| {
+                let vector = dvec3(g[0], g[1], g[2]);
+                match directed {
+                    true => Pull { vector, albedo: vector.dot(slope.extend(-1.0).normalize()), depth: g[3] },
+                    false => Pull { vector: DVec3::ZERO, albedo: g[0], depth: g[1] },
+                }
+            })
+            .collect();
+        // The prior alone, and beside the data as large as they.
+        for weights in [[1.0, 0.0], [0.0, 1.0], [0.5, 0.25], [0.0, 0.0]] {
+            let weights = SurfaceWeights {
+                bend: weights[0],
+                jump: weights[1],
+                rates: Height::default(),
+                iterations: 8.0,
+            };
+            write_weights(&mut job, &weights);
+            run_surface(&mut job, field.len(), 0, &["surface_combine"]);
+            let want = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &pulls, &weights);
+            let got = read_raw(&mut job, "height_gradient", field.len());
+            let e =
+                error(got.iter().flat_map(|g| [g[0], g[1]]), want.iter().flat_map(|c| c.slope.to_array()));
+            assert!(e < 3e-6, "{reflectance:?} {weights:?}: slopes {e}");
+            // What is off a plane is a small difference of depths, which fp32 knows to 3e-8 m in pixels of 0.08 m.
+            let e = error(got.iter().map(|g| g[2]), want.iter().map(|c| c.height.depth));
+            assert!(e < 3e-6, "{reflectance:?} {weights:?}: depths {e}");
+            let e = error(got.iter().map(|g| g[3]), want.iter().map(|c| c.height.amplitude));
+            assert!(e < 3e-6, "{reflectance:?} {weights:?}: amplitudes {e}");
+            let sums = want.chunks(WORKGROUP as usize).map(|c| c.iter().map(|c| c.energy).sum::<f64>());
+            let sums: Vec<f64> = sums.collect();
+            let energy = read_floats(&mut job, "l1_partials", sums.len());
+            assert!(error(energy, sums.iter().copied()) < 3e-6);
+            assert!(sums.iter().all(|s| (*s > 0.0) == (weights.bend + weights.jump > 0.0)));
+        }
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn several_steps() {
+    let gpu = gpu();
+    let (model, grid) = (scene(3, 40, 1), oblong());
+    let twin = Twin { model: &model, grid: &grid };
+    let mut field = field(&grid, 41);
+    let bonds = field.bonds(&twin);
+    let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+    field.write(&mut job);
+    run_bonds(&mut job, field.len());
+    let weights = SurfaceWeights {
+        bend: 0.0,
+        jump: 0.0,
+        rates: Height { depth: 0.125, amplitude: 16.0 },
+        iterations: 6.0,
+    };
+    write_weights(&mut job, &weights);
+    let mut moments = vec![[Height::default(); 2]; field.len()];
+    let mut random = Random::new(42);
+    let (mut dark, mut ends) = (0, 0);
+    let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
+    for number in 1..=6 {
+        // Of all sizes; Adam takes none for small. One has none at all.
+        let scale = 10f64.powi(4 * number as i32 - 14);
+        let mut one =
+            |k: usize| f64::from((scale * random.uniform(-0.7, 1.0) * [1.0, 1.0, 30.0, 9.0][k]) as f32);
+        let mut gradient: Vec<Raw> = (0..field.len()).map(|_| std::array::from_fn(&mut one)).collect();
+        let alone = bonds.iter().position(|b| b.is_empty()).unwrap();
+        gradient[alone] = [0.0; 4];
+        write_raw(&mut job, "height_gradient", &gradient);
+        let combined: Vec<twin::Combined> = gradient
+            .iter()
+            .map(|g| twin::Combined {
+                slope: dvec2(g[0], g[1]),
+                height: Height { depth: g[2], amplitude: g[3] },
+                energy: 0.0,
+            })
+            .collect();
+        let gradient = twin::surface_gradient(&bonds, &combined);
+        let before = field.heights.clone();
+        twin::surface_step(&twin, &gradient, &weights, number, &mut field.heights, &mut moments);
+        assert_eq!(field.heights[alone], before[alone]);
+        run_surface(&mut job, field.len(), number as usize - 1, &["surface_step"]);
+        let got = read_heights(&mut job, field.len());
+        // A depth that is next to balanced goes by a quotient of two small numbers.
+        for (k, e) in [0, 1].map(|k| (k, error(halves(&got)[k].clone(), halves(&field.heights)[k].clone()))) {
+            assert!(e < 3e-6, "step {number}, {k}: {e}");
+        }
+        dark += field.heights.iter().filter(|h| h.amplitude == 0.0).count();
+        ends += field.heights.iter().filter(|h| h.depth == near || h.depth == far).count();
+    }
+    assert!(dark > 10 && ends > 10, "{dark} at zero, {ends} at an end");
+    let got = read_raw(&mut job, "height_moments", field.len());
+    for k in 0..4 {
+        let of = |m: &[Height; 2]| if k % 2 == 0 { m[k / 2].depth } else { m[k / 2].amplitude };
+        assert!(error(got.iter().map(|g| g[k]), moments.iter().map(of)) < 1e-5);
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn extract() {
+    let gpu = gpu();
+    let (model, grid) = (scene(3, 40, 1), oblong());
+    let twin = Twin { model: &model, grid: &grid };
+    let field = field(&grid, 51);
+    let bonds = field.bonds(&twin);
+    let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+    field.write(&mut job);
+    run_bonds(&mut job, field.len());
+    let columns = grid.n[0] * grid.n[1];
+    let before: Vec<f32> = (0..8 * columns).map(|i| i as f32).collect();
+    write(&mut job, "columns", &before);
+    let s = surface::extract(job.plan.finest(), field.len());
+    job.executor.run(&s).unwrap();
+    let got: Vec<[f32; 8]> =
+        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("columns_host")[..32 * columns]);
+    let slopes = field.points(&twin, &bonds).0;
+    let want = twin::surface_extract(&bonds, &field.heights, &slopes, &field.albedo);
+    let of = |k: usize| field.columns.iter().map(|c| f64::from(got[*c as usize][k])).collect::<Vec<f64>>();
+    assert!(error(of(0), want.iter().map(|c| c.albedo)) < 3e-6);
+    assert_eq!(of(1), field.heights.iter().map(|h| h.depth).collect::<Vec<_>>());
+    assert!(of(3).iter().all(|v| *v == 1.0));
+    for k in 0..3 {
+        let normals = want.iter().map(|c| c.normal[k]);
+        assert!(error(of(4 + k), normals) < 3e-6);
+    }
+    for c in (0..columns).filter(|c| !field.columns.contains(&(*c as u32))) {
+        assert_eq!(got[c], before[8 * c..8 * c + 8], "what is no surface stays");
+    }
+    assert_valid(&gpu);
+}
+
+/// The schedule as a whole, with the weights that the stage has: every iteration from what the one before left.
+#[test]
+fn iterations_in_a_row() {
+    let gpu = gpu();
+    let cases = [
+        (Geometry::Confocal, Reflectance::Cosine, false, Accumulation::Owned),
+        (Geometry::TwoPoints, Reflectance::Lambertian, true, Accumulation::Fixed),
+        (Geometry::Product, Reflectance::Isotropic, false, Accumulation::Fixed32),
+    ];
+    for (geometry, reflectance, curved, accumulation) in cases {
+        check_iterations(&gpu, geometry, reflectance, curved, accumulation);
+    }
+    assert_valid(&gpu);
+}
+
+fn check_iterations(
+    gpu: &Gpu,
+    geometry: Geometry,
+    reflectance: Reflectance,
+    curved: bool,
+    accumulation: Accumulation,
+) {
+    let grid = oblong();
+    let mut field = field(&grid, 61);
+    let model = variant(&scene(5, 48, 9), geometry, reflectance, curved, 62);
+    let model = measured(&model, &grid, &field, 63);
+    let twin = Twin { model: &model, grid: &grid };
+    let o = VectorOptions { accumulation, ..surface_options(&grid) };
+    let mut job = job(gpu, &model, &grid, &o);
+    let words = surface::weights(&model, job.plan.finest(), 60.0, 12);
+    let weights = SurfaceWeights::from(words);
+    assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);
+    write(&mut job, "surface_weights", &words);
+    field.write(&mut job);
+    zero_histograms(&mut job);
+    let bonds = field.bonds(&twin);
+    let mut s = surface::start(job.plan.finest(), field.len());
+    s.set("counts", COUNT_FAULTS, 0);
+    s.set("counts", COUNT_PEAK_ALBEDO, 0);
+    const ROWS: usize = 8;
+    for i in 0..ROWS {
+        s.extend(surface::iteration(&job.plan, job.plan.finest(), field.len(), i, i));
+    }
+    job.executor.run(&s).unwrap();
+    let mut moments = vec![[Height::default(); 2]; field.len()];
+    let mut want = vec![];
+    let first = field.heights.clone();
+    for i in 0..ROWS {
+        let (slopes, samples) = field.points(&twin, &bonds);
+        let (residual, [data, plain]) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
+        let pulls = twin::surface_gather(&twin, &samples, &residual);
+        let combined = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &pulls, &weights);
+        let energy = combined.iter().map(|c| c.energy).sum::<f64>();
+        want.push([data, plain, energy]);
+        let gradient = twin::surface_gradient(&bonds, &combined);
+        twin::surface_step(&twin, &gradient, &weights, i as u32 + 1, &mut field.heights, &mut moments);
+    }
+    let rows: Vec<[u32; TRACE_ROW as usize]> =
+        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[..ROWS * TRACE_ROW as usize * 4]);
+    let what = format!("{geometry:?} {reflectance:?}");
+    let loss = |w: &[f64; 3]| w[0] + w[2];
+    assert!(loss(&want[ROWS - 1]) < 0.9 * loss(&want[0]), "{what}: {want:?}");
+    // A point next to the centre of a bin may be to either side of it, and what it then pulls at is one of some thousand
+    // parts of a gradient. Of a gradient that is small itself Adam makes a step as large as of any.
+    for (row, want) in rows.iter().zip(&want) {
+        let got = [TRACE_OBJECTIVE, TRACE_DATA, TRACE_L1].map(|i| f64::from(f32::from_bits(row[i as usize])));
+        for k in 0..3 {
+            assert!((got[k] / want[k] - 1.0).abs() < 3e-4, "{what}: {got:?} {want:?}");
+        }
+        assert_eq!(
+            [row[TRACE_ACTIVE as usize] as usize, row[TRACE_FAULTS as usize] as usize],
+            [4 * field.len(), 0]
+        );
+    }
+    let got = halves(&read_heights(&mut job, field.len()));
+    let (want, first) = (halves(&field.heights), halves(&first));
+    for k in 0..2 {
+        let moved = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+        let share = moved(&got[k], &want[k]) / moved(&want[k], &first[k]);
+        assert!(share < 1e-3, "{what}: {k} differs by {share} of the way");
+    }
+}

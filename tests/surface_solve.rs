@@ -1,0 +1,202 @@
+//! The surface after the volume in whole solves: which pixels it has, what it gains, and what it leaves as it is.
+
+mod device;
+
+use std::ops::ControlFlow;
+
+use device::*;
+use glam::DVec3;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::maps::{Maps, Truth};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::surface::Pixels;
+use thirdbounce::solve::{Accumulation, Reconstruction, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::transport::{Grid, Volume};
+
+fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
+    let count = albedo.len();
+    Maps {
+        nx: 1,
+        ny: count,
+        extent: [0.0, 1.0, 0.0, 1.0],
+        albedo,
+        depth,
+        normal: vec![[0.0, 0.0, -1.0]; count],
+        mask: vec![true; count],
+        mask_fraction: 0.3,
+    }
+}
+
+#[test]
+fn pixels_are_the_bright_ones_with_a_depth() {
+    let all =
+        maps(vec![1.0, 0.05, 0.9, 0.0, 0.11, 2.0, 0.8], vec![0.5, 0.6, f32::NAN, f32::NAN, 0.7, 0.8, 0.9]);
+    let few = Maps { albedo: all.albedo.iter().map(|a| a / 2.0).collect(), ..all.clone() };
+    // White is next to the largest, 2: its tenth is 0.2.
+    let pixels = Pixels::of(&all, 7);
+    assert_eq!(pixels.columns, [0, 5, 6]);
+    assert_eq!(pixels.depth, [0.5, 0.8, 0.9]);
+    assert_eq!(pixels.albedo, [1.0, 2.0, 0.8]);
+    assert_eq!(Pixels::of(&few, 7).columns, pixels.columns, "whatever the scale");
+    // Room for two: the brightest, in the order of the maps.
+    let two = Pixels::of(&all, 2);
+    assert_eq!((two.columns.as_slice(), two.len()), ([0, 5].as_slice(), 2));
+    assert_eq!(two.albedo, [1.0, 2.0]);
+    let last = Pixels::of(&maps(vec![1.0, 3.0, 2.0], vec![0.5; 3]), 2);
+    assert_eq!((last.columns, last.albedo), (vec![1, 2], vec![3.0, 2.0]));
+    assert!(Pixels::of(&all, 0).is_empty());
+    assert!(Pixels::of(&maps(vec![0.0; 5], vec![f32::NAN; 5]), 5).is_empty());
+    assert!(Pixels::of(&maps(vec![1.0; 5], vec![f32::NAN; 5]), 5).is_empty());
+}
+
+#[test]
+fn pixels_as_buffers() {
+    let pixels = Pixels { columns: vec![1, 4], albedo: vec![0.5, 2.0], depth: vec![0.75, 1.5] };
+    assert_eq!(pixels.places(6), [u32::MAX, 0, u32::MAX, u32::MAX, 1, u32::MAX]);
+    let words = [[1, 0.5f32.to_bits(), 0.75f32.to_bits(), 0], [4, 2.0f32.to_bits(), 1.5f32.to_bits(), 0]];
+    assert_eq!(pixels.words(), words);
+}
+
+fn scene(name: &str) -> (Capture, Truth) {
+    let scene = Scene { scan: 16, bin_width: 0.01, ..Scene::named(name).unwrap() };
+    (
+        simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture,
+        truth(&scene, 32).unwrap(),
+    )
+}
+
+fn options(surface_iterations: usize) -> VectorOptions {
+    VectorOptions { lateral: 32, iterations: 30, surface_iterations, stop: false, ..Default::default() }
+}
+
+fn solve(gpu: &Gpu, capture: &Capture, o: &VectorOptions, watch: &mut Watch<'_>) -> Reconstruction {
+    let volume = default_volume(capture, o.min_depth).unwrap();
+    solve_in(gpu, capture, volume, o, watch)
+}
+
+fn solve_in(
+    gpu: &Gpu,
+    capture: &Capture,
+    volume: Volume,
+    o: &VectorOptions,
+    watch: &mut Watch<'_>,
+) -> Reconstruction {
+    let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
+    vector::reconstruct(gpu, capture, grid, o, None, true, watch).unwrap()
+}
+
+fn run(gpu: &Gpu, capture: &Capture, o: &VectorOptions) -> Reconstruction {
+    solve(gpu, capture, o, &mut unwatched(&mut |_| ControlFlow::Continue(())))
+}
+
+/// The maps' bits, NaN and all.
+fn bits(maps: &Maps) -> Vec<u32> {
+    let all = maps.albedo.iter().chain(&maps.depth).chain(maps.normal.iter().flatten());
+    all.map(|v| v.to_bits()).collect()
+}
+
+/// Mean errors of depth, metres, and of normals, degrees, over such pixels.
+fn errors(maps: &Maps, truth: &Truth, pixels: &[usize]) -> [f64; 2] {
+    let mean = |of: &dyn Fn(usize) -> f64| pixels.iter().map(|p| of(*p)).sum::<f64>() / pixels.len() as f64;
+    let normal = |n: [f32; 3]| DVec3::from_array(n.map(f64::from));
+    [
+        mean(&|p| f64::from(maps.depth[p] - truth.depth[p]).abs()),
+        mean(&|p| normal(maps.normal[p]).angle_between(normal(truth.normal[p])).to_degrees()),
+    ]
+}
+
+/// Of the pixels that are both true and found.
+fn share_found(maps: &Maps, truth: &Truth) -> f64 {
+    let count = |of: &dyn Fn(usize) -> bool| (0..truth.mask.len()).filter(|p| of(*p)).count() as f64;
+    count(&|p| truth.mask[p] && maps.mask[p]) / count(&|p| truth.mask[p] || maps.mask[p])
+}
+
+/// On what it is for, a surface that curves, over the pixels that the volume has found already. Measured: errors of depths and
+/// of normals fall to a half (a figure's to 0.4 and 0.6).
+#[test]
+fn the_surface_lowers_the_errors_of_depth_and_normals() {
+    let gpu = gpu();
+    let (capture, truth) = scene("torus");
+    let [before, after] = [0, 40].map(|count| run(&gpu, &capture, &options(count)));
+    let hit = |p: &usize| truth.mask[*p] && before.maps.mask[*p];
+    let found: Vec<usize> = (0..truth.mask.len()).filter(hit).collect();
+    assert!(found.len() > 100, "{}", found.len());
+    let [was, is] = [&before, &after].map(|r| errors(&r.maps, &truth, &found));
+    assert!(is[0] < 0.65 * was[0] && is[1] < 0.7 * was[1], "{was:?} to {is:?}");
+    let [was, is] = [&before, &after].map(|r| share_found(&r.maps, &truth));
+    assert!(is > was, "IoU {was} to {is}");
+    let last = |r: &Reconstruction| r.trace.last().map(|p| p.iteration);
+    assert_eq!([last(&before), last(&after)], [Some(30), Some(70)]);
+    // What the stage minimises, among its own iterations.
+    let losses: Vec<f64> = after.trace.iter().filter(|p| p.iteration > 30).map(|p| p.loss).collect();
+    assert!(losses.len() > 1 && losses[losses.len() - 1] < losses[0], "{losses:?}");
+    assert_valid(&gpu);
+}
+
+fn short(surface_iterations: usize) -> VectorOptions {
+    VectorOptions {
+        lateral: 16,
+        iterations: 10,
+        growth_iterations: 5,
+        accumulation: Accumulation::Fixed,
+        ..options(surface_iterations)
+    }
+}
+
+#[test]
+fn fixed_point_gives_the_same_bits_twice() {
+    let gpu = gpu();
+    let (capture, _) = scene("torus");
+    let [one, two] = [12, 12].map(|count| run(&gpu, &capture, &short(count)));
+    assert!(one.maps.mask.iter().filter(|m| **m).count() > 20);
+    assert_eq!(bits(&one.maps), bits(&two.maps));
+    assert_eq!(one.trace.last().unwrap().loss, two.trace.last().unwrap().loss);
+    assert_valid(&gpu);
+}
+
+/// Histograms that hold one count each, earlier than anything in the grid can have sent it: there is no surface to refine.
+#[test]
+fn where_nothing_is_found_nothing_is_refined() {
+    let gpu = gpu();
+    let (mut capture, _) = scene("torus");
+    let (bins, volume) = (capture.bins, default_volume(&capture, 0.2).unwrap());
+    capture.histograms.iter_mut().enumerate().for_each(|(i, h)| *h = if i % bins == 0 { 1.0 } else { 0.0 });
+    let [none, some] = [0, 12].map(|count| {
+        let mut hear = |_: &_| ControlFlow::Continue(());
+        solve_in(&gpu, &capture, volume, &short(count), &mut unwatched(&mut hear))
+    });
+    assert!(some.maps.albedo.iter().all(|a| *a == 0.0) && some.maps.depth.iter().all(|z| z.is_nan()));
+    assert_eq!(bits(&none.maps), bits(&some.maps));
+    assert_eq!(none.trace.last().unwrap().iteration, some.trace.last().unwrap().iteration);
+    assert_eq!(none.volume, some.volume);
+    assert_valid(&gpu);
+}
+
+#[test]
+fn without_iterations_the_maps_are_those_that_the_stage_begins_with() {
+    let gpu = gpu();
+    let (capture, _) = scene("torus");
+    let before = run(&gpu, &capture, &short(0));
+    let mut seen = None;
+    let at = [short(0).iterations];
+    let mut hear = |p: &thirdbounce::solve::Progress| {
+        seen = p.maps.clone().or(seen.take());
+        ControlFlow::Continue(())
+    };
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &at };
+    let after = solve(&gpu, &capture, &short(12), &mut watch);
+    let seen = seen.expect("maps were asked for");
+    assert_eq!(bits(&seen), bits(&before.maps));
+    assert_ne!(bits(&seen), bits(&after.maps));
+    assert_eq!(after.volume, before.volume, "the volume is not the stage's");
+    // What is not among the stage's pixels stays, bit by bit.
+    let pixels = Pixels::of(&seen, usize::MAX).columns;
+    assert!(pixels.len() > 20 && pixels.len() < seen.albedo.len());
+    for c in (0..seen.albedo.len()).filter(|c| !pixels.contains(&(*c as u32))) {
+        let of = |m: &Maps| [m.albedo[c], m.depth[c], m.normal[c][0], m.normal[c][2]].map(f32::to_bits);
+        assert_eq!(of(&seen), of(&after.maps));
+    }
+    assert!(before.plan.pixels() == 0 && after.plan.pixels() == seen.albedo.len());
+    assert_valid(&gpu);
+}
