@@ -24,10 +24,8 @@ shared vec4 parts[VOXELS * SLICES];
 #include "slope.glsl"
 #include "faults.glsl"
 
-vec3 shown;         // the vector
-float amplitude;    // of a surface without a direction
-float of_length;    // one over the vector's length, for Lambertian surfaces
-float deeper = 0.0; // through what is shown
+vec3 shown;         // the unit normal
+float deeper = 0.0; // through what is shown of unit amplitude
 float longer = 0.0; // and through the path, bins
 
 void meet(Arm a, Arm b, vec2 r) {
@@ -43,16 +41,14 @@ void meet(Arm a, Arm b, vec2 r) {
     float powers_b = powers_a;
     float value = factor;
     float turns = 0.0;
-    if (!NORMALS) {
-        value *= amplitude;
-    } else if (REFLECTANCE == COSINE) {
+    if (REFLECTANCE == COSINE) {
         factor *= a.inverse;
         powers_a += 1.0;
         value = factor * toward_a;
         turns = -factor * shown.z;
-    } else {
+    } else if (REFLECTANCE == LAMBERTIAN) {
         float both = a.inverse * b.inverse;
-        factor *= both * both * of_length;
+        factor *= both * both;
         powers_a += 2.0;
         powers_b += 2.0;
         float walls = a.wall * b.wall;
@@ -73,10 +69,8 @@ void main() {
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
     shown = NORMALS && owned ? sample_normals[slot].xyz : vec3(0.0, 0.0, -1.0);
-    amplitude = point.w;
-    of_length = inversesqrt(max(dot(shown, shown), LEAST_SQUARE));
     vec4 sum = owned ? gather_slope(point.xyz, shown, slice, SLICES) : vec4(0.0);
-    deeper += scene.bins_per_metre * longer;
+    deeper = point.w * (deeper + scene.bins_per_metre * longer);
     sum = NORMALS ? vec4(sum.yzw, deeper) : vec4(sum.x, deeper, 0.0, 0.0);
     if (SLICES > 1u) {
         parts[slice * VOXELS + lane] = sum;

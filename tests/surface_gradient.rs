@@ -10,7 +10,8 @@ use thirdbounce::transport::twin::{self, Bond, Height, Pull, SurfaceWeights, Twi
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
 
 const NO_PRIOR: SurfaceWeights =
-    SurfaceWeights { bend: 0.0, jump: 0.0, rates: Height { depth: 0.0, amplitude: 0.0 }, iterations: 1.0 };
+    SurfaceWeights { bend: 0.0, jump: 0.0, rates: NOTHING, iterations: 1.0, largest: NOTHING };
+const NOTHING: Height = Height { depth: 0.0, amplitude: 0.0 };
 
 fn scene() -> (Model, Grid) {
     let volume = Volume { min: dvec3(-0.5, -0.4, 0.2), max: dvec3(0.5, 0.4, 1.0) };

@@ -261,15 +261,15 @@ fn combine() {
             .collect();
         // The prior alone, and beside the data as large as they.
         for weights in [[1.0, 0.0], [0.0, 1.0], [0.5, 0.25], [0.0, 0.0]] {
-            let weights = SurfaceWeights {
-                bend: weights[0],
-                jump: weights[1],
-                rates: Height::default(),
-                iterations: 8.0,
-            };
+            let mut weights =
+                SurfaceWeights { bend: weights[0], jump: weights[1], iterations: 8.0, ..Default::default() };
             write_weights(&mut job, &weights);
             run_surface(&mut job, field.len(), 0, &["surface_combine"]);
             let want = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &pulls, &weights);
+            let got = read_floats(&mut job, "surface_weights", SURFACE_WEIGHTS as usize);
+            weights.see(&want);
+            let largest = [weights.largest.depth, weights.largest.amplitude];
+            assert!(error(got[SURFACE_LARGEST as usize..].iter().copied(), largest) < 3e-6);
             let got = read_raw(&mut job, "height_gradient", field.len());
             let e =
                 error(got.iter().flat_map(|g| [g[0], g[1]]), want.iter().flat_map(|c| c.slope.to_array()));
@@ -304,6 +304,8 @@ fn several_steps() {
         jump: 0.0,
         rates: Height { depth: 0.125, amplitude: 16.0 },
         iterations: 6.0,
+        // Small gradients of depth are rounding, then; none of amplitude is.
+        largest: Height { depth: 1.0 / 8192.0, amplitude: 0.0 },
     };
     write_weights(&mut job, &weights);
     let mut moments = vec![[Height::default(); 2]; field.len()];
@@ -311,7 +313,7 @@ fn several_steps() {
     let (mut dark, mut ends) = (0, 0);
     let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
     for number in 1..=6 {
-        // Of all sizes; Adam takes none for small. One has none at all.
+        // Of all sizes. One pixel has none at all.
         let scale = 10f64.powi(4 * number as i32 - 14);
         let mut one =
             |k: usize| f64::from((scale * random.uniform(-0.7, 1.0) * [1.0, 1.0, 30.0, 9.0][k]) as f32);
@@ -411,8 +413,8 @@ fn check_iterations(
     let twin = Twin { model: &model, grid: &grid };
     let o = VectorOptions { accumulation, ..surface_options(&grid) };
     let mut job = job(gpu, &model, &grid, &o);
-    let words = surface::weights(&model, job.plan.finest(), 60.0, 12);
-    let weights = SurfaceWeights::from(words);
+    let words = surface::weights(&model, job.plan.finest(), 60.0, 2.0, 12);
+    let mut weights = SurfaceWeights::from(words);
     assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);
     write(&mut job, "surface_weights", &words);
     field.write(&mut job);
@@ -435,6 +437,7 @@ fn check_iterations(
         let pulls = twin::surface_gather(&twin, &samples, &residual);
         let combined = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &pulls, &weights);
         let energy = combined.iter().map(|c| c.energy).sum::<f64>();
+        weights.see(&combined);
         want.push([data, plain, energy]);
         let gradient = twin::surface_gradient(&bonds, &combined);
         twin::surface_step(&twin, &gradient, &weights, i as u32 + 1, &mut field.heights, &mut moments);

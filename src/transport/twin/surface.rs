@@ -29,12 +29,24 @@ pub struct Bond {
 }
 
 /// The buffer `surface_weights`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SurfaceWeights {
     pub bend: f64,
     pub jump: f64,
     pub rates: Height,
     pub iterations: f64,
+    /// The largest gradients so far of pixels' own depths and amplitudes.
+    pub largest: Height,
+}
+
+impl SurfaceWeights {
+    /// Takes in what [`surface_combine`] has found.
+    pub fn see(&mut self, combined: &[Combined]) {
+        for c in combined {
+            self.largest.depth = self.largest.depth.max(c.height.depth.abs());
+            self.largest.amplitude = self.largest.amplitude.max(c.height.amplitude.abs());
+        }
+    }
 }
 
 impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
@@ -45,6 +57,7 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
             jump: at(SURFACE_JUMP),
             rates: Height { depth: at(SURFACE_DEPTH_RATE), amplitude: at(SURFACE_AMPLITUDE_RATE) },
             iterations: at(SURFACE_ITERATIONS),
+            largest: Height { depth: at(SURFACE_LARGEST), amplitude: at(SURFACE_LARGEST + 1) },
         }
     }
 }
@@ -258,8 +271,8 @@ pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Heigh
     all
 }
 
-/// Step `number` (from 1) of Adam, whose rate falls as half a cosine to a fiftieth of the first; `moments` are the first and
-/// the second one of each pixel.
+/// Step `number` (from 1) of Adam, whose rate falls as half a cosine to a fiftieth of the first, and which takes no gradient
+/// for less than a thousandth of the largest; `moments` are the first and the second one of each pixel.
 pub fn surface_step(
     twin: &Twin,
     gradient: &[Height],
@@ -271,17 +284,18 @@ pub fn surface_step(
     const BETAS: [f64; 2] = [0.9, 0.99];
     let age = f64::from(number);
     let rate = 0.5 + 0.5 * (std::f64::consts::PI * (age - 1.0) / weights.iterations).cos() + 0.02;
-    let one = |g: f64, [first, second]: [&mut f64; 2]| {
+    let one = |g: f64, largest: f64, [first, second]: [&mut f64; 2]| {
         *first += (1.0 - BETAS[0]) * (g - *first);
         *second += (1.0 - BETAS[1]) * (g * g - *second);
         let unbiased = |moment: f64, beta: f64| moment / (1.0 - beta.powf(age));
-        rate * unbiased(*first, BETAS[0]) / unbiased(*second, BETAS[1]).sqrt().max(1e-18)
+        rate * unbiased(*first, BETAS[0]) / unbiased(*second, BETAS[1]).sqrt().max(1e-3 * largest).max(1e-18)
     };
     let [near, far] =
         [twin.model.near_z(twin.grid), twin.grid.n[2] - 1].map(|z| twin.grid.position(DVec3::Z * z as f64).z);
     for ((height, g), [first, second]) in heights.iter_mut().zip(gradient).zip(moments) {
-        let depth = one(g.depth, [&mut first.depth, &mut second.depth]);
-        let amplitude = one(g.amplitude, [&mut first.amplitude, &mut second.amplitude]);
+        let depth = one(g.depth, weights.largest.depth, [&mut first.depth, &mut second.depth]);
+        let amplitude =
+            one(g.amplitude, weights.largest.amplitude, [&mut first.amplitude, &mut second.amplitude]);
         height.depth = (height.depth - weights.rates.depth * depth).clamp(near, far);
         height.amplitude = (height.amplitude - weights.rates.amplitude * amplitude).max(0.0);
     }
