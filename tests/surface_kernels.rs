@@ -302,7 +302,7 @@ fn several_steps() {
     let weights = SurfaceWeights {
         bend: 0.0,
         jump: 0.0,
-        rates: Height { depth: 0.125, amplitude: 16.0 },
+        rates: Height { depth: 0.25, amplitude: 16.0 },
         iterations: 6.0,
         // Small gradients of depth are rounding, then; none of amplitude is.
         largest: Height { depth: 1.0 / 8192.0, amplitude: 0.0 },
