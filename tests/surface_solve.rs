@@ -200,3 +200,64 @@ fn without_iterations_the_maps_are_those_that_the_stage_begins_with() {
     assert!(before.plan.pixels() == 0 && after.plan.pixels() == seen.albedo.len());
     assert_valid(&gpu);
 }
+
+/// The same scene in another unit: the same surface, be the wall a millimetre wide or a hundred metres.
+#[test]
+fn surfaces_on_walls_of_any_size() {
+    let gpu = gpu();
+    let (capture, _) = scene("sphere");
+    let solved = |scale: f64| {
+        let scaled = |points: &[DVec3]| points.iter().map(|p| *p * scale).collect();
+        let capture = Capture {
+            laser: scaled(&capture.laser),
+            sensor: scaled(&capture.sensor),
+            bin_width: scale * capture.bin_width,
+            t_start: scale * capture.t_start,
+            ..capture.clone()
+        };
+        let o = VectorOptions { min_depth: 0.2 * scale, accumulation: Accumulation::Fixed, ..options(20) };
+        run(&gpu, &capture, &o).maps
+    };
+    let metre = solved(1.0);
+    let pixels = Pixels::of(&metre, usize::MAX).columns;
+    assert!(pixels.len() > 20);
+    for scale in [1e-3, 100.0] {
+        let other = solved(scale);
+        let off = |c: &u32| {
+            let c = *c as usize;
+            let depth = (f64::from(other.depth[c]) / scale - f64::from(metre.depth[c])).abs();
+            let normal = (0..3).map(|k| f64::from((other.normal[c][k] - metre.normal[c][k]).abs()));
+            [depth, normal.fold(0.0, f64::max)]
+        };
+        let sum = pixels.iter().map(off).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        let [depth, normal] = sum.map(|s| s / pixels.len() as f64);
+        // On the mean: whether a path falls on this or that side of a bin's centre is a matter of rounding, and moves a pixel.
+        assert!(
+            depth < 6e-4 && normal < 1e-2,
+            "wall of {scale} m: {depth:.1e} m of a metre's, normals {normal:.1e}"
+        );
+    }
+    assert_valid(&gpu);
+}
+
+/// Where early iterations take a part of the pairs, the surface does, too, and ends with all of them.
+#[test]
+fn a_large_scans_surface_ends_with_all_pairs() {
+    let gpu = gpu();
+    let scene = Scene { scan: 64, bin_width: 0.02, ..Scene::named("sphere").unwrap() };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
+    let o = VectorOptions { iterations: 6, growth_iterations: 2, coarse_iterations: 2, ..options(10) };
+    let done = run(&gpu, &capture, &o);
+    let pairs: Vec<[usize; 2]> = done.trace.iter().map(|p| [p.iteration, p.pairs]).collect();
+    let of = |from: usize, to: usize| pairs.iter().filter(move |p| p[0] > from && p[0] <= to).map(|p| p[1]);
+    assert!(of(4, 6).all(|p| p == 64 * 64), "{pairs:?}: the volume ends with all");
+    assert!(
+        of(6, 14).all(|p| p == 64 * 64 / 4) && of(6, 14).count() > 0,
+        "{pairs:?}: the surface begins with a part"
+    );
+    assert!(of(14, 16).all(|p| p == 64 * 64) && pairs.last().unwrap()[0] == 16, "{pairs:?}");
+    assert!(done.trace.iter().all(|p| p.loss.is_finite()));
+    let [before, after] = [8, 16].map(|i| done.trace.iter().rfind(|p| p.iteration <= i).unwrap().loss);
+    assert!(after < before, "{before} to {after}");
+    assert_valid(&gpu);
+}

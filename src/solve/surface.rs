@@ -100,29 +100,73 @@ pub(super) fn refine(
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
     let pixels = Pixels::of(&driven.maps, job.plan.pixels());
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let level = driven.level;
-    let placed = !pixels.is_empty() && place(job, &level, &pixels, iterations, begin)?;
+    let stages = stages(&job.plan.levels, &driven.level, iterations);
+    let first = job.plan.levels[stages[0].0];
+    let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    if !placed {
-        return Ok(driven);
-    }
+    let Some(found) = found else { return Ok(driven) };
     let count = pixels.len();
+    let weights = |level: &Level| weights(&job.model, level, found.most, found.explained, iterations);
+    let told: Vec<_> = job.plan.levels.iter().map(weights).collect();
+    upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[stages[0].0]))?;
     let steps = Steps {
         start: Schedule::default(),
         iteration: &|plan, level, i| iteration(plan, level, count, i, i - begin),
-        due: &|_, _, done| renewal(&level, count, done - begin),
+        due: &|plan, level, done| {
+            let mut s = Schedule::default();
+            if let Some((next, _)) = stages[1..].iter().find(|s| s.1 == done - begin) {
+                *level = *next;
+                s.extend(widen(&plan.levels[*level], &told[*level]));
+            }
+            if (done - begin).is_multiple_of(RENEW) {
+                s.extend(bonds(&plan.levels[*level], count));
+            }
+            s
+        },
         extract: &|level| extract(level, count),
         l1_weight: &|_| 1.0,
         of: begin + iterations,
         stop_below: None,
     };
+    driven.level = first;
     drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))
 }
 
-/// Puts the pixels on the device with amplitudes that explain most of the data; false if none do. Row `row` of the trace
-/// is written on.
-fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, iterations: usize, row: usize) -> Result<bool> {
+/// Levels of the grid that was reached, with as many pairs or fewer, and the iteration of the surface from which each runs:
+/// where early ones take a part of the pairs, the last fifth takes all of them.
+fn stages(levels: &[Level], reached: &Level, iterations: usize) -> Vec<(usize, usize)> {
+    let of_grid = |(_, l): &(usize, &Level)| l.grid == reached.grid && l.pairs <= reached.pairs;
+    let mut numbers: Vec<usize> = levels.iter().enumerate().filter(of_grid).map(|(i, _)| i).collect();
+    if iterations < 5 {
+        numbers.drain(..numbers.len() - 1);
+    }
+    let left = |stage: usize| iterations / 5 * (numbers.len() + 1 - stage) / 2;
+    let from = |stage: usize| if stage == 0 { 0 } else { iterations.saturating_sub(left(stage)) };
+    numbers.iter().enumerate().map(|(stage, number)| (*number, from(stage))).collect()
+}
+
+/// What goes on with more pairs.
+fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
+    let mut s = Schedule::default();
+    for index in [SURFACE_BEND, SURFACE_JUMP] {
+        s.set("surface_weights", index, weights[index as usize].to_bits());
+    }
+    s.dispatch("arguments", [1, 1, 1]).bind("scene", level.scene);
+    s
+}
+
+/// What was found of a surface when it was placed.
+struct Found {
+    /// The largest amplitude.
+    most: f64,
+    /// The weighted mean of its squared rendering.
+    explained: f64,
+}
+
+/// Puts the pixels on the device with the amplitudes that explain most of the data; `None` if none do. Row `row` of the
+/// trace is written on.
+fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Found>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
@@ -151,13 +195,11 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, iterations: usize, r
     let measured = energy(&job.model, level.pairs);
     let scale = 0.5 * (rendered + measured - left) / rendered;
     if !(scale.is_finite() && scale > 0.0) {
-        return Ok(false);
+        return Ok(None);
     }
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    let weights = weights(&job.model, level, most, scale * scale * rendered, iterations);
-    upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
-    Ok(true)
+    Ok(Some(Found { most, explained: scale * scale * rendered }))
 }
 
 /// The weighted mean of the squared measurement over the first `pairs`.
@@ -242,11 +284,6 @@ pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) 
     s
 }
 
-/// What is due after `done` iterations of the surface.
-fn renewal(level: &Level, count: usize, done: usize) -> Schedule {
-    if done.is_multiple_of(RENEW) { bonds(level, count) } else { Schedule::default() }
-}
-
 /// The maps with the surface in them, in `columns_host`.
 pub fn extract(level: &Level, count: usize) -> Schedule {
     let mut s = points(level, count);
@@ -254,4 +291,33 @@ pub fn extract(level: &Level, count: usize) -> Schedule {
     let columns = level.grid.n[0] * level.grid.n[1];
     s.copy("columns", "columns_host", columns as u64 * 32);
     s
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::dvec3;
+
+    use super::*;
+    use crate::transport::{Grid, Volume};
+
+    #[test]
+    fn the_last_iterations_take_all_pairs() {
+        let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 0.8) };
+        let fine = Grid::new(volume, 32, 0.05).unwrap();
+        let level =
+            |grid, pairs| Level { grid, pairs, wall: "wall", scene: "scene_0", reachable: "reachable_0" };
+        let levels = [
+            level(fine.coarser(2), 1024),
+            level(fine, 1024),
+            level(fine, 4096),
+            level(fine, 16_384),
+            level(fine, 65_536),
+        ];
+        assert_eq!(stages(&levels, &levels[4], 60), [(1, 0), (2, 36), (3, 42), (4, 48)]);
+        // A volume that ended early: no more pairs than it had, and its own grid.
+        assert_eq!(stages(&levels, &levels[2], 60), [(1, 0), (2, 48)]);
+        assert_eq!(stages(&levels, &levels[0], 60), [(0, 0)]);
+        assert_eq!(stages(&levels, &levels[2], 5), [(1, 0), (2, 4)]);
+        assert_eq!(stages(&levels, &levels[2], 4), [(2, 0)]);
+    }
 }

@@ -70,6 +70,10 @@ impl Plan {
                 format!("{:.0} % or more of their passes", 100.0 * (1.0 - most as f64 / pairs as f64)),
             );
         }
+        if self.vectors && self.surface_iterations == 0 {
+            let bytes = 132 * (self.finest().grid.n[0] * self.finest().grid.n[1]) as u64;
+            left("the surface that the volume's maps begin".into(), mebibytes(bytes));
+        }
         let slots = self.capacity as u64;
         if self.vectors {
             left(
