@@ -12,26 +12,29 @@ layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; 
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Slopes { vec2 slopes[]; };
 layout(std430, set = 0, binding = 5) buffer Columns { vec4 columns[]; };
+layout(std430, set = 0, binding = 6) readonly buffer SurfaceWeights { uint surface_weights[]; }; // bits of floats
 
 #include "heights.glsl"
-
-// A Gaussian of 0.7 pixels, at the sides and at the corners.
-const float SIDE = 0.36044779;
-const float CORNER = 0.12992261;
 
 float seen(uint pixel) { return heights[pixel].y * -facing(slopes[pixel]).z; }
 
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (pixel >= push.last) return;
-    float around = seen(pixel);
-    for (uint k = 0u; k < 8u; ++k) {
-        uint other = neighbour(pixel, k);
-        bool corner = AROUND[k].x != 0 && AROUND[k].y != 0;
-        if (other != NOWHERE) around += (corner ? CORNER : SIDE) * seen(other);
+    float sigma = uintBitsToFloat(surface_weights[SURFACE_SMOOTH]);
+    int reach = int(ceil(2.0 * sigma));
+    ivec2 centre = pixel_xy(pixel);
+    float around = 0.0;
+    float whole = 0.0;
+    for (int x = -reach; x <= reach; ++x) {
+        for (int y = -reach; y <= reach; ++y) {
+            float weight = exp(-0.5 * float(x * x + y * y) / (sigma * sigma));
+            uint other = pixel_at(centre + ivec2(x, y));
+            whole += weight;
+            if (other != NOWHERE) around += weight * seen(other);
+        }
     }
-    around /= 1.0 + 4.0 * (SIDE + CORNER);
     uint column = pixels[pixel].x;
-    columns[2u * column] = vec4(sqrt(uintBitsToFloat(pixels[pixel].y) * around), heights[pixel].x, 0.0, 1.0);
+    columns[2u * column] = vec4(sqrt(uintBitsToFloat(pixels[pixel].y) * around / whole), heights[pixel].x, 0.0, 1.0);
     columns[2u * column + 1u] = vec4(facing(slopes[pixel]), 0.0);
 }

@@ -10,7 +10,7 @@ use thirdbounce::transport::twin::{self, Bond, Height, Pull, SurfaceWeights, Twi
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
 
 const NO_PRIOR: SurfaceWeights =
-    SurfaceWeights { bend: 0.0, jump: 0.0, rates: NOTHING, iterations: 1.0, largest: NOTHING };
+    SurfaceWeights { bend: 0.0, jump: 0.0, rates: NOTHING, iterations: 1.0, largest: NOTHING, smooth: 1.0 };
 const NOTHING: Height = Height { depth: 0.0, amplitude: 0.0 };
 
 fn scene() -> (Model, Grid) {

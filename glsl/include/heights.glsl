@@ -8,12 +8,14 @@ const ivec2 AROUND[8] = ivec2[8](
 
 ivec2 pixel_xy(uint pixel) { return ivec2(pixels[pixel].x / scene.grid_y, pixels[pixel].x % scene.grid_y); }
 
-// The number of the k-th neighbour, NOWHERE if it is no part of the surface.
-uint neighbour(uint pixel, uint k) {
-    ivec2 at = pixel_xy(pixel) + AROUND[k];
+// The number of the pixel there, NOWHERE if it is no part of the surface.
+uint pixel_at(ivec2 at) {
     if (any(lessThan(at, ivec2(0))) || at.x >= int(scene.grid_x) || at.y >= int(scene.grid_y)) return NOWHERE;
     return pixel_of[uint(at.x) * scene.grid_y + uint(at.y)];
 }
+
+// And of a pixel's k-th neighbour.
+uint neighbour(uint pixel, uint k) { return pixel_at(pixel_xy(pixel) + AROUND[k]); }
 
 // Metres between neighbouring pixels.
 vec2 pixel_pitch() { return vec2(scene.pitch_x, scene.pitch_y); }

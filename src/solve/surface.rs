@@ -17,8 +17,8 @@ use super::{Level, Plan};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
-use crate::transport::Model;
 use crate::transport::kernels::*;
+use crate::transport::{Grid, Model};
 
 /// Share of the map's white that a pixel's albedo must have.
 const SUPPORT: f32 = 0.1;
@@ -34,6 +34,12 @@ const MISFIT: f64 = 0.05;
 const DEPTH_BINS: f64 = 1.0 / 3.0;
 const DEPTH_PIXELS: f64 = 0.25;
 const AMPLITUDE: f64 = 0.06;
+
+/// Gaussian that the maps' albedo sees amplitudes under, in pixels of the first grid, which has what a scan tells apart; and in
+/// the map's own at least; the kernel walks (4 sigma)² of them, and lavapipe stops after 65,535.
+const SMOOTH: f64 = 0.5;
+const LEAST_SMOOTH: f64 = 0.7;
+const MOST_SMOOTH: f64 = 60.0;
 
 /// Iterations after which slopes find their neighbours anew.
 const RENEW: usize = 10;
@@ -107,7 +113,8 @@ pub(super) fn refine(
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
     let Some(found) = found else { return Ok(driven) };
     let count = pixels.len();
-    let weights = |level: &Level| weights(&job.model, level, found.most, found.explained, iterations);
+    let coarsest = job.plan.levels[0].grid;
+    let weights = |level: &Level| weights(&job.model, &coarsest, level, found, iterations);
     let told: Vec<_> = job.plan.levels.iter().map(weights).collect();
     upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[stages[0].0]))?;
     let steps = Steps {
@@ -156,17 +163,9 @@ fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
     s
 }
 
-/// What was found of a surface when it was placed.
-struct Found {
-    /// The largest amplitude.
-    most: f64,
-    /// The weighted mean of its squared rendering.
-    explained: f64,
-}
-
-/// Puts the pixels on the device with the amplitudes that explain most of the data; `None` if none do. Row `row` of the
-/// trace is written on.
-fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Found>> {
+/// Puts the pixels on the device with the amplitudes that explain most of the data, and tells the largest of them and the
+/// weighted mean of what they render, squared; `None` if none do. Row `row` of the trace is written on.
+fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<[f64; 2]>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
@@ -199,7 +198,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
     }
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    Ok(Some(Found { most, explained: scale * scale * rendered }))
+    Ok(Some([most, scale * scale * rendered]))
 }
 
 /// The weighted mean of the squared measurement over the first `pairs`.
@@ -209,12 +208,13 @@ fn energy(model: &Model, pairs: usize) -> f64 {
     sum * model.pairs() as f64 / (model.elements * pairs).max(1) as f64
 }
 
-/// The buffer `surface_weights`, for amplitudes of up to `most`, which explain so much of the data's weighted mean of squares.
+/// The buffer `surface_weights`, for amplitudes of up to `most`, which explain so much of the data's weighted mean of squares,
+/// after levels of which the first had the grid `first`.
 pub fn weights(
     model: &Model,
+    first: &Grid,
     level: &Level,
-    most: f64,
-    explained: f64,
+    [most, explained]: [f64; 2],
     iterations: usize,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
     let elements = (model.elements * level.pairs / model.pairs().max(1)).max(1);
@@ -229,6 +229,7 @@ pub fn weights(
         (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
         (SURFACE_AMPLITUDE_RATE, AMPLITUDE * most),
         (SURFACE_ITERATIONS, iterations as f64),
+        (SURFACE_SMOOTH, (SMOOTH * first.pitch.x / level.grid.pitch.x).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
     ] {
         all[index as usize] = value as f32;
     }

@@ -137,7 +137,7 @@ pub fn run_bonds(job: &mut Job<'_>, count: usize) {
 
 pub fn write_weights(job: &mut Job<'_>, w: &SurfaceWeights) {
     let [rates, largest] = [w.rates, w.largest].map(|h| [h.depth, h.amplitude]);
-    let all = [w.bend, w.jump, rates[0], rates[1], w.iterations, largest[0], largest[1]];
+    let all = [w.bend, w.jump, rates[0], rates[1], w.iterations, largest[0], largest[1], w.smooth];
     let words = all.map(|v| v as f32);
     assert_eq!(SurfaceWeights::from(words), *w, "weights that fp32 holds");
     write(job, "surface_weights", &words);

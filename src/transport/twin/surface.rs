@@ -37,6 +37,8 @@ pub struct SurfaceWeights {
     pub iterations: f64,
     /// The largest gradients so far of pixels' own depths and amplitudes.
     pub largest: Height,
+    /// Pixels.
+    pub smooth: f64,
 }
 
 impl SurfaceWeights {
@@ -58,6 +60,7 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
             rates: Height { depth: at(SURFACE_DEPTH_RATE), amplitude: at(SURFACE_AMPLITUDE_RATE) },
             iterations: at(SURFACE_ITERATIONS),
             largest: Height { depth: at(SURFACE_LARGEST), amplitude: at(SURFACE_LARGEST + 1) },
+            smooth: at(SURFACE_SMOOTH),
         }
     }
 }
@@ -302,20 +305,28 @@ pub fn surface_step(
 }
 
 /// The maps' columns of the pixels, which had such albedos there: their geometric mean with the surface's own as the wall
-/// sees it, under a Gaussian of 0.7 pixels in which what is no surface is dark.
+/// sees it, under a Gaussian of so many pixels, to its second sigma, in which what is no surface is dark.
 pub fn surface_extract(
-    bonds: &[Vec<Bond>],
+    twin: &Twin,
+    columns: &[u32],
     heights: &[Height],
     slopes: &[DVec2],
     albedo: &[f64],
+    sigma: f64,
 ) -> Vec<Column> {
-    let gaussian = |way: [i32; 2]| (-f64::from(way[0] * way[0] + way[1] * way[1]) / (2.0 * 0.7 * 0.7)).exp();
-    let whole: f64 = (0..9).map(|k| gaussian([k / 3 - 1, k % 3 - 1])).sum();
+    let reach = (2.0 * sigma).ceil() as i32;
+    let gaussian =
+        |way: [i32; 2]| (-f64::from(way[0] * way[0] + way[1] * way[1]) / (2.0 * sigma * sigma)).exp();
+    let ways = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| [x, y]));
+    let whole: f64 = ways.map(gaussian).sum();
+    let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
     let seen = |pixel: usize| heights[pixel].amplitude / slopes[pixel].extend(-1.0).length();
     let of_pixel = |pixel: usize| {
-        let around: f64 = bonds[pixel].iter().map(|b| gaussian(b.way) * seen(b.other)).sum();
+        let way = |other: usize| [0, 1].map(|a| places[other][a] - places[pixel][a]);
+        let near = (0..places.len()).filter(|o| way(*o).iter().all(|w| w.abs() <= reach));
+        let around: f64 = near.map(|o| gaussian(way(o)) * seen(o)).sum();
         Column {
-            albedo: (albedo[pixel] * (seen(pixel) + around) / whole).sqrt(),
+            albedo: (albedo[pixel] * around / whole).sqrt(),
             depth: heights[pixel].depth,
             normal: facing(slopes[pixel]),
         }
