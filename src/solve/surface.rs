@@ -11,6 +11,7 @@ use std::time::Instant;
 
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::job::{Job, upload};
+use super::plan::AMPLE;
 use super::schedule::{forward, groups, pair_chunks};
 use super::vector::expected_noise;
 use super::{Level, Plan};
@@ -35,8 +36,9 @@ const DEPTH_BINS: f64 = 1.0 / 3.0;
 const DEPTH_PIXELS: f64 = 0.25;
 const AMPLITUDE: f64 = 0.06;
 
-/// Gaussian that the maps' albedo sees amplitudes under, in pixels of the first grid, which has what a scan tells apart; and in
-/// the map's own at least; the kernel walks (4 sigma)² of them, and lavapipe stops after 65,535.
+/// Gaussian that the maps' albedo sees amplitudes under, in pixels of the first grid, which has what a scan tells apart, but of
+/// one with 32 pixels a side where that is coarser; and in the map's own at least. The kernel walks (4 sigma)² of them, and
+/// lavapipe stops after 65,535.
 const SMOOTH: f64 = 0.5;
 const LEAST_SMOOTH: f64 = 0.7;
 const MOST_SMOOTH: f64 = 60.0;
@@ -222,6 +224,7 @@ pub fn weights(
     // Half of chi² is the objective times this, inverted.
     let unit = 2.0 * noise / elements as f64;
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
+    let coarser = (first.pitch.x / level.grid.pitch.x).min(level.grid.n[0] as f64 / AMPLE as f64);
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
     for (index, value) in [
         (SURFACE_BEND, unit / (BEND * BEND)),
@@ -229,7 +232,7 @@ pub fn weights(
         (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
         (SURFACE_AMPLITUDE_RATE, AMPLITUDE * most),
         (SURFACE_ITERATIONS, iterations as f64),
-        (SURFACE_SMOOTH, (SMOOTH * first.pitch.x / level.grid.pitch.x).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
+        (SURFACE_SMOOTH, (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
     ] {
         all[index as usize] = value as f32;
     }
