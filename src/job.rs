@@ -246,6 +246,13 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
             request.solver.iterations()
         ));
     }
+    if solved.surface_left {
+        notes.push(
+            "one surface explains the data far worse than the volume, as where one lies behind another: the maps are \
+             the volume's (--surface-iterations 0 saves the time)"
+                .into(),
+        );
+    }
     if !solved.maps.mask.contains(&true) {
         notes.push(
             "nothing was found: the maps are empty. Check --volume and --gate against the capture (`thirdbounce info`)"

@@ -261,3 +261,19 @@ fn a_large_scans_surface_ends_with_all_pairs() {
     assert!(after < before, "{before} to {after}");
     assert_valid(&gpu);
 }
+
+/// Two plates, one behind the other, and neither hides the other: no height field.
+#[test]
+fn what_is_no_height_field_stays_a_volume() {
+    let gpu = gpu();
+    let scene = Scene { scan: 16, bin_width: 0.01, occlusion: false, ..Scene::named("occluder").unwrap() };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture;
+    let [volume, both] =
+        [0, 20].map(|n| run(&gpu, &capture, &VectorOptions { iterations: 60, ..options(n) }));
+    assert!(both.surface_left && !volume.surface_left);
+    assert_eq!(bits(&both.maps), bits(&volume.maps));
+    assert_eq!(both.trace.last().unwrap().iteration, 80, "the trace tells what was tried");
+    let (capture, _) = self::scene("torus");
+    assert!(!run(&gpu, &capture, &options(20)).surface_left);
+    assert_valid(&gpu);
+}

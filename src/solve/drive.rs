@@ -95,6 +95,8 @@ pub(super) struct Driven {
     pub seconds: f64,
     /// Seconds of device time among them.
     pub gpu_seconds: f64,
+    /// There was a surface that is not in the maps, as it explains the data far worse than the volume.
+    pub surface_left: bool,
 }
 
 /// Runs `steps` up to the iteration `iterations`, from the first or after what was driven `before`. Two blocks are in
@@ -240,7 +242,15 @@ pub(super) fn drive(
     let seconds = clock.seconds();
     let gpu_seconds = job.executor.gpu_seconds() - reader.gpu_before;
     let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
-    Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds, gpu_seconds })
+    Ok(Driven {
+        trace: reader.trace,
+        maps,
+        level: reached,
+        pairs: reader.pairs,
+        seconds,
+        gpu_seconds,
+        surface_left: false,
+    })
 }
 
 fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {

@@ -34,6 +34,8 @@ pub struct Reconstruction {
     pub device_bytes: u64,
     /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
     pub full: bool,
+    /// The surface explained the data far worse than the volume: the maps are the volume's.
+    pub surface_left: bool,
     /// Per kernel, if the device was opened with timings.
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
@@ -126,6 +128,7 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
         solve_seconds: driven.seconds,
         device_bytes: job.executor.arena.bytes(),
         full,
+        surface_left: driven.surface_left,
         kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
         plan: job.plan,
     })

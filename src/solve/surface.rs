@@ -36,6 +36,9 @@ const DEPTH_BINS: f64 = 1.0 / 3.0;
 const DEPTH_PIXELS: f64 = 0.25;
 const AMPLITUDE: f64 = 0.06;
 
+/// What the surface leaves of the objective, over what the volume left of its own, from which on it is not taken.
+const WORSE: f64 = 2.0;
+
 /// Gaussian that the maps' albedo sees amplitudes under, in pixels of the first grid, which has what a scan tells apart, but of
 /// one with 32 pixels a side where that is coarser; and in the map's own at least. The kernel walks (4 sigma)² of them, and
 /// lavapipe stops after 65,535.
@@ -96,8 +99,9 @@ impl Pixels {
     }
 }
 
-/// Refines the surface of what was `driven` for so many iterations more; leaves everything as it is if there is none, or none
-/// of what is measured comes from it.
+/// Refines the surface of what was `driven` for so many iterations more. The maps stay as they are if there is no surface, if
+/// none of what is measured comes from it, or if it explains that far worse than the volume did: it has one depth in a
+/// column, where a volume may have several.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut Job<'_>,
@@ -138,8 +142,14 @@ pub(super) fn refine(
         of: begin + iterations,
         stop_below: None,
     };
+    let (maps, loss) = (driven.maps.clone(), driven.trace.last().map_or(f64::INFINITY, |p| p.loss));
     driven.level = first;
-    drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))
+    driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
+    if driven.trace.last().is_some_and(|p| p.loss > WORSE * loss) {
+        driven.maps = maps;
+        driven.surface_left = true;
+    }
+    Ok(driven)
 }
 
 /// Levels of the grid that was reached, with as many pairs or fewer, and the iteration of the surface from which each runs:
