@@ -1,5 +1,5 @@
-//! Whether a device computes what the float64 twins do: an iteration of each solver on a small simulated scene, on
-//! every accumulation path that the device offers.
+//! Whether a device computes what the float64 twins do: an iteration of each solver and of the surface on a small
+//! simulated scene, on every accumulation path that the device offers.
 
 use std::collections::BTreeMap;
 
@@ -11,12 +11,13 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{BufferPlan, Command, Gpu, Place, Schedule};
 use crate::simulate::{RenderOptions, Scene, simulate};
+use crate::solve::surface::Pixels;
 use crate::solve::{
     Accumulation, Job, PaperOptions, Plan, Preset, VectorOptions, compact, default_volume, iteration, paper,
-    upload, vector,
+    surface, upload, vector,
 };
 use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE};
-use crate::transport::twin::{self, Raw, Sample, Twin};
+use crate::transport::twin::{self, Height, Raw, Sample, Twin};
 use crate::transport::{Grid, Model};
 
 /// A pass that was held against its twin.
@@ -56,6 +57,7 @@ pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
         }
         check_paper(gpu, &capture, accumulation, &mut all)?;
         check_vector(gpu, &capture, accumulation, &mut all)?;
+        check_surface(gpu, &capture, accumulation, &mut all)?;
     }
     Ok(all)
 }
@@ -184,6 +186,82 @@ fn check_vector(
     Ok(())
 }
 
+fn check_surface(
+    gpu: &Gpu,
+    capture: &Capture,
+    accumulation: Accumulation,
+    all: &mut Vec<Checked>,
+) -> Result<()> {
+    let options = VectorOptions {
+        lateral: LATERAL,
+        surface_iterations: 1,
+        coarse_to_fine: false,
+        accumulation,
+        ..VectorOptions::default()
+    };
+    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let model = vector::model(capture, &grid, &options);
+    let plan = Plan::new(&model, grid, capture.scan, &options, &gpu.abilities(), false)?;
+    let mut job = readable(gpu, model, plan)?;
+    let (model, level) = (job.model.clone(), *job.plan.finest());
+    let twin = Twin { model: &model, grid: &grid };
+    // Three by four pixels of a slanted surface, as deep as it takes for no path to lie where a bin ends.
+    let columns: Vec<u32> = (0..12u32).map(|i| (4 + i / 4) * LATERAL as u32 + 4 + i % 4).collect();
+    let heights = |try_: u32| -> Vec<Height> {
+        let height = |i: u32| Height {
+            depth: f64::from(0.6 + 4e-4 * try_ as f32 + 0.01 * (i % 4) as f32 + 0.02 * (i / 4) as f32),
+            amplitude: f64::from(1.0 + random(i as usize)[0]),
+        };
+        (0..12).map(height).collect()
+    };
+    let clear = |h: &Vec<Height>| {
+        let (_, samples) = twin::surface_points(&twin, &columns, &twin::surface_bonds(&twin, &columns, h), h);
+        samples.iter().all(|s| {
+            (0..model.pairs()).all(|pair| {
+                let position = (model.wall.path(pair, s.point) - model.t_start) / model.bin_width - 0.5;
+                (position - position.round()).abs() > 1e-4
+            })
+        })
+    };
+    let heights = (0..100).map(heights).find(clear).unwrap_or_default();
+    let of = |value: fn(&Height) -> f64| heights.iter().map(|h| value(h) as f32).collect::<Vec<_>>();
+    let pixels = Pixels { depth: of(|h| h.depth), albedo: of(|h| h.amplitude), columns };
+    let words: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, *a]).collect();
+    upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
+    upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(LATERAL * LATERAL)))?;
+    upload(&mut job.executor, "heights", bytemuck::cast_slice(&words))?;
+    let weights = surface::weights(&model, &grid, &level, [2.0, 1.0], 1);
+    upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
+    let bytes = job.plan.bytes();
+    let mut s = Schedule::default();
+    for buffer in ["counts", "histograms"] {
+        s.fill(buffer, bytes[buffer], 0);
+    }
+    s.extend(surface::start(&level, pixels.len()));
+    s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0));
+    job.executor.run(&s)?;
+
+    let mut note = |pass, error| all.push(checked("surface", accumulation, pass, error));
+    let got = read_samples(&mut job, 4 * pixels.len())?;
+    let bonds = twin::surface_bonds(&twin, &pixels.columns, &heights);
+    let (_, want) = twin::surface_points(&twin, &pixels.columns, &bonds, &heights);
+    let flat = |samples: &[Sample]| -> Vec<f64> {
+        samples.iter().flat_map(|s| [s.point.to_array(), s.normal.to_array()].concat()).collect()
+    };
+    note("points", error(&flat(&got), &flat(&want)));
+    let residual = model.bins_of(&read_floats(&mut job, "residual", model.cells())?);
+    let (want, _) = twin::residual_weighted(&twin, &twin::forward(&twin, &got), true);
+    note("forward", error(&residual, &want));
+    let pulls = twin::surface_gather(&twin, &got, &residual);
+    let gradient = read_raw(&mut job, "gradient", got.len())?;
+    let want: Vec<f64> = pulls.iter().flat_map(|p| [p.vector.x, p.vector.y, p.vector.z]).collect();
+    let vectors: Vec<f64> = gradient.iter().flat_map(|g| g[..3].to_vec()).collect();
+    note("backward", error(&vectors, &want));
+    let depths: Vec<f64> = gradient.iter().map(|g| g[3]).collect();
+    note("depth", error(&depths, &pulls.iter().map(|p| p.depth).collect::<Vec<_>>()));
+    Ok(())
+}
+
 fn checked(solver: &str, accumulation: Accumulation, pass: &str, error: f64) -> Checked {
     let (solver, pass) = (solver.into(), pass.into());
     Checked { solver, accumulation: plain(&accumulation), pass, error, allowed: ALLOWED }
@@ -290,12 +368,12 @@ mod tests {
     fn this_device_computes_as_the_twins_on_every_path() {
         let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
         let all = check(&gpu).unwrap();
-        assert_eq!(all.len(), 7 * if gpu.accumulations.float { 5 } else { 4 });
+        assert_eq!(all.len(), 11 * if gpu.accumulations.float { 5 } else { 4 });
         for c in &all {
             println!("{c:?}");
             assert!(c.passed() && c.error > 0.0, "{c:?}");
         }
-        assert_eq!(worst(&all).len(), 7);
+        assert_eq!(worst(&all).len(), 11);
     }
 
     #[test]
