@@ -24,8 +24,14 @@ fn solves(c: &mut Criterion) {
     let mut group = c.benchmark_group("solve");
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(5));
     let mut hear = |_: &_| ControlFlow::Continue(());
-    group.bench_function("vector, 20 iterations", |b| {
-        let o = VectorOptions { lateral, iterations: 20, coarse_iterations: 10, ..VectorOptions::default() };
+    group.bench_function("vector, 20 iterations and 20 of the surface", |b| {
+        let o = VectorOptions {
+            lateral,
+            iterations: 20,
+            coarse_iterations: 10,
+            surface_iterations: 20,
+            ..VectorOptions::default()
+        };
         b.iter(|| {
             let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
             vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut watch).expect("it solves")

@@ -171,6 +171,23 @@ fn gather_of_every_model_pair_and_wall() {
     assert_valid(&gpu);
 }
 
+/// Paths of so many bins that places among them are found in parts.
+#[test]
+fn gather_of_long_paths() {
+    let gpu = gpu();
+    for (i, geometry) in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product].into_iter().enumerate()
+    {
+        let model = variant(&scene(5, 4096, 9), geometry, Reflectance::Cosine, false, 23 + i as u64);
+        let case = GatherCase::new(model, oblong(), 24);
+        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+        assert!(job.plan.fine);
+        case.write(&mut job);
+        run_surface(&mut job, case.samples.len() / 4, 0, &["surface_gather"]);
+        case.check(&mut job, 3e-5);
+    }
+    assert_valid(&gpu);
+}
+
 #[test]
 fn gather_in_slices_and_groups() {
     let gpu = gpu();
