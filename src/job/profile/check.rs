@@ -123,6 +123,14 @@ fn check_paper(
     Ok(())
 }
 
+/// The vector solver's job of that capture, on one grid.
+fn vector_job<'g>(gpu: &'g Gpu, capture: &Capture, options: &VectorOptions) -> Result<Job<'g>> {
+    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let model = vector::model(capture, &grid, options);
+    let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), false)?;
+    readable(gpu, model, plan)
+}
+
 fn check_vector(
     gpu: &Gpu,
     capture: &Capture,
@@ -136,10 +144,8 @@ fn check_vector(
         accumulation,
         ..VectorOptions::default()
     };
-    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
-    let model = vector::model(capture, &grid, &options);
-    let plan = Plan::new(&model, grid, capture.scan, &options, &gpu.abilities(), false)?;
-    let mut job = readable(gpu, model, plan)?;
+    let mut job = vector_job(gpu, capture, &options)?;
+    let grid = job.plan.finest().grid;
     let model = job.model.clone();
     let twin = Twin { model: &model, grid: &grid };
     let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
@@ -199,10 +205,8 @@ fn check_surface(
         accumulation,
         ..VectorOptions::default()
     };
-    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
-    let model = vector::model(capture, &grid, &options);
-    let plan = Plan::new(&model, grid, capture.scan, &options, &gpu.abilities(), false)?;
-    let mut job = readable(gpu, model, plan)?;
+    let mut job = vector_job(gpu, capture, &options)?;
+    let grid = job.plan.finest().grid;
     let (model, level) = (job.model.clone(), *job.plan.finest());
     let twin = Twin { model: &model, grid: &grid };
     // Three by four pixels of a slanted surface, as deep as it takes for no path to lie where a bin ends.
