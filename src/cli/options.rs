@@ -19,7 +19,7 @@ pub struct PaperArgs {
     /// Lateral voxels of the final grid [default: 128]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     lateral: Option<usize>,
-    /// Steps of the optimiser [default: 1000; vector 60, or 150 where laser and sensor point differ]
+    /// Steps of the optimiser [default: 1000; vector 60, or 80 where laser and sensor point differ]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     iterations: Option<usize>,
     /// Seed of the initial albedo, of the samples and of --subset [default: 0]

@@ -144,7 +144,7 @@ const SMOOTH_SIGMA: f64 = 1.0;
 pub const HAT_SIGMA: f64 = 1.5;
 
 /// Iterations where laser and sensor point differ: half of a path moves, and so half as fast (docs/scenes.md).
-const ITERATIONS_OF_TWO_POINTS: usize = 150;
+const ITERATIONS_OF_TWO_POINTS: usize = 80;
 
 /// And of these the last, in which pairs grow.
 const GROWTH_OF_TWO_POINTS: usize = 40;
