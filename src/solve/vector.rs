@@ -7,7 +7,8 @@
 //! a bound of the operator on the domain at hand (De Pierro's separable surrogate, exact while no cosine changes
 //! its sign), λ_i from the photon noise that reaches the voxel's gradient (and from it μ_ij, which holds neighbours
 //! together where photons are few), and the background from the quietest
-//! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense.
+//! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense. The maps of
+//! the volume then begin a surface ([`surface`]).
 
 use serde::{Deserialize, Serialize};
 
