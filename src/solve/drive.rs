@@ -239,9 +239,9 @@ pub(super) fn drive(
         reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
     }
     job.executor.run(&maps_of(&steps, &reached))?;
+    let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
     let seconds = clock.seconds();
     let gpu_seconds = job.executor.gpu_seconds() - reader.gpu_before;
-    let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
     Ok(Driven {
         trace: reader.trace,
         maps,

@@ -115,14 +115,19 @@ pub(super) fn refine(
     let stages = stages(&job.plan.levels, &driven.level, iterations);
     let first = job.plan.levels[stages[0].0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
+    let coarsest = job.plan.levels[0].grid;
+    let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, iterations));
+    let told: Option<Vec<_>> = job.plan.levels.iter().map(weights).collect();
+    if let Some(told) = &told {
+        upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[stages[0].0]))?;
+    }
+    let (maps, loss) = (driven.maps.clone(), driven.trace.last().map_or(f64::INFINITY, |p| p.loss));
+    driven.level = first;
+    // All of this is part of the solve; the driver's clock goes on from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    let Some(found) = found else { return Ok(driven) };
+    let Some(told) = told else { return Ok(driven) };
     let count = pixels.len();
-    let coarsest = job.plan.levels[0].grid;
-    let weights = |level: &Level| weights(&job.model, &coarsest, level, found, iterations);
-    let told: Vec<_> = job.plan.levels.iter().map(weights).collect();
-    upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[stages[0].0]))?;
     let steps = Steps {
         start: Schedule::default(),
         iteration: &|plan, level, i| iteration(plan, level, count, i, i - begin),
@@ -142,8 +147,6 @@ pub(super) fn refine(
         of: begin + iterations,
         stop_below: None,
     };
-    let (maps, loss) = (driven.maps.clone(), driven.trace.last().map_or(f64::INFINITY, |p| p.loss));
-    driven.level = first;
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     if driven.trace.last().is_some_and(|p| p.loss > WORSE * loss) {
         driven.maps = maps;
