@@ -4,14 +4,13 @@
 mod device;
 
 use device::surfaces::*;
-use device::vectors::scene;
+use device::vectors::{more_pairs_than_a_dispatch_takes, scene};
 use device::*;
-use glam::dvec3;
 use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{Job, surface};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Sample, Twin};
-use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
 /// A gather's input: samples of a field none of which is about to change its bins, random residuals.
 struct GatherCase {
@@ -124,19 +123,11 @@ fn gather_in_slices_and_groups() {
     assert_valid(&gpu);
 }
 
-/// More pairs than one dispatch may walk. A product is split between rows of scanned points, or within one that is too long.
 #[test]
 fn gather_over_more_pairs_than_a_dispatch_takes() {
     let gpu = gpu();
-    let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 0.9) };
-    let grid = Grid::new(volume, 4, 0.1).unwrap();
-    let confocal = scene(182, 8, 14);
-    let rows = variant(&confocal, Geometry::Product, Reflectance::Cosine, false, 22);
-    let mut long = variant(&scene(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
-    long.wall.others.truncate(2);
-    long.measured.truncate(long.pairs() * long.bins);
-    assert!(long.wall.scanned.len() > PAIR_CHUNK as usize);
-    for (model, dispatches) in [(confocal, 2), (rows, 3), (long, 4)] {
+    let (grid, models) = more_pairs_than_a_dispatch_takes();
+    for (model, dispatches) in models {
         let case = GatherCase::new(model, grid, 24);
         assert!(case.samples.len() > 20, "{}", case.samples.len());
         let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));

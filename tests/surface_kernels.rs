@@ -301,7 +301,8 @@ fn check_iterations(
     let twin = Twin { model: &model, grid: &grid };
     let o = VectorOptions { accumulation, ..surface_options(&grid) };
     let mut job = job(gpu, &model, &grid, &o);
-    let words = surface::weights(&model, &grid, job.plan.finest(), [60.0, 2.0], 12);
+    let words =
+        surface::weights(&model, &grid, job.plan.finest(), [60.0, surface::unexplained(&model, 2.0)], 12);
     let mut weights = SurfaceWeights::from(words);
     assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);
     write(&mut job, "surface_weights", &words);

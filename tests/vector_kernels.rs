@@ -10,7 +10,7 @@ use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, Job, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, Told, Twin};
-use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
 #[test]
 fn points_and_extrapolate() {
@@ -340,20 +340,12 @@ fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
     assert_valid(&gpu);
 }
 
-/// More pairs than one dispatch may walk: the sums of the first go on in the next. A product is split between rows of
-/// scanned points, or within one that is too long.
+/// The sums of the first dispatch go on in the next.
 #[test]
 fn gathers_over_more_pairs_than_a_dispatch_takes() {
     let gpu = gpu();
-    let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 0.9) };
-    let grid = Grid::new(volume, 4, 0.1).unwrap();
-    let confocal = scene(182, 8, 14);
-    let rows = variant(&confocal, Geometry::Product, Reflectance::Cosine, false, 22);
-    let mut long = variant(&scene(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
-    long.wall.others.truncate(2);
-    long.measured.truncate(long.pairs() * long.bins);
-    assert!(long.wall.scanned.len() > PAIR_CHUNK as usize);
-    for (model, dispatches) in [(confocal, 2), (rows, 3), (long, 4)] {
+    let (grid, models) = more_pairs_than_a_dispatch_takes();
+    for (model, dispatches) in models {
         check_gathers(&gpu, &StepCase::new(model, grid, 0.4), dispatches);
     }
     assert_valid(&gpu);

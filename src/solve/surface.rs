@@ -178,8 +178,8 @@ fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
     s
 }
 
-/// Puts the pixels on the device with the amplitudes that explain most of the data, and tells the largest of them and the
-/// weighted mean of what they render, squared; `None` if none do. Row `row` of the trace is written on.
+/// Puts the pixels on the device with the amplitudes that explain most of the data, and tells the largest of them and what is
+/// left [`unexplained`]; `None` if none do. Row `row` of the trace is written on.
 fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<[f64; 2]>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
@@ -188,15 +188,11 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
     upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(x * y)))?;
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(1.0)))?;
-    let mut objective = |residual| -> Result<f64> {
-        let count = pixels.len();
+    let mut objective = |before: Schedule, residual| -> Result<f64> {
         let mut s = Schedule::default();
         s.stage("surface", &stage_values(level, row));
-        s.extend(start(level, count));
-        s.extend(points(level, count));
-        s.extend(forward(&job.plan, level, "forward"));
-        s.dispatch(residual, groups(job.plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-            .bind("scene", level.scene);
+        s.extend(before);
+        s.extend(render(&job.plan, level, pixels.len(), residual));
         s.dispatch("surface_finish", [1, 1, 1])
             .bind("scene", level.scene)
             .with(Push { iteration: row as u32, ..Default::default() });
@@ -205,7 +201,8 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
         Ok(f64::from(f32::from_bits(rows[row][TRACE_OBJECTIVE as usize])))
     };
     // |A v|² and |A v - h|², and so what factor of v leaves least.
-    let (rendered, left) = (objective("residual_bound")?, objective("residual")?);
+    let rendered = objective(start(level, pixels.len()), "residual_bound")?;
+    let left = objective(Schedule::default(), "residual")?;
     let measured = energy(&job.model, level.pairs);
     let scale = 0.5 * (rendered + measured - left) / rendered;
     if !(scale.is_finite() && scale > 0.0) {
@@ -213,29 +210,32 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
     }
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    Ok(Some([most, scale * scale * rendered]))
+    Ok(Some([most, unexplained(&job.model, scale * scale * rendered)]))
 }
 
 /// The weighted mean of the squared measurement over the first `pairs`.
 fn energy(model: &Model, pairs: usize) -> f64 {
     let square = |(i, m): (usize, &f32)| model.bin_weight(i % model.bins) * f64::from(*m).powi(2);
     let sum: f64 = model.measured[..pairs * model.bins].iter().enumerate().map(square).sum();
-    sum * model.pairs() as f64 / (model.elements * pairs).max(1) as f64
+    sum / model.elements_of(pairs).max(1) as f64
 }
 
-/// The buffer `surface_weights`, for amplitudes of up to `most`, which explain so much of the data's weighted mean of squares,
-/// after levels of which the first had the grid `first`.
+/// What no surface need explain of the data term, where its light explains so much: photon noise and the model's own misfit.
+pub fn unexplained(model: &Model, explained: f64) -> f64 {
+    expected_noise(model).max(0.0) + MISFIT * MISFIT * explained
+}
+
+/// The buffer `surface_weights`, for amplitudes of up to `most` and what is left [`unexplained`], after levels of which the
+/// first had the grid `first`.
 pub fn weights(
     model: &Model,
     first: &Grid,
     level: &Level,
-    [most, explained]: [f64; 2],
+    [most, unexplained]: [f64; 2],
     iterations: usize,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
-    let elements = (model.elements * level.pairs / model.pairs().max(1)).max(1);
-    let noise = expected_noise(model).max(0.0) + MISFIT * MISFIT * explained;
     // Half of chi² is the objective times this, inverted.
-    let unit = 2.0 * noise / elements as f64;
+    let unit = 2.0 * unexplained / model.elements_of(level.pairs).max(1) as f64;
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
     let coarser = (first.pitch.x / level.grid.pitch.x).min(level.grid.n[0] as f64 / AMPLE as f64);
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
@@ -279,16 +279,20 @@ pub fn points(level: &Level, count: usize) -> Schedule {
     s
 }
 
+/// Renders the surface at hand and takes it in by the kernel `residual`.
+fn render(plan: &Plan, level: &Level, count: usize, residual: &'static str) -> Schedule {
+    let mut s = points(level, count);
+    s.extend(forward(plan, level, "forward"));
+    s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS)).bind("scene", level.scene);
+    s
+}
+
 /// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather, combine,
 /// step, finish.
 pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) -> Schedule {
     let scene = level.scene;
-    let mut s = points(level, count);
-    s.extend(forward(plan, level, "forward"));
+    let mut s = render(plan, level, count, "residual");
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
-    s.dispatch("residual", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-        .bind("scene", scene)
-        .with(push);
     for chunk in pair_chunks(plan, level) {
         s.indirect("surface_gather", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
             .bind("scene", scene)

@@ -173,6 +173,11 @@ impl Model {
         self.bins + PADDING as usize
     }
 
+    /// Bins of so many pairs, as `elements` counts them.
+    pub fn elements_of(&self, pairs: usize) -> usize {
+        self.elements * pairs / self.pairs().max(1)
+    }
+
     /// Cells of all histograms.
     pub fn cells(&self) -> usize {
         cells(self.pairs(), self.bins)
@@ -232,8 +237,7 @@ impl Model {
         let bricks = grid.bricks();
         let [scanned, others] =
             self.wall.geometry.counts(pairs, self.wall.scanned.len(), self.wall.others.len());
-        // Bins of these pairs, as `elements` counts them.
-        let elements = self.elements * pairs / self.pairs().max(1);
+        let elements = self.elements_of(pairs);
         // A sample strays half a voxel from its centre; what is nearer than `nearest` is dropped.
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));

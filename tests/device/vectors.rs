@@ -5,13 +5,27 @@ use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{Job, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::Momentum;
-use thirdbounce::transport::{Gradient, Grid, Model, Sampling};
+use thirdbounce::transport::{Geometry, Gradient, Grid, Model, Reflectance, Sampling, Volume};
 
-use super::{Random, model, read, read_raw, write, write_raw};
+use super::{Random, model, read, read_raw, variant, write, write_raw};
 
 /// What the vector solver makes of the tests' random scene.
 pub fn scene(n: usize, bins: usize, seed: u64) -> Model {
     Model { sampling: Sampling::Fixed, gradient: Gradient::Exact, ..model(n, bins, seed) }
+}
+
+/// A grid, and models with more pairs than one dispatch may walk, each with how many it takes. A product is split between rows
+/// of scanned points, or within one that is too long.
+pub fn more_pairs_than_a_dispatch_takes() -> (Grid, [(Model, usize); 3]) {
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 0.9) };
+    let grid = Grid::new(volume, 4, 0.1).unwrap();
+    let confocal = scene(182, 8, 14);
+    let rows = variant(&confocal, Geometry::Product, Reflectance::Cosine, false, 22);
+    let mut long = variant(&scene(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
+    long.wall.others.truncate(2);
+    long.measured.truncate(long.pairs() * long.bins);
+    assert!(long.wall.scanned.len() > PAIR_CHUNK as usize);
+    (grid, [(confocal, 2), (rows, 3), (long, 4)])
 }
 
 pub fn vector_options(grid: &Grid) -> VectorOptions {

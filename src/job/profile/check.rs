@@ -220,12 +220,7 @@ fn check_surface(
     };
     let clear = |h: &Vec<Height>| {
         let (_, samples) = twin::surface_points(&twin, &columns, &twin::surface_bonds(&twin, &columns, h), h);
-        samples.iter().all(|s| {
-            (0..model.pairs()).all(|pair| {
-                let position = (model.wall.path(pair, s.point) - model.t_start) / model.bin_width - 0.5;
-                (position - position.round()).abs() > 1e-4
-            })
-        })
+        samples.iter().all(|s| is_clear(&model, s.point, 0.5))
     };
     let heights = (0..100).map(heights).find(clear).unwrap_or_default();
     let of = |value: fn(&Height) -> f64| heights.iter().map(|h| value(h) as f32).collect::<Vec<_>>();
@@ -234,7 +229,7 @@ fn check_surface(
     upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(LATERAL * LATERAL)))?;
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&words))?;
-    let weights = surface::weights(&model, &grid, &level, [2.0, 1.0], 1);
+    let weights = surface::weights(&model, &grid, &level, [2.0, surface::unexplained(&model, 1.0)], 1);
     upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
     let bytes = job.plan.bytes();
     let mut s = Schedule::default();
@@ -283,6 +278,15 @@ fn random(i: usize) -> [f32; 4] {
     std::array::from_fn(|k| twin::random3(i as u32, k as u32, 0, 1)[0] as f32)
 }
 
+/// Whether no path by that point runs so near to where a bin begins (`part` 0) or to its centre (0.5) that fp32 and float64
+/// may choose different ones.
+fn is_clear(model: &Model, point: DVec3, part: f64) -> bool {
+    (0..model.pairs()).all(|pair| {
+        let position = (model.wall.path(pair, point) - model.t_start) / model.bin_width - part;
+        (position - position.round()).abs() > 1e-4
+    })
+}
+
 /// A fifth of the voxels that may be active, less those of which some path runs so near to the edge of a bin that
 /// fp32 and float64 may choose different ones.
 fn domain(twin: &Twin, raw: &[Raw]) -> Vec<bool> {
@@ -290,10 +294,7 @@ fn domain(twin: &Twin, raw: &[Raw]) -> Vec<bool> {
     let near = model.near_z(grid);
     let clear = |i: u32| {
         let s = twin::sample(twin, 0, &[i], raw)[0];
-        (0..model.pairs()).all(|pair| {
-            let position = (model.wall.path(pair, s.point) - model.t_start) / model.bin_width;
-            (position - position.round()).abs() > 1e-4
-        })
+        is_clear(model, s.point, 0.0)
     };
     let on = |i: usize| {
         let c = grid.voxel(i);

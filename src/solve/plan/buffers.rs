@@ -5,6 +5,21 @@ use crate::gpu::{BufferPlan, Place};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
+/// What every pixel of the surface has, bytes.
+const OF_PIXEL: [(&str, u64); 6] = [
+    ("pixels", 16),
+    ("heights", 8),
+    ("slopes", 8),
+    ("stencils", 64),
+    ("height_gradient", 16),
+    ("height_moments", 16),
+];
+
+/// Bytes of a surface with so many pixels, and their numbers by column.
+pub(super) fn surface_bytes(pixels: u64) -> u64 {
+    pixels * (OF_PIXEL.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4)
+}
+
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
         let grid = &self.finest().grid;
@@ -55,16 +70,12 @@ impl Plan {
                 cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP) * 8,
             ),
             ("columns", columns),
-            ("pixels", pixels * 16),
             ("pixel_of", if pixels > 0 { columns / 8 } else { 0 }),
-            ("heights", pixels * 8),
-            ("slopes", pixels * 8),
-            ("stencils", pixels * 64),
-            ("height_gradient", pixels * 16),
-            ("height_moments", pixels * 16),
             ("surface_weights", if pixels > 0 { u64::from(SURFACE_WEIGHTS) * 4 } else { 0 }),
         ];
-        let mut all: Vec<_> = device.iter().map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
+        let of_pixels = OF_PIXEL.map(|(name, bytes)| (name, pixels * bytes));
+        let mut all: Vec<_> =
+            device.iter().chain(&of_pixels).map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
         for level in &self.levels {
             all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
             let bricks = level.grid.storage() / BRICK_VOXELS;

@@ -1,6 +1,7 @@
 //! What a scene does not need, and what is saved by leaving it out: exact for memory and for what is counted, and
 //! measured for time in docs/leave-out.md.
 
+use super::buffers::surface_bytes;
 use super::{Level, Plan};
 use crate::solve::NoiseTerm;
 use crate::transport::{Geometry, Gradient, Reflectance};
@@ -71,7 +72,8 @@ impl Plan {
             );
         }
         if self.vectors && self.surface_iterations == 0 {
-            let bytes = 132 * (self.finest().grid.n[0] * self.finest().grid.n[1]) as u64;
+            let [x, y, _] = self.finest().grid.n;
+            let bytes = surface_bytes((x * y) as u64);
             left("the surface that the volume's maps begin".into(), mebibytes(bytes));
         }
         let slots = self.capacity as u64;
