@@ -63,6 +63,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("surface_extract", "surface_extract.comp", &[]),
     ("surface_gather", "surface_gather.comp", &[]),
     ("surface_points", "surface_points.comp", &[]),
+    ("surface_pull", "surface_pull.comp", &[]),
     ("surface_step", "surface_step.comp", &[]),
     ("threshold", "threshold.comp", &[]),
     ("update", "update.comp", &[]),

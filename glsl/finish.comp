@@ -2,7 +2,7 @@
 // tree), writes the iteration's row of the trace that the host reads behind, and resets what the next
 // iteration maximises. With ACCELERATED it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle
 // 2009), restarted where the step goes against the momentum or the objective rose (O'Donoghue & Candes 2015);
-// where it rose, steps become shorter, down to the one that is proven safe.
+// where it rose by more than rounding, steps become shorter, down to the one that is proven safe.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -10,6 +10,7 @@
 #include "sums.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
+const float ROUNDING = 1e-5; // of the objective: what it seems to rise by less than this it may not rise at all
 layout(constant_id = 11) const uint VOXELS = WORKGROUP; // voxels behind one partial sum of theirs
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
@@ -49,7 +50,7 @@ void main() {
     if (ACCELERATED == 0u) return;
     objective += sum.z;
     float t = momentum[MOMENTUM_T];
-    bool rose = objective > momentum[MOMENTUM_OBJECTIVE];
+    bool rose = objective > (1.0 + ROUNDING) * momentum[MOMENTUM_OBJECTIVE];
     bool restart = rose || sum.w > 0.0;
     if (rose) momentum[MOMENTUM_SHARE] = min(1.5 * momentum[MOMENTUM_SHARE], 1.0);
     if (restart) momentum[MOMENTUM_RESTARTS] += 1.0;

@@ -152,7 +152,12 @@ const NUMBERS: &[(&str, u32, &str)] = &[
         "index in `surface_weights`: largest gradients of depth and, next to it, of amplitude so far",
     ),
     ("SURFACE_SMOOTH", 7, "index in `surface_weights`: Gaussian under which amplitudes are seen, pixels"),
-    ("SURFACE_WEIGHTS", 8, "length of `surface_weights`"),
+    (
+        "SURFACE_SPREAD",
+        8,
+        "index in `surface_weights`: Gaussian over which gradients are averaged at first, pixels",
+    ),
+    ("SURFACE_WEIGHTS", 9, "length of `surface_weights`"),
     ("FORWARD_DIRECT", 4, "flag: add straight to the histograms"),
     ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the dispatch before"),
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),

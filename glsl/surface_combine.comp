@@ -1,8 +1,8 @@
-// From the gradients of a pixel's four points to those of its depth, amplitude and slopes, and the prior that holds
+// From the gradients of a pixel's points to those of its depth, amplitude and slopes, and the prior that holds
 // neighbours together where photons are few: over pairs of neighbours,
 //   bond * (e^2 / (2 bend^2) + (a_i - a_j)^2 / (2 jump^2)),   e = (z_j - z_i - (s_i + s_j) / 2 . d) / pixel
 // with d from i to j: how far j is off the planes that both pixels lie in. What the slopes' gradient means for the depths
-// that they come from is surface_step.comp's. One invocation owns one pixel.
+// that they come from is surface_pull.comp's. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -10,6 +10,7 @@
 #include "reflectance.glsl"
 #include "sums.glsl"
 layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
@@ -30,18 +31,19 @@ void main() {
         vec4 points = vec4(0.0);
         vec2 tilts = vec2(0.0);
         float deeper = 0.0;
-        for (uint k = 0u; k < 4u; ++k) {
-            vec4 g = gradient[4u * pixel + k];
+        for (uint k = 0u; k < POINTS; ++k) {
+            vec4 g = gradient[POINTS * pixel + k];
             float along = NORMALS ? g.w : g.y;
             points += g;
             deeper += along;
-            tilts += along * quarter(k);
+            tilts += along * part(k, POINTS);
         }
-        float brighter = 0.25 * points.x;
+        float share = 1.0 / float(POINTS);
+        float brighter = share * points.x;
         if (NORMALS) {
             vec3 n = facing(slope);
-            vec3 turned = 0.25 * height.y * points.xyz;
-            brighter = 0.25 * dot(n, points.xyz);
+            vec3 turned = share * height.y * points.xyz;
+            brighter = share * dot(n, points.xyz);
             // d n / d slope = (e - n n.e) |n_z|.
             tilts -= n.z * (turned.xy - dot(turned, n) * n.xy);
         }

@@ -1,11 +1,12 @@
-// A pixel's slopes, and its four points as samples, each with a quarter of its amplitude: a pixel stands for as much
-// surface as its tilted square, whose paths differ by several bins. One invocation owns one pixel.
+// A pixel's slopes, and its points as samples that share its amplitude: a pixel stands for as much surface as its tilted
+// square, whose paths differ by several bins if it is large. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "reflectance.glsl"
 layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
@@ -28,13 +29,13 @@ void main() {
         if (other != NOWHERE) slope += stencils[8u * pixel + k] * (heights[other].x - height.x);
     }
     slopes[pixel] = slope;
-    float amplitude = 0.25 * height.y;
+    float amplitude = height.y / float(POINTS);
     vec2 limits = depth_limits();
     vec3 centre = position(vec3(pixel_xy(pixel), 0.0));
-    for (uint k = 0u; k < 4u; ++k) {
-        vec2 d = quarter(k);
+    for (uint k = 0u; k < POINTS; ++k) {
+        vec2 d = part(k, POINTS);
         float z = clamp(height.x + dot(slope, d), limits.x, limits.y);
-        uint slot = 4u * pixel + k;
+        uint slot = POINTS * pixel + k;
         sample_points[slot] = vec4(centre.xy + d, z, amplitude);
         // Of unit length: a pixel that has become dark keeps its direction, and with it the gradient that may light it again.
         if (NORMALS) sample_normals[slot] = vec4(facing(slope), 0.0);

@@ -238,7 +238,7 @@ pub fn run(
 /// What the caller may not have wanted: an end before the last doubling, an empty result.
 fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
     let mut notes = Vec::new();
-    let (reached, wanted) = (solved.maps.nx, solved.plan.finest().grid.n[0]);
+    let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
     if reached < wanted {
         notes.push(format!(
             "{} iterations end at {reached} lateral voxels, not at {wanted}: give more --iterations, a smaller \
@@ -249,7 +249,7 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
     if solved.surface_left {
         notes.push(
             "one surface explains the data far worse than the volume, as where one lies behind another: the maps are \
-             the volume's (--surface-iterations 0 saves the time)"
+             the volume's (--surface-iterations 0 saves the time, and solves the volume at the maps' own resolution)"
                 .into(),
         );
     }

@@ -77,6 +77,48 @@ impl Maps {
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
 
+    /// The same maps with each pixel cut in `factor` × `factor`. Between pixels' centres the albedo is linear in both
+    /// directions, depths and normals are means weighed by it, of those pixels that are as deep as the heaviest, give or take
+    /// 2.5 pixels: nothing hangs between an edge and what lies behind it.
+    pub fn finer(&self, factor: usize) -> Maps {
+        if factor <= 1 {
+            return self.clone();
+        }
+        let [nx, ny] = [self.nx * factor, self.ny * factor];
+        let [x0, x1, y0, y1] = self.extent;
+        let edge = (2.5 * (x1 - x0) / self.nx as f64).max(2.5 * (y1 - y0) / self.ny as f64) as f32;
+        let white = Maps::white(&self.albedo).max(f32::MIN_POSITIVE);
+        // The pixels that a new one lies between, and how much of it is of each.
+        let between = |i: usize, n: usize| {
+            let at = ((i as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+            [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(n - 1), at.fract())]
+        };
+        let mut all = Maps { nx, ny, albedo: vec![], depth: vec![], normal: vec![], mask: vec![], ..*self };
+        for (x, y) in (0..nx * ny).map(|i| (i / ny, i % ny)) {
+            let [rows, columns] = [between(x, self.nx), between(y, self.ny)];
+            let near = rows.map(|(i, a)| columns.map(|(j, b)| (i * self.ny + j, a * b)));
+            let lit =
+                near.concat().into_iter().map(|(from, share)| (from, share * self.albedo[from] / white));
+            let lit: Vec<(usize, f32)> = lit.filter(|(from, _)| self.depth[*from].is_finite()).collect();
+            let heaviest = lit.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|most| most.1 > 0.0);
+            let (mut weight, mut depth, mut normal) = (0.0, 0.0, [0.0; 3]);
+            for &(from, w) in &lit {
+                if heaviest.is_none_or(|most| (self.depth[from] - self.depth[most.0]).abs() > edge) {
+                    continue;
+                }
+                weight += w;
+                depth += w * self.depth[from];
+                (0..3).for_each(|k| normal[k] += w * self.normal[from][k]);
+            }
+            let long = normal.iter().map(|v| v * v).sum::<f32>().sqrt();
+            all.albedo.push(white * lit.iter().map(|l| l.1).sum::<f32>());
+            all.depth.push(if weight > 0.0 { depth / weight } else { f32::NAN });
+            all.normal.push(normal.map(|v| if long > 0.0 { v / long } else { f32::NAN }));
+        }
+        all.set_mask(self.mask_fraction);
+        all
+    }
+
     /// The pixel whose cell holds (x, y), `None` outside the extent. Its centre is the nearest one.
     pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {
         let cell = |v: f64, low: f64, high: f64, n: usize| {

@@ -74,7 +74,7 @@ fn gather_of_every_model_pair_and_wall() {
         let case = GatherCase::new(model, oblong(), 21);
         assert!(case.samples.len() > 200, "{}", case.samples.len());
         assert!(case.samples.iter().any(|s| s.albedo == 0.0));
-        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
         case.write(&mut job);
         run_surface(&mut job, case.samples.len() / 4, 0, &["surface_gather"]);
         case.check(&mut job, 3e-5);
@@ -90,7 +90,7 @@ fn gather_of_long_paths() {
     {
         let model = variant(&scene(5, 4096, 9), geometry, Reflectance::Cosine, false, 23 + i as u64);
         let case = GatherCase::new(model, oblong(), 24);
-        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
         assert!(job.plan.fine);
         case.write(&mut job);
         run_surface(&mut job, case.samples.len() / 4, 0, &["surface_gather"]);
@@ -104,7 +104,7 @@ fn gather_in_slices_and_groups() {
     let gpu = gpu();
     let case = GatherCase::new(scene(5, 64, 9), oblong(), 22);
     let kernel = KERNELS.iter().find(|k| k.name == "surface_gather").unwrap();
-    let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+    let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
     let pairs = case.model.pairs() as u32;
     for (voxels, slices) in [(32, 4), (8, 8), (1, 64), (64, 2)] {
         let constants = [("VOXELS", voxels), ("SLICES", slices)];
@@ -130,7 +130,7 @@ fn gather_over_more_pairs_than_a_dispatch_takes() {
     for (model, dispatches) in models {
         let case = GatherCase::new(model, grid, 24);
         assert!(case.samples.len() > 20, "{}", case.samples.len());
-        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid));
+        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
         case.write(&mut job);
         let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0);
         assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);

@@ -9,8 +9,15 @@ use glam::dvec3;
 use thirdbounce::transport::twin::{self, Bond, Height, Pull, SurfaceWeights, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
 
-const NO_PRIOR: SurfaceWeights =
-    SurfaceWeights { bend: 0.0, jump: 0.0, rates: NOTHING, iterations: 1.0, largest: NOTHING, smooth: 1.0 };
+const NO_PRIOR: SurfaceWeights = SurfaceWeights {
+    bend: 0.0,
+    jump: 0.0,
+    rates: NOTHING,
+    iterations: 1.0,
+    largest: NOTHING,
+    smooth: 1.0,
+    spread: 0.0,
+};
 const NOTHING: Height = Height { depth: 0.0, amplitude: 0.0 };
 
 fn scene() -> (Model, Grid) {
@@ -84,12 +91,13 @@ fn the_gradient_is_the_slope_of_the_objective() {
         let model = measured(&model, &grid, &field(&grid, 61), 62);
         let twin = Twin { model: &model, grid: &grid };
         let (mut field, bonds) = bent(&twin, 61);
+        field.each = [4, 1][i % 2];
         // As large as the data term's share, for one in three.
         let weights =
             SurfaceWeights { bend: [0.0, 1e-3, 0.0][i % 3], jump: [0.0, 0.0, 1e-7][i % 3], ..NO_PRIOR };
         let gradient = gradient(&twin, &field, &bonds, &weights);
         check(&twin, &mut field, &bonds, &gradient, true, |f| {
-            twin::surface_objective(&twin, &f.columns, &bonds, &f.heights, &weights)
+            twin::surface_objective(&twin, &f.columns, &bonds, &f.heights, f.each, &weights)
         });
     }
 }
@@ -106,7 +114,7 @@ fn the_prior_alone_has_its_gradient_and_both_halves_of_its_energy() {
     let combined = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &none, &weights);
     let gradient = twin::surface_gradient(&bonds, &combined);
     let prior = |f: &Field| {
-        let of = |w| twin::surface_objective(&twin, &f.columns, &bonds, &f.heights, w);
+        let of = |w| twin::surface_objective(&twin, &f.columns, &bonds, &f.heights, f.each, w);
         of(&weights) - of(&NO_PRIOR)
     };
     let energy: f64 = combined.iter().map(|c| c.energy).sum();

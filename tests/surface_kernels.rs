@@ -40,10 +40,12 @@ fn pitches(grid: &Grid) -> f64 {
 fn bonds_and_points() {
     let gpu = gpu();
     let grid = oblong();
-    for reflectance in [Reflectance::Cosine, Reflectance::Isotropic] {
+    for (reflectance, each) in
+        [(Reflectance::Cosine, 4), (Reflectance::Isotropic, 4), (Reflectance::Lambertian, 1)]
+    {
         let model = Model { reflectance, ..scene(3, 40, 1) };
         let twin = Twin { model: &model, grid: &grid };
-        let mut field = field(&grid, 2);
+        let mut field = Field { each, ..field(&grid, 2) };
         // Beside the rest a spike that leaves the grid on both sides of it.
         let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
         let middle = field.len() / 2;
@@ -56,11 +58,11 @@ fn bonds_and_points() {
         assert!(weights().any(|w| w < 0.1) && weights().any(|w| w > 0.5), "some across an edge");
         assert!(field.len() > WORKGROUP as usize, "more than one group");
 
-        let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+        let mut job = job(&gpu, &model, &grid, &surface_options(&grid, each));
         field.write(&mut job);
         run_bonds(&mut job, field.len());
         let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
-        assert_eq!(counts[COUNT_ACTIVE as usize] as usize, 4 * field.len());
+        assert_eq!(counts[COUNT_ACTIVE as usize] as usize, each * field.len());
         assert!(read::<u32>(&mut job, "height_moments", 4 * field.len()).iter().all(|m| *m == 0));
         let got = read_floats(&mut job, "stencils", 16 * field.len());
         let e = error(got, stencils(&bonds));
@@ -69,7 +71,7 @@ fn bonds_and_points() {
         let pixels: Vec<[u32; 4]> = read(&mut job, "pixels", field.len());
         assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
 
-        write(&mut job, "counts", &[4 * field.len() as u32, 0, 0, 0, 0, 0]);
+        write(&mut job, "counts", &[(each * field.len()) as u32, 0, 0, 0, 0, 0]);
         let s = surface::points(job.plan.finest(), field.len());
         job.executor.run(&s).unwrap();
         let (slopes, samples) = field.points(&twin, &bonds);
@@ -77,7 +79,7 @@ fn bonds_and_points() {
         let e = error(got.concat(), flat(&slopes));
         assert!(e < 1e-5, "{e}");
         let clamped = |at: f64| samples.iter().filter(|s| (s.point.z - at).abs() < 1e-9).count();
-        assert!(clamped(near) > 1 && clamped(far) > 1);
+        assert!(each == 1 || clamped(near) > 1 && clamped(far) > 1);
         let got = read_raw(&mut job, "sample_points", samples.len());
         for (g, w) in got.iter().zip(&samples) {
             // Metres; a depth takes in a slope, which is known to 1e-5 of at most 5, times a quarter of a pixel.
@@ -106,12 +108,14 @@ fn bonds_and_points() {
 fn combine() {
     let gpu = gpu();
     let grid = oblong();
-    for reflectance in [Reflectance::Lambertian, Reflectance::Retroreflective] {
+    for (reflectance, each) in
+        [(Reflectance::Lambertian, 4), (Reflectance::Retroreflective, 4), (Reflectance::Cosine, 1)]
+    {
         let directed = reflectance.has_normals();
         let model = Model { reflectance, ..scene(3, 40, 1) };
         let twin = Twin { model: &model, grid: &grid };
-        let mut field = field(&grid, 31);
-        let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+        let mut field = Field { each, ..field(&grid, 31) };
+        let mut job = job(&gpu, &model, &grid, &surface_options(&grid, each));
         field.write(&mut job);
         run_bonds(&mut job, field.len());
         let bonds = field.bonds(&twin);
@@ -124,13 +128,13 @@ fn combine() {
         let slopes: Vec<[f64; 2]> = field.points(&twin, &bonds).0.iter().map(one).collect();
         write(&mut job, "slopes", &slopes.iter().map(|s| s.map(|v| v as f32)).collect::<Vec<_>>());
         let slopes: Vec<DVec2> = slopes.into_iter().map(DVec2::from_array).collect();
-        let gradient: Vec<Raw> = (0..4 * field.len())
+        let gradient: Vec<Raw> = (0..each * field.len())
             .map(|_| std::array::from_fn(|k| random.uniform(-1.0, 1.0) * [20.0, 20.0, 20.0, 50.0][k]))
             .collect();
         write_raw(&mut job, "gradient", &gradient);
         let pulls: Vec<Pull> = gradient
             .iter()
-            .zip(slopes.iter().flat_map(|s| [s; 4]))
+            .zip(slopes.iter().flat_map(|s| std::iter::repeat_n(s, each)))
             .map(|(g, slope)| {
                 let vector = dvec3(g[0], g[1], g[2]);
                 match directed {
@@ -174,11 +178,17 @@ fn combine() {
 #[test]
 fn several_steps() {
     let gpu = gpu();
+    // By a pixel's own gradient; by those around it, over 1.5 pixels at first and by a Gaussian that leaves the maps.
+    [0.0, 1.5, 6.0].into_iter().for_each(|spread| check_steps(&gpu, spread));
+    assert_valid(&gpu);
+}
+
+fn check_steps(gpu: &Gpu, spread: f64) {
     let (model, grid) = (scene(3, 40, 1), oblong());
     let twin = Twin { model: &model, grid: &grid };
     let mut field = field(&grid, 41);
     let bonds = field.bonds(&twin);
-    let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+    let mut job = job(gpu, &model, &grid, &surface_options(&grid, 4));
     field.write(&mut job);
     run_bonds(&mut job, field.len());
     let weights = SurfaceWeights {
@@ -189,9 +199,11 @@ fn several_steps() {
         // Small gradients of depth are rounding, then; none of amplitude is.
         largest: Height { depth: 1.0 / 8192.0, amplitude: 0.0 },
         smooth: 1.0,
+        spread,
     };
     write_weights(&mut job, &weights);
     let mut moments = vec![[Height::default(); 2]; field.len()];
+    let depths: Vec<f64> = field.heights.iter().map(|h| h.depth).collect();
     let mut random = Random::new(42);
     let (mut dark, mut ends) = (0, 0);
     let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
@@ -214,13 +226,14 @@ fn several_steps() {
             .collect();
         let gradient = twin::surface_gradient(&bonds, &combined);
         let before = field.heights.clone();
-        twin::surface_step(&twin, &gradient, &weights, number, &mut field.heights, &mut moments);
-        assert_eq!(field.heights[alone], before[alone]);
-        run_surface(&mut job, field.len(), number as usize - 1, &["surface_step"]);
+        let (columns, heights) = (&field.columns, &mut field.heights);
+        twin::surface_step(&twin, columns, &depths, &gradient, &weights, number, heights, &mut moments);
+        assert!(spread > 0.0 || field.heights[alone] == before[alone]);
+        run_surface(&mut job, field.len(), number as usize - 1, &["surface_pull", "surface_step"]);
         let got = read_heights(&mut job, field.len());
         // A depth that is next to balanced goes by a quotient of two small numbers.
         for (k, e) in [0, 1].map(|k| (k, error(halves(&got)[k].clone(), halves(&field.heights)[k].clone()))) {
-            assert!(e < 3e-6, "step {number}, {k}: {e}");
+            assert!(e < 3e-6, "spread {spread} step {number}, {k}: {e}");
         }
         dark += field.heights.iter().filter(|h| h.amplitude == 0.0).count();
         ends += field.heights.iter().filter(|h| h.depth == near || h.depth == far).count();
@@ -231,7 +244,6 @@ fn several_steps() {
         let of = |m: &[Height; 2]| if k % 2 == 0 { m[k / 2].depth } else { m[k / 2].amplitude };
         assert!(error(got.iter().map(|g| g[k]), moments.iter().map(of)) < 1e-5);
     }
-    assert_valid(&gpu);
 }
 
 #[test]
@@ -241,7 +253,7 @@ fn extract() {
     let twin = Twin { model: &model, grid: &grid };
     let field = field(&grid, 51);
     let bonds = field.bonds(&twin);
-    let mut job = job(&gpu, &model, &grid, &surface_options(&grid));
+    let mut job = job(&gpu, &model, &grid, &surface_options(&grid, 4));
     field.write(&mut job);
     run_bonds(&mut job, field.len());
     let columns = grid.n[0] * grid.n[1];
@@ -277,12 +289,12 @@ fn extract() {
 fn iterations_in_a_row() {
     let gpu = gpu();
     let cases = [
-        (Geometry::Confocal, Reflectance::Cosine, false, Accumulation::Owned),
-        (Geometry::TwoPoints, Reflectance::Lambertian, true, Accumulation::Fixed),
-        (Geometry::Product, Reflectance::Isotropic, false, Accumulation::Fixed32),
+        (Geometry::Confocal, Reflectance::Cosine, false, Accumulation::Owned, 4),
+        (Geometry::TwoPoints, Reflectance::Lambertian, true, Accumulation::Fixed, 1),
+        (Geometry::Product, Reflectance::Isotropic, false, Accumulation::Fixed32, 4),
     ];
-    for (geometry, reflectance, curved, accumulation) in cases {
-        check_iterations(&gpu, geometry, reflectance, curved, accumulation);
+    for (geometry, reflectance, curved, accumulation, each) in cases {
+        check_iterations(&gpu, geometry, reflectance, curved, accumulation, each);
     }
     assert_valid(&gpu);
 }
@@ -293,23 +305,25 @@ fn check_iterations(
     reflectance: Reflectance,
     curved: bool,
     accumulation: Accumulation,
+    each: usize,
 ) {
     let grid = oblong();
-    let mut field = field(&grid, 61);
+    let mut field = Field { each, ..field(&grid, 61) };
     let model = variant(&scene(5, 48, 9), geometry, reflectance, curved, 62);
     let model = measured(&model, &grid, &field, 63);
     let twin = Twin { model: &model, grid: &grid };
-    let o = VectorOptions { accumulation, ..surface_options(&grid) };
+    let o = VectorOptions { accumulation, ..surface_options(&grid, each) };
     let mut job = job(gpu, &model, &grid, &o);
-    let words =
+    let mut words =
         surface::weights(&model, &grid, job.plan.finest(), [60.0, surface::unexplained(&model, 2.0)], 12);
+    words[SURFACE_SPREAD as usize] = 1.25;
     let mut weights = SurfaceWeights::from(words);
     assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);
     write(&mut job, "surface_weights", &words);
     field.write(&mut job);
     zero_histograms(&mut job);
     let bonds = field.bonds(&twin);
-    let mut s = surface::start(job.plan.finest(), field.len());
+    let mut s = surface::start(job.plan.finest(), field.len(), each);
     s.set("counts", COUNT_FAULTS, 0);
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
     const ROWS: usize = 8;
@@ -320,6 +334,7 @@ fn check_iterations(
     let mut moments = vec![[Height::default(); 2]; field.len()];
     let mut want = vec![];
     let first = field.heights.clone();
+    let depths: Vec<f64> = first.iter().map(|h| h.depth).collect();
     for i in 0..ROWS {
         let (slopes, samples) = field.points(&twin, &bonds);
         let (residual, [data, plain]) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
@@ -329,7 +344,8 @@ fn check_iterations(
         weights.see(&combined);
         want.push([data, plain, energy]);
         let gradient = twin::surface_gradient(&bonds, &combined);
-        twin::surface_step(&twin, &gradient, &weights, i as u32 + 1, &mut field.heights, &mut moments);
+        let (columns, heights) = (&field.columns, &mut field.heights);
+        twin::surface_step(&twin, columns, &depths, &gradient, &weights, i as u32 + 1, heights, &mut moments);
     }
     let rows: Vec<[u32; TRACE_ROW as usize]> =
         bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[..ROWS * TRACE_ROW as usize * 4]);
@@ -341,11 +357,11 @@ fn check_iterations(
     for (row, want) in rows.iter().zip(&want) {
         let got = [TRACE_OBJECTIVE, TRACE_DATA, TRACE_L1].map(|i| f64::from(f32::from_bits(row[i as usize])));
         for k in 0..3 {
-            assert!((got[k] / want[k] - 1.0).abs() < 3e-4, "{what}: {got:?} {want:?}");
+            assert!((got[k] / want[k] - 1.0).abs() < 1e-3, "{what}: {got:?} {want:?}");
         }
         assert_eq!(
             [row[TRACE_ACTIVE as usize] as usize, row[TRACE_FAULTS as usize] as usize],
-            [4 * field.len(), 0]
+            [each * field.len(), 0]
         );
     }
     let got = halves(&read_heights(&mut job, field.len()));

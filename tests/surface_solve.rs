@@ -51,6 +51,39 @@ fn pixels_are_the_bright_ones_with_a_depth() {
 }
 
 #[test]
+fn finer_maps_bridge_no_edges() {
+    let mut coarse = Maps { nx: 2, ny: 3, extent: [0.0, 2.0, 0.0, 3.0], ..maps(vec![1.0; 6], vec![0.5; 6]) };
+    assert_eq!(coarse.finer(1), coarse);
+    let fine = coarse.finer(3);
+    assert_eq!((fine.nx, fine.ny, fine.extent), (6, 9, coarse.extent));
+    assert!(fine.albedo.iter().all(|a| (a - 1.0).abs() < 1e-6));
+    assert!(fine.depth.iter().all(|z| (z - 0.5).abs() < 1e-6) && fine.normal.iter().all(|n| n[2] == -1.0));
+    // Between the centres of the first two along y, a slope of two pixels, then an edge of three, then nothing.
+    coarse.depth = vec![1.0, 3.0, 6.0, 1.0, 3.0, f32::NAN];
+    coarse.albedo = vec![1.0, 3.0, 1.0, 1.0, 3.0, 0.0];
+    let fine = coarse.finer(2);
+    let row = |v: &[f32], x: usize| v[6 * x..6 * x + 6].to_vec();
+    assert_eq!(row(&fine.albedo, 0), [1.0, 1.5, 2.5, 2.5, 1.5, 1.0]);
+    let depth = |light: [f32; 2], z: [f32; 2]| (light[0] * z[0] + light[1] * z[1]) / (light[0] + light[1]);
+    let near = |a: &[f32], b: [f32; 6]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
+    let sloping = [depth([0.75, 0.75], [1.0, 3.0]), depth([0.25, 2.25], [1.0, 3.0])];
+    // A quarter and three quarters of the way: 2.25 of three's light against 0.25 of six's, then 0.75 and 0.75.
+    let edge = row(&fine.depth, 0);
+    assert!(near(&edge[..4], [1.0, sloping[0], sloping[1], 3.0, 0.0, 0.0]), "{edge:?}");
+    assert!(edge[4] == 3.0 || edge[4] == 6.0, "no mean of both sides: {edge:?}");
+    assert_eq!(edge[5], 6.0);
+    // What is dark and nowhere has no share in what is beside it, and stays nowhere.
+    let other = row(&fine.depth, 3);
+    assert!(
+        near(&other[..5], [1.0, sloping[0], sloping[1], 3.0, 3.0, 0.0]) && other[5].is_nan(),
+        "{other:?}"
+    );
+    assert_eq!(row(&fine.albedo, 3), [1.0, 1.5, 2.5, 2.25, 0.75, 0.0]);
+    assert!(fine.normal[6 * 3 + 5][2].is_nan() && fine.mask[6 * 3 + 2] && !fine.mask[6 * 3 + 5]);
+    coarse.check().and(fine.check()).unwrap();
+}
+
+#[test]
 fn pixels_as_buffers() {
     let pixels = Pixels { columns: vec![1, 4], albedo: vec![0.5, 2.0], depth: vec![0.75, 1.5] };
     assert_eq!(pixels.places(6), [u32::MAX, 0, u32::MAX, u32::MAX, 1, u32::MAX]);
@@ -262,6 +295,35 @@ fn a_large_scans_surface_ends_with_all_pairs() {
     assert_valid(&gpu);
 }
 
+/// Pixels finer than voxels: a volume of half the resolution, and maps as good as those of a whole one.
+#[test]
+fn pixels_may_be_finer_than_voxels() {
+    let gpu = gpu();
+    let (capture, truth) = scene("torus");
+    let of = |pixels_per_voxel| VectorOptions { pixels_per_voxel: Some(pixels_per_voxel), ..options(40) };
+    let [whole, half] = [1, 2].map(|k| run(&gpu, &capture, &of(k)));
+    let alone = run(&gpu, &capture, &VectorOptions { lateral: 16, ..options(0) });
+    assert_eq!((half.maps.nx, half.lateral, half.plan.factor()), (32, 16, 2));
+    assert_eq!(half.volume.as_ref().unwrap().grid, alone.plan.finest().grid);
+    assert_eq!(half.volume_iterations, 30);
+    let lateral = |iteration: usize| half.trace.iter().find(|p| p.iteration == iteration).map(|p| p.lateral);
+    assert_eq!([lateral(30), lateral(70)], [Some(16), Some(32)]);
+    assert!(half.device_bytes < whole.device_bytes && half.pairs < whole.pairs);
+    // Measured: half the depth error of the volume's maps, and no more than those of the whole one's surface.
+    let begun = alone.maps.finer(2);
+    let all = [&whole.maps, &half.maps, &begun];
+    let hit = |p: &usize| truth.mask[*p] && all.iter().all(|m| m.mask[*p]);
+    let found: Vec<usize> = (0..truth.mask.len()).filter(hit).collect();
+    assert!(found.len() > 100, "{}", found.len());
+    let [of_whole, of_half, of_begun] = all.map(|m| errors(m, &truth, &found));
+    assert!(
+        of_half[0] < 0.65 * of_begun[0] && of_half[1] < 0.75 * of_begun[1],
+        "{of_begun:?} to {of_half:?}"
+    );
+    assert!(of_half[0] < 1.2 * of_whole[0] && of_half[1] < 1.2 * of_whole[1], "{of_whole:?}, {of_half:?}");
+    assert_valid(&gpu);
+}
+
 /// Two plates, one behind the other, and neither hides the other: no height field.
 #[test]
 fn what_is_no_height_field_stays_a_volume() {
@@ -273,6 +335,11 @@ fn what_is_no_height_field_stays_a_volume() {
     assert!(both.surface_left && !volume.surface_left);
     assert_eq!(bits(&both.maps), bits(&volume.maps));
     assert_eq!(both.trace.last().unwrap().iteration, 80, "the trace tells what was tried");
+    let finer = VectorOptions { iterations: 60, pixels_per_voxel: Some(2), ..options(20) };
+    let coarse = VectorOptions { lateral: 16, iterations: 60, ..options(0) };
+    let [finer, coarse] = [finer, coarse].map(|o| run(&gpu, &capture, &o));
+    assert!(finer.surface_left);
+    assert_eq!(bits(&finer.maps), bits(&coarse.maps.finer(2)));
     let (capture, _) = self::scene("torus");
     assert!(!run(&gpu, &capture, &options(20)).surface_left);
     assert_valid(&gpu);

@@ -27,6 +27,23 @@ fn finish_decides_on_the_momentum() {
         // Falls for a while, with a rise now and then; against the momentum now and then.
         let rise = i % 7 == 6;
         let level = 1.0 / f64::from(1 + i) + if rise { 2.0 } else { 0.0 };
+        if i > 0 && i % 7 == 0 {
+            // A rise by rounding, which is none, and one by more.
+            for (more, rose) in [(1.0 + 3e-6, false), (1.0 - 3e-6, false), (1.0 + 5e-5, true)] {
+                let share = want.share;
+                let risen = want.objective * more;
+                write(&mut job, "loss_partials", &vec![0.0f32; 2 * losses(&model)]);
+                let mut l1 = vec![0.0f32; active.div_ceil(voxels)];
+                write(&mut job, "against_partials", &l1);
+                l1[0] = risen as f32;
+                write(&mut job, "l1_partials", &l1);
+                set_counts(&mut job, active, 1.25);
+                run_iteration(&mut job, i, &["finish"]);
+                want = twin::finish_accelerated(want, f64::from(risen as f32), 0.0);
+                assert_eq!(want.share > share, rose && share < 1.0, "{more}");
+                assert_eq!(read_momentum(&mut job).restarts, want.restarts, "{more}");
+            }
+        }
         let sign = if i % 5 == 4 { 1.0 } else { -1.0 };
         let loss: Vec<f32> =
             (0..2 * losses(&model)).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
@@ -42,7 +59,7 @@ fn finish_decides_on_the_momentum() {
         let objective = data(0) / elements as f64 + sum(&l1);
         let before = want;
         want = twin::finish_accelerated(want, objective, sum(&against));
-        rises += usize::from(objective > before.objective);
+        rises += usize::from(objective > (1.0 + 1e-5) * before.objective);
         turns += usize::from(sign > 0.0);
         let got = read_momentum(&mut job);
         let close =
@@ -402,10 +419,23 @@ fn the_papers_scene_takes_150_megabytes() {
     let volume = Volume { min: dvec3(-0.5, -0.5, 0.25), max: dvec3(0.5, 0.5, 1.4) };
     let grid = Grid::new(volume, 128, (volume.max.z - volume.min.z) / 333.0).unwrap();
     assert_eq!(grid.n, [128, 128, 333]);
-    let o = VectorOptions { coarse_to_fine: true, room: None, ..vector_options(&grid) };
-    let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), false).unwrap();
-    let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
-    assert!(bytes < 100_000_000, "{bytes}");
-    assert!(plan.capacity * 16 >= grid.storage() && plan.capacity < grid.storage());
-    assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
+    // With voxels as small as the paper's, and as large as two pixels of the surface.
+    for (pixels_per_voxel, surface_iterations, most) in [(1, 60, 100_000_000), (2, 60, 60_000_000)] {
+        let o = VectorOptions {
+            coarse_to_fine: true,
+            room: None,
+            pixels_per_voxel: Some(pixels_per_voxel),
+            surface_iterations,
+            ..vector_options(&grid)
+        };
+        let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), false).unwrap();
+        let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
+        assert!(bytes < most, "{bytes}");
+        let storage = plan.finest().grid.storage();
+        assert_eq!([plan.finest().grid.n[0], plan.maps_grid().n[0]], [128 / pixels_per_voxel, 128]);
+        assert!(plan.capacity * 16 >= storage && plan.capacity < storage);
+        assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
+        let larger = plan.left_out.iter().any(|l| l.contains("2 of them wide"));
+        assert_eq!(larger, pixels_per_voxel == 2, "{:?}", plan.left_out);
+    }
 }

@@ -22,16 +22,29 @@ vec2 pixel_pitch() { return vec2(scene.pitch_x, scene.pitch_y); }
 float pixel_size() { return sqrt(scene.pitch_x * scene.pitch_y); }
 
 const float SURFACE_EDGE = 2.5;   // slope across which neighbours are half as bound
+const float NARROWED = 0.6;       // share of the iterations after which a pixel goes by its own gradient alone
+const float NARROW = 0.35;        // pixels: of such a Gaussian nothing but its middle is left
 const float SURFACE_LEVEL = 1e-3; // weight of no slope at all, where neighbours count up to one each
 
-// How much neighbours whose depths differ by `step` have in common: less for those at a corner, next to nothing across an
-// edge of the surface.
-float bond(uint k, float step) {
-    ivec2 d = AROUND[k];
+// How much pixels so far apart whose depths differ by `step` have in common: less the farther they are, next to nothing
+// across an edge of the surface. `narrow` is half of the inverse square of a Gaussian's sigma, pixels.
+float bond(ivec2 d, float narrow, float step) {
     float steep = step / (SURFACE_EDGE * pixel_size());
     steep *= steep;
-    return exp(-0.5 * float(d.x * d.x + d.y * d.y)) / (1.0 + steep * steep);
+    return exp(-narrow * float(d.x * d.x + d.y * d.y)) / (1.0 + steep * steep);
 }
+
+// And the pixel's k-th neighbour.
+float bond(uint k, float step) { return bond(AROUND[k], 0.5, step); }
+
+// Gaussian, in pixels, over which a gradient is spread at step `number` (from 1) of so many; 0 for none.
+float spread_at(float first, uint number, float iterations) {
+    float sigma = first * (1.0 - float(number - 1u) / iterations / NARROWED);
+    return sigma < NARROW ? 0.0 : sigma;
+}
+
+// Pixels to each side that it reaches, two sigmas; a sigma that rounding makes a little larger reaches no farther.
+int reach_of(float sigma) { return int(ceil(2.0 * sigma - 1e-3)); }
 
 // Depths that the surface may have: those of the grid.
 vec2 depth_limits() {
@@ -41,5 +54,7 @@ vec2 depth_limits() {
 // What a pixel with such slopes faces.
 vec3 facing(vec2 slope) { return vec3(slope, -1.0) * inversesqrt(1.0 + dot(slope, slope)); }
 
-// Of its four points the k-th, from its centre, metres.
-vec2 quarter(uint k) { return (vec2(float(k >> 1), float(k & 1u)) - 0.5) * 0.5 * pixel_pitch(); }
+// Of its points (POINTS: four, or one where a pixel is small) the k-th, from its centre, metres.
+vec2 part(uint k, uint points) {
+    return points == 1u ? vec2(0.0) : (vec2(float(k >> 1), float(k & 1u)) - 0.5) * 0.5 * pixel_pitch();
+}

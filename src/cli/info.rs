@@ -66,6 +66,9 @@ fn text(found: &Inspection) -> String {
     if plan.level_pairs.iter().any(|n| *n < found.capture.pairs) {
         out += &format!(", of {} pairs", list(&plan.level_pairs));
     }
+    if let Some(pixels) = plan.surface {
+        out += &format!("; then a surface of {pixels} x {pixels} pixels");
+    }
     out += "\n";
     out += &format!("adding    {}\n", job::plain(&plan.accumulation));
     out += &format!("left out  {}\n", plan.left_out.join("\n          "));

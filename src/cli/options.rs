@@ -16,7 +16,7 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
 
 #[derive(Args)]
 pub struct PaperArgs {
-    /// Lateral voxels of the final grid [default: 128]
+    /// Lateral pixels of the maps, and voxels of the final grid where no finer surface follows it [default: 128]
     #[arg(long, value_name = "N", help_heading = "Solver")]
     lateral: Option<usize>,
     /// Steps of the optimiser [default: 1000; vector 60, or 80 where laser and sensor point differ]
@@ -191,6 +191,13 @@ pub struct VectorArgs {
     /// Iterations of the surface that the volume's maps begin, after the volume's; 0 leaves the maps as they are [default: 60]
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     surface_iterations: Option<usize>,
+    /// How many pixels of the surface, and so of the maps, are as wide as a voxel of the finest volume [default: 2 where that
+    /// leaves the volume 64 lateral voxels or more, else 1]
+    #[arg(long, value_name = "K", help_heading = "Vector solver")]
+    pixels_per_voxel: Option<usize>,
+    /// Points that a pixel of the surface consists of: 1 or 4 [default: 1 where it is no wider than two bins of path]
+    #[arg(long, value_name = "N", help_heading = "Vector solver")]
+    surface_points: Option<usize>,
     /// Keep voxels above this share of the first back-projection's maximum
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     start_above: Option<f64>,
@@ -238,6 +245,8 @@ impl VectorArgs {
         let given = [
             ("coarse-iterations", self.coarse_iterations.is_some()),
             ("surface-iterations", self.surface_iterations.is_some()),
+            ("pixels-per-voxel", self.pixels_per_voxel.is_some()),
+            ("surface-points", self.surface_points.is_some()),
             ("growth-iterations", self.growth_iterations.is_some()),
             ("all-pairs", self.all_pairs),
             ("start-above", self.start_above.is_some()),
@@ -272,6 +281,8 @@ impl VectorArgs {
             sizes: shared.sizes.unwrap_or(base.sizes),
             coarse_iterations: self.coarse_iterations.unwrap_or(base.coarse_iterations),
             surface_iterations: self.surface_iterations.unwrap_or(base.surface_iterations),
+            pixels_per_voxel: self.pixels_per_voxel.or(base.pixels_per_voxel),
+            surface_points: self.surface_points.or(base.surface_points),
             growth_iterations: self.growth_iterations.unwrap_or(base.growth_iterations),
             all_pairs: base.all_pairs || self.all_pairs,
             start_above: self.start_above.unwrap_or(base.start_above),

@@ -8,11 +8,16 @@ use thirdbounce::measure::Metrics;
 pub fn report(report: &Report) -> String {
     let t = &report.totals;
     let mut out = String::new();
-    let grid = report.settings["grid_reached"]
-        .as_array()
-        .map(|g| g.iter().map(|n| n.to_string()).collect::<Vec<_>>());
+    let size = |name: &str| -> Vec<String> {
+        report.settings[name].as_array().into_iter().flatten().map(|n| n.to_string()).collect()
+    };
+    let (grid, maps) = (size("volume_reached"), size("grid_reached"));
+    let surface = match report.settings["points_per_pixel"].is_null() {
+        true => String::new(),
+        false => format!(", a surface of {} pixels", maps[..maps.len().min(2)].join(" x ")),
+    };
     let line = |out: &mut String, name: &str, text: String| *out += &format!("{name:<10}{text}\n");
-    line(&mut out, "grid", format!("{} voxels", grid.unwrap_or_default().join(" x ")));
+    line(&mut out, "grid", format!("{} voxels{surface}", grid.join(" x ")));
     line(&mut out, "device", format!("{} ({})", report.device.name, report.device.kind));
     line(
         &mut out,
@@ -30,18 +35,20 @@ pub fn report(report: &Report) -> String {
         format!("{:.3e} voxel-pair evaluations, {:.3e} per second", t.pairs, t.pairs_per_s),
     );
     line(&mut out, "memory", format!("{} on the device", bytes(t.peak_device_bytes)));
-    if let Some(last) = report.trace.last() {
-        line(
-            &mut out,
-            "end",
-            format!(
-                "iteration {}, loss {}, {} of the grid's voxels active ({:.2} %)",
-                last.iteration,
-                number(last.loss),
-                last.active,
-                100.0 * last.active_ratio
-            ),
+    let of_volume = report.settings["volume_iterations"].as_u64().unwrap_or(u64::MAX);
+    let volume = report.trace.iter().rfind(|p| p.iteration as u64 <= of_volume);
+    if let (Some(last), Some(volume)) = (report.trace.last(), volume) {
+        let mut text = format!(
+            "iteration {}, loss {}, {} of the grid's voxels active ({:.2} %)",
+            last.iteration,
+            number(last.loss),
+            volume.active,
+            100.0 * volume.active_ratio
         );
+        if last.iteration > volume.iteration {
+            text += &format!(", then {} points of a surface", last.active);
+        }
+        line(&mut out, "end", text);
     }
     if report.plan.full {
         let what = "the domain was larger than there is room for, its dimmest voxels were left out: if the result \

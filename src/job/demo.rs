@@ -49,7 +49,7 @@ pub fn demo(
 
     say("reconstructing it from the light that bounced three times");
     let loaded = load(&Input { path: capture_file, ..Input::default() })?;
-    let mut request = Request::new(VectorOptions { lateral: 64, ..VectorOptions::default() }, out);
+    let mut request = Request::new(VectorOptions::default(), out);
     request.preset = Some(Preset::Synthetic);
     request.device = device;
     request.truth = Some(truth_file);

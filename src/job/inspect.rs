@@ -43,6 +43,8 @@ pub struct Planned {
     pub levels: Vec<usize>,
     /// The pairs that each of them takes.
     pub level_pairs: Vec<usize>,
+    /// Lateral pixels of the surface, if there is to be one.
+    pub surface: Option<usize>,
     pub accumulation: Accumulation,
     pub left_out: Vec<String>,
     pub variants: Vec<String>,
@@ -98,6 +100,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         plan: plan.map(|plan| Planned {
             levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
             level_pairs: plan.levels.iter().map(|l| l.pairs).collect(),
+            surface: plan.surface.last().map(|l| l.grid.n[0]),
             accumulation: plan.accumulation,
             left_out: plan.left_out.clone(),
             variants: plan.variants(),

@@ -126,7 +126,13 @@ pub fn profile(
         let layers = ((request.solver.min_depth() - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
         g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
     };
-    let voxels = solved.plan.levels.iter().map(|l| (l.grid.n[0] as u64, near(&l.grid))).collect();
+    let voxels = solved
+        .plan
+        .levels
+        .iter()
+        .chain(&solved.plan.surface)
+        .map(|l| (l.grid.n[0] as u64, near(&l.grid)))
+        .collect();
     let kernels = account::kernels(&recording, &solved.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),

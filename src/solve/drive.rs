@@ -68,6 +68,8 @@ impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
 
 /// A solver as its driver sees it.
 pub(super) struct Steps<'s> {
+    /// What it runs at, in turn.
+    pub levels: &'s [Level],
     /// Before the first iteration.
     pub start: Schedule,
     /// Iteration i (from 0) at a level.
@@ -95,8 +97,6 @@ pub(super) struct Driven {
     pub seconds: f64,
     /// Seconds of device time among them.
     pub gpu_seconds: f64,
-    /// There was a surface that is not in the maps, as it explains the data far worse than the volume.
-    pub surface_left: bool,
 }
 
 /// Runs `steps` up to the iteration `iterations`, from the first or after what was driven `before`. Two blocks are in
@@ -120,22 +120,22 @@ pub(super) fn drive(
     let mut block = Schedule::default();
     let (mut level, mut first, mut begin) = (0, 0, 0);
     // Known only behind: what the last block that was heard of had active. The first domain is all there is.
-    let mut active = job.plan.levels[0].grid.voxels();
+    let levels = steps.levels;
+    let mut active = levels[0].grid.voxels();
     // What is due between the iteration before and the next.
     let mut change = Schedule::default();
     if let Some(from) = keeper.as_mut().and_then(|k| k.keep.from.take()) {
         checkpoint::restore(job, &from)?;
         (level, first, active, begin) = (from.level, from.first, from.active, from.iteration);
         let ticket = job.executor.submit(&Schedule::default())?;
-        flights.extend(from.pending.iter().map(|[a, b, at]| (ticket, *a..*b, job.plan.levels[*at])));
+        flights.extend(from.pending.iter().map(|[a, b, at]| (ticket, *a..*b, levels[*at])));
         change = (steps.due)(&job.plan, &mut level, begin);
         job.executor.wait(ticket)?;
         let gpu_before = job.executor.gpu_seconds() - from.gpu_seconds;
         reader = Reader { gpu_before, trace: from.trace, pairs: from.pairs };
         clock = Clock { start: Instant::now(), paused: Duration::ZERO, before: from.seconds };
     } else {
-        if let Some(Driven { trace, level: reached, pairs, seconds, gpu_seconds, .. }) = before {
-            level = job.plan.levels.iter().position(|l| *l == reached).unwrap_or(0);
+        if let Some(Driven { trace, pairs, seconds, gpu_seconds, .. }) = before {
             let last = trace.last().copied();
             begin = last.map_or(0, |p| p.iteration);
             first = begin;
@@ -143,10 +143,10 @@ pub(super) fn drive(
             reader = Reader { gpu_before: gpu_before - gpu_seconds, trace, pairs };
             clock.before = seconds;
         }
-        block.stage("start", &stage_values(&job.plan.levels[level], begin));
+        block.stage("start", &stage_values(&levels[level], begin));
         block.extend(std::mem::take(&mut steps.start));
     }
-    let mut reached = job.plan.levels[level];
+    let mut reached = levels[level];
     let mut level_before = level;
     for i in begin..iterations {
         if let Some(keeper) = keeper.as_mut().filter(|k| i > begin && k.is_due(i)) {
@@ -155,7 +155,7 @@ pub(super) fn drive(
             job.executor.wait(ticket)?;
             let pause = Instant::now();
             let _span = gpu.span("checkpoint");
-            let number = |l: &Level| job.plan.levels.iter().position(|k| k == l).unwrap_or(0);
+            let number = |l: &Level| levels.iter().position(|k| k == l).unwrap_or(0);
             let pending = flights.iter().map(|(_, rows, at)| [rows.start, rows.end, number(at)]).collect();
             let (seconds, gpu_seconds) = (clock.seconds(), job.executor.gpu_seconds() - reader.gpu_before);
             let buffers = checkpoint::download(job)?;
@@ -176,7 +176,7 @@ pub(super) fn drive(
             })?;
             clock.paused += pause.elapsed();
         }
-        let here = job.plan.levels[level];
+        let here = levels[level];
         if !change.commands.is_empty() {
             block.stage("domain", &stage_values(&here, i));
             block.extend(std::mem::take(&mut change));
@@ -212,7 +212,7 @@ pub(super) fn drive(
         for (rows, at, seconds) in back {
             let (point, objective) = reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
             active = point.active;
-            fitted |= at == *job.plan.finest() && steps.stop_below.is_some_and(|s| objective <= s);
+            fitted |= Some(&at) == steps.levels.last() && steps.stop_below.is_some_and(|s| objective <= s);
             let maps = (measured && point.iteration == done).then(|| {
                 job.executor
                     .run(&maps_of(&steps, &at))
@@ -242,15 +242,7 @@ pub(super) fn drive(
     let maps = read_maps(&job.executor.arena, &reached.grid, has_normals);
     let seconds = clock.seconds();
     let gpu_seconds = job.executor.gpu_seconds() - reader.gpu_before;
-    Ok(Driven {
-        trace: reader.trace,
-        maps,
-        level: reached,
-        pairs: reader.pairs,
-        seconds,
-        gpu_seconds,
-        surface_left: false,
-    })
+    Ok(Driven { trace: reader.trace, maps, level: reached, pairs: reader.pairs, seconds, gpu_seconds })
 }
 
 fn maps_of(steps: &Steps<'_>, level: &Level) -> Schedule {

@@ -35,10 +35,12 @@ impl<'g> Job<'g> {
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         upload(executor, "taps", bytemuck::cast_slice(&taps))?;
-        for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
+        for level in plan.levels.iter().chain(plan.surface_only()) {
             let scene = model.scene_of(&level.grid, level.pairs);
             let scene = SceneData { capacity: plan.capacity as u32, ..scene };
             upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
+        }
+        for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             upload(executor, level.reachable, bytemuck::cast_slice(&bricks))?;
             if level.pairs < plan.pairs {

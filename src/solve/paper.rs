@@ -34,6 +34,10 @@ pub struct Reconstruction {
     pub device_bytes: u64,
     /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
     pub full: bool,
+    /// Lateral voxels of the volume that was reached.
+    pub lateral: usize,
+    /// Iterations of the volume that were done; those behind them in the trace are the surface's.
+    pub volume_iterations: usize,
     /// The surface explained the data far worse than the volume: the maps are the volume's.
     pub surface_left: bool,
     /// Per kernel, if the device was opened with timings.
@@ -89,7 +93,9 @@ pub fn reconstruct<'b, 'w: 'b>(
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = Job::new(gpu, model, plan, memory)?;
+    let levels = job.plan.levels.clone();
     let steps = Steps {
+        levels: &levels,
         start: domain::initialise(&job.plan, &job.plan.levels[0]),
         iteration: &|plan, level, i| iteration(plan, level, i as u32, (i % options.restart_every) as u32 + 1),
         due: &|plan, level, done| domain::due(plan, options, level, done),
@@ -128,7 +134,9 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
         solve_seconds: driven.seconds,
         device_bytes: job.executor.arena.bytes(),
         full,
-        surface_left: driven.surface_left,
+        surface_left: false,
+        lateral: driven.level.grid.n[0],
+        volume_iterations: done,
         kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
         plan: job.plan,
     })

@@ -43,6 +43,18 @@ const SCENES: [[&str; 3]; 8] = [
     ["scene_7", "reachable_7", "wall_7"],
 ];
 
+/// Constants of the surface's levels where its pixels are no voxels.
+const SURFACE_SCENES: [&str; 8] = [
+    "surface_scene_0",
+    "surface_scene_1",
+    "surface_scene_2",
+    "surface_scene_3",
+    "surface_scene_4",
+    "surface_scene_5",
+    "surface_scene_6",
+    "surface_scene_7",
+];
+
 /// Where the points of all pairs are.
 const WALL: &str = "wall";
 
@@ -57,6 +69,11 @@ pub struct Plan {
     pub iterations: usize,
     /// Iterations of the surface after those of the volume.
     pub surface_iterations: usize,
+    /// What it runs at, with a part of the pairs and then all, on pixels that may be smaller than the finest voxels; none
+    /// without iterations.
+    pub surface: Vec<Level>,
+    /// Points that a pixel of the surface consists of: four, or one if it is small.
+    pub points: usize,
     pub accumulation: Accumulation,
     pub continuous: bool,
     pub binning: Binning,
@@ -99,6 +116,10 @@ pub struct Wanted {
     pub coarse_to_fine: bool,
     pub iterations: usize,
     pub surface_iterations: usize,
+    /// How many pixels of the surface are as wide as a voxel of the finest grid.
+    pub pixels_per_voxel: usize,
+    /// Points of such a pixel; 0 for as many as its size asks for.
+    pub surface_points: usize,
     pub sampling: Sampling,
     pub binning: Binning,
     pub gradient: Gradient,
@@ -120,6 +141,8 @@ impl From<&PaperOptions> for Wanted {
             coarse_to_fine: o.coarse_to_fine,
             iterations: o.iterations,
             surface_iterations: 0,
+            pixels_per_voxel: 1,
+            surface_points: 0,
             sampling: o.sampling,
             binning: o.binning,
             gradient: o.gradient,
@@ -141,11 +164,15 @@ const LOOP_LIMIT: u32 = 65_535;
 /// Bins of a histogram and voxels of a column: a kernel may pass over them twice.
 const LONGEST_LOOP: usize = 32_767;
 
+/// Bins of path as wide as which a pixel of the surface is small enough to be one point: paths over it differ by about as many
+/// bins (benches/NOTES.md).
+const SMALL_PIXEL: f64 = 2.0;
+
 /// More additions than these to one fp32 sum may lose 1e-4 of it: equal addends round alike (docs/stability.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
 impl Plan {
-    /// Plans a solver for `model` on `grid` (the final one) for a device of such abilities.
+    /// Plans a solver for `model` on `grid` (whose lateral cells are the maps' pixels) for a device of such abilities.
     ///
     /// Errors: an accumulation that the device does not offer, sizes beyond 32-bit indices.
     pub fn new(
@@ -177,7 +204,10 @@ impl Plan {
                 ));
             }
         }
-        let levels = stages::stages(model, grid, scan, options.coarse_to_fine)?;
+        let levels =
+            stages::stages(model, grid.coarser(options.pixels_per_voxel), scan, options.coarse_to_fine)?;
+        let surface = if options.surface_iterations > 0 { stages::surface(&levels, grid) } else { vec![] };
+        let small = grid.pitch.x.max(grid.pitch.y) <= SMALL_PIXEL * model.bin_width;
         let capacity = if options.vectors { capacity(&levels, options.room) } else { grid.storage() };
         let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
@@ -199,6 +229,12 @@ impl Plan {
             bin_width: model.bin_width,
             iterations: options.iterations,
             surface_iterations: options.surface_iterations,
+            surface,
+            points: match options.surface_points {
+                0 if small => 1,
+                0 => 4,
+                given => given,
+            },
             accumulation,
             continuous: options.sampling == Sampling::Continuous,
             binning: options.binning,
@@ -230,7 +266,8 @@ impl Plan {
         // Fixed point adds without rounding, and a window is a second level by itself.
         plan.runs =
             !plan.fixed_point() && plan.tuning.window == 0 && plan.capacity / model.bins > VOXELS_PER_BIN;
-        plan.touching = options.general || plan.levels.iter().any(|l| model.touches(&l.grid));
+        plan.touching =
+            options.general || plan.levels.iter().chain(&plan.surface).any(|l| model.touches(&l.grid));
         plan.reachable = plan.levels.iter().map(reachable).collect();
         plan.buffers = plan.list_buffers(with_volume);
         plan.left_out = plan.list_left_out();
@@ -271,10 +308,25 @@ impl Plan {
         span > f64::from(self.tuning.window_span)
     }
 
-    /// Pixels that the surface may have: all of the finest grid's, as far as there is room for four points of each.
+    /// The grid whose lateral cells are the maps' pixels.
+    pub fn maps_grid(&self) -> &Grid {
+        self.surface.last().map_or(&self.finest().grid, |l| &l.grid)
+    }
+
+    /// Pixels of the maps side by side in a voxel of the finest grid.
+    pub fn factor(&self) -> usize {
+        self.maps_grid().n[0] / self.finest().grid.n[0]
+    }
+
+    /// Those levels of the surface that are none of the volume's.
+    pub(super) fn surface_only(&self) -> impl Iterator<Item = &Level> {
+        self.surface.iter().filter(|l| !self.levels.contains(l))
+    }
+
+    /// Pixels that the surface may have: all of the maps', as far as there is room for the points of each.
     pub fn pixels(&self) -> usize {
-        let [x, y, _] = self.finest().grid.n;
-        if self.surface_iterations == 0 { 0 } else { (x * y).min(self.capacity / 4) }
+        let [x, y, _] = self.maps_grid().n;
+        if self.surface.is_empty() { 0 } else { (x * y).min(self.capacity / self.points) }
     }
 
     /// Weights of the noise term.

@@ -2,8 +2,8 @@
 //!
 //! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface for several
 //! voxels of a column, so a volume keeps normals too level and depths to a voxel however long it is solved (study in
-//! benches/NOTES.md). Here a pixel is its tilted square, four points of it, and its normal is that of the plane through its
-//! neighbours: shading and shape are one. Minimised is what the vector solver minimises, with a Gaussian prior instead of its
+//! benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, four points of it or one, and its normal is
+//! that of the plane through its neighbours: shading and shape are one. Minimised is what the vector solver minimises, with a Gaussian prior instead of its
 //! other terms: neighbours lie in each other's planes to [`BEND`] and have amplitudes alike to [`JUMP`], weighed as the noise
 //! of the histograms asks, by Adam. The pixels are those whose albedo is above [`SUPPORT`]; depths stay within the grid.
 
@@ -45,6 +45,10 @@ const WORSE: f64 = 2.0;
 const SMOOTH: f64 = 0.5;
 const LEAST_SMOOTH: f64 = 0.7;
 const MOST_SMOOTH: f64 = 60.0;
+
+/// Gaussian over which gradients are averaged at first, in pixels of the same grid, and at most in the map's own.
+const SPREAD: f64 = 0.7;
+const MOST_SPREAD: f64 = 6.0;
 
 /// Iterations after which slopes find their neighbours anew.
 const RENEW: usize = 10;
@@ -99,46 +103,50 @@ impl Pixels {
     }
 }
 
-/// Refines the surface of what was `driven` for so many iterations more. The maps stay as they are if there is no surface, if
-/// none of what is measured comes from it, or if it explains that far worse than the volume did: it has one depth in a
-/// column, where a volume may have several.
+/// Refines the surface of what was `driven` for so many iterations more, on the plan's own pixels, and tells whether it is left
+/// out of the maps. These stay the volume's if there is no surface, if none of what is measured comes from it, or if it
+/// explains that far worse than the volume did (which is told): it has one depth in a column, where a volume may have several.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut Job<'_>,
     iterations: usize,
     watch: &mut Watch<'_>,
     mut driven: Driven,
-) -> Result<Driven> {
+) -> Result<(Driven, bool)> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let pixels = Pixels::of(&driven.maps, job.plan.pixels());
+    let (volume, levels) = (driven.level, job.plan.surface.clone());
+    let maps = driven.maps.finer(levels[0].grid.n[0] / volume.grid.n[0]);
+    let pixels = Pixels::of(&maps, job.plan.pixels());
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let stages = stages(&job.plan.levels, &driven.level, iterations);
-    let first = job.plan.levels[stages[0].0];
+    let stages = stages(&levels, volume.pairs, iterations);
+    let first = levels[0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
     let coarsest = job.plan.levels[0].grid;
     let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, iterations));
-    let told: Option<Vec<_>> = job.plan.levels.iter().map(weights).collect();
+    let told: Option<Vec<_>> = levels.iter().map(weights).collect();
     if let Some(told) = &told {
-        upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[stages[0].0]))?;
+        upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[0]))?;
+        upload(&mut job.executor, "columns", bytemuck::cast_slice(&columns(&maps)))?;
     }
-    let (maps, loss) = (driven.maps.clone(), driven.trace.last().map_or(f64::INFINITY, |p| p.loss));
-    driven.level = first;
+    let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
+    driven.maps = maps.clone();
     // All of this is part of the solve; the driver's clock goes on from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    let Some(told) = told else { return Ok(driven) };
+    let Some(told) = told else { return Ok((driven, false)) };
     let count = pixels.len();
     let steps = Steps {
+        levels: &levels,
         start: Schedule::default(),
         iteration: &|plan, level, i| iteration(plan, level, count, i, i - begin),
-        due: &|plan, level, done| {
+        due: &|_, level, done| {
             let mut s = Schedule::default();
-            if let Some((next, _)) = stages[1..].iter().find(|s| s.1 == done - begin) {
-                *level = *next;
-                s.extend(widen(&plan.levels[*level], &told[*level]));
+            if let Some(next) = stages.iter().skip(1).position(|from| *from == done - begin) {
+                *level = next + 1;
+                s.extend(widen(&levels[*level], &told[*level]));
             }
             if (done - begin).is_multiple_of(RENEW) {
-                s.extend(bonds(&plan.levels[*level], count));
+                s.extend(bonds(&levels[*level], count));
             }
             s
         },
@@ -148,24 +156,31 @@ pub(super) fn refine(
         stop_below: None,
     };
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
-    if driven.trace.last().is_some_and(|p| p.loss > WORSE * loss) {
+    let left = driven.trace.last().is_some_and(|p| p.loss > WORSE * loss);
+    if left {
         driven.maps = maps;
-        driven.surface_left = true;
     }
-    Ok(driven)
+    driven.level = volume;
+    Ok((driven, left))
 }
 
-/// Levels of the grid that was reached, with as many pairs or fewer, and the iteration of the surface from which each runs:
-/// where early ones take a part of the pairs, the last fifth takes all of them.
-fn stages(levels: &[Level], reached: &Level, iterations: usize) -> Vec<(usize, usize)> {
-    let of_grid = |(_, l): &(usize, &Level)| l.grid == reached.grid && l.pairs <= reached.pairs;
-    let mut numbers: Vec<usize> = levels.iter().enumerate().filter(of_grid).map(|(i, _)| i).collect();
-    if iterations < 5 {
-        numbers.drain(..numbers.len() - 1);
-    }
-    let left = |stage: usize| iterations / 5 * (numbers.len() + 1 - stage) / 2;
+/// How many of `levels` are run, and the iteration from which each is: where early ones take a part of the pairs, the last
+/// fifth takes as many as the volume `reached`.
+fn stages(levels: &[Level], reached: usize, iterations: usize) -> Vec<usize> {
+    let count = levels.iter().filter(|l| l.pairs <= reached).count().max(1);
+    let left = |stage: usize| iterations / 5 * (count + 1 - stage) / 2;
     let from = |stage: usize| if stage == 0 { 0 } else { iterations.saturating_sub(left(stage)) };
-    numbers.iter().enumerate().map(|(stage, number)| (*number, from(stage))).collect()
+    (0..count).map(from).collect()
+}
+
+/// Maps as the device holds them.
+fn columns(maps: &Maps) -> Vec<[f32; 8]> {
+    let of_pixel = |((a, z), n): ((&f32, &f32), &[f32; 3])| {
+        let of = |v: f32| if z.is_finite() && v.is_finite() { v } else { 0.0 };
+        let found = if z.is_finite() { 1.0 } else { 0.0 };
+        [*a, of(*z), 0.0, found, of(n[0]), of(n[1]), of(n[2]), 0.0]
+    };
+    maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
 }
 
 /// What goes on with more pairs.
@@ -184,7 +199,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
-    let [x, y, _] = level.grid.n;
+    let ([x, y, _], points) = (level.grid.n, job.plan.points);
     upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(x * y)))?;
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(1.0)))?;
@@ -201,7 +216,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
         Ok(f64::from(f32::from_bits(rows[row][TRACE_OBJECTIVE as usize])))
     };
     // |A v|² and |A v - h|², and so what factor of v leaves least.
-    let rendered = objective(start(level, pixels.len()), "residual_bound")?;
+    let rendered = objective(start(level, pixels.len(), points), "residual_bound")?;
     let left = objective(Schedule::default(), "residual")?;
     let measured = energy(&job.model, level.pairs);
     let scale = 0.5 * (rendered + measured - left) / rendered;
@@ -246,6 +261,7 @@ pub fn weights(
         (SURFACE_AMPLITUDE_RATE, AMPLITUDE * most),
         (SURFACE_ITERATIONS, iterations as f64),
         (SURFACE_SMOOTH, (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
+        (SURFACE_SPREAD, (SPREAD * coarser).min(MOST_SPREAD)),
     ] {
         all[index as usize] = value as f32;
     }
@@ -256,11 +272,11 @@ fn push(count: usize) -> Push {
     Push { last: count as u32, ..Default::default() }
 }
 
-/// Adam at rest, four samples for each pixel, slopes from the depths at hand.
-pub fn start(level: &Level, count: usize) -> Schedule {
+/// Adam at rest, so many samples for each pixel, slopes from the depths at hand.
+pub fn start(level: &Level, count: usize, points: usize) -> Schedule {
     let mut s = Schedule::default();
     s.fill("height_moments", count as u64 * 16, 0);
-    s.set("counts", COUNT_ACTIVE, 4 * count as u32);
+    s.set("counts", COUNT_ACTIVE, (points * count) as u32);
     s.dispatch("arguments", [1, 1, 1]).bind("scene", level.scene);
     s.extend(bonds(level, count));
     s
@@ -288,7 +304,7 @@ fn render(plan: &Plan, level: &Level, count: usize, residual: &'static str) -> S
 }
 
 /// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather, combine,
-/// step, finish.
+/// pull, step, finish.
 pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) -> Schedule {
     let scene = level.scene;
     let mut s = render(plan, level, count, "residual");
@@ -300,6 +316,7 @@ pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) 
             .with(chunk);
     }
     s.dispatch("surface_combine", groups(count, WORKGROUP)).bind("scene", scene).with(push);
+    s.dispatch("surface_pull", groups(count, WORKGROUP)).bind("scene", scene).with(push);
     s.dispatch("surface_step", groups(count, WORKGROUP)).bind("scene", scene).with(push);
     s.dispatch("surface_finish", [1, 1, 1]).bind("scene", scene).with(push);
     s
@@ -324,21 +341,13 @@ mod tests {
     #[test]
     fn the_last_iterations_take_all_pairs() {
         let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 0.8) };
-        let fine = Grid::new(volume, 32, 0.05).unwrap();
-        let level =
-            |grid, pairs| Level { grid, pairs, wall: "wall", scene: "scene_0", reachable: "reachable_0" };
-        let levels = [
-            level(fine.coarser(2), 1024),
-            level(fine, 1024),
-            level(fine, 4096),
-            level(fine, 16_384),
-            level(fine, 65_536),
-        ];
-        assert_eq!(stages(&levels, &levels[4], 60), [(1, 0), (2, 36), (3, 42), (4, 48)]);
-        // A volume that ended early: no more pairs than it had, and its own grid.
-        assert_eq!(stages(&levels, &levels[2], 60), [(1, 0), (2, 48)]);
-        assert_eq!(stages(&levels, &levels[0], 60), [(0, 0)]);
-        assert_eq!(stages(&levels, &levels[2], 5), [(1, 0), (2, 4)]);
-        assert_eq!(stages(&levels, &levels[2], 4), [(2, 0)]);
+        let grid = Grid::new(volume, 32, 0.05).unwrap();
+        let level = |pairs| Level { grid, pairs, wall: "wall", scene: "scene_0", reachable: "reachable_0" };
+        let levels = [1024, 4096, 16_384, 65_536].map(level);
+        assert_eq!(stages(&levels, 65_536, 60), [0, 36, 42, 48]);
+        // A volume that ended early: no more pairs than it had.
+        assert_eq!(stages(&levels, 4096, 60), [0, 48]);
+        assert_eq!(stages(&levels, 256, 60), [0]);
+        assert_eq!(stages(&levels, 4096, 5), [0, 4]);
     }
 }

@@ -32,7 +32,8 @@ pub use steps::{due, iteration, start};
 /// Everything the vector solver can be told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct VectorOptions {
-    /// Lateral voxels of the final grid (N of N × N × Z).
+    /// Lateral pixels of the maps (N of N × N), and lateral voxels of the finest volume where no surface is made of it or
+    /// [`Self::pixels_per_voxel`] is one.
     pub lateral: usize,
     pub iterations: usize,
     /// Start at the scan's resolution, or at 32 lateral voxels where it is finer, and double; or start at `lateral`.
@@ -41,6 +42,11 @@ pub struct VectorOptions {
     pub coarse_iterations: usize,
     /// Iterations of the surface that the volume's maps begin, after those of the volume; none leaves the maps as they are.
     pub surface_iterations: usize,
+    /// How many pixels of the surface, and so of the maps, are as wide as a voxel of the finest volume. `None`: two, where
+    /// that leaves the volume 64 lateral voxels or more, else one.
+    pub pixels_per_voxel: Option<usize>,
+    /// Points that a pixel of the surface consists of, 1 or 4. `None`: 1 where it is no wider than two bins of path.
+    pub surface_points: Option<usize>,
     /// Iterations at the end in which the pairs grow fourfold until they are all, where the others have a part of them.
     pub growth_iterations: usize,
     /// All pairs in every iteration, and no level coarser than the scan.
@@ -92,6 +98,8 @@ impl Default for VectorOptions {
             coarse_to_fine: true,
             coarse_iterations: 15,
             surface_iterations: 60,
+            pixels_per_voxel: None,
+            surface_points: None,
             growth_iterations: 30,
             all_pairs: false,
             reduce_every: 5,
@@ -123,6 +131,8 @@ impl From<&VectorOptions> for Wanted {
             coarse_to_fine: o.coarse_to_fine,
             iterations: o.iterations,
             surface_iterations: o.surface_iterations,
+            pixels_per_voxel: o.pixels_per_voxel(),
+            surface_points: o.surface_points.unwrap_or(0),
             sampling: Sampling::Fixed,
             binning: Binning::Linear,
             gradient: Gradient::Exact,
@@ -168,6 +178,16 @@ impl VectorOptions {
         self
     }
 
+    /// How many pixels of the maps are as wide as a voxel of the finest volume.
+    pub fn pixels_per_voxel(&self) -> usize {
+        let halved = self.lateral.is_multiple_of(2) && self.lateral / 2 >= 2 * AMPLE;
+        match self.pixels_per_voxel {
+            _ if self.surface_iterations == 0 => 1,
+            Some(given) => given,
+            None => 1 + usize::from(halved),
+        }
+    }
+
     /// Errors: the first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
         let bad = |option: &str, value: String, want: &str| {
@@ -207,6 +227,14 @@ impl VectorOptions {
             let most = "a whole number from 0 to 1000000";
             return bad("surface-iterations", self.surface_iterations.to_string(), most);
         }
+        let wide = self.pixels_per_voxel();
+        if wide == 0 || !self.lateral.is_multiple_of(wide) {
+            let want = format!("a whole number that divides {} (--lateral)", self.lateral);
+            return bad("pixels-per-voxel", wide.to_string(), &want);
+        }
+        if let Some(points) = self.surface_points.filter(|p| ![1, 4].contains(p)) {
+            return bad("surface-points", points.to_string(), "1 or 4");
+        }
         if let Some(room) = self.room.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
             return bad("room", room.to_string(), "a positive number up to 1");
         }
@@ -240,7 +268,9 @@ pub fn reconstruct<'b, 'w: 'b>(
     let lateral = job.plan.levels[0].grid.pitch.x;
     let hat = hat(HAT_SIGMA * lateral / capture.bin_width, job.plan.bins);
     upload(&mut job.executor, "hat_taps", bytemuck::cast_slice(&hat))?;
+    let levels = job.plan.levels.clone();
     let steps = Steps {
+        levels: &levels,
         start: start(&job.plan, &job.plan.levels[0], options),
         iteration: &|plan, level, i| iteration(plan, level, i as u32),
         due: &|plan, level, done| due(plan, options, level, done),
@@ -251,10 +281,12 @@ pub fn reconstruct<'b, 'w: 'b>(
     };
     let keeper = Keeper::new(keep, &job, options)?;
     let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
+    let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
+    let mut surface_left = false;
     if options.surface_iterations > 0 {
-        driven = surface::refine(gpu, &mut job, options.surface_iterations, watch, driven)?;
+        (driven, surface_left) = surface::refine(gpu, &mut job, options.surface_iterations, watch, driven)?;
     }
-    finish(job, driven, with_volume)
+    Ok(Reconstruction { volume_iterations, surface_left, ..finish(job, driven, with_volume)? })
 }
 
 /// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.

@@ -11,6 +11,8 @@ use super::{Random, write};
 
 /// Pixels and what they hold; albedo is that of the maps before.
 pub struct Field {
+    /// Points of a pixel.
+    pub each: usize,
     pub columns: Vec<u32>,
     pub heights: Vec<Height>,
     pub albedo: Vec<f64>,
@@ -32,7 +34,7 @@ pub fn field(grid: &Grid, seed: u64) -> Field {
         (x < 3 && y < 4 && [x, y] != [1, 1])
             || (x > nx - 5 && y > ny - 5 && ![[nx - 3; 2], [nx - 2; 2]].contains(&[x, y]))
     };
-    let mut all = Field { columns: vec![], heights: vec![], albedo: vec![] };
+    let mut all = Field { each: 4, columns: vec![], heights: vec![], albedo: vec![] };
     for (x, y) in (0..nx * ny).map(|c| (c / ny, c % ny)) {
         if nx > 8 && alone(x, y) || random.uniform(0.0, 1.0) < 0.15 && (x, y) != (1, 1) {
             continue;
@@ -66,7 +68,7 @@ impl Field {
     }
 
     pub fn points(&self, twin: &Twin, bonds: &[Vec<Bond>]) -> (Vec<DVec2>, Vec<Sample>) {
-        twin::surface_points(twin, &self.columns, bonds, &self.heights)
+        twin::surface_points(twin, &self.columns, bonds, &self.heights, self.each)
     }
 
     /// Writes pixels and heights. What depth bonds come from is for the kernel to tell.
@@ -120,8 +122,9 @@ pub fn choices(twin: &Twin, s: &Sample, margin: f64) -> (Vec<i64>, bool) {
     (all, close)
 }
 
-pub fn surface_options(grid: &Grid) -> VectorOptions {
-    VectorOptions { surface_iterations: 12, ..vector_options(grid) }
+/// With so many points of a pixel.
+pub fn surface_options(grid: &Grid, each: usize) -> VectorOptions {
+    VectorOptions { surface_iterations: 12, surface_points: Some(each), ..vector_options(grid) }
 }
 
 /// Runs those kernels of the surface's iteration `at` that are among `names`.
@@ -131,13 +134,13 @@ pub fn run_surface(job: &mut Job<'_>, count: usize, at: usize, names: &[&str]) {
 }
 
 pub fn run_bonds(job: &mut Job<'_>, count: usize) {
-    let s = surface::start(job.plan.finest(), count);
+    let s = surface::start(job.plan.finest(), count, job.plan.points);
     job.executor.run(&s).expect("the schedule runs");
 }
 
 pub fn write_weights(job: &mut Job<'_>, w: &SurfaceWeights) {
     let [rates, largest] = [w.rates, w.largest].map(|h| [h.depth, h.amplitude]);
-    let all = [w.bend, w.jump, rates[0], rates[1], w.iterations, largest[0], largest[1], w.smooth];
+    let all = [w.bend, w.jump, rates[0], rates[1], w.iterations, largest[0], largest[1], w.smooth, w.spread];
     let words = all.map(|v| v as f32);
     assert_eq!(SurfaceWeights::from(words), *w, "weights that fp32 holds");
     write(job, "surface_weights", &words);

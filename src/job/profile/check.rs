@@ -201,13 +201,14 @@ fn check_surface(
     let options = VectorOptions {
         lateral: LATERAL,
         surface_iterations: 1,
+        surface_points: Some(4),
         coarse_to_fine: false,
         accumulation,
         ..VectorOptions::default()
     };
     let mut job = vector_job(gpu, capture, &options)?;
     let grid = job.plan.finest().grid;
-    let (model, level) = (job.model.clone(), *job.plan.finest());
+    let (model, level, points) = (job.model.clone(), *job.plan.finest(), job.plan.points);
     let twin = Twin { model: &model, grid: &grid };
     // Three by four pixels of a slanted surface, as deep as it takes for no path to lie where a bin ends.
     let columns: Vec<u32> = (0..12u32).map(|i| (4 + i / 4) * LATERAL as u32 + 4 + i % 4).collect();
@@ -219,7 +220,8 @@ fn check_surface(
         (0..12).map(height).collect()
     };
     let clear = |h: &Vec<Height>| {
-        let (_, samples) = twin::surface_points(&twin, &columns, &twin::surface_bonds(&twin, &columns, h), h);
+        let bonds = twin::surface_bonds(&twin, &columns, h);
+        let (_, samples) = twin::surface_points(&twin, &columns, &bonds, h, points);
         samples.iter().all(|s| is_clear(&model, s.point, 0.5))
     };
     let heights = (0..100).map(heights).find(clear).unwrap_or_default();
@@ -236,14 +238,14 @@ fn check_surface(
     for buffer in ["counts", "histograms"] {
         s.fill(buffer, bytes[buffer], 0);
     }
-    s.extend(surface::start(&level, pixels.len()));
+    s.extend(surface::start(&level, pixels.len(), points));
     s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0));
     job.executor.run(&s)?;
 
     let mut note = |pass, error| all.push(checked("surface", accumulation, pass, error));
-    let got = read_samples(&mut job, 4 * pixels.len())?;
+    let got = read_samples(&mut job, points * pixels.len())?;
     let bonds = twin::surface_bonds(&twin, &pixels.columns, &heights);
-    let (_, want) = twin::surface_points(&twin, &pixels.columns, &bonds, &heights);
+    let (_, want) = twin::surface_points(&twin, &pixels.columns, &bonds, &heights, points);
     let flat = |samples: &[Sample]| -> Vec<f64> {
         samples.iter().flat_map(|s| [s.point.to_array(), s.normal.to_array()].concat()).collect()
     };

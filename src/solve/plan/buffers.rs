@@ -6,12 +6,13 @@ use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
 /// What every pixel of the surface has, bytes.
-const OF_PIXEL: [(&str, u64); 6] = [
+const OF_PIXEL: [(&str, u64); 7] = [
     ("pixels", 16),
     ("heights", 8),
     ("slopes", 8),
     ("stencils", 64),
     ("height_gradient", 16),
+    ("height_pull", 8),
     ("height_moments", 16),
 ];
 
@@ -27,7 +28,8 @@ impl Plan {
         // What active voxels have; the paper's solver may have them all active.
         let slots = self.capacity as u64;
         let of_vectors = |bytes: u64| if self.vectors { bytes } else { 0 };
-        let columns = (grid.n[0] * grid.n[1] * 32) as u64;
+        let maps = &self.maps_grid().n;
+        let columns = (maps[0] * maps[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
         let cells = self.cells_at(self.finest()) as u64;
         let of_point = if self.curved { 32 } else { 16 };
@@ -76,8 +78,10 @@ impl Plan {
         let of_pixels = OF_PIXEL.map(|(name, bytes)| (name, pixels * bytes));
         let mut all: Vec<_> =
             device.iter().chain(&of_pixels).map(|(n, b)| BufferPlan::new(n, *b, Place::Device)).collect();
-        for level in &self.levels {
+        for level in self.levels.iter().chain(self.surface_only()) {
             all.push(BufferPlan::new(level.scene, size_of::<SceneData>() as u64, Place::Device));
+        }
+        for level in &self.levels {
             let bricks = level.grid.storage() / BRICK_VOXELS;
             all.push(BufferPlan::new(level.reachable, bricks as u64 * 4, Place::Device));
             if level.wall != WALL {

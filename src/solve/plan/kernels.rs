@@ -114,13 +114,19 @@ impl Plan {
             ]);
             if self.surface_iterations > 0 {
                 let points = [("VOXELS", t.voxels), ("SLICES", t.slices), others];
+                let each = ("POINTS", self.points as u32);
                 all.extend([
                     u("surface_bonds", "surface_bonds", &[]),
-                    u("surface_points", "surface_points", &[]),
+                    u("surface_points", "surface_points", &[each]),
                     u("surface_gather", "surface_gather", &points),
-                    u("surface_combine", "surface_combine", &[]),
+                    u("surface_combine", "surface_combine", &[each]),
+                    u("surface_pull", "surface_pull", &[]),
                     u("surface_step", "surface_step", &[]),
-                    u("surface_finish", "finish", &[("ACCELERATED", 0), ("VOXELS", 4 * WORKGROUP)]),
+                    u(
+                        "surface_finish",
+                        "finish",
+                        &[("ACCELERATED", 0), ("VOXELS", self.points as u32 * WORKGROUP)],
+                    ),
                     u("surface_extract", "surface_extract", &[]),
                 ]);
             }

@@ -72,9 +72,20 @@ impl Plan {
             );
         }
         if self.vectors && self.surface_iterations == 0 {
-            let [x, y, _] = self.finest().grid.n;
+            let [x, y, _] = self.maps_grid().n;
             let bytes = surface_bytes((x * y) as u64);
             left("the surface that the volume's maps begin".into(), mebibytes(bytes));
+        }
+        let factor = self.factor();
+        if factor > 1 {
+            left(
+                format!("voxels as small as the surface's pixels: they are {factor} of them wide"),
+                format!("{} of {} of the finest grid's voxels", factor * factor - 1, factor * factor),
+            );
+        }
+        if self.points == 1 && !self.surface.is_empty() {
+            let what = "three of a surface pixel's four points: it is as small as two bins of path";
+            left(what.into(), "three of four of its pairs".into());
         }
         let slots = self.capacity as u64;
         if self.vectors {

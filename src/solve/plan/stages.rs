@@ -1,6 +1,6 @@
 //! The stages of a solve: from a coarse grid and a part of the pairs to the finest and all of them.
 
-use super::{Level, SCENES, WALL};
+use super::{Level, SCENES, SURFACE_SCENES, WALL};
 use crate::transport::{Geometry, Grid, Model};
 use crate::{Error, Result};
 
@@ -55,6 +55,16 @@ pub(super) fn stages(
         reachable,
     };
     Ok(steps.into_iter().zip(SCENES).map(level).collect())
+}
+
+/// The surface's: with as many pairs as the finest of `levels` have, on a grid with the maps' pixels.
+pub(super) fn surface(levels: &[Level], maps: Grid) -> Vec<Level> {
+    let Some(finest) = levels.last().map(|l| l.grid) else { return vec![] };
+    let of_finest = levels.iter().filter(|l| l.grid == finest);
+    if finest == maps {
+        return of_finest.copied().collect();
+    }
+    of_finest.zip(SURFACE_SCENES).map(|(l, scene)| Level { grid: maps, scene, ..*l }).collect()
 }
 
 /// The share of the pairs, 1 in 4 or 16 or ..., that a grid of so many lateral voxels is solved with at first: half as

@@ -1,5 +1,5 @@
 //! The surface's kernels: pixels with a depth and an amplitude. Lists are by pixel, `columns` tells where each is among the
-//! maps' `ix * ny + iy`; every pixel has four samples.
+//! maps' `ix * ny + iy`; every pixel has as many samples as the next.
 
 use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
 
@@ -39,6 +39,8 @@ pub struct SurfaceWeights {
     pub largest: Height,
     /// Pixels.
     pub smooth: f64,
+    /// Pixels.
+    pub spread: f64,
 }
 
 impl SurfaceWeights {
@@ -61,6 +63,7 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
             iterations: at(SURFACE_ITERATIONS),
             largest: Height { depth: at(SURFACE_LARGEST), amplitude: at(SURFACE_LARGEST + 1) },
             smooth: at(SURFACE_SMOOTH),
+            spread: at(SURFACE_SPREAD),
         }
     }
 }
@@ -125,17 +128,19 @@ fn facing(slope: DVec2) -> DVec3 {
     slope.extend(-1.0).normalize()
 }
 
-/// Of a pixel's four points the k-th, from its centre, metres.
-fn quarter(twin: &Twin, k: usize) -> DVec2 {
-    dvec2([-0.25, 0.25][k / 2], [-0.25, 0.25][k % 2]) * pitch(twin)
+/// Of a pixel's points (1 or 4) the k-th, from its centre, metres.
+fn part(twin: &Twin, k: usize, points: usize) -> DVec2 {
+    let quarter = |k: usize| [-0.25, 0.25][k];
+    if points == 1 { DVec2::ZERO } else { dvec2(quarter(k / 2), quarter(k % 2)) * pitch(twin) }
 }
 
-/// Slopes of every pixel, and its samples: points of its tilted square, as deep as the grid at least and at most.
+/// Slopes of every pixel, and its samples: so many points of its tilted square, as deep as the grid at least and at most.
 pub fn surface_points(
     twin: &Twin,
     columns: &[u32],
     bonds: &[Vec<Bond>],
     heights: &[Height],
+    points: usize,
 ) -> (Vec<DVec2>, Vec<Sample>) {
     let slope = |(bonds, here): (&Vec<Bond>, &Height)| -> DVec2 {
         bonds.iter().map(|b| b.stencil * (heights[b.other].depth - here.depth)).sum()
@@ -147,9 +152,9 @@ pub fn surface_points(
     for ((column, height), slope) in columns.iter().zip(heights).zip(&slopes) {
         let [x, y] = place(twin, *column).map(f64::from);
         let centre = twin.grid.position(dvec3(x, y, 0.0)).truncate();
-        for d in (0..4).map(|k| quarter(twin, k)) {
+        for d in (0..points).map(|k| part(twin, k, points)) {
             let z = (height.depth + slope.dot(d)).clamp(near, far);
-            let (albedo, normal) = (0.25 * height.amplitude, facing(*slope));
+            let (albedo, normal) = (height.amplitude / points as f64, facing(*slope));
             samples.push(Sample { point: (centre + d).extend(z), albedo, normal, length: 0.0 });
         }
     }
@@ -228,20 +233,22 @@ pub fn surface_combine(
     pulls: &[Pull],
     weights: &SurfaceWeights,
 ) -> Vec<Combined> {
+    let points = pulls.len() / heights.len();
+    let share = 1.0 / points as f64;
     let of_points = |(pixel, pulls): (usize, &[Pull])| {
         let mut all = Combined::default();
         for (k, p) in pulls.iter().enumerate() {
             all.height.depth += p.depth;
-            all.height.amplitude += 0.25 * p.albedo;
-            all.slope += p.depth * quarter(twin, k);
+            all.height.amplitude += share * p.albedo;
+            all.slope += p.depth * part(twin, k, points);
             // The normal is a vector of the length |(slope, -1)| over it.
             let n = facing(slopes[pixel]);
             let across = (p.vector - n * n.dot(p.vector)) / slopes[pixel].extend(-1.0).length();
-            all.slope += 0.25 * heights[pixel].amplitude * across.truncate();
+            all.slope += share * heights[pixel].amplitude * across.truncate();
         }
         all
     };
-    let mut all: Vec<Combined> = pulls.chunks(4).enumerate().map(of_points).collect();
+    let mut all: Vec<Combined> = pulls.chunks(points).enumerate().map(of_points).collect();
     // Each two neighbours once.
     for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
         let (j, way, size) = (b.other, metres(twin, b.way), size(twin));
@@ -274,10 +281,47 @@ pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Heigh
     all
 }
 
+/// Spreads such numbers of pixels over those around each, by a Gaussian of `sigma` pixels to its second sigma that stops at
+/// edges of the surface whose depths are `depths`.
+pub fn surface_spread(
+    twin: &Twin,
+    columns: &[u32],
+    depths: &[f64],
+    all: &[Height],
+    sigma: f64,
+) -> Vec<Height> {
+    if sigma < 0.35 {
+        return all.to_vec();
+    }
+    let reach = (2.0 * sigma - 1e-3).ceil() as i32;
+    let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
+    let mut spread = vec![Height::default(); all.len()];
+    for (from, value) in all.iter().enumerate() {
+        let way = |to: usize| [0, 1].map(|a| places[to][a] - places[from][a]);
+        let near = |to: &usize| way(*to).iter().all(|w| w.abs() <= reach);
+        let weight = |to: usize| {
+            let square = f64::from(way(to).iter().map(|w| w * w).sum::<i32>());
+            let steep = (depths[to] - depths[from]) / (EDGE * size(twin));
+            (-square / (2.0 * sigma * sigma)).exp() / (1.0 + steep.powi(4))
+        };
+        let to: Vec<(usize, f64)> = (0..all.len()).filter(near).map(|to| (to, weight(to))).collect();
+        let whole: f64 = to.iter().map(|t| t.1).sum();
+        for (to, weight) in to {
+            spread[to].depth += weight / whole * value.depth;
+            spread[to].amplitude += weight / whole * value.amplitude;
+        }
+    }
+    spread
+}
+
 /// Step `number` (from 1) of Adam, whose rate falls as half a cosine to a fiftieth of the first, and which takes no gradient
-/// for less than a thousandth of the largest; `moments` are the first and the second one of each pixel.
+/// for less than a thousandth of the largest; `moments` are the first and the second one of each pixel. Gradients are spread
+/// first, by a Gaussian that narrows to the pixel itself in three fifths of the iterations, and stops where there were edges
+/// when bonds came from `depths`.
 pub fn surface_step(
     twin: &Twin,
+    columns: &[u32],
+    depths: &[f64],
     gradient: &[Height],
     weights: &SurfaceWeights,
     number: u32,
@@ -286,7 +330,9 @@ pub fn surface_step(
 ) {
     const BETAS: [f64; 2] = [0.9, 0.99];
     let age = f64::from(number);
-    let rate = 0.5 + 0.5 * (std::f64::consts::PI * (age - 1.0) / weights.iterations).cos() + 0.02;
+    let done = (age - 1.0) / weights.iterations;
+    let gradient = surface_spread(twin, columns, depths, gradient, weights.spread * (1.0 - done / 0.6));
+    let rate = 0.5 + 0.5 * (std::f64::consts::PI * done).cos() + 0.02;
     let one = |g: f64, largest: f64, [first, second]: [&mut f64; 2]| {
         *first += (1.0 - BETAS[0]) * (g - *first);
         *second += (1.0 - BETAS[1]) * (g * g - *second);
@@ -295,7 +341,7 @@ pub fn surface_step(
     };
     let [near, far] =
         [twin.model.near_z(twin.grid), twin.grid.n[2] - 1].map(|z| twin.grid.position(DVec3::Z * z as f64).z);
-    for ((height, g), [first, second]) in heights.iter_mut().zip(gradient).zip(moments) {
+    for ((height, g), [first, second]) in heights.iter_mut().zip(&gradient).zip(moments) {
         let depth = one(g.depth, weights.largest.depth, [&mut first.depth, &mut second.depth]);
         let amplitude =
             one(g.amplitude, weights.largest.amplitude, [&mut first.amplitude, &mut second.amplitude]);
@@ -340,9 +386,10 @@ pub fn surface_objective(
     columns: &[u32],
     bonds: &[Vec<Bond>],
     heights: &[Height],
+    points: usize,
     weights: &SurfaceWeights,
 ) -> f64 {
-    let (slopes, samples) = surface_points(twin, columns, bonds, heights);
+    let (slopes, samples) = surface_points(twin, columns, bonds, heights, points);
     let (_, loss) = residual_weighted(twin, &forward(twin, &samples), true);
     let mut prior = 0.0;
     for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {

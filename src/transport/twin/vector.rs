@@ -263,9 +263,9 @@ pub struct Momentum {
 
 /// The momentum after an iteration of such an objective and sum of [`Told::against`]: FISTA's sequence (Beck &
 /// Teboulle 2009), restarted where the step went against the momentum or the objective rose (O'Donoghue & Candès
-/// 2015). Where it rose, steps become shorter, down to the bound's own.
+/// 2015) by more than fp32 sums are off. Where it rose, steps become shorter, down to the bound's own.
 pub fn finish_accelerated(before: Momentum, objective: f64, against: f64) -> Momentum {
-    let rose = objective > before.objective;
+    let rose = objective > (1.0 + 1e-5) * before.objective;
     let share = if rose { (1.5 * before.share).min(1.0) } else { before.share };
     if rose || against > 0.0 {
         return Momentum { t: 1.0, beta: 0.0, objective, restarts: before.restarts + 1.0, share };

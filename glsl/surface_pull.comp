@@ -1,0 +1,45 @@
+// The gradient of a pixel's depth and amplitude, from those of its own depth, amplitude and slopes (surface_combine.comp) and
+// what all slopes that come from its depth are told, through the very coefficients that they come by; divided by all the
+// weights with which surface_step.comp spreads it over the pixels around. One invocation owns one pixel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
+layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Stencils { vec2 stencils[]; };
+layout(std430, set = 0, binding = 4) readonly buffer HeightGradient { vec4 height_gradient[]; };
+layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surface_weights[]; };
+layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec2 height_pull[]; };
+
+#include "heights.glsl"
+
+float weights_around(uint pixel, float sigma) {
+    int reach = reach_of(sigma);
+    ivec2 centre = pixel_xy(pixel);
+    float depth = uintBitsToFloat(pixels[pixel].z);
+    float sum = 0.0;
+    for (int x = -reach; x <= reach; ++x) {
+        for (int y = -reach; y <= reach; ++y) {
+            uint other = pixel_at(centre + ivec2(x, y));
+            if (other == NOWHERE) continue;
+            sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), uintBitsToFloat(pixels[other].z) - depth);
+        }
+    }
+    return sum;
+}
+
+void main() {
+    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (pixel >= push.last) return;
+    vec4 own = height_gradient[pixel];
+    vec2 g = own.zw;
+    for (uint k = 0u; k < 8u; ++k) {
+        uint other = neighbour(pixel, k);
+        if (other == NOWHERE) continue;
+        g.x += dot(stencils[8u * other + 7u - k], height_gradient[other].xy) - dot(stencils[8u * pixel + k], own.xy);
+    }
+    float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, surface_weights[SURFACE_ITERATIONS]);
+    height_pull[pixel] = sigma > 0.0 ? g / weights_around(pixel, sigma) : g;
+}
