@@ -32,12 +32,40 @@ fn grid_of(lateral: usize) -> Grid {
     Grid::new(volume, lateral, 0.05).expect("a grid")
 }
 
-/// Lateral voxels and pairs of every level.
-fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {
-    let o = VectorOptions { lateral, ..VectorOptions::default() };
+/// Lateral voxels and pairs of every level of the volume, on voxels as wide as so many pixels, and of the surface.
+fn both(
+    gpu: &Gpu,
+    model: &Model,
+    scan: usize,
+    lateral: usize,
+    pixels_per_voxel: Option<usize>,
+) -> [Vec<[usize; 2]>; 2] {
+    let o = VectorOptions { lateral, pixels_per_voxel, ..VectorOptions::default() };
     let plan = Plan::new(model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
-    assert_eq!(plan.finest().wall, "wall");
-    plan.levels.iter().map(|l| [l.grid.n[0], l.pairs]).collect()
+    let walls = [plan.finest().wall, plan.surface.last().unwrap().wall];
+    assert_eq!(walls, ["wall"; 2]);
+    [&plan.levels, &plan.surface].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
+}
+
+fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {
+    let [levels, surface] = both(gpu, model, scan, lateral, Some(1));
+    let finest: Vec<_> = levels.iter().copied().filter(|l| l[0] == lateral).collect();
+    assert_eq!(surface, finest, "the surface takes the pairs of the finest grid");
+    levels
+}
+
+#[test]
+fn a_finer_surface_takes_the_pairs_of_the_finest_volume() {
+    let gpu = gpu();
+    let of = |side: usize, lateral, pixels_per_voxel| {
+        let model = claimed(Geometry::Confocal, side * side, 0, true);
+        both(&gpu, &model, side, lateral, pixels_per_voxel)
+    };
+    let volume = vec![[32, 1024], [64, 1024], [64, 4096]];
+    assert_eq!(of(64, 64, None), [volume.clone(), vec![[64, 1024], [64, 4096]]]);
+    assert_eq!(of(64, 128, None), [volume.clone(), vec![[128, 1024], [128, 4096]]]);
+    assert_eq!(of(64, 192, Some(3)), [volume, vec![[192, 1024], [192, 4096]]]);
+    assert_eq!(of(32, 128, Some(4)), [vec![[32, 1024]], vec![[128, 1024]]]);
 }
 
 #[test]

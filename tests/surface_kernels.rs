@@ -226,8 +226,8 @@ fn check_steps(gpu: &Gpu, spread: f64) {
             .collect();
         let gradient = twin::surface_gradient(&bonds, &combined);
         let before = field.heights.clone();
-        let (columns, heights) = (&field.columns, &mut field.heights);
-        twin::surface_step(&twin, columns, &depths, &gradient, &weights, number, heights, &mut moments);
+        let pull = twin::surface_pull(&twin, &field.columns, &depths, &gradient, &weights, number);
+        twin::surface_step(&twin, &pull, &weights, number, &mut field.heights, &mut moments);
         assert!(spread > 0.0 || field.heights[alone] == before[alone]);
         run_surface(&mut job, field.len(), number as usize - 1, &["surface_pull", "surface_step"]);
         let got = read_heights(&mut job, field.len());
@@ -344,8 +344,9 @@ fn check_iterations(
         weights.see(&combined);
         want.push([data, plain, energy]);
         let gradient = twin::surface_gradient(&bonds, &combined);
-        let (columns, heights) = (&field.columns, &mut field.heights);
-        twin::surface_step(&twin, columns, &depths, &gradient, &weights, i as u32 + 1, heights, &mut moments);
+        let number = i as u32 + 1;
+        let pull = twin::surface_pull(&twin, &field.columns, &depths, &gradient, &weights, number);
+        twin::surface_step(&twin, &pull, &weights, number, &mut field.heights, &mut moments);
     }
     let rows: Vec<[u32; TRACE_ROW as usize]> =
         bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[..ROWS * TRACE_ROW as usize * 4]);

@@ -188,7 +188,8 @@ pub struct VectorArgs {
     /// Iterations at each resolution below the last
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     coarse_iterations: Option<usize>,
-    /// Iterations of the surface that the volume's maps begin, after the volume's; 0 leaves the maps as they are [default: 60]
+    /// Iterations of the surface that the volume's maps begin, after the volume's; 0 leaves the maps as they are [default: 60, or
+    /// 100 where laser and sensor point differ]
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     surface_iterations: Option<usize>,
     /// How many pixels of the surface, and so of the maps, are as wide as a voxel of the finest volume [default: 2 where that

@@ -114,11 +114,11 @@ pub(super) fn refine(
     mut driven: Driven,
 ) -> Result<(Driven, bool)> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let (volume, levels) = (driven.level, job.plan.surface.clone());
+    let volume = driven.level;
+    let (levels, beginnings) = stages(&job.plan.surface, volume.pairs, iterations);
     let maps = driven.maps.finer(levels[0].grid.n[0] / volume.grid.n[0]);
     let pixels = Pixels::of(&maps, job.plan.pixels());
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let stages = stages(&levels, volume.pairs, iterations);
     let first = levels[0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
     let coarsest = job.plan.levels[0].grid;
@@ -141,8 +141,8 @@ pub(super) fn refine(
         iteration: &|plan, level, i| iteration(plan, level, count, i, i - begin),
         due: &|_, level, done| {
             let mut s = Schedule::default();
-            if let Some(next) = stages.iter().skip(1).position(|from| *from == done - begin) {
-                *level = next + 1;
+            if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
+                *level = next;
                 s.extend(widen(&levels[*level], &told[*level]));
             }
             if (done - begin).is_multiple_of(RENEW) {
@@ -164,13 +164,14 @@ pub(super) fn refine(
     Ok((driven, left))
 }
 
-/// How many of `levels` are run, and the iteration from which each is: where early ones take a part of the pairs, the last
-/// fifth takes as many as the volume `reached`.
-fn stages(levels: &[Level], reached: usize, iterations: usize) -> Vec<usize> {
+/// Those of `levels` that are run, and the iteration from which each is: where early ones take a part of the pairs, the last
+/// fifth takes as many as the volume `reached`; of few iterations all do.
+fn stages(levels: &[Level], reached: usize, iterations: usize) -> (Vec<Level>, Vec<usize>) {
     let count = levels.iter().filter(|l| l.pairs <= reached).count().max(1);
+    let first = if iterations < 5 { count - 1 } else { 0 };
     let left = |stage: usize| iterations / 5 * (count + 1 - stage) / 2;
-    let from = |stage: usize| if stage == 0 { 0 } else { iterations.saturating_sub(left(stage)) };
-    (0..count).map(from).collect()
+    let from = |stage: usize| if stage == first { 0 } else { iterations.saturating_sub(left(stage)) };
+    (levels[first..count].to_vec(), (first..count).map(from).collect())
 }
 
 /// Maps as the device holds them.
@@ -344,10 +345,15 @@ mod tests {
         let grid = Grid::new(volume, 32, 0.05).unwrap();
         let level = |pairs| Level { grid, pairs, wall: "wall", scene: "scene_0", reachable: "reachable_0" };
         let levels = [1024, 4096, 16_384, 65_536].map(level);
-        assert_eq!(stages(&levels, 65_536, 60), [0, 36, 42, 48]);
+        let of = |reached, iterations| {
+            let (levels, beginnings) = stages(&levels, reached, iterations);
+            levels.iter().map(|l| l.pairs).zip(beginnings).collect::<Vec<_>>()
+        };
+        assert_eq!(of(65_536, 60), [(1024, 0), (4096, 36), (16_384, 42), (65_536, 48)]);
         // A volume that ended early: no more pairs than it had.
-        assert_eq!(stages(&levels, 4096, 60), [0, 48]);
-        assert_eq!(stages(&levels, 256, 60), [0]);
-        assert_eq!(stages(&levels, 4096, 5), [0, 4]);
+        assert_eq!(of(4096, 60), [(1024, 0), (4096, 48)]);
+        assert_eq!(of(256, 60), [(1024, 0)]);
+        assert_eq!(of(4096, 5), [(1024, 0), (4096, 4)]);
+        assert_eq!(of(4096, 4), [(4096, 0)]);
     }
 }

@@ -157,7 +157,10 @@ pub const HAT_SIGMA: f64 = 1.5;
 /// Iterations where laser and sensor point differ: half of a path moves, and so half as fast (docs/scenes.md).
 const ITERATIONS_OF_TWO_POINTS: usize = 80;
 
-/// And of these the last, in which pairs grow.
+/// And those of the surface.
+const SURFACE_OF_TWO_POINTS: usize = 100;
+
+/// And of the volume's the last, in which pairs grow.
 const GROWTH_OF_TWO_POINTS: usize = 40;
 
 /// Power of the bound's weights where the model is right for the scene, or iterations are many. The cosine model of a
@@ -171,6 +174,7 @@ impl VectorOptions {
         if !confocal {
             self.iterations = ITERATIONS_OF_TWO_POINTS;
             self.growth_iterations = GROWTH_OF_TWO_POINTS;
+            self.surface_iterations = SURFACE_OF_TWO_POINTS;
         }
         if !confocal || reflectance == Reflectance::Lambertian {
             self.bound_power = BOUND_POWER;

@@ -21,7 +21,7 @@ pub use render::{
 };
 pub use surface::{
     Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine, surface_extract,
-    surface_gather, surface_gradient, surface_objective, surface_points, surface_step,
+    surface_gather, surface_gradient, surface_objective, surface_points, surface_pull, surface_step,
 };
 pub use vector::{
     Bound, Momentum, Rough, Told, backproject, bound, expect, extract_vectors, extrapolate, filter,

@@ -281,22 +281,25 @@ pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Heigh
     all
 }
 
-/// Spreads such numbers of pixels over those around each, by a Gaussian of `sigma` pixels to its second sigma that stops at
-/// edges of the surface whose depths are `depths`.
-pub fn surface_spread(
+/// The `gradient` by which step `number` (from 1) goes: each pixel's spread over those around it, by a Gaussian to its second
+/// sigma that narrows to the pixel itself in three fifths of the iterations, and stops at the edges that there were when bonds
+/// came from `depths`.
+pub fn surface_pull(
     twin: &Twin,
     columns: &[u32],
     depths: &[f64],
-    all: &[Height],
-    sigma: f64,
+    gradient: &[Height],
+    weights: &SurfaceWeights,
+    number: u32,
 ) -> Vec<Height> {
+    let sigma = weights.spread * (1.0 - f64::from(number - 1) / weights.iterations / 0.6);
     if sigma < 0.35 {
-        return all.to_vec();
+        return gradient.to_vec();
     }
     let reach = (2.0 * sigma - 1e-3).ceil() as i32;
     let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
-    let mut spread = vec![Height::default(); all.len()];
-    for (from, value) in all.iter().enumerate() {
+    let mut spread = vec![Height::default(); gradient.len()];
+    for (from, value) in gradient.iter().enumerate() {
         let way = |to: usize| [0, 1].map(|a| places[to][a] - places[from][a]);
         let near = |to: &usize| way(*to).iter().all(|w| w.abs() <= reach);
         let weight = |to: usize| {
@@ -304,7 +307,7 @@ pub fn surface_spread(
             let steep = (depths[to] - depths[from]) / (EDGE * size(twin));
             (-square / (2.0 * sigma * sigma)).exp() / (1.0 + steep.powi(4))
         };
-        let to: Vec<(usize, f64)> = (0..all.len()).filter(near).map(|to| (to, weight(to))).collect();
+        let to: Vec<(usize, f64)> = (0..gradient.len()).filter(near).map(|to| (to, weight(to))).collect();
         let whole: f64 = to.iter().map(|t| t.1).sum();
         for (to, weight) in to {
             spread[to].depth += weight / whole * value.depth;
@@ -315,13 +318,9 @@ pub fn surface_spread(
 }
 
 /// Step `number` (from 1) of Adam, whose rate falls as half a cosine to a fiftieth of the first, and which takes no gradient
-/// for less than a thousandth of the largest; `moments` are the first and the second one of each pixel. Gradients are spread
-/// first, by a Gaussian that narrows to the pixel itself in three fifths of the iterations, and stops where there were edges
-/// when bonds came from `depths`.
+/// for less than a thousandth of the largest; `moments` are the first and the second one of each pixel.
 pub fn surface_step(
     twin: &Twin,
-    columns: &[u32],
-    depths: &[f64],
     gradient: &[Height],
     weights: &SurfaceWeights,
     number: u32,
@@ -330,9 +329,7 @@ pub fn surface_step(
 ) {
     const BETAS: [f64; 2] = [0.9, 0.99];
     let age = f64::from(number);
-    let done = (age - 1.0) / weights.iterations;
-    let gradient = surface_spread(twin, columns, depths, gradient, weights.spread * (1.0 - done / 0.6));
-    let rate = 0.5 + 0.5 * (std::f64::consts::PI * done).cos() + 0.02;
+    let rate = 0.5 + 0.5 * (std::f64::consts::PI * (age - 1.0) / weights.iterations).cos() + 0.02;
     let one = |g: f64, largest: f64, [first, second]: [&mut f64; 2]| {
         *first += (1.0 - BETAS[0]) * (g - *first);
         *second += (1.0 - BETAS[1]) * (g * g - *second);
@@ -341,7 +338,7 @@ pub fn surface_step(
     };
     let [near, far] =
         [twin.model.near_z(twin.grid), twin.grid.n[2] - 1].map(|z| twin.grid.position(DVec3::Z * z as f64).z);
-    for ((height, g), [first, second]) in heights.iter_mut().zip(&gradient).zip(moments) {
+    for ((height, g), [first, second]) in heights.iter_mut().zip(gradient).zip(moments) {
         let depth = one(g.depth, weights.largest.depth, [&mut first.depth, &mut second.depth]);
         let amplitude =
             one(g.amplitude, weights.largest.amplitude, [&mut first.amplitude, &mut second.amplitude]);
