@@ -2,10 +2,11 @@
 //!
 //! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface for several
 //! voxels of a column, so a volume keeps normals too level and depths to a voxel however long it is solved (study in
-//! benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, four points of it or one, and its normal is
-//! that of the plane through its neighbours: shading and shape are one. Minimised is what the vector solver minimises, with a Gaussian prior instead of its
-//! other terms: neighbours lie in each other's planes to [`BEND`] and have amplitudes alike to [`JUMP`], weighed as the noise
-//! of the histograms asks, by Adam. The pixels are those whose albedo is above [`SUPPORT`]; depths stay within the grid.
+//! benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, four points of it or one, and its normal
+//! is that of the plane through its neighbours: shading and shape are one. Minimised is what the vector solver minimises, with
+//! a Gaussian prior instead of its other terms: neighbours lie in each other's planes to [`BEND`] and have amplitudes alike to
+//! [`JUMP`], weighed as the noise of the histograms asks, by Adam on gradients that are spread over their surroundings at first
+//! ([`SPREAD`]). The pixels are those whose albedo is above [`SUPPORT`]; depths stay within the grid.
 
 use std::time::Instant;
 
