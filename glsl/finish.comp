@@ -10,7 +10,6 @@
 #include "sums.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
-const float ROUNDING = 1e-5; // of the objective: what it seems to rise by less than this it may not rise at all
 layout(constant_id = 11) const uint VOXELS = WORKGROUP; // voxels behind one partial sum of theirs
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
@@ -18,6 +17,8 @@ layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_parti
 layout(std430, set = 0, binding = 4) writeonly buffer Trace { uint trace[]; };
 layout(std430, set = 0, binding = 5) buffer Momentum { float momentum[]; };
 layout(std430, set = 0, binding = 6) readonly buffer AgainstPartials { float against_partials[]; };
+
+const float ROUNDING = 1e-5; // of the objective: what it seems to rise by less than this it may not rise at all
 
 void main() {
     uint lane = gl_LocalInvocationID.x;

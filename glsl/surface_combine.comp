@@ -53,7 +53,7 @@ void main() {
         for (uint k = 0u; k < 8u; ++k) {
             uint other = neighbour(pixel, k);
             if (other == NOWHERE) continue;
-            float weight = bond(k, uintBitsToFloat(pixels[other].z) - uintBitsToFloat(pixels[pixel].z));
+            float weight = bond(k, step_between(pixel, other));
             vec2 d = vec2(AROUND[k]) * pixel_pitch();
             float off = (heights[other].x - height.x - 0.5 * dot(slope + slopes[other], d)) / size;
             float differs = height.y - heights[other].y;

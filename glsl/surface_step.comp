@@ -26,14 +26,12 @@ const float LEAST = 1e-18;    // its square is the least that fp32 holds
 vec2 from_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
     ivec2 centre = pixel_xy(pixel);
-    float depth = uintBitsToFloat(pixels[pixel].z);
     vec2 sum = vec2(0.0);
     for (int x = -reach; x <= reach; ++x) {
         for (int y = -reach; y <= reach; ++y) {
             uint other = pixel_at(centre + ivec2(x, y));
             if (other == NOWHERE) continue;
-            float weight = bond(ivec2(x, y), 0.5 / (sigma * sigma), uintBitsToFloat(pixels[other].z) - depth);
-            sum += weight * height_pull[other];
+            sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), step_between(pixel, other)) * height_pull[other];
         }
     }
     return sum;

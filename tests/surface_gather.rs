@@ -6,7 +6,7 @@ mod device;
 use device::surfaces::*;
 use device::vectors::{more_pairs_than_a_dispatch_takes, scene};
 use device::*;
-use thirdbounce::gpu::Schedule;
+use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Job, surface};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Sample, Twin};
@@ -66,6 +66,17 @@ impl GatherCase {
     }
 }
 
+/// An iteration's gather, which is to run in so many dispatches, against its twin; the job that did it.
+fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> Job<'g> {
+    let mut job = job(gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
+    case.write(&mut job);
+    let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0);
+    assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
+    vectors::run(&mut job, s, &["surface_gather"]);
+    case.check(&mut job, tolerance);
+    job
+}
+
 #[test]
 fn gather_of_every_model_pair_and_wall() {
     let gpu = gpu();
@@ -74,10 +85,7 @@ fn gather_of_every_model_pair_and_wall() {
         let case = GatherCase::new(model, oblong(), 21);
         assert!(case.samples.len() > 200, "{}", case.samples.len());
         assert!(case.samples.iter().any(|s| s.albedo == 0.0));
-        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
-        case.write(&mut job);
-        run_surface(&mut job, case.samples.len() / 4, 0, &["surface_gather"]);
-        case.check(&mut job, 3e-5);
+        check_gather(&gpu, &case, 1, 3e-5);
     }
     assert_valid(&gpu);
 }
@@ -90,11 +98,7 @@ fn gather_of_long_paths() {
     {
         let model = variant(&scene(5, 4096, 9), geometry, Reflectance::Cosine, false, 23 + i as u64);
         let case = GatherCase::new(model, oblong(), 24);
-        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
-        assert!(job.plan.fine);
-        case.write(&mut job);
-        run_surface(&mut job, case.samples.len() / 4, 0, &["surface_gather"]);
-        case.check(&mut job, 3e-5);
+        assert!(check_gather(&gpu, &case, 1, 3e-5).plan.fine);
     }
     assert_valid(&gpu);
 }
@@ -130,13 +134,8 @@ fn gather_over_more_pairs_than_a_dispatch_takes() {
     for (model, dispatches) in models {
         let case = GatherCase::new(model, grid, 24);
         assert!(case.samples.len() > 20, "{}", case.samples.len());
-        let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
-        case.write(&mut job);
-        let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0);
-        assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
-        vectors::run(&mut job, s, &["surface_gather"]);
         // Sums of 1e5 values of both signs, whose largest sum is a hundredth of what is added up.
-        case.check(&mut job, 1e-4);
+        check_gather(&gpu, &case, dispatches, 1e-4);
     }
     assert_valid(&gpu);
 }

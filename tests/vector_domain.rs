@@ -332,12 +332,12 @@ fn the_papers_scene_takes_150_megabytes() {
     let grid = Grid::new(volume, 128, (volume.max.z - volume.min.z) / 333.0).unwrap();
     assert_eq!(grid.n, [128, 128, 333]);
     // With voxels as small as the paper's, and as large as two pixels of the surface.
-    for (pixels_per_voxel, surface_iterations, most) in [(1, 60, 100_000_000), (2, 60, 60_000_000)] {
+    for (pixels_per_voxel, most) in [(1, 100_000_000), (2, 60_000_000)] {
         let o = VectorOptions {
             coarse_to_fine: true,
             room: None,
             pixels_per_voxel: Some(pixels_per_voxel),
-            surface_iterations,
+            surface_iterations: 60,
             ..vector_options(&grid)
         };
         let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), false).unwrap();

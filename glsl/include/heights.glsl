@@ -37,6 +37,9 @@ float bond(ivec2 d, float narrow, float step) {
 // And the pixel's k-th neighbour.
 float bond(uint k, float step) { return bond(AROUND[k], 0.5, step); }
 
+// What the depths at the last renewal of bonds differ by, from one pixel to another.
+float step_between(uint pixel, uint other) { return uintBitsToFloat(pixels[other].z) - uintBitsToFloat(pixels[pixel].z); }
+
 // Gaussian, in pixels, over which a gradient is spread at step `number` (from 1) of so many; 0 for none.
 float spread_at(float first, uint number, float iterations) {
     float sigma = first * (1.0 - float(number - 1u) / iterations / NARROWED);

@@ -64,7 +64,6 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Recons
         "grid_reached": [solved.maps.nx, solved.maps.ny, grid.n[2]],
         "volume_reached": [solved.lateral, solved.lateral, grid.n[2]],
         "volume_iterations": solved.volume_iterations,
-        "pixels_per_voxel": solved.plan.factor(),
         "points_per_pixel": (!solved.plan.surface.is_empty()).then_some(solved.plan.points),
         "voxel": grid.pitch.to_array(),
         "depth_pitch": grid.pitch.z,

@@ -119,8 +119,8 @@ pub(super) fn drive(
     let mut flights: VecDeque<(Ticket, std::ops::Range<usize>, Level)> = VecDeque::new();
     let mut block = Schedule::default();
     let (mut level, mut first, mut begin) = (0, 0, 0);
-    // Known only behind: what the last block that was heard of had active. The first domain is all there is.
     let levels = steps.levels;
+    // Known only behind: what the last block that was heard of had active. The first domain is all there is.
     let mut active = levels[0].grid.voxels();
     // What is due between the iteration before and the next.
     let mut change = Schedule::default();
@@ -212,7 +212,7 @@ pub(super) fn drive(
         for (rows, at, seconds) in back {
             let (point, objective) = reader.read(job, rows, &at, (steps.l1_weight)(&at), seconds)?;
             active = point.active;
-            fitted |= Some(&at) == steps.levels.last() && steps.stop_below.is_some_and(|s| objective <= s);
+            fitted |= Some(&at) == levels.last() && steps.stop_below.is_some_and(|s| objective <= s);
             let maps = (measured && point.iteration == done).then(|| {
                 job.executor
                     .run(&maps_of(&steps, &at))

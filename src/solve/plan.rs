@@ -118,8 +118,8 @@ pub struct Wanted {
     pub surface_iterations: usize,
     /// How many pixels of the surface are as wide as a voxel of the finest grid.
     pub pixels_per_voxel: usize,
-    /// Points of such a pixel; 0 for as many as its size asks for.
-    pub surface_points: usize,
+    /// Points of such a pixel; `None` for as many as its size asks for.
+    pub surface_points: Option<usize>,
     pub sampling: Sampling,
     pub binning: Binning,
     pub gradient: Gradient,
@@ -142,7 +142,7 @@ impl From<&PaperOptions> for Wanted {
             iterations: o.iterations,
             surface_iterations: 0,
             pixels_per_voxel: 1,
-            surface_points: 0,
+            surface_points: None,
             sampling: o.sampling,
             binning: o.binning,
             gradient: o.gradient,
@@ -230,11 +230,7 @@ impl Plan {
             iterations: options.iterations,
             surface_iterations: options.surface_iterations,
             surface,
-            points: match options.surface_points {
-                0 if small => 1,
-                0 => 4,
-                given => given,
-            },
+            points: options.surface_points.unwrap_or(if small { 1 } else { 4 }),
             accumulation,
             continuous: options.sampling == Sampling::Continuous,
             binning: options.binning,

@@ -130,11 +130,10 @@ pub(super) fn refine(
         upload(&mut job.executor, "columns", bytemuck::cast_slice(&columns(&maps)))?;
     }
     let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
-    driven.maps = maps.clone();
     // All of this is part of the solve; the driver's clock goes on from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    let Some(told) = told else { return Ok((driven, false)) };
+    let Some(told) = told else { return Ok((Driven { maps, ..driven }, false)) };
     let count = pixels.len();
     let steps = Steps {
         levels: &levels,

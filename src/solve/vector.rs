@@ -132,7 +132,7 @@ impl From<&VectorOptions> for Wanted {
             iterations: o.iterations,
             surface_iterations: o.surface_iterations,
             pixels_per_voxel: o.pixels_per_voxel(),
-            surface_points: o.surface_points.unwrap_or(0),
+            surface_points: o.surface_points,
             sampling: Sampling::Fixed,
             binning: Binning::Linear,
             gradient: Gradient::Exact,

@@ -90,11 +90,7 @@ fn check_paper(
     active.iter().for_each(|i| mask[*i as usize / 32] |= 1 << (i % 32));
     write_raw(&mut job, "raw", &raw)?;
     upload(&mut job.executor, "mask", bytemuck::cast_slice(&mask))?;
-    let bytes = job.plan.bytes();
-    let mut s = Schedule::default();
-    for buffer in ["counts", "histograms", "moment_first", "moment_second"] {
-        s.fill(buffer, bytes[buffer], 0);
-    }
+    let mut s = zeroed(&job, &["counts", "histograms", "moment_first", "moment_second"]);
     s.extend(compact(&job.plan, job.plan.finest()));
     s.extend(iteration(&job.plan, job.plan.finest(), 0, 1));
     job.executor.run(&s)?;
@@ -233,11 +229,7 @@ fn check_surface(
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&words))?;
     let weights = surface::weights(&model, &grid, &level, [2.0, surface::unexplained(&model, 1.0)], 1);
     upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
-    let bytes = job.plan.bytes();
-    let mut s = Schedule::default();
-    for buffer in ["counts", "histograms"] {
-        s.fill(buffer, bytes[buffer], 0);
-    }
+    let mut s = zeroed(&job, &["counts", "histograms"]);
     s.extend(surface::start(&level, pixels.len(), points));
     s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0));
     job.executor.run(&s)?;
@@ -273,6 +265,14 @@ fn readable<'g>(gpu: &'g Gpu, model: Model, mut plan: Plan) -> Result<Job<'g>> {
     let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
     plan.buffers.push(BufferPlan::new("back", largest, Place::Readback));
     Job::new(gpu, model, plan, None)
+}
+
+/// Fills these buffers with zeros.
+fn zeroed(job: &Job<'_>, buffers: &[&'static str]) -> Schedule {
+    let bytes = job.plan.bytes();
+    let mut s = Schedule::default();
+    buffers.iter().for_each(|buffer| s.fill(buffer, bytes[*buffer], 0));
+    s
 }
 
 /// Four repeatable numbers in [0, 1).
