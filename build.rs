@@ -52,6 +52,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("limit_special", "limit_special.comp", &[]),
     ("noise", "noise.comp", &[]),
     ("points", "points.comp", &[]),
+    ("pulse", "pulse.comp", &[]),
+    ("pulse_fixed", "pulse.comp", &["ACCUMULATE_FIXED"]),
     ("residual", "residual.comp", &[]),
     ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
     ("room", "room.comp", &[]),

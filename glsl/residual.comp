@@ -15,40 +15,25 @@ layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with nothing, f
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
+layout(constant_id = 13) const uint PULSE = 0u;    // compare what pulse.comp has made of the sums
 #ifdef ACCUMULATE_FIXED
-#include "fixed.glsl"
 layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
 #else
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 #endif
 layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
 layout(std430, set = 0, binding = 6) readonly buffer NoiseState { float noise_state[]; };
+layout(std430, set = 0, binding = 7) readonly buffer Spread { float spread[]; };
 
 #include "weight.glsl"
 #include "faults.glsl"
 
-#ifdef ACCUMULATE_FIXED
-float accumulated(uint index) {
-    uvec2 v = histograms[index];
-    bool negative = (v.y & 0x80000000u) != 0u;
-    if (negative) {
-        v = uvec2(~v.x + 1u, ~v.y);
-        if (v.x == 0u) v.y += 1u;
-    }
-    int e = fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, counts[COUNT_ACTIVE]);
-    float magnitude = ldexp(float(v.y) * 4294967296.0 + float(v.x), -e);
-    return negative ? -magnitude : magnitude;
-}
-#define ZERO uvec2(0u)
-#else
-float accumulated(uint index) { return histograms[index]; }
-#define ZERO 0.0
-#endif
+#include "accumulated.glsl"
 
 // Squared difference of one value, of the pair's given bin, weighted and plain, and the size of what is rendered.
 vec3 compare(uint cell, uint pair, uint bin) {
     uint index = pair * scene.bins + bin;
-    float rendered = accumulated(cell) * scene.render_scale;
+    float rendered = (PULSE != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale;
     float open = 1.0;
     if (NOISE != 0u) {
         float w = noise_state[3u * (NOISE == 1u ? index : pair)];

@@ -72,6 +72,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("GROUPS_X", 32768, "groups along x before a dispatch goes on along y"),
     ("WORKGROUP", 64, "invocations of a kernel without a size of its own"),
     ("RESIDUAL_BINS", 16, "cells of an invocation of the residual kernel"),
+    ("PULSE_RUN", 4, "cells of an invocation of the pulse kernel"),
     ("PADDING", 3, "cells before every histogram, and after the last one, that are no bins"),
     (
         "OWNED_CHUNK",

@@ -64,6 +64,8 @@ pub struct Input {
     pub gate: Option<Gate>,
     /// Use every path even if there seems to be direct light.
     pub no_auto_gate: bool,
+    /// The instrument's pulse; `None` takes the file's, if it has one.
+    pub pulse: Option<GivenPulse>,
     /// The set of parameters to come; `None` takes [`preset_for`]. Captures get the published gate.
     pub preset: Option<Preset>,
 }
@@ -78,6 +80,14 @@ impl Input {
             time_of_flight: self.time_of_flight.clone(),
         }
     }
+}
+
+/// What is said of the instrument's pulse.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GivenPulse {
+    /// Paths are sharp, whatever the file says.
+    Sharp,
+    Shape(capture::Pulse),
 }
 
 /// A capture that is ready to be reconstructed.
@@ -163,6 +173,14 @@ pub fn load(input: &Input) -> Result<Loaded> {
         if let Some(gate) = gate {
             capture = capture.gated(gate)?;
         }
+    }
+    match &input.pulse {
+        Some(GivenPulse::Sharp) => capture.pulse = None,
+        Some(GivenPulse::Shape(pulse)) => {
+            pulse.taps(capture.bin_width)?;
+            capture.pulse = Some(pulse.clone());
+        }
+        None => {}
     }
     capture.check().map_err(|e| e.at(input.path.display()))?;
     let seconds = start.elapsed().as_secs_f64();

@@ -52,6 +52,7 @@ fn capture(geometry: Geometry, curved: bool) -> Capture {
         t_start: 0.0,
         histograms,
         integer_counts: false,
+        pulse: None,
     }
 }
 

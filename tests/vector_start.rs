@@ -35,6 +35,7 @@ fn counts(peak: f64, dark: f64, at: f64, seed: u64) -> Capture {
         t_start: 0.0,
         histograms,
         integer_counts: true,
+        pulse: None,
     }
 }
 

@@ -33,6 +33,7 @@ pub fn capture(side: usize) -> Capture {
         t_start: 0.0,
         histograms: (0..side * side * bins).map(|i| (i * 7919 % 101) as f32).collect(),
         integer_counts: true,
+        pulse: None,
     }
 }
 

@@ -31,6 +31,10 @@ impl Capture {
                 "check t_start and whether the outer legs were removed twice",
             ));
         }
+        if let Some(pulse) = &self.pulse {
+            pulse.check()?;
+            pulse.taps(self.bin_width)?;
+        }
         check_points("laser", &self.laser)?;
         check_points("sensor", &self.sensor)?;
         check_normals("laser", self.laser_normal.as_deref())?;

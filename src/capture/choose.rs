@@ -164,6 +164,7 @@ impl Capture {
             laser_normal: self.laser_normal.as_deref().map(pick),
             sensor_normal: self.sensor_normal.as_deref().map(pick),
             histograms: kept.iter().flat_map(|&p| self.histogram(p)).copied().collect(),
+            pulse: self.pulse.clone(),
             ..*self
         }
     }

@@ -14,6 +14,7 @@ mod lattice;
 mod nearest;
 mod normals;
 pub mod pairs;
+pub mod pulse;
 pub mod scan;
 mod sum;
 pub mod summary;
@@ -21,6 +22,7 @@ pub mod summary;
 pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};
+pub use pulse::{Pulse, PulseTaps};
 pub use summary::Summary;
 
 use glam::DVec3;
@@ -50,6 +52,8 @@ pub struct Capture {
     pub histograms: Vec<f32>,
     /// Whether the source held integers (photon counts).
     pub integer_counts: bool,
+    /// How the instrument spreads a path of light over time, if known.
+    pub pulse: Option<Pulse>,
 }
 
 impl Capture {
@@ -65,6 +69,7 @@ impl Capture {
             sensor: self.sensor.clone(),
             laser_normal: self.laser_normal.clone(),
             sensor_normal: self.sensor_normal.clone(),
+            pulse: self.pulse.clone(),
             ..*self
         }
     }

@@ -206,6 +206,7 @@ mod tests {
             t_start: 0.0,
             histograms: vec![1.0; pairs.len()],
             integer_counts: false,
+            pulse: None,
         }
     }
 

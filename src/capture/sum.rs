@@ -76,6 +76,7 @@ impl Capture {
             sensor_normal: self.sensor_normal.as_deref().map(facing),
             histograms,
             name: self.name.clone(),
+            pulse: self.pulse.clone(),
             ..*self
         })
     }

@@ -1,10 +1,10 @@
 //! Options that say which capture, which volume and which device.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use thirdbounce::capture::{Bounce, Gate, Given};
-use thirdbounce::job::{self, Loaded, Request};
+use thirdbounce::capture::{Bounce, Gate, Given, Pulse};
+use thirdbounce::job::{self, GivenPulse, Loaded, Request};
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
@@ -27,6 +27,10 @@ pub struct CaptureArgs {
     /// Use all paths: neither look for direct light nor, for --preset captured, for the half with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
+    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian in metres of path, an npz with
+    /// pulse, pulse_delta_t and pulse_t_start, or none for sharp paths [default: what the capture holds, else none]
+    #[arg(long, value_name = "M|FILE|none", help_heading = "Capture")]
+    pub pulse: Option<String>,
     // Not flattened from UnsaidArgs: a group within a group would hide from clap whether a capture was given.
     /// Scale the wall so that its outermost scan points are SIZE metres apart
     #[arg(long, value_name = "SIZE", help_heading = "Capture")]
@@ -83,8 +87,21 @@ impl CaptureArgs {
             subset_seed: solver.seed(),
             gate: self.gate.as_deref().map(Gate::parse).transpose()?,
             no_auto_gate: self.no_auto_gate,
+            pulse: match self.pulse.as_deref() {
+                None => None,
+                Some("none") => Some(GivenPulse::Sharp),
+                Some(text) => Some(GivenPulse::Shape(pulse(text)?)),
+            },
             preset: solver.preset,
         })
+    }
+}
+
+/// A pulse as options tell it: a Gaussian's width in metres of path, or a file.
+pub fn pulse(text: &str) -> Result<Pulse> {
+    match text.trim().parse::<f64>() {
+        Ok(width) => Pulse::gaussian(width),
+        Err(_) => Pulse::read(Path::new(text)),
     }
 }
 

@@ -8,6 +8,7 @@ use thirdbounce::job::{self, Simulation};
 use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
 use thirdbounce::{Error, Result};
 
+use super::input::pulse;
 use super::options::word;
 use super::progress::say;
 use super::{interrupt, print, tables};
@@ -64,6 +65,10 @@ pub struct Args {
     /// Albedo of everything
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     albedo: f64,
+    /// Spread every path over time as an instrument does: a Gaussian's full width at half maximum in metres of path, or an
+    /// npz with pulse, pulse_delta_t and pulse_t_start. The capture then holds the pulse
+    #[arg(long, value_name = "M|FILE")]
+    pulse: Option<String>,
     /// Draw photon counts, so many expected in the strongest bin
     #[arg(long, value_name = "P")]
     photons: Option<f64>,
@@ -129,6 +134,7 @@ pub fn run(args: &Args) -> Result<()> {
     scene.set_albedo(args.albedo);
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
+    scene.pulse = args.pulse.as_deref().map(pulse).transpose()?;
     (scene.photons, scene.dark) = (args.photons, Dark::Counts(args.dark));
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);

@@ -127,6 +127,7 @@ impl Pairs {
             t_start: 0.0,
             histograms: Vec::new(),
             integer_counts: false,
+            pulse: None,
         }
     }
 

@@ -38,12 +38,17 @@ pub struct Rendering {
     pub converged: bool,
 }
 
-/// Renders the scene's scan and adds its photon noise, if it has any.
+/// Renders the scene's scan, spreads it by the instrument's pulse and adds its photon noise, if it has any.
 ///
 /// # Errors
 /// Those of [`render`] and [`photon_noise`].
 pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     let mut rendering = render(scene, options)?;
+    if let Some(pulse) = &scene.pulse {
+        let capture = &mut rendering.capture;
+        pulse.taps_of_bins(capture.bin_width)?.spread(&mut capture.histograms, capture.bins);
+        capture.pulse = Some(pulse.clone());
+    }
     if let Some(photons) = scene.photons {
         rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.seed)?;
     }
@@ -245,6 +250,7 @@ impl Renderer<'_> {
             t_start: self.scene.t_start,
             histograms,
             integer_counts: false,
+            pulse: None,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What to simulate: objects, wall, scan, bins, reflectance, noise.
 
 use super::{Dark, Layout, Mesh, Pairs, WallShape, builtin};
+use crate::capture::Pulse;
 use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
 use glam::DVec3;
@@ -40,6 +41,8 @@ pub struct Scene {
     pub t_start: f64,
     /// How surfaces reflect; the formulas stand at [`super::render_pairs`].
     pub reflectance: Reflectance,
+    /// How the instrument spreads a path over time; `None`: not at all.
+    pub pulse: Option<Pulse>,
     /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
     /// Dark counts added to every bin; needs `photons`.
@@ -64,6 +67,7 @@ impl Scene {
             bins: None,
             t_start: 0.0,
             reflectance: Reflectance::Cosine,
+            pulse: None,
             photons: None,
             dark: Dark::Counts(0.0),
             seed: 0,
@@ -105,7 +109,8 @@ impl Scene {
             let far = from(&wall);
             let spot = self.layout.spot().map(|s| from(&[DVec3::new(s.x, s.y, 0.0)]));
             let longest = far + spot.map_or(far, |spot| spot.max(far));
-            let bins = ((longest - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
+            let tail = self.pulse.as_ref().map_or(0.0, |p| p.end().max(0.0));
+            let bins = ((longest + tail - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
             (bins as usize + 1).next_multiple_of(32)
         })
     }
@@ -160,6 +165,10 @@ impl Scene {
             ));
         }
         self.check_objects()?;
+        if let Some(pulse) = &self.pulse {
+            pulse.check()?;
+            pulse.taps_of_bins(self.bin_width)?;
+        }
         super::noise::check(self.photons, self.dark)?;
         let pairs = self.layout.pair_count(self.scan);
         let values = pairs * self.bin_count() as f64;

@@ -102,6 +102,10 @@ impl Identity {
         };
         let mut hash = fnv(0xcbf2_9ce4_8422_2325, bytemuck::cast_slice(&job.model.measured));
         hash = fnv(hash, bytemuck::cast_slice(&job.model.wall.words()));
+        if let Some(pulse) = &job.model.pulse {
+            hash = fnv(hash, bytemuck::cast_slice(&pulse.weights));
+            hash = fnv(hash, &pulse.before.to_le_bytes());
+        }
         let scene = |l: &super::Level| hash_of_scene(job, l);
         let grid = |l: &super::Level| format!("{:?} {:016x}", l.grid.n, scene(l));
         let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();

@@ -35,6 +35,11 @@ impl<'g> Job<'g> {
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         upload(executor, "taps", bytemuck::cast_slice(&taps))?;
+        if let Some(pulse) = &model.pulse {
+            let head = [pulse.before as f32, pulse.weights.len() as f32];
+            let taps: Vec<f32> = head.into_iter().chain(pulse.weights.iter().map(|w| *w as f32)).collect();
+            upload(executor, "pulse_taps", bytemuck::cast_slice(&taps))?;
+        }
         for level in plan.levels.iter().chain(plan.surface_only()) {
             let scene = model.scene_of(&level.grid, level.pairs);
             let scene = SceneData { capacity: plan.capacity as u32, ..scene };

@@ -90,6 +90,8 @@ pub struct Plan {
     pub runs: bool,
     /// A sample may be so near to a wall point that the pair gives nothing.
     pub touching: bool,
+    /// Taps of the instrument's pulse; none where paths are taken for sharp.
+    pub pulse: usize,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side, and of the other.
@@ -243,6 +245,7 @@ impl Plan {
             fine: model.is_fine(&grid),
             runs: false,
             touching: true,
+            pulse: model.pulse.as_ref().map_or(0, |p| p.weights.len()),
             curved: model.wall.normals.is_some(),
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
@@ -283,6 +286,11 @@ impl Plan {
     /// The paper's solver, all of whose voxels may be active, has no sums there between iterations.
     pub fn volumes(&self) -> [&'static str; 2] {
         if self.vectors { ["smooth", "smooth_spare"] } else { ["gradient", "sample_points"] }
+    }
+
+    /// The buffer that gradients gather from.
+    pub fn residual(&self) -> &'static str {
+        if self.pulse > 0 { "spread" } else { "residual" }
     }
 
     pub fn fixed_point(&self) -> bool {

@@ -13,9 +13,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     let arguments = |triple: u32| 12 * u64::from(triple);
     s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-        .bind("scene", level.scene)
-        .with(push);
+    s.extend(compare(plan, level, "residual", push));
     if plan.noise != NoiseTerm::Off {
         s.dispatch("noise", groups(level.pairs, 1)).bind("scene", level.scene).with(push);
     }
@@ -23,6 +21,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
         s.indirect("backward", "arguments", arguments(ARGUMENTS_BACKWARD))
             .bind("scene", level.scene)
             .bind("wall", level.wall)
+            .bind("residual", plan.residual())
             .with(chunk);
     }
     let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
@@ -45,6 +44,38 @@ pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Sched
             .with(Push { first: set, flags, ..Default::default() });
     }
     s
+}
+
+/// Takes what a forward pass has rendered in by the kernel `residual`; with a pulse, as the instrument shows it, and what it
+/// misses back to the paths, for [`Plan::residual`].
+pub(super) fn compare(plan: &Plan, level: &Level, residual: &'static str, push: Push) -> Schedule {
+    let mut s = Schedule::default();
+    if plan.pulse > 0 {
+        let rendered = s.dispatch("pulse", runs(plan, level)).bind("scene", level.scene);
+        if !plan.fixed_point() {
+            rendered.bind("source", "histograms");
+        }
+    }
+    s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
+        .bind("scene", level.scene)
+        .with(push);
+    if plan.pulse > 0 {
+        s.extend(pulse_back(plan, level, "pulse_back"));
+    }
+    s
+}
+
+/// What `residual` holds, seen from the paths, by the kernel of that name.
+pub(super) fn pulse_back(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
+    let mut s = Schedule::default();
+    s.dispatch(kernel, runs(plan, level)).bind("scene", level.scene).bind("source", "residual");
+    s
+}
+
+/// Workgroups of a pulse kernel.
+fn runs(plan: &Plan, level: &Level) -> [u32; 3] {
+    let of_row = (plan.bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
+    groups((level.pairs + 1) * of_row, WORKGROUP)
 }
 
 /// Push constants of a gather over all pairs of `level`, in as many dispatches as the loop limit asks for: of a product, whole

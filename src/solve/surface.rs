@@ -13,7 +13,7 @@ use std::time::Instant;
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::job::{Job, upload};
 use super::plan::AMPLE;
-use super::schedule::{forward, groups, pair_chunks};
+use super::schedule::{compare, forward, groups, pair_chunks};
 use super::vector::expected_noise;
 use super::{Level, Plan};
 use crate::Result;
@@ -300,7 +300,7 @@ pub fn points(level: &Level, count: usize) -> Schedule {
 fn render(plan: &Plan, level: &Level, count: usize, residual: &'static str) -> Schedule {
     let mut s = points(level, count);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS)).bind("scene", level.scene);
+    s.extend(compare(plan, level, residual, Push::default()));
     s
 }
 
@@ -314,6 +314,7 @@ pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) 
         s.indirect("surface_gather", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
             .bind("scene", scene)
             .bind("wall", level.wall)
+            .bind("residual", plan.residual())
             .with(chunk);
     }
     s.dispatch("surface_combine", groups(count, WORKGROUP)).bind("scene", scene).with(push);

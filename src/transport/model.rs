@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, Wall};
-use crate::capture::Capture;
+use crate::capture::{Capture, PulseTaps};
 
 /// Where the sample of a voxel lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -76,6 +76,8 @@ pub struct Model {
     pub measured: Vec<f32>,
     /// Bins of all pairs that the loss is a mean over: those of the capture, also where some are left out.
     pub elements: usize,
+    /// How the instrument spreads a path over bins; none where paths are taken for sharp.
+    pub pulse: Option<PulseTaps>,
     /// The measurement's peak after scaling.
     pub peak: f64,
     /// Counts per unit of `measured`.
@@ -141,6 +143,11 @@ impl Model {
             bin_width: capture.bin_width,
             t_start: capture.t_start,
             measured: pair_of.iter().flat_map(histogram).map(|h| (f64::from(*h) * scale) as f32).collect(),
+            // A capture's check refuses a pulse without taps.
+            pulse: match &capture.pulse {
+                Some(pulse) => pulse.taps(capture.bin_width).ok(),
+                None => general.then(PulseTaps::identity),
+            },
             peak,
             counts_per_unit: 1.0 / scale,
             reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),

@@ -124,6 +124,7 @@ mod tests {
             t_start: 0.0,
             histograms: vec![1.0; 4 * points.len()],
             integer_counts: false,
+            pulse: None,
         };
         Model { min_depth, ..Model::new(&capture, Reflectance::Cosine, 1.0, false) }
     }

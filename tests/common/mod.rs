@@ -27,6 +27,7 @@ pub fn capture(scan: [usize; 2], bins: usize, count: impl Fn(usize, usize) -> f3
             .map(|(p, b)| count(p, b))
             .collect(),
         integer_counts: true,
+        pulse: None,
     }
 }
 

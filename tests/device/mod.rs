@@ -62,6 +62,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         elements: n * n * bins,
         wall: Wall::confocal(points),
         is_spread: false,
+        pulse: None,
         reflectance: Reflectance::Cosine,
         bins,
         bin_width,

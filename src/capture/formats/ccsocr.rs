@@ -80,6 +80,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         t_start: 0.0,
         histograms: super::array::transpose(&counts.values, bins, pairs),
         integer_counts,
+        pulse: None,
     };
     Ok(if lattice { frame::in_order(capture) } else { capture })
 }

@@ -59,6 +59,7 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         bin_width: second - first,
         t_start: 0.0,
         integer_counts: counts.whole(),
+        pulse: None,
         histograms: transpose(&counts.values, bins, nx * ny),
     }))
 }

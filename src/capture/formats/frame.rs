@@ -50,6 +50,7 @@ pub fn pictures(name: &str, counts: Counts, wall: f64, bin_width: f64) -> Result
         bin_width,
         t_start: 0.0,
         integer_counts: counts.whole(),
+        pulse: None,
         histograms,
     })
 }

@@ -68,6 +68,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         t_start: 0.0,
         histograms,
         integer_counts,
+        pulse: None,
     };
     Ok(frame::in_order(capture))
 }

@@ -66,6 +66,7 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
             .copied()
             .collect(),
         integer_counts,
+        pulse: None,
     };
     let towards = file.point("hiddenVolumePosition")?;
     Ok(frame::in_order(frame::facing_z(capture, towards, notes)?))

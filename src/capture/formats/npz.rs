@@ -2,7 +2,9 @@
 //!
 //! `H` [T, X, Y] counts (ix along +x, iy along +y); `sensor_xyz` and `laser_xyz` [X, Y, 3] pair by pair or
 //! [1, 3] for a single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars
-//! `delta_t` (bin width, metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing).
+//! `delta_t` (bin width, metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` [n],
+//! how the instrument spreads a path over time, with the scalars `pulse_delta_t` (width of a sample, metres of path) and
+//! `pulse_t_start` (leading edge of the first one behind the path itself, metres; 0 if missing).
 //!
 //! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
 //! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3], or with points in a list on either side: `H`
@@ -16,11 +18,11 @@ use glam::DVec3;
 use super::archive::{Npz, npz_bytes};
 use super::array::{Array, transpose};
 use super::{compact, exhaustive, largest_count, per_pair, triples, unit};
-use crate::capture::Capture;
+use crate::capture::{Capture, Pulse};
 use crate::error::{Error, Result};
 use crate::export::atomic;
 
-const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal; other arrays are ignored";
+const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse; other arrays are ignored";
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -67,6 +69,7 @@ pub fn read(path: &Path) -> Result<Capture> {
         bin_width,
         t_start,
         integer_counts: h.element.is_integer(),
+        pulse: Pulse::read_from(&mut npz)?,
         histograms: transpose(&h.to_f32(), bins, pairs),
     })
 }
@@ -153,6 +156,11 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     arrays.push(("H", counts(capture, &places)));
     arrays.push(("delta_t", Array::from_f64(&[], &[capture.bin_width])));
     arrays.push(("t_start", Array::from_f64(&[], &[capture.t_start])));
+    if let Some(pulse) = &capture.pulse {
+        arrays.push(("pulse", Array::from_f64(&[pulse.samples.len()], &pulse.samples)));
+        arrays.push(("pulse_delta_t", Array::from_f64(&[], &[pulse.width])));
+        arrays.push(("pulse_t_start", Array::from_f64(&[], &[pulse.start])));
+    }
     atomic::write(path, &npz_bytes(&arrays)?)
 }
 

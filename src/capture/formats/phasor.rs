@@ -92,6 +92,7 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         t_start: number("t0")?,
         histograms: counts.values,
         integer_counts,
+        pulse: None,
     };
     let device = |name: &str| -> Result<DVec3> {
         let name = format!("dataset/{name}");
@@ -156,5 +157,6 @@ pub fn read_2020(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
             .copied()
             .collect(),
         integer_counts,
+        pulse: None,
     })
 }

@@ -103,6 +103,7 @@ pub fn read(source: &Variables) -> Result<Capture> {
         t_start: source.number("t_start")?.unwrap_or(0.0),
         histograms: transpose(&h.values, shape[0], pairs),
         integer_counts,
+        pulse: None,
     };
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);

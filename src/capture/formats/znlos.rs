@@ -93,6 +93,7 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         t_start: file.number("t0")?.unwrap_or(0.0),
         histograms,
         integer_counts,
+        pulse: None,
     };
     // What was not measured is left out later: the rest must be sound.
     capture.clone().without_missing()?.0.check()?;

@@ -40,6 +40,8 @@ impl Plan {
             ("measured", elements * 4),
             ("histograms", cells * if self.fixed_point() { 8 } else { 4 }),
             ("residual", cells * 4),
+            ("spread", if self.pulse > 0 { cells * 4 } else { 0 }),
+            ("pulse_taps", if self.pulse > 0 { (self.pulse as u64 + 2) * 4 } else { 0 }),
             ("noise_state", self.noise_weights() as u64 * 12),
             ("raw", slots * 16),
             ("before", of_vectors(slots * 16)),

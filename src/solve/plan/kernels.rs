@@ -51,7 +51,9 @@ impl Plan {
             let all = constants.iter().chain(scene.iter().filter(asks)).copied();
             KernelUse { name, code: variant, constants: all.collect() }
         };
-        let residual = if self.fixed_point() { "residual_fixed" } else { "residual" };
+        let [residual, pulse] =
+            if self.fixed_point() { ["residual_fixed", "pulse_fixed"] } else { ["residual", "pulse"] };
+        let has_pulse = u32::from(self.pulse > 0);
         let vectors = u32::from(self.vectors);
         let mut tile_constants =
             vec![("LANES", t.lanes), ("CHUNK", t.chunk), ("SPLIT", split), ("WINDOW", t.window)];
@@ -66,7 +68,7 @@ impl Plan {
         let summed = if self.vectors { t.voxels } else { WORKGROUP };
         let mut all = vec![
             u("forward", forward, &tile_constants),
-            u("residual", residual, &[("NOISE", noise), ("WEIGHTED", vectors)]),
+            u("residual", residual, &[("NOISE", noise), ("WEIGHTED", vectors), ("PULSE", has_pulse)]),
             u("finish", "finish", &[("ACCELERATED", vectors), ("VOXELS", summed)]),
             u("gaussian_y", "gaussian", &[("AXIS", 1), ("FIRST", 0), ("LAST", 0)]),
             u("gaussian_z", "gaussian", &[("AXIS", 2), ("FIRST", 0), ("LAST", 1)]),
@@ -90,13 +92,20 @@ impl Plan {
             u("double_domain", "double_domain", &[]),
             u("extract", "extract", &[("VECTORS", vectors)]),
         ];
+        if self.pulse > 0 {
+            all.push(u("pulse", pulse, &[]));
+            all.push(u("pulse_back", "pulse", &[("BACK", 1)]));
+            if self.vectors {
+                all.push(u("pulse_noise", "pulse", &[("BACK", 1), ("SQUARED", 1)]));
+            }
+        }
         if self.vectors {
             let bound = [&tile_constants[..], &[("BOUND", 1)]].concat();
             all.extend([
                 u("gaussian_x_volume", "gaussian", &[("AXIS", 0), ("FIRST", 0), ("LAST", 0)]),
                 u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 2), ("LAST", 0)]),
                 u("forward_bound", forward, &bound),
-                u("residual_bound", residual, &[("WEIGHTED", 1), ("MEASURE", 0)]),
+                u("residual_bound", residual, &[("WEIGHTED", 1), ("MEASURE", 0), ("PULSE", has_pulse)]),
                 u("bound_step", "bound", &[("SPLIT", split), ("WHAT", 0), others]),
                 u("bound_noise", "bound", &[("SPLIT", split), ("WHAT", 1), others]),
                 u("variance", "variance", &[]),

@@ -44,6 +44,10 @@ impl Plan {
             let weights = (self.pairs * self.bins) as u64;
             left("the noise term: its weights, their moments and its kernel".into(), mebibytes(weights * 12));
         }
+        if self.pulse == 0 {
+            let what = "the instrument's pulse: none is known, paths are taken for sharp";
+            left(what.into(), mebibytes((self.pairs * self.bins * 4) as u64));
+        }
         let unreached = self.all_bins - self.bins;
         if unreached > 0 {
             let bytes = (self.pairs * unreached) as u64 * if self.fixed_point() { 20 } else { 16 };

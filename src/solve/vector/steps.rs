@@ -2,7 +2,7 @@
 
 use super::VectorOptions;
 use crate::gpu::Schedule;
-use crate::solve::schedule::{forward, groups, pair_chunks};
+use crate::solve::schedule::{compare, forward, groups, pair_chunks, pulse_back};
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 
@@ -39,15 +39,14 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
         .bind("scene", level.scene)
         .with(push);
     s.extend(forward(plan, level, "forward"));
-    s.dispatch("residual", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-        .bind("scene", level.scene)
-        .with(push);
+    s.extend(compare(plan, level, "residual", push));
     for chunk in pair_chunks(plan, level) {
         // The sums begin with the roughness.
         let chunk = Push { flags: chunk.flags | BACKWARD_CONTINUE, ..chunk };
         s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
             .bind("scene", level.scene)
             .bind("wall", level.wall)
+            .bind("residual", plan.residual())
             .with(chunk);
     }
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
@@ -150,20 +149,24 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&'static str, f64)>) -> 
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
-    s.dispatch("residual_bound", groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-        .bind("scene", scene);
+    s.extend(compare(plan, level, "residual_bound", Push::default()));
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
     for chunk in pair_chunks(plan, level) {
         s.indirect("bound_step", "arguments", sample)
             .bind("scene", scene)
             .bind("wall", level.wall)
+            .bind("residual", plan.residual())
             .with(chunk);
     }
     s.dispatch("variance", groups(plan.cells_at(level), WORKGROUP)).bind("scene", scene);
+    if plan.pulse > 0 {
+        s.extend(pulse_back(plan, level, "pulse_noise"));
+    }
     for chunk in pair_chunks(plan, level) {
         s.indirect("bound_noise", "arguments", sample)
             .bind("scene", scene)
             .bind("wall", level.wall)
+            .bind("residual", plan.residual())
             .with(chunk);
     }
     if expected.is_some() {

@@ -1,0 +1,55 @@
+// Histograms as the instrument shows them: every path of light spread along time by the pulse's taps. BACK: the
+// adjoint, which takes a residual back to the paths. SQUARED: with the taps' squares, for variances.
+// One invocation owns RUN neighbouring cells of a row, so that every cell around them is read once. Cells that are no
+// bin (place.glsl) are zero, and what lies in them counts for nothing.
+// pulse_taps: [0] taps before the path's own bin, [1] taps in all, then weights.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 10) const uint BACK = 0u;
+layout(constant_id = 11) const uint SQUARED = 0u;
+#ifdef ACCUMULATE_FIXED
+layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Histograms { uvec2 histograms[]; };
+#include "accumulated.glsl"
+float value_of(uint cell) { return accumulated(cell); }
+#else
+layout(std430, set = 0, binding = 2) readonly buffer Source { float source[]; };
+float value_of(uint cell) { return source[cell]; }
+#endif
+layout(std430, set = 0, binding = 3) readonly buffer PulseTaps { float pulse_taps[]; };
+layout(std430, set = 0, binding = 4) writeonly buffer Spread { float spread[]; };
+
+const uint RUN = PULSE_RUN;
+
+void main() {
+    uint run = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    uint runs = (scene.stride + RUN - 1u) / RUN;
+    uint pair = run / runs;
+    // The padding behind the last row is a row's beginning.
+    if (pair > scene.pairs) return;
+    int bins = int(scene.bins);
+    int bin = int(run % runs * RUN) - int(PADDING);
+    int row = int(pair * scene.stride + PADDING);
+    vec4 sums = vec4(0.0);
+    if (pair < scene.pairs) {
+        int before = int(pulse_taps[0]);
+        int count = int(pulse_taps[1]);
+        int first = BACK != 0u ? bin - before : bin + before - (count - 1);
+        // Of the cell at hand, the taps that take it to each of the four.
+        vec4 taps = vec4(0.0);
+        for (int i = 0; i < count + int(RUN) - 1; ++i) {
+            float tap = i < count ? pulse_taps[2 + (BACK != 0u ? i : count - 1 - i)] : 0.0;
+            taps = vec4(SQUARED != 0u ? tap * tap : tap, taps.xyz);
+            int at = first + i;
+            if (at >= 0 && at < bins) sums += taps * value_of(uint(row + at));
+        }
+    }
+    for (int k = 0; k < int(RUN); ++k) {
+        int at = bin + k;
+        bool in_row = pair < scene.pairs ? at < bins : at < 0;
+        if (in_row) spread[row + at] = at >= 0 ? sums[k] : 0.0;
+    }
+}

@@ -1,0 +1,289 @@
+//! The instrument's pulse: how a single path of light looks in a histogram.
+//!
+//! Laser pulse, detector jitter and electronics together spread every path over time. Known, the shape is part of the
+//! model of light transport; unknown, it is taken for shape of the scene. Time zero of a pulse is where a calibration puts the path: of a
+//! Gaussian its middle.
+
+use std::path::Path;
+
+use super::formats::archive::Npz;
+use crate::error::{Error, Result};
+
+/// Samples of a pulse over path length, of any common scale.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pulse {
+    /// Not negative, not all zero.
+    pub samples: Vec<f64>,
+    /// Width of a sample in metres of path.
+    pub width: f64,
+    /// Leading edge of the first one, metres behind the path itself; negative where it comes before.
+    pub start: f64,
+}
+
+/// A pulse over the bins of a histogram: `weights[i]` of a path's light falls `i - before` bins behind the path. Their sum
+/// is one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PulseTaps {
+    pub before: usize,
+    pub weights: Vec<f64>,
+}
+
+/// Most samples, and most bins that a pulse may reach over: what is longer is no pulse.
+const LONGEST: usize = 4096;
+
+/// Weights below this share of the largest, at either end, are left out.
+const LEAST: f64 = 1e-3;
+
+/// Samples of a Gaussian over its full width at half maximum, and how many such widths it has.
+const SAMPLES: usize = 16;
+const WIDTHS: usize = 3;
+
+/// What linear binning adds to the second moment of a pulse, over what bins do by themselves, and what these do,
+/// in squared bins.
+const LINEAR: f64 = 1.0 / 12.0;
+const BIN: f64 = 1.0 / 12.0;
+
+impl Pulse {
+    /// A Gaussian whose full width at half maximum is `fwhm` metres of path.
+    ///
+    /// # Errors
+    /// `Kind::Options` if that is no positive number.
+    pub fn gaussian(fwhm: f64) -> Result<Pulse> {
+        if !(fwhm.is_finite() && fwhm > 0.0) {
+            return Err(Error::options(
+                format!("the pulse is {fwhm} m wide"),
+                "give its full width at half maximum in metres of path (picoseconds times 0.000299792458)",
+            ));
+        }
+        let count = SAMPLES * WIDTHS;
+        let at = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - WIDTHS as f64 / 2.0;
+        let samples = (0..count).map(|i| (-4.0 * std::f64::consts::LN_2 * at(i).powi(2)).exp()).collect();
+        Ok(Pulse { samples, width: fwhm / SAMPLES as f64, start: -0.5 * WIDTHS as f64 * fwhm })
+    }
+
+    /// Reads `pulse` [n], `pulse_delta_t` (width of a sample) and `pulse_t_start` (leading edge of the first, 0 if missing),
+    /// metres of path, of an npz; none if it has no `pulse`.
+    ///
+    /// # Errors
+    /// `Kind::Input` for damaged arrays, and for values that are no pulse.
+    pub(super) fn read_from(npz: &mut Npz) -> Result<Option<Pulse>> {
+        let Some(samples) = npz.get("pulse")? else { return Ok(None) };
+        let Some(width) = npz.scalar("pulse_delta_t")? else {
+            return Err(Error::input(
+                "there is a pulse, but no pulse_delta_t",
+                "store the width of its samples in metres of path as pulse_delta_t",
+            ));
+        };
+        let start = npz.scalar("pulse_t_start")?.unwrap_or(0.0);
+        let pulse = Pulse { samples: samples.to_f64(), width, start };
+        pulse.check()?;
+        Ok(Some(pulse))
+    }
+
+    /// Reads a pulse from an npz of its own, or from a capture that has one.
+    ///
+    /// # Errors
+    /// As [`Pulse::read_from`], and if there is none; with the path.
+    pub fn read(path: &Path) -> Result<Pulse> {
+        let found = Npz::open(path).and_then(|mut npz| Pulse::read_from(&mut npz));
+        let wanted = "store pulse [n], pulse_delta_t and pulse_t_start, in metres of path";
+        let pulse = found.and_then(|p| p.ok_or_else(|| Error::input("holds no array pulse", wanted)));
+        pulse.map_err(|e| e.at(path.display()))
+    }
+
+    /// # Errors
+    /// `Kind::Input`, naming what is no pulse.
+    pub fn check(&self) -> Result<()> {
+        let bad = |what: String, mend: &str| Err(Error::input(what, mend));
+        if self.samples.is_empty() || self.samples.len() > LONGEST {
+            return bad(
+                format!("the pulse has {} samples", self.samples.len()),
+                "give 1 to 4096 of them, around the path's own time",
+            );
+        }
+        if let Some(at) = self.samples.iter().position(|s| !(s.is_finite() && *s >= 0.0)) {
+            return bad(
+                format!("sample {at} of the pulse is {}", self.samples[at]),
+                "a pulse is finite and not negative: take its background off and clamp at 0",
+            );
+        }
+        let sum: f64 = self.samples.iter().sum();
+        if !(sum.is_finite() && sum > 0.0) {
+            return bad(format!("the pulse's samples add up to {sum}"), "give one that holds light");
+        }
+        if !(self.width.is_finite() && self.width > 0.0 && self.start.is_finite()) {
+            return bad(
+                format!("the pulse's samples are {} m wide, the first at {} m", self.width, self.start),
+                "give both in metres of path",
+            );
+        }
+        Ok(())
+    }
+
+    /// Trailing edge of the last sample, metres behind the path.
+    pub fn end(&self) -> f64 {
+        self.start + self.samples.len() as f64 * self.width
+    }
+
+    /// Mean and standard deviation, metres.
+    pub fn moments(&self) -> [f64; 2] {
+        let sum: f64 = self.samples.iter().sum();
+        let at = |i: usize| self.start + (i as f64 + 0.5) * self.width;
+        let mean = self.samples.iter().enumerate().map(|(i, s)| s * at(i)).sum::<f64>() / sum;
+        let square = |(i, s): (usize, &f64)| s * (at(i) - mean).powi(2);
+        [mean, (self.samples.iter().enumerate().map(square).sum::<f64>() / sum).sqrt()]
+    }
+
+    /// For a model that shares a path linearly between two bins of such a width: with the second moment that the pulse has
+    /// in bins.
+    ///
+    /// # Errors
+    /// `Kind::Options` if it reaches over more than 4096 bins, or is farther than that from its path.
+    pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {
+        self.over(bin_width, BIN + LINEAR)
+    }
+
+    /// For histograms whose paths are in their bins already.
+    ///
+    /// # Errors
+    /// As [`Pulse::taps`].
+    pub fn taps_of_bins(&self, bin_width: f64) -> Result<PulseTaps> {
+        self.over(bin_width, BIN)
+    }
+
+    /// Its integrals over bins, less so much of their second moment.
+    fn over(&self, bin_width: f64, less: f64) -> Result<PulseTaps> {
+        let [first, last] = [self.start, self.end()]
+            .map(|edge| (edge / bin_width).round());
+        if first.abs().max(last.abs()) > LONGEST as f64 {
+            return Err(Error::options(
+                format!("the pulse reaches from {first} to {last} bins around its path"),
+                format!("at most {LONGEST} are supported: cut it, or add bins up"),
+            ));
+        }
+        // One bin more at either end, for what the second difference adds there.
+        let (first, last) = (first as i64 - 1, last as i64 + 1);
+        let mut whole = vec![0.0; (last - first + 1) as usize];
+        for (i, sample) in self.samples.iter().enumerate() {
+            let edge = |i: usize| (self.start + i as f64 * self.width) / bin_width + 0.5 - first as f64;
+            let (from, to) = (edge(i), edge(i + 1));
+            for (bin, sum) in whole.iter_mut().enumerate().take(to.ceil() as usize).skip(from as usize) {
+                let shared = (to.min(bin as f64 + 1.0) - from.max(bin as f64)).max(0.0);
+                *sum += sample * shared / (to - from);
+            }
+        }
+        let at = |i: Option<usize>| i.and_then(|i| whole.get(i)).copied().unwrap_or(0.0);
+        let sharp = |i: usize| {
+            let second = at(i.checked_sub(1)) + at(Some(i + 1)) - 2.0 * whole[i];
+            (whole[i] - 0.5 * less * second).max(0.0)
+        };
+        let mut weights: Vec<f64> = (0..whole.len()).map(sharp).collect();
+        let least = LEAST * weights.iter().fold(0.0f64, |a, b| a.max(*b));
+        let kept = |w: &f64| *w > least;
+        let (low, high) =
+            (weights.iter().position(kept).unwrap_or(0), weights.iter().rposition(kept).unwrap_or(0));
+        weights.truncate(high + 1);
+        weights.drain(..low);
+        // The kernels walk from the first tap to the last, and the path's own bin is among them.
+        let (low, high) = (first + low as i64, first + high as i64);
+        let before = (-low).max(0) as usize;
+        weights.splice(0..0, std::iter::repeat_n(0.0, low.max(0) as usize));
+        weights.extend(std::iter::repeat_n(0.0, (-high).max(0) as usize));
+        let sum: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= sum);
+        Ok(PulseTaps { before, weights })
+    }
+}
+
+impl PulseTaps {
+    /// What changes nothing.
+    pub fn identity() -> PulseTaps {
+        PulseTaps { before: 0, weights: vec![1.0] }
+    }
+
+    /// The histograms of sharp paths as this pulse shows them; what leaves the bins is lost.
+    pub fn spread(&self, histograms: &mut [f32], bins: usize) {
+        for histogram in histograms.chunks_exact_mut(bins) {
+            let sharp: Vec<f64> = histogram.iter().map(|v| f64::from(*v)).collect();
+            for (bin, value) in histogram.iter_mut().enumerate() {
+                let from = |i: usize| (bin + self.before).checked_sub(i).filter(|from| *from < bins);
+                let light = |(i, w): (usize, &f64)| from(i).map_or(0.0, |from| w * sharp[from]);
+                *value = self.weights.iter().enumerate().map(light).sum::<f64>() as f32;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments(taps: &PulseTaps) -> [f64; 2] {
+        let at = |i: usize| i as f64 - taps.before as f64;
+        let mean: f64 = taps.weights.iter().enumerate().map(|(i, w)| w * at(i)).sum();
+        let square = |(i, w): (usize, &f64)| w * (at(i) - mean).powi(2);
+        [mean, taps.weights.iter().enumerate().map(square).sum::<f64>()]
+    }
+
+    #[test]
+    fn taps_have_the_moments_of_their_pulse() {
+        for (fwhm, bin) in [(0.02, 0.006), (0.012, 0.006), (0.1, 0.004)] {
+            let pulse = Pulse::gaussian(fwhm).unwrap();
+            let [mean, deviation] = pulse.moments();
+            assert!(mean.abs() < 1e-12 && (deviation / (fwhm / 2.3548) - 1.0).abs() < 0.01, "{deviation}");
+            let square = (deviation / bin).powi(2);
+            let [mean, of_taps] = moments(&pulse.taps(bin).unwrap());
+            // Less what linear binning adds over a bin's own: 1 / 6 - 1 / 12.
+            assert!(mean.abs() < 1e-12 && (of_taps / (square - 1.0 / 12.0) - 1.0).abs() < 0.02, "{of_taps}");
+            let [_, of_bins] = moments(&pulse.taps_of_bins(bin).unwrap());
+            assert!((of_bins / square - 1.0).abs() < 0.02, "{of_bins} {square}");
+        }
+    }
+
+    #[test]
+    fn a_late_pulse_stays_late() {
+        // A tail behind the path, of three bins and a half.
+        let pulse = Pulse { samples: vec![4.0, 2.0, 1.0], width: 0.01, start: 0.035 };
+        let taps = pulse.taps_of_bins(0.01).unwrap();
+        let [mean, _] = moments(&taps);
+        assert!((mean - pulse.moments()[0] / 0.01).abs() < 0.05, "{taps:?}");
+        assert!(taps.before == 0 && taps.weights[0] == 0.0 && (taps.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        // One far before it.
+        let early = Pulse { start: -0.065, ..pulse }.taps_of_bins(0.01).unwrap();
+        assert!(early.before >= 6 && early.weights.len() > early.before, "{early:?}");
+        assert!((moments(&early)[0] + 10.0 - mean).abs() < 0.05);
+    }
+
+    #[test]
+    fn spreading_keeps_the_light_and_its_place() {
+        let taps = Pulse::gaussian(0.03).unwrap().taps_of_bins(0.01).unwrap();
+        let mut histograms = vec![0.0f32; 64];
+        histograms[16] = 2.0;
+        histograms[32 + 1] = 1.0;
+        taps.spread(&mut histograms, 32);
+        assert!((histograms[..32].iter().sum::<f32>() - 2.0).abs() < 1e-5);
+        assert_eq!(histograms[..32].iter().copied().fold(0.0, f32::max), histograms[16]);
+        // What is before the first bin is lost, and goes to no other pair.
+        assert!(histograms[32..].iter().sum::<f32>() < 0.99 && histograms[31] == 0.0);
+        let mut same = vec![1.0, 2.0, 3.0];
+        PulseTaps::identity().spread(&mut same, 3);
+        assert_eq!(same, [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn what_is_no_pulse_is_refused() {
+        assert!(Pulse::gaussian(0.0).is_err() && Pulse::gaussian(f64::NAN).is_err());
+        let good = Pulse::gaussian(0.01).unwrap();
+        for bad in [
+            Pulse { samples: vec![], ..good.clone() },
+            Pulse { samples: vec![0.0; 3], ..good.clone() },
+            Pulse { samples: vec![1.0, -1.0], ..good.clone() },
+            Pulse { samples: vec![1.0, f64::NAN], ..good.clone() },
+            Pulse { width: 0.0, ..good.clone() },
+            Pulse { start: f64::INFINITY, ..good.clone() },
+        ] {
+            assert!(bad.check().is_err(), "{bad:?}");
+        }
+        assert!(good.taps(1e-7).is_err() && Pulse { start: 1e6, ..good }.taps(0.01).is_err());
+    }
+}
