@@ -5,7 +5,8 @@ mod device;
 
 use device::*;
 use glam::dvec3;
-use thirdbounce::transport::twin::{self, Raw, Twin};
+use thirdbounce::capture::PulseTaps;
+use thirdbounce::transport::twin::{self, Raw, Twin, Way};
 use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume, Wall};
 
 /// Adjoint of the sampling, as `update` gathers it: gradients at samples to gradients of voxels.
@@ -49,19 +50,31 @@ fn exact_gradient_is_the_slope_of_the_objective() {
 
 #[test]
 fn exact_gradient_holds_with_the_noise_term_and_its_clamp() {
+    for pulse in [None, Some(tail())] {
+        check_noise(pulse);
+    }
+}
+
+fn check_noise(pulse: Option<PulseTaps>) {
     let (mut m, grid, raw, active) = scene();
     m.noise = [0.001, 0.002];
+    let sharp = m.clone();
+    m.pulse = pulse;
     let weights: Vec<f64> = (0..m.pairs() * m.bins).map(|i| ((i * 37 % 11) as f64 - 5.0) / 3.0).collect();
     let twin = Twin { model: &m, grid: &grid };
     let samples = twin::sample(&twin, 0, &active, &raw);
-    let (residual, _) = twin::residual(&twin, &twin::forward(&twin, &samples), &weights);
-    assert!(residual.contains(&0.0), "some bins are clamped");
+    let accumulated = twin::forward(&twin, &samples);
+    let (residual, _) = twin::residual(&twin, &accumulated, &weights);
+    // The term is added to what the instrument shows: it learns from the residual before that goes back to the paths.
+    let shown = twin::pulse(&twin, &accumulated, Way::Spread);
+    let (of_bins, _) = twin::residual(&Twin { model: &sharp, grid: &grid }, &shown, &weights);
+    assert!(of_bins.contains(&0.0), "some bins are clamped");
     let gradient = to_voxels(&twin, 0, &active, &twin::backward(&twin, &samples, &residual));
     assert_gradient(&raw, &gradient, |r| twin::objective(&twin, 0, &active, r, &weights));
 
     // The weights' own gradient, by one step of Adam from rest: its first moment is (1 - beta1) g.
     let mut state: Vec<[f64; 3]> = weights.iter().map(|w| [*w, 0.0, 0.0]).collect();
-    twin::noise(&twin, 1, &residual, &mut state);
+    twin::noise(&twin, 1, &of_bins, &mut state);
     for i in (0..weights.len()).step_by(53) {
         let at = |h: f64| {
             let mut moved = weights.clone();
@@ -74,19 +87,21 @@ fn exact_gradient_holds_with_the_noise_term_and_its_clamp() {
     }
 }
 
-/// Every reflectance over every kind of pairs and walls.
+/// Every reflectance over every kind of pairs and walls, sharp and through a pulse.
 #[test]
 fn exact_gradient_of_every_model_pair_and_wall() {
     for (geometry, reflectance, curved) in variants() {
-        let (base, grid, raw, active) = scene();
-        let m = variant(&base, geometry, reflectance, curved, 25);
-        let twin = Twin { model: &m, grid: &grid };
-        let samples = twin::sample(&twin, 3, &active, &raw);
-        let (residual, _) = twin::residual(&twin, &twin::forward(&twin, &samples), &[]);
-        let gradient = to_voxels(&twin, 3, &active, &twin::backward(&twin, &samples, &residual));
-        let turns = gradient.iter().any(|g| g[1] != 0.0);
-        assert_eq!(turns, reflectance.has_normals(), "{reflectance:?}");
-        assert_gradient(&raw, &gradient, |r| twin::objective(&twin, 3, &active, r, &[]));
+        for pulse in [None, Some(tail())] {
+            let (base, grid, raw, active) = scene();
+            let m = Model { pulse, ..variant(&base, geometry, reflectance, curved, 25) };
+            let twin = Twin { model: &m, grid: &grid };
+            let samples = twin::sample(&twin, 3, &active, &raw);
+            let (residual, _) = twin::residual(&twin, &twin::forward(&twin, &samples), &[]);
+            let gradient = to_voxels(&twin, 3, &active, &twin::backward(&twin, &samples, &residual));
+            let turns = gradient.iter().any(|g| g[1] != 0.0);
+            assert_eq!(turns, reflectance.has_normals(), "{reflectance:?}");
+            assert_gradient(&raw, &gradient, |r| twin::objective(&twin, 3, &active, r, &[]));
+        }
     }
 }
 

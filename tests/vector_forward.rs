@@ -6,8 +6,9 @@ mod device;
 use device::vectors::*;
 use device::*;
 use glam::DVec3;
+use thirdbounce::capture::PulseTaps;
 use thirdbounce::solve::{Accumulation, VectorOptions};
-use thirdbounce::transport::twin::{self, Twin};
+use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
 /// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window` bins
@@ -36,7 +37,8 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     assert!(accumulated.iter().any(|v| *v != 0.0));
     // Measured is about what is rendered.
     let render = f64::from(model.scene(grid).render_scale);
-    model.measured = accumulated.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
+    let shown = twin::pulse(&Twin { model: &model, grid }, &accumulated, Way::Spread);
+    model.measured = shown.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
     let twin = Twin { model: &model, grid };
     let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
     let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
@@ -50,17 +52,21 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     set_counts(&mut job, samples.len(), peak);
     zero_histograms(&mut job);
     if bounding {
-        run_start(&mut job, &["forward_bound", "residual_bound"]);
+        run_start(&mut job, &["forward_bound", "pulse", "residual_bound", "pulse_back"]);
     } else {
-        run_iteration(&mut job, 0, &["forward", "residual"]);
+        run_iteration(&mut job, 0, &["forward", "pulse", "residual", "pulse_back"]);
     }
+    let residual = job.plan.residual();
     let what = format!(
-        "{:?} {:?} curved {} {accumulation:?} bounding {bounding} window {window}",
+        "{:?} {:?} curved {} pulse {} {accumulation:?} bounding {bounding} window {window}",
         model.wall.geometry,
         model.reflectance,
-        model.wall.normals.is_some()
+        model.wall.normals.is_some(),
+        model.pulse.is_some()
     );
-    let got: Vec<f64> = read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from).collect();
+    assert_eq!(residual == "spread", model.pulse.is_some());
+    assert!(read_padding(&mut job, residual).iter().all(|w| *w == 0), "{what}");
+    let got: Vec<f64> = read_rows::<f32>(&mut job, residual).into_iter().map(f64::from).collect();
     let e = error(got, want.iter().copied());
     assert!(e < 3e-5, "{what}: {e}");
     let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(&model));
@@ -87,6 +93,27 @@ fn forward_and_weighted_residual_on_every_accumulation_path() {
                 }
             }
         }
+    }
+}
+
+/// What the instrument shows, on every accumulation path: a pulse with a tail, one that lies before or behind its path, one
+/// as long as the histogram, and one that changes nothing.
+#[test]
+fn forward_and_weighted_residual_through_a_pulse() {
+    let (base, grid) = (scene(5, 61, 3), grid());
+    let long = PulseTaps { before: 30, weights: (0..70).map(|i| f64::from(i % 7 + 1) / 280.0).collect() };
+    let early = PulseTaps { before: 5, weights: vec![0.5, 0.3, 0.2, 0.0, 0.0, 0.0] };
+    let late = PulseTaps { before: 0, weights: vec![0.0, 0.0, 0.0, 0.6, 0.4] };
+    for accumulation in ACCUMULATIONS {
+        let model = Model { pulse: Some(tail()), ..base.clone() };
+        for bounding in [false, true] {
+            check_forward(&model, &grid, accumulation, bounding, 0);
+        }
+    }
+    for pulse in [long, early, late, PulseTaps::identity()] {
+        let model = Model { pulse: Some(pulse), ..base.clone() };
+        check_forward(&model, &grid, Accumulation::Owned, false, 0);
+        check_forward(&model, &grid, Accumulation::Fixed, true, 0);
     }
 }
 

@@ -37,9 +37,10 @@ fn bounds(twin: &Twin, samples: &[Sample]) -> Vec<[f64; 2]> {
 
 #[test]
 fn the_gradient_is_the_slope_of_the_weighted_objective() {
-    for (geometry, reflectance, curved) in variants() {
+    let sharp_and_not = variants().into_iter().flat_map(|v| [(v, None), (v, Some(tail()))]);
+    for ((geometry, reflectance, curved), pulse) in sharp_and_not {
         let (base, grid, active) = scene(31, 1.5);
-        let m = variant(&base, geometry, reflectance, curved, 35);
+        let m = Model { pulse, ..variant(&base, geometry, reflectance, curved, 35) };
         let twin = Twin { model: &m, grid: &grid };
         let mut random = Random::new(32);
         let raw: Vec<Raw> = (0..grid.storage())
@@ -99,7 +100,8 @@ fn the_bound_majorises_the_normal_operator() {
     {
         let seed = 41 + 10 * k as u64;
         let (base, grid, active) = scene(seed, 2.0);
-        let cosine = variant(&base, geometry, Reflectance::Cosine, curved, seed + 3);
+        let pulse = (k % 2 == 1).then(tail);
+        let cosine = Model { pulse, ..variant(&base, geometry, Reflectance::Cosine, curved, seed + 3) };
         let with = |reflectance| Model { reflectance, ..cosine.clone() };
         let (lambertian, isotropic) = (with(Reflectance::Lambertian), with(Reflectance::Isotropic));
         let twin = Twin { model: &cosine, grid: &grid };

@@ -312,6 +312,15 @@ fn bounds_of_active_voxels_only() {
     assert_valid(&gpu);
 }
 
+/// The variances as paths see them, which the noise bound gathers.
+fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
+    let mut job = job(gpu, model, grid, &vector_options(grid));
+    run_start(&mut job, &["variance", "pulse_noise"]);
+    let want = twin::variance(&Twin { model, grid });
+    assert!(error(read_rows::<f32>(&mut job, "spread").into_iter().map(f64::from), want) < 3e-6);
+    assert!(read_padding(&mut job, "spread").iter().all(|w| *w == 0));
+}
+
 #[test]
 fn variance_filter_and_backproject() {
     let gpu = gpu();
@@ -324,6 +333,7 @@ fn variance_filter_and_backproject() {
     run_start(&mut job, &["variance"]);
     let want = twin::variance(&twin);
     assert!(error(read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from), want) < 3e-6);
+    check_variance_of_paths(&gpu, &Model { pulse: Some(tail()), ..model.clone() }, &grid);
 
     for sigma in [0.2, 2.5, 40.0] {
         let hat = vector::hat(sigma, model.bins);

@@ -10,6 +10,7 @@ use std::ops::ControlFlow;
 pub use buffers::*;
 
 use glam::{DVec3, dvec3};
+use thirdbounce::capture::PulseTaps;
 use thirdbounce::gpu::{BufferPlan, Gpu, GpuOptions, Place, Schedule};
 use thirdbounce::solve::Job;
 use thirdbounce::solve::{
@@ -88,6 +89,11 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         noise_factor: 2.0,
         roughness: 0.9,
     }
+}
+
+/// An uneven pulse, with a tail behind the path.
+pub fn tail() -> PulseTaps {
+    PulseTaps { before: 2, weights: vec![0.05, 0.2, 0.4, 0.2, 0.1, 0.05] }
 }
 
 /// The same model for other pairs, another reflectance and maybe a curved wall: 3 x `n` random points for a product

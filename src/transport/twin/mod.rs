@@ -5,6 +5,7 @@
 
 mod domain;
 mod optimise;
+mod pulse;
 mod random;
 mod render;
 mod surface;
@@ -15,6 +16,7 @@ pub use domain::{
     taps, threshold,
 };
 pub use optimise::{learning_rate, noise, update};
+pub use pulse::{Way, pulse};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,

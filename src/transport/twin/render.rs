@@ -1,6 +1,6 @@
 use glam::{DVec3, dvec3};
 
-use super::{Raw, Twin, random3};
+use super::{Raw, Twin, Way, pulse, random3};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
 /// A surface element: what a voxel's sample shows to every pair.
@@ -180,12 +180,12 @@ pub(super) fn accumulate(
 }
 
 /// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are the noise
-/// term's, one per bin or one per histogram; empty without one.
+/// term's, one per bin or one per histogram; empty without one. Both ways go through the model's pulse.
 pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>, f64) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
     let mut loss = 0.0;
-    let gradient = accumulated
+    let gradient: Vec<f64> = pulse(twin, accumulated, Way::Spread)
         .iter()
         .enumerate()
         .map(|(i, sum)| {
@@ -202,7 +202,7 @@ pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>,
             2.0 / elements * render * open * difference
         })
         .collect();
-    (gradient, loss)
+    (pulse(twin, &gradient, Way::Back), loss)
 }
 
 /// Every pair's kernel of a sample, with the residual that its path sees.
@@ -279,7 +279,7 @@ pub fn objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw], weigh
 pub fn weighted_objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw]) -> f64 {
     let m = twin.model;
     let samples = sample(twin, iteration, active, raw);
-    let accumulated = forward(twin, &samples);
+    let accumulated = pulse(twin, &forward(twin, &samples), Way::Spread);
     let render = f64::from(m.scene(twin.grid).render_scale);
     let data: f64 = accumulated
         .iter()

@@ -4,6 +4,7 @@
 use glam::{DVec3, dvec3};
 
 use super::domain::{Column, columns};
+use super::pulse::{Way, pulse};
 use super::render::{Kernel, accumulate, gather, shine};
 use super::{Sample, Twin, forward};
 
@@ -85,7 +86,7 @@ pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
 }
 
 /// d(weighted mean squared error) / d(accumulated value) of every bin, that error, and the plain one. Without
-/// `measure` the measurement counts as nothing.
+/// `measure` the measurement counts as nothing. Both ways go through the model's pulse.
 pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Vec<f64>, [f64; 2]) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
@@ -97,7 +98,8 @@ pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Ve
         loss[1] += difference * difference / elements;
         2.0 / elements * render * weight * difference
     };
-    (accumulated.iter().enumerate().map(of_bin).collect(), loss)
+    let gradient: Vec<f64> = pulse(twin, accumulated, Way::Spread).iter().enumerate().map(of_bin).collect();
+    (pulse(twin, &gradient, Way::Back), loss)
 }
 
 /// dLoss / d(vector) of every sample; one without a direction shines toward the wall.
@@ -196,7 +198,7 @@ pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> 
         .collect()
 }
 
-/// Variance of every bin's residual.
+/// Variance of every bin's residual, seen from the paths.
 pub fn variance(twin: &Twin) -> Vec<f64> {
     let m = twin.model;
     let render = f64::from(m.scene(twin.grid).render_scale);
@@ -204,7 +206,8 @@ pub fn variance(twin: &Twin) -> Vec<f64> {
         let scale = 2.0 / m.elements as f64 * render * m.bin_weight(i % m.bins);
         scale * scale * (m.variance[0] * f64::from(*value).max(0.0) + m.variance[1])
     };
-    m.measured.iter().enumerate().map(of_bin).collect()
+    let of_bins: Vec<f64> = m.measured.iter().enumerate().map(of_bin).collect();
+    pulse(twin, &of_bins, Way::Squared)
 }
 
 /// Weighted histograms, convolved along time with `hat`: its weights at 0, 1, 2, ... to either side.
