@@ -14,6 +14,7 @@ pub mod inspect;
 mod overview;
 mod places;
 pub mod profile;
+pub mod pulse;
 mod request;
 mod scene;
 mod solver;
@@ -235,7 +236,8 @@ pub fn run(
     for (iteration, maps) in &done.snapshots {
         staged.extend(export::write_maps(&Request::snapshot_folder(staging.path(), *iteration), maps)?);
     }
-    let notes = notes_on(request, &done.solved);
+    let mut notes: Vec<String> = done.pulse.iter().map(pulse::FoundPulse::note).collect();
+    notes.extend(notes_on(request, &done.solved));
     let mut report = account::report_of(request, loaded, &grid, &gpu, &done);
     report.totals.export_s = start.elapsed().as_secs_f64();
     let path = staging.path().join("report.json");

@@ -87,7 +87,8 @@ fn check(
 fn the_gradient_is_the_slope_of_the_objective() {
     let (base, grid) = scene();
     for (i, (geometry, reflectance, curved)) in variants().into_iter().enumerate() {
-        let model = Model { pulse: (i % 2 == 0).then(tail), ..variant(&base, geometry, reflectance, curved, 60) };
+        let model =
+            Model { pulse: (i % 2 == 0).then(tail), ..variant(&base, geometry, reflectance, curved, 60) };
         let model = measured(&model, &grid, &field(&grid, 61), 62);
         let twin = Twin { model: &model, grid: &grid };
         let (mut field, bonds) = bent(&twin, 61);

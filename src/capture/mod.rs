@@ -27,6 +27,9 @@ pub use summary::Summary;
 
 use glam::DVec3;
 
+/// Metres that light goes in a picosecond.
+pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
+
 /// Transient histograms of pairs of wall points, all arrays of one length `P` (pairs).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {

@@ -36,7 +36,7 @@ const LEAST: f64 = 1e-3;
 
 /// Samples of a Gaussian over its full width at half maximum, and how many such widths it has.
 const SAMPLES: usize = 16;
-const WIDTHS: usize = 3;
+const WIDTHS: usize = 4;
 
 /// What linear binning adds to the second moment of a pulse, over what bins do by themselves, and what these do,
 /// in squared bins.
@@ -125,6 +125,11 @@ impl Pulse {
         self.start + self.samples.len() as f64 * self.width
     }
 
+    /// Full width at half maximum of a Gaussian with this standard deviation, metres.
+    pub fn fwhm(&self) -> f64 {
+        (8.0 * std::f64::consts::LN_2).sqrt() * self.moments()[1]
+    }
+
     /// Mean and standard deviation, metres.
     pub fn moments(&self) -> [f64; 2] {
         let sum: f64 = self.samples.iter().sum();
@@ -153,8 +158,7 @@ impl Pulse {
 
     /// Its integrals over bins, less so much of their second moment.
     fn over(&self, bin_width: f64, less: f64) -> Result<PulseTaps> {
-        let [first, last] = [self.start, self.end()]
-            .map(|edge| (edge / bin_width).round());
+        let [first, last] = [self.start, self.end()].map(|edge| (edge / bin_width).round());
         if first.abs().max(last.abs()) > LONGEST as f64 {
             return Err(Error::options(
                 format!("the pulse reaches from {first} to {last} bins around its path"),
@@ -247,7 +251,11 @@ mod tests {
         let taps = pulse.taps_of_bins(0.01).unwrap();
         let [mean, _] = moments(&taps);
         assert!((mean - pulse.moments()[0] / 0.01).abs() < 0.05, "{taps:?}");
-        assert!(taps.before == 0 && taps.weights[0] == 0.0 && (taps.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(
+            taps.before == 0
+                && taps.weights[0] == 0.0
+                && (taps.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12
+        );
         // One far before it.
         let early = Pulse { start: -0.065, ..pulse }.taps_of_bins(0.01).unwrap();
         assert!(early.before >= 6 && early.weights.len() > early.before, "{early:?}");

@@ -3,10 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::check::place_in;
-use super::{Capture, PairKind};
-
-/// Speed of light in metres per picosecond.
-const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
+use super::{Capture, METRES_PER_PICOSECOND, PairKind, Pulse};
 
 /// A capture in figures. Lengths are metres of path unless said otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,6 +16,8 @@ pub struct Summary {
     /// Bin width in metres of path, and the same as light travel time in picoseconds.
     pub bin_width_m: f64,
     pub bin_width_ps: f64,
+    /// Full width at half maximum in metres of path that a Gaussian as wide as the instrument's pulse has, if that is known.
+    pub pulse_fwhm_m: Option<f64>,
     pub t_start_m: f64,
     pub t_end_m: f64,
     /// How laser and sensor points are combined.
@@ -78,6 +77,7 @@ impl Summary {
             bins: capture.bins,
             bin_width_m: capture.bin_width,
             bin_width_ps: capture.bin_width / METRES_PER_PICOSECOND,
+            pulse_fwhm_m: capture.pulse.as_ref().map(Pulse::fwhm),
             t_start_m: capture.t_start,
             t_end_m: capture.t_end(),
             pair_kind,
@@ -141,6 +141,10 @@ impl std::fmt::Display for Summary {
         };
         writeln!(f, "normals   {normals}")?;
         writeln!(f, "bins      {} of {:.6} m ({:.2} ps)", self.bins, self.bin_width_m, self.bin_width_ps)?;
+        if let Some(fwhm) = self.pulse_fwhm_m {
+            let ps = fwhm / METRES_PER_PICOSECOND;
+            writeln!(f, "pulse     {fwhm:.6} m ({ps:.2} ps) full width at half maximum")?;
+        }
         writeln!(f, "path      {:.4} to {:.4} m", self.t_start_m, self.t_end_m)?;
         match self.signal_bins {
             Some([a, b]) => writeln!(

@@ -76,6 +76,7 @@ pub fn run(args: &Args) -> Result<()> {
             truth: Some(args.truth.clone()),
             mask_fraction: args.mask_fraction,
             trace_every: spec.trace_every.or(Some(args.trace_every)),
+            find_pulse: args.capture.finds_pulse(preset, &solver),
             ..Request::new(solver, "")
         };
         Method { name: spec.name.clone(), spec: spec.text.clone(), request }

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use thirdbounce::capture::{Bounce, Gate, Given, Pulse};
-use thirdbounce::job::{self, GivenPulse, Loaded, Request};
+use thirdbounce::job::{self, GivenPulse, Loaded, Request, SolverOptions};
+use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
@@ -28,8 +29,9 @@ pub struct CaptureArgs {
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
     /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian in metres of path, an npz with
-    /// pulse, pulse_delta_t and pulse_t_start, or none for sharp paths [default: what the capture holds, else none]
-    #[arg(long, value_name = "M|FILE|none", help_heading = "Capture")]
+    /// pulse, pulse_delta_t and pulse_t_start, none for sharp paths, or auto to find its width by quick trials [default:
+    /// what the capture holds, else auto for --preset captured and the vector solver, else none]
+    #[arg(long, value_name = "M|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
     // Not flattened from UnsaidArgs: a group within a group would hide from clap whether a capture was given.
     /// Scale the wall so that its outermost scan points are SIZE metres apart
@@ -89,11 +91,23 @@ impl CaptureArgs {
             no_auto_gate: self.no_auto_gate,
             pulse: match self.pulse.as_deref() {
                 None => None,
-                Some("none") => Some(GivenPulse::Sharp),
+                // To be found anew, whatever the file says.
+                Some("none" | "auto") => Some(GivenPulse::Sharp),
                 Some(text) => Some(GivenPulse::Shape(pulse(text)?)),
             },
             preset: solver.preset,
         })
+    }
+}
+
+impl CaptureArgs {
+    /// Whether the pulse is to be found: where that is asked for, and for a detector's counts unless it is the published
+    /// solver's turn, which takes paths for sharp.
+    pub fn finds_pulse(&self, preset: Preset, solver: &SolverOptions) -> bool {
+        match (self.pulse.as_deref(), solver) {
+            (None, SolverOptions::Vector(o)) => preset == Preset::Captured && o.surface_iterations > 0,
+            (given, _) => given == Some("auto"),
+        }
     }
 }
 
@@ -217,6 +231,7 @@ pub fn load(
         device: device.device.clone(),
         validation: device.validation,
         tuned: true,
+        find_pulse: capture.finds_pulse(preset, &solver),
         ..Request::new(solver, "")
     };
     Ok((loaded, request))

@@ -4,10 +4,9 @@ use serde_json::{Value, json};
 
 use super::solving::Solved;
 use super::{Loaded, Request};
-use crate::capture::Gate;
+use crate::capture::{Gate, Pulse};
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::solve::Reconstruction;
 use crate::transport::Grid;
 
 /// The report, all but the time of the export.
@@ -26,7 +25,7 @@ pub fn report_of(
             driver: gpu.info.driver.clone(),
             kind: plain(&gpu.info.kind),
         },
-        settings: settings(request, loaded, grid, solved),
+        settings: settings(request, loaded, grid, done),
         capture: loaded.summary(),
         plan: report::Plan {
             variants: solved.plan.variants(),
@@ -48,7 +47,8 @@ pub fn report_of(
 }
 
 /// All settings as they were resolved: with these the run can be made again.
-pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Reconstruction) -> Value {
+pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Solved) -> Value {
+    let solved = &done.solved;
     let mut all = json!({
         "solver": request.solver.name(),
         "model": solved.plan.reflectance,
@@ -59,6 +59,11 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, solved: &Recons
         "subset": loaded.input.subset,
         "subset_seed": loaded.input.subset_seed,
         "gate": gate_json(loaded.gate),
+        "pulse_fwhm": match &done.pulse {
+            Some(found) => Some(found.fwhm),
+            None => loaded.capture.pulse.as_ref().map(Pulse::fwhm),
+        },
+        "pulse_found": done.pulse,
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "grid": grid.n,
         "grid_reached": [solved.maps.nx, solved.maps.ny, grid.n[2]],

@@ -11,6 +11,7 @@ use std::path::Path;
 use flate2::{Compression, Crc, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 
+use super::pulse::FoundPulse;
 use crate::export::atomic::{self, cannot};
 use crate::maps::Maps;
 use crate::measure::Metrics;
@@ -28,6 +29,8 @@ pub struct Kept {
     pub along: BTreeMap<usize, Metrics>,
     /// Maps after those that were asked for.
     pub snapshots: Vec<(usize, Maps)>,
+    /// The pulse that was found before.
+    pub pulse: Option<FoundPulse>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -45,6 +48,8 @@ struct Head {
     gpu_seconds: f64,
     along: BTreeMap<usize, Metrics>,
     snapshots: Vec<SnapshotHead>,
+    #[serde(default)]
+    pulse: Option<FoundPulse>,
     buffers: Vec<(String, usize)>,
 }
 
@@ -76,6 +81,7 @@ pub fn write(path: &Path, kept: &Kept) -> Result<()> {
         gpu_seconds: state.gpu_seconds,
         along: kept.along.clone(),
         snapshots: kept.snapshots.iter().map(|(iteration, m)| snapshot_head(*iteration, m)).collect(),
+        pulse: kept.pulse.clone(),
         buffers: state.buffers.iter().map(|(n, b)| (n.clone(), b.len())).collect(),
     };
     let head = serde_json::to_vec(&head).map_err(|e| {
@@ -185,7 +191,7 @@ fn parse(bytes: &[u8]) -> Result<Kept> {
         gpu_seconds: head.gpu_seconds,
         buffers,
     };
-    Ok(Kept { state, along: head.along, snapshots })
+    Ok(Kept { state, along: head.along, snapshots, pulse: head.pulse })
 }
 
 fn snapshot_head(iteration: usize, m: &Maps) -> SnapshotHead {

@@ -203,7 +203,7 @@ impl Comparison {
             MethodReport {
                 name: method.name.clone(),
                 method: method.spec.clone(),
-                settings: account::settings(&method.request, loaded, grid, &run.first.solved),
+                settings: account::settings(&method.request, loaded, grid, &run.first),
                 trace_every: method.request.trace_step(),
                 iterations: last.map_or(0, |p| p.iteration),
                 seconds: median(&run.totals).unwrap_or(0.0),

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::account::box_of;
 use super::{Loaded, Request, SolverOptions, fit};
-use crate::capture::Summary;
+use crate::capture::{Capture, Pulse, Summary};
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
 use crate::solve::{Accumulation, Preset};
 use crate::{Error, Kind, Result};
@@ -71,7 +71,18 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
-    let plan = match request.solver.plan(capture, grid, &abilities, request.volume_file.is_some()) {
+    // What is to be found is as wide as any, as far as memory goes.
+    let unfound = request.find_pulse && capture.pulse.is_none();
+    let spread = unfound.then(|| Pulse::gaussian(4.0 * capture.bin_width)).transpose()?;
+    let planned = Capture { pulse: spread.or_else(|| capture.pulse.clone()), ..capture.clone() };
+    let mut notes = loaded.notes.clone();
+    if unfound {
+        notes.push(
+            "the instrument's pulse: a run finds its width first (--pulse M gives it, --pulse none takes paths for sharp)"
+                .into(),
+        );
+    }
+    let plan = match request.solver.plan(&planned, grid, &abilities, request.volume_file.is_some()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what);
@@ -89,7 +100,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     }
     Ok(Inspection {
         capture: loaded.summary(),
-        notes: loaded.notes.clone(),
+        notes,
         doubts: capture.doubts(),
         preset: request.preset,
         options: request.solver.clone(),

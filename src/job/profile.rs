@@ -106,12 +106,16 @@ pub fn profile(
     check_clock(&gpu)?;
     say(&format!("measuring what {} does at most", gpu.info.name));
     let limits = limits::measure(&gpu)?;
+    // Its trials are no part of the profile.
+    let (capture, found) = super::pulse::settle(&request, &loaded.capture, &gpu, None)?;
+    let loaded = &Loaded { capture: capture.into_owned(), ..loaded.clone() };
+    let request = Request { find_pulse: false, ..request };
     solving::warm_up(&request, loaded, &gpu, grid)?;
     gpu.take_recording();
 
     say("solving, with a time stamp behind every command");
     let began = gpu.now();
-    let done = solving::solve(&request, loaded, &gpu, grid, None, hear)?;
+    let done = solving::Solved { pulse: found, ..solving::solve(&request, loaded, &gpu, grid, None, hear)? };
     let solved = &done.solved;
     let start = Instant::now();
     if let Some(out) = &what.out {
@@ -137,7 +141,7 @@ pub fn profile(
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),
-        settings: settings(&request, loaded, &grid, solved),
+        settings: settings(&request, loaded, &grid, &done),
         limits,
         iterations: account::iterations(&recording),
         gaps: account::gaps(&recording),

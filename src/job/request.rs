@@ -31,6 +31,8 @@ pub struct Request {
     pub timings: bool,
     /// Use the sizes that [`super::profile::tune`] has found for this device and kind of scene, if it has.
     pub tuned: bool,
+    /// Find the width of the instrument's pulse first, where the capture holds none.
+    pub find_pulse: bool,
     /// What is to go wrong on the device; for tests.
     pub faults: Faults,
     /// Truth to measure the result against.
@@ -70,6 +72,7 @@ impl Request {
             validation: false,
             timings: false,
             tuned: false,
+            find_pulse: false,
             faults: Faults::default(),
             truth: None,
             mask_fraction: Maps::MASK_FRACTION,

@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 
 use super::checkpoint::{self, Kept};
 use super::profile::tune;
+use super::pulse::{self, FoundPulse};
 use super::{Loaded, Request, fit};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
@@ -25,6 +26,8 @@ pub struct Solved {
     pub along: BTreeMap<usize, Metrics>,
     /// The maps after the iterations that the request names.
     pub snapshots: Vec<(usize, Maps)>,
+    /// The pulse that was found before, if it was asked for; its time is part of the solve's.
+    pub pulse: Option<FoundPulse>,
 }
 
 /// Solves as `request` says; `hear` is told of the progress and may break off.
@@ -44,20 +47,24 @@ pub fn solve(
     let mut failed = None;
     // What is gathered on the way, heard of by the watch and kept with the state.
     let gathered = RefCell::new((BTreeMap::new(), Vec::new()));
+    let mut known = None;
     let from = match resumed {
         Some(kept) => {
             request.check_resumed(&kept)?;
+            known = kept.pulse;
             *gathered.borrow_mut() = (kept.along, kept.snapshots);
             Some(kept.state)
         }
         None => None,
     };
+    let (capture, found) = pulse::settle(request, &loaded.capture, gpu, known)?;
+    let capture = &*capture;
     let kept_at = Cell::new(None);
     let mut save = |state: Checkpoint| {
         let iteration = state.iteration;
         let (along, snapshots) = gathered.borrow().clone();
         if let Some(file) = &request.checkpoint {
-            checkpoint::write(file, &Kept { state, along, snapshots })?;
+            checkpoint::write(file, &Kept { state, along, snapshots, pulse: found.clone() })?;
             kept_at.set(Some(iteration));
         }
         Ok(())
@@ -88,7 +95,6 @@ pub fn solve(
         Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &request.snapshots };
     let with_volume = request.volume_file.is_some();
     let beside = Beside { watch: &mut watch, keep: Some(keep) };
-    let capture = &loaded.capture;
     let solver = tune::with_kept(request, gpu, capture);
     let done = solver.solve(gpu, capture, grid, request.memory, with_volume, beside);
     let mut solved = match failed {
@@ -97,13 +103,16 @@ pub fn solve(
             .map_err(|e| fit::advise(e, request, loaded, gpu))
             .map_err(|e| cancelled(e, request, kept_at.get()))?,
     };
+    let before = found.as_ref().map_or(0.0, |f| f.seconds);
+    solved.solve_seconds += before;
+    solved.trace.iter_mut().for_each(|p| p.seconds += before);
     let (mut along, snapshots) = gathered.into_inner();
     solved.maps.set_mask(request.mask_fraction);
     let metrics = truth.map(|t| metrics(&solved.maps, t, request.mask_fraction)).transpose()?;
     if let (Some(last), Some(metrics)) = (solved.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
-    Ok(Solved { solved, metrics, along, snapshots })
+    Ok(Solved { solved, metrics, along, snapshots, pulse: found })
 }
 
 /// A cancelled solve tells where it can be taken up again.

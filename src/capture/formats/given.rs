@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use crate::error::{Error, Result};
 
 /// Speed of light in metres per picosecond.
-pub(super) const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
 
 /// Which bounces of a rendered capture count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,7 +74,7 @@ impl Given {
                 notes.push(format!(
                     "{format} does not say how wide a bin is: {ps} ps are taken, as in its publication (--bin-width)"
                 ));
-                Ok(ps * METRES_PER_PICOSECOND)
+                Ok(ps * crate::capture::METRES_PER_PICOSECOND)
             }
             (None, None) => Err(Error::options(
                 format!("{format} does not say how wide a bin is"),

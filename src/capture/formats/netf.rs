@@ -7,10 +7,10 @@
 
 use glam::DVec3;
 
-use super::given::METRES_PER_PICOSECOND;
 use super::variables::Variables;
 use super::{frame, per_pair, znlos};
 use crate::capture::Capture;
+use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 
 /// No bin of light is as short in metres, none as long in seconds.

@@ -11,10 +11,10 @@
 
 use glam::DVec3;
 
-use super::given::METRES_PER_PICOSECOND;
 use super::variables::Variables;
 use super::{frame, legs, per_pair, unit};
 use crate::capture::Capture;
+use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 
 /// The place of a pair's point in its list, from the pair and the number of camera points.

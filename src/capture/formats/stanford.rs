@@ -11,8 +11,9 @@ use std::path::Path;
 use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
 
 use super::frame;
-use super::given::{Given, METRES_PER_PICOSECOND};
+use super::given::Given;
 use super::set::Set;
+use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::{Capture, PairKind};
 use crate::error::{Error, Result};
 use crate::export::atomic;

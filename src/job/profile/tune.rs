@@ -46,7 +46,7 @@ const WORTH: f64 = 0.95;
 /// # Errors
 /// As [`super::profile`]; a cache that cannot be written.
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
-    let request = Request { timings: true, tuned: false, ..request.clone() };
+    let request = Request { timings: true, tuned: false, find_pulse: false, ..request.clone() };
     request.solver.check()?;
     let grid = request.grid(&loaded.capture)?;
     let gpu = request.open()?;

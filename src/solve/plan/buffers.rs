@@ -21,6 +21,11 @@ pub(super) fn surface_bytes(pixels: u64) -> u64 {
     pixels * (OF_PIXEL.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4)
 }
 
+/// Bytes of the pulse's taps: the same for all but the longest, so that a plan made before one is found holds.
+fn pulse_bytes(taps: usize) -> u64 {
+    (taps as u64 + 2).max(256) * 4
+}
+
 impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
         let grid = &self.finest().grid;
@@ -41,7 +46,7 @@ impl Plan {
             ("histograms", cells * if self.fixed_point() { 8 } else { 4 }),
             ("residual", cells * 4),
             ("spread", if self.pulse > 0 { cells * 4 } else { 0 }),
-            ("pulse_taps", if self.pulse > 0 { (self.pulse as u64 + 2) * 4 } else { 0 }),
+            ("pulse_taps", if self.pulse > 0 { pulse_bytes(self.pulse) } else { 0 }),
             ("noise_state", self.noise_weights() as u64 * 12),
             ("raw", slots * 16),
             ("before", of_vectors(slots * 16)),

@@ -1,0 +1,224 @@
+//! The width of the instrument's pulse, found by trying: of quick solves with Gaussians of several widths the one that explains
+//! the data best has it. A surface cannot make up for a pulse that is too narrow or too wide, as the haze of a volume can.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Request, SolverOptions};
+use crate::capture::{Capture, METRES_PER_PICOSECOND, Pulse};
+use crate::gpu::Gpu;
+use crate::solve::{Progress, VectorOptions, Watch, default_volume};
+use crate::{Error, Kind, Result};
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoundPulse {
+    /// Full width at half maximum, metres of path; 0: as good as sharp.
+    pub fwhm: f64,
+    /// Widths that were tried, metres, and what each left of the objective.
+    pub trials: Vec<[f64; 2]>,
+    pub seconds: f64,
+}
+
+/// Pairs, lateral pixels and iterations of a trial.
+const PAIRS: usize = 256;
+const LATERAL: usize = 64;
+const ITERATIONS: usize = 15;
+const SURFACE_ITERATIONS: usize = 40;
+
+/// A pulse must explain so much more of the objective than none, as a share of it, to be taken for real.
+const WORTH: f64 = 0.003;
+
+/// So near to a width that was tried, as a share of it, another need not be.
+const CLOSE: f64 = 0.1;
+
+/// Widths in bins: the first that is tried, the widest, and the narrowest that linear binning can tell from none.
+const FIRST: f64 = 2.0;
+const WIDEST: f64 = 32.0;
+const NARROWEST: f64 = 0.7;
+
+impl FoundPulse {
+    /// # Errors
+    /// None that a found width has.
+    pub fn pulse(&self) -> Result<Option<Pulse>> {
+        (self.fwhm > 0.0).then(|| Pulse::gaussian(self.fwhm)).transpose()
+    }
+
+    /// For people.
+    pub fn note(&self) -> String {
+        let how = format!("of {} widths tried in {:.1} s", self.trials.len(), self.seconds);
+        if self.fwhm == 0.0 {
+            return format!("the instrument's pulse: {how} none explains the data better than sharp paths");
+        }
+        let ps = self.fwhm / METRES_PER_PICOSECOND;
+        format!(
+            "the instrument's pulse: {how} {:.4} m ({ps:.0} ps) full width at half maximum explains the data best (--pulse \
+             {:.4} spares the trials, --pulse none takes paths for sharp)",
+            self.fwhm, self.fwhm
+        )
+    }
+}
+
+/// The capture with its pulse, found first if `request` asks for that and nobody has `known` it.
+///
+/// # Errors
+/// The device's; a trial that fails otherwise leaves paths sharp, as the solve itself then tells what is wrong.
+pub fn settle<'c>(
+    request: &Request,
+    capture: &'c Capture,
+    gpu: &Gpu,
+    known: Option<FoundPulse>,
+) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {
+    if !request.find_pulse || capture.pulse.is_some() {
+        return Ok((Cow::Borrowed(capture), None));
+    }
+    let found = match known {
+        Some(known) => known,
+        None => find(request, capture, gpu)?,
+    };
+    let with = match found.pulse()? {
+        Some(pulse) => Cow::Owned(Capture { pulse: Some(pulse), ..capture.clone() }),
+        None => Cow::Borrowed(capture),
+    };
+    Ok((with, Some(found)))
+}
+
+fn find(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<FoundPulse> {
+    let _span = gpu.span("pulse");
+    let start = Instant::now();
+    let mut trials = vec![];
+    let fwhm = match trial_of(request, capture, gpu) {
+        Ok(mut misfit) => best_width(&mut |bins| {
+            let width = bins * capture.bin_width;
+            let left = misfit(width)?;
+            trials.extend(left.map(|left| [width, left]));
+            Ok(left)
+        }),
+        Err(e) => Err(e),
+    };
+    let bins = match fwhm {
+        Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
+        other => other.unwrap_or(0.0),
+    };
+    // Three digits, as notes have them.
+    let fwhm = (bins * capture.bin_width * 1e4).round() / 1e4;
+    Ok(FoundPulse { fwhm, trials, seconds: start.elapsed().as_secs_f64() })
+}
+
+type Misfit<'a> = Box<dyn FnMut(f64) -> Result<Option<f64>> + 'a>;
+
+/// What a quick solve with a pulse of some width leaves of the objective; nothing where it finds no surface.
+fn trial_of<'a>(request: &Request, capture: &Capture, gpu: &'a Gpu) -> Result<Misfit<'a>> {
+    let options = match &request.solver {
+        SolverOptions::Vector(o) => o.clone(),
+        SolverOptions::Paper(o) => VectorOptions { min_depth: o.min_depth, ..VectorOptions::default() }
+            .suited(capture.is_confocal(), o.reflectance),
+    };
+    let options = VectorOptions {
+        lateral: options.lateral.min(LATERAL),
+        iterations: ITERATIONS,
+        surface_iterations: SURFACE_ITERATIONS,
+        pixels_per_voxel: None,
+        surface_points: None,
+        room: None,
+        ..options
+    };
+    let volume = request.volume.map_or_else(|| default_volume(capture, options.min_depth), Ok)?;
+    let request = Request { volume: Some(volume), ..Request::new(options.clone(), "") };
+    let mut thin = capture.subset(PAIRS.min(capture.pair_count()), 0)?;
+    let grid = request.grid(&thin)?;
+    let memory = request.memory;
+    let solver = SolverOptions::from(VectorOptions {
+        pixels_per_voxel: (options.lateral >= LATERAL).then_some(2),
+        ..options
+    });
+    Ok(Box::new(move |width| {
+        thin.pulse = if width > 0.0 { Some(Pulse::gaussian(width)?) } else { None };
+        let mut go_on = |_: &Progress| ControlFlow::Continue(());
+        let mut watch = Watch { hear: &mut go_on, maps_every: None, maps_at: &[] };
+        let done = solver.solve(gpu, &thin, grid, memory, false, &mut watch)?;
+        let last = done.trace.last().filter(|p| p.iteration > done.volume_iterations);
+        Ok(last.map(|p| p.loss))
+    }))
+}
+
+/// The width in bins at which `misfit` is least, doubled while that helps, then by parabolas; 0 if none is worth it, or it
+/// falls to the widest.
+fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
+    let unknown = || Error::input("a trial found no surface", "give --pulse");
+    let mut at = |width: f64| misfit(width)?.ok_or_else(unknown);
+    let sharp = at(0.0)?;
+    let mut known = vec![[0.0, sharp], [FIRST, at(FIRST)?]];
+    if known[1][1] >= sharp {
+        known.insert(1, [FIRST / 2.0, at(FIRST / 2.0)?]);
+    } else {
+        while let [.., [_, before], [width, last]] = known[..]
+            && last < before
+            && width < WIDEST
+        {
+            known.push([2.0 * width, at(2.0 * width)?]);
+        }
+        for _ in 0..2 {
+            let Some(width) = vertex(&known) else { break };
+            if known.iter().any(|k| (width - k[0]).abs() < CLOSE * width) {
+                break;
+            }
+            let left = at(width)?;
+            let place = known.partition_point(|k| k[0] < width);
+            known.insert(place, [width, left]);
+        }
+    }
+    let least = known.iter().fold(sharp, |a, k| a.min(k[1]));
+    // The last parabola tells more than the best trial.
+    let width = vertex(&known).filter(|w| *w >= NARROWEST && least < (1.0 - WORTH) * sharp);
+    Ok(width.unwrap_or(0.0))
+}
+
+/// Where the parabola through the least of `known`, in the order of widths, and its neighbours is least.
+fn vertex(known: &[[f64; 2]]) -> Option<f64> {
+    let least = (0..known.len()).min_by(|a, b| known[*a][1].total_cmp(&known[*b][1]))?;
+    let [[a, fa], [b, fb], [c, fc]] = known.get(least.checked_sub(1)?..least + 2)?.try_into().ok()?;
+    let (left, right) = ((b - a) * (fb - fc), (b - c) * (fb - fa));
+    let at = b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right);
+    at.is_finite().then_some(at.clamp(a, c))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(left: impl Fn(f64) -> f64) -> (f64, usize) {
+        let mut calls = 0;
+        let width = best_width(&mut |w| {
+            calls += 1;
+            Ok(Some(left(w)))
+        });
+        (width.unwrap(), calls)
+    }
+
+    #[test]
+    fn the_least_misfit_is_found_in_a_few_trials() {
+        for true_width in [1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
+            let (width, calls) = found(|w| 1.0 + ((w - true_width) / (3.0 + true_width)).powi(2));
+            assert!((width / true_width - 1.0).abs() < 0.03 && calls <= 8, "{true_width}: {width}, {calls}");
+        }
+    }
+
+    #[test]
+    fn what_is_as_good_as_sharp_is_sharp() {
+        assert_eq!(found(|w| 1.0 + w).0, 0.0);
+        assert_eq!(found(|_| 1.0).0, 0.0);
+        // Next to nothing is gained.
+        assert_eq!(found(|w| 1.0 + 1e-4 * (w - 3.0) * (w - 3.0)).0, 0.0);
+        assert!(best_width(&mut |_| Ok(None)).is_err());
+    }
+
+    #[test]
+    fn what_has_no_least_misfit_is_no_pulse() {
+        let (width, calls) = found(|w| 1.0 - 0.01 * w);
+        assert!(width == 0.0 && calls <= 8, "{width} {calls}");
+    }
+}
