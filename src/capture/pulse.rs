@@ -238,7 +238,7 @@ mod tests {
             let square = (deviation / bin).powi(2);
             let [mean, of_taps] = moments(&pulse.taps(bin).unwrap());
             // Less what linear binning adds over a bin's own: 1 / 6 - 1 / 12.
-            assert!(mean.abs() < 1e-12 && (of_taps / (square - 1.0 / 12.0) - 1.0).abs() < 0.02, "{of_taps}");
+            assert!(mean.abs() < 1e-12 && (of_taps / (square - 1.0 / 12.0) - 1.0).abs() < 0.04, "{of_taps}");
             let [_, of_bins] = moments(&pulse.taps_of_bins(bin).unwrap());
             assert!((of_bins / square - 1.0).abs() < 0.02, "{of_bins} {square}");
         }

@@ -35,10 +35,10 @@ const WORTH: f64 = 0.003;
 /// So near to a width that was tried, as a share of it, another need not be.
 const CLOSE: f64 = 0.1;
 
-/// Widths in bins: the first that is tried, the widest, and the narrowest that linear binning can tell from none.
+/// Widths in bins: the first that is tried, the widest, and the narrowest that is worth its kernels.
 const FIRST: f64 = 2.0;
 const WIDEST: f64 = 32.0;
-const NARROWEST: f64 = 0.7;
+const NARROWEST: f64 = 1.0;
 
 impl FoundPulse {
     /// # Errors

@@ -182,15 +182,21 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
 /// that the format cannot hold, `Kind::Output` if it cannot be written.
 pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    match ending.as_str() {
-        "npz" => npz::write(capture, path).map(|()| vec![]),
+    let mut notes = match ending.as_str() {
+        "npz" => return npz::write(capture, path).map(|()| vec![]),
         "hdf5" | "h5" => ytal::write(capture, path).map(|()| vec![]),
         "mat" => stanford::write(capture, path),
         _ => Err(Error::options(
             format!("{}: the ending says no capture format", path.display()),
             "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
         )),
+    }?;
+    if capture.pulse.is_some() {
+        notes.push(
+            "this format has no place for the instrument's pulse: give it by --pulse, or write npz".into(),
+        );
     }
+    Ok(notes)
 }
 
 fn unknown(what: &str) -> Error {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::account::plain;
 use crate::Result;
-use crate::capture::Capture;
+use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Command, Gpu, Place, Schedule};
 use crate::simulate::{RenderOptions, Scene, simulate};
 use crate::solve::surface::Pixels;
@@ -49,6 +49,9 @@ const ALLOWED: f64 = 1e-4;
 pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
     let scene = Scene { scan: 6, bin_width: 0.02, ..Scene::named("letter-Z")? };
     let capture = simulate(&scene, &RenderOptions { noise: 0.2, ..RenderOptions::default() })?.capture;
+    // An uneven one, three bins and a half from end to end.
+    let pulse = Pulse { samples: vec![1.0, 4.0, 3.0, 2.0, 1.0], width: 0.014, start: -0.02 };
+    let pulsed = Capture { pulse: Some(pulse), ..capture.clone() };
     let mut all = vec![];
     use Accumulation::{Cas, Fixed, Fixed32, Float, Owned};
     for accumulation in [Float, Fixed, Fixed32, Cas, Owned] {
@@ -58,6 +61,8 @@ pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
         check_paper(gpu, &capture, accumulation, &mut all)?;
         check_vector(gpu, &capture, accumulation, &mut all)?;
         check_surface(gpu, &capture, accumulation, &mut all)?;
+        check_vector(gpu, &pulsed, accumulation, &mut all)?;
+        check_surface(gpu, &pulsed, accumulation, &mut all)?;
     }
     Ok(all)
 }
@@ -104,7 +109,7 @@ fn check_paper(
         samples.iter().flat_map(one).collect()
     };
     note("sample", error(&flat(&got), &flat(&want)));
-    let residual = model.bins_of(&read_floats(&mut job, "residual", model.cells())?);
+    let residual = read_residual(&mut job)?;
     let (want, _) = twin::residual(&twin, &twin::forward(&twin, &got), &[]);
     note("forward", error(&residual, &want));
     let gradient = read_raw(&mut job, "gradient", active.len())?;
@@ -171,13 +176,13 @@ fn check_vector(
     active.iter().zip(by_slot.chunks(2)).for_each(|(i, b)| bounds[*i as usize] = [b[0], b[1]]);
     job.executor.run(&vector::iteration(&job.plan, &level, 1))?;
 
-    let mut note = |pass, error| all.push(checked("vector", accumulation, pass, error));
+    let mut note = |pass, error| all.push(checked(named("vector", &model), accumulation, pass, error));
     let flat = |v: &[DVec3]| -> Vec<f64> { v.iter().flat_map(|v| v.to_array()).collect() };
     let directions = |s: &[Sample]| -> Vec<f64> { s.iter().flat_map(|s| s.normal.to_array()).collect() };
     let got = read_samples(&mut job, count)?;
     let want = twin::extrapolate(&twin, &active, &v, &before, momentum[MOMENTUM_BETA as usize]);
     note("extrapolate", error(&directions(&got), &directions(&want)));
-    let residual = model.bins_of(&read_floats(&mut job, "residual", model.cells())?);
+    let residual = read_residual(&mut job)?;
     let accumulated = twin::forward(&twin, &got);
     let (want, _) = twin::residual_weighted(&twin, &accumulated, true);
     note("forward", error(&residual, &want));
@@ -234,7 +239,7 @@ fn check_surface(
     s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0));
     job.executor.run(&s)?;
 
-    let mut note = |pass, error| all.push(checked("surface", accumulation, pass, error));
+    let mut note = |pass, error| all.push(checked(named("surface", &model), accumulation, pass, error));
     let got = read_samples(&mut job, points * pixels.len())?;
     let bonds = twin::surface_bonds(&twin, &pixels.columns, &heights);
     let (_, want) = twin::surface_points(&twin, &pixels.columns, &bonds, &heights, points);
@@ -242,7 +247,7 @@ fn check_surface(
         samples.iter().flat_map(|s| [s.point.to_array(), s.normal.to_array()].concat()).collect()
     };
     note("points", error(&flat(&got), &flat(&want)));
-    let residual = model.bins_of(&read_floats(&mut job, "residual", model.cells())?);
+    let residual = read_residual(&mut job)?;
     let (want, _) = twin::residual_weighted(&twin, &twin::forward(&twin, &got), true);
     note("forward", error(&residual, &want));
     let pulls = twin::surface_gather(&twin, &got, &residual);
@@ -255,7 +260,12 @@ fn check_surface(
     Ok(())
 }
 
-fn checked(solver: &str, accumulation: Accumulation, pass: &str, error: f64) -> Checked {
+/// The pass of that name, and whether it goes through a pulse.
+fn named(what: &str, model: &Model) -> String {
+    format!("{what}{}", if model.pulse.is_some() { ", pulse" } else { "" })
+}
+
+fn checked(solver: impl Into<String>, accumulation: Accumulation, pass: &str, error: f64) -> Checked {
     let (solver, pass) = (solver.into(), pass.into());
     Checked { solver, accumulation: plain(&accumulation), pass, error, allowed: ALLOWED }
 }
@@ -334,6 +344,13 @@ fn read_floats(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Ve
     Ok(read::<f32>(job, from, count)?.into_iter().map(f64::from).collect())
 }
 
+/// What gradients gather from, `[pair * bins + bin]`.
+fn read_residual(job: &mut Job<'_>) -> Result<Vec<f64>> {
+    let (from, cells) = (job.plan.residual(), job.model.cells());
+    let all = read_floats(job, from, cells)?;
+    Ok(job.model.bins_of(&all))
+}
+
 fn read_raw(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<Raw>> {
     Ok(read::<[f32; 4]>(job, from, count)?.into_iter().map(|r| r.map(f64::from)).collect())
 }
@@ -375,12 +392,12 @@ mod tests {
     fn this_device_computes_as_the_twins_on_every_path() {
         let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
         let all = check(&gpu).unwrap();
-        assert_eq!(all.len(), 11 * if gpu.accumulations.float { 5 } else { 4 });
+        assert_eq!(all.len(), 18 * if gpu.accumulations.float { 5 } else { 4 });
         for c in &all {
             println!("{c:?}");
             assert!(c.passed() && c.error > 0.0, "{c:?}");
         }
-        assert_eq!(worst(&all).len(), 11);
+        assert_eq!(worst(&all).len(), 18);
     }
 
     #[test]
