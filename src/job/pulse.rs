@@ -26,14 +26,11 @@ pub struct FoundPulse {
 /// Pairs, lateral pixels and iterations of a trial.
 const PAIRS: usize = 256;
 const LATERAL: usize = 64;
-const ITERATIONS: usize = 15;
+const ITERATIONS: usize = 25;
 const SURFACE_ITERATIONS: usize = 40;
 
 /// A pulse must explain so much more of the objective than none, as a share of it, to be taken for real.
 const WORTH: f64 = 0.003;
-
-/// So near to a width that was tried, as a share of it, another need not be.
-const CLOSE: f64 = 0.1;
 
 /// Widths in bins: the first that is tried, the widest, and the narrowest that is worth its kernels.
 const FIRST: f64 = 2.0;
@@ -145,7 +142,7 @@ fn trial_of<'a>(request: &Request, capture: &Capture, gpu: &'a Gpu) -> Result<Mi
     }))
 }
 
-/// The width in bins at which `misfit` is least, doubled while that helps, then by parabolas; 0 if none is worth it, or it
+/// The width in bins at which `misfit` is least, doubled while that helps, then by a parabola; 0 if none is worth it, or it
 /// falls to the widest.
 fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
     let unknown = || Error::input("a trial found no surface", "give --pulse");
@@ -161,29 +158,34 @@ fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64>
         {
             known.push([2.0 * width, at(2.0 * width)?]);
         }
-        for _ in 0..2 {
-            let Some(width) = vertex(&known) else { break };
-            if known.iter().any(|k| (width - k[0]).abs() < CLOSE * width) {
-                break;
-            }
-            let left = at(width)?;
-            let place = known.partition_point(|k| k[0] < width);
-            known.insert(place, [width, left]);
+        // The one side of the least may be much steeper than the other: both halves are looked at.
+        let least = least_of(&known);
+        let halves: Vec<f64> = known[least.saturating_sub(1)..(least + 2).min(known.len())]
+            .windows(2)
+            .map(|pair| 0.5 * (pair[0][0] + pair[1][0]))
+            .collect();
+        for width in halves {
+            known.push([width, at(width)?]);
         }
+        known.sort_by(|a, b| a[0].total_cmp(&b[0]));
     }
     let least = known.iter().fold(sharp, |a, k| a.min(k[1]));
-    // The last parabola tells more than the best trial.
+    // The parabola tells more than the best trial.
     let width = vertex(&known).filter(|w| *w >= NARROWEST && least < (1.0 - WORTH) * sharp);
     Ok(width.unwrap_or(0.0))
 }
 
 /// Where the parabola through the least of `known`, in the order of widths, and its neighbours is least.
 fn vertex(known: &[[f64; 2]]) -> Option<f64> {
-    let least = (0..known.len()).min_by(|a, b| known[*a][1].total_cmp(&known[*b][1]))?;
+    let least = least_of(known);
     let [[a, fa], [b, fb], [c, fc]] = known.get(least.checked_sub(1)?..least + 2)?.try_into().ok()?;
     let (left, right) = ((b - a) * (fb - fc), (b - c) * (fb - fa));
     let at = b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right);
     at.is_finite().then_some(at.clamp(a, c))
+}
+
+fn least_of(known: &[[f64; 2]]) -> usize {
+    (0..known.len()).min_by(|a, b| known[*a][1].total_cmp(&known[*b][1])).unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -204,6 +206,12 @@ mod tests {
         for true_width in [1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
             let (width, calls) = found(|w| 1.0 + ((w - true_width) / (3.0 + true_width)).powi(2));
             assert!((width / true_width - 1.0).abs() < 0.03 && calls <= 8, "{true_width}: {width}, {calls}");
+        }
+        // Twice as steep beyond.
+        for true_width in [2.0, 3.4, 5.0, 9.0, 20.0] {
+            let steep = |w: f64| if w < true_width { 1.0 } else { 4.0 };
+            let (width, _) = found(|w| 1.0 + steep(w) * ((w - true_width) / (3.0 + true_width)).powi(2));
+            assert!((width / true_width - 1.0).abs() < 0.2, "{true_width}: {width}");
         }
     }
 

@@ -4,8 +4,6 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 
-/// Speed of light in metres per picosecond.
-
 /// Which bounces of a rendered capture count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bounce {
