@@ -1,7 +1,8 @@
 //! The scenes of METHOD section 7, small enough for the float64 twins.
 
 use glam::{DVec3, dvec3};
-use thirdbounce::transport::twin::{self, Twin};
+use thirdbounce::capture::{Pulse, PulseTaps};
+use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Wall};
 
 use super::super::device::vectors::scene;
@@ -44,8 +45,8 @@ pub fn made(name: &str, model: Model, grid: Grid, share: f64, size: impl Fn(DVec
     let mut case = Case { name: name.into(), model: model.clone(), grid, active, truth, at };
     let render = f64::from(model.scene(&grid).render_scale);
     let twin = Twin { model: &model, grid: &grid };
-    let light: Vec<f64> =
-        twin::forward(&twin, &case.samples(&case.truth)).iter().map(|v| v * render).collect();
+    let sharp = twin::forward(&twin, &case.samples(&case.truth));
+    let light: Vec<f64> = twin::pulse(&twin, &sharp, Way::Spread).iter().map(|v| v * render).collect();
     let peak = light.iter().fold(0.0f64, |a, b| a.max(*b));
     let scale = if peak > 0.0 { 10.0 / peak } else { 1.0 };
     model.measured = light.iter().map(|v| (v * scale) as f32).collect();
@@ -81,6 +82,13 @@ pub fn retroreflector(times: f64) -> Case {
     let size = move |x: DVec3| if (x - dvec3(0.1, 0.1, 0.6)).length() < 0.08 { times } else { 1.0 };
     let name = format!("retroreflector {times:.0e}");
     without_threshold(made(&name, model_of(4, 160, 0.3, 2.7), grid_of(10, 20, 0.3, 0.04), 0.3, size))
+}
+
+/// A scene through an instrument whose pulse is a Gaussian of so many bins.
+fn through(base: &Case, bins: f64) -> Case {
+    let pulse = Pulse::gaussian(bins * base.model.bin_width).and_then(|p| p.taps(base.model.bin_width));
+    let model = Model { pulse: Some(pulse.expect("a pulse")), ..base.model.clone() };
+    made(&format!("{}, a pulse of {bins} bins", base.name), model, base.grid, 0.3, one)
 }
 
 /// Without the group term, which would leave nothing of what is dim.
@@ -234,6 +242,11 @@ pub fn all() -> Vec<Case> {
         narrow(1e5),
         late(),
     ];
+    all.push(through(&near_far(Geometry::Confocal, Reflectance::Cosine, false), 8.0));
+    all.push(through(&plain(), 40.0));
+    let even = PulseTaps { before: 100, weights: vec![1.0 / 400.0; 400] };
+    let smeared = Model { pulse: Some(even), ..plain().model };
+    all.push(made("a pulse longer than the histograms", smeared, plain().grid, 0.3, one));
     // Voxel (i, j, 0) lies on a scanned point.
     let mut touching = model_of(4, 160, 0.0, 2.4);
     let grid = grid_of(8, 16, 0.0, 0.05);

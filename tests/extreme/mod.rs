@@ -130,13 +130,15 @@ pub fn passes_of(job: &mut Job<'_>, case: &Case) -> Passes {
     zero_histograms(job);
     run_iteration(job, 0, &["forward"]);
     let forward = apart(&read_histograms(job), &accumulated, bins);
-    run_iteration(job, 0, &["residual"]);
-    let got: Vec<f64> = read_rows::<f32>(job, "residual").into_iter().map(f64::from).collect();
+    run_iteration(job, 0, &["pulse", "residual", "pulse_back"]);
+    let from = job.plan.residual();
+    let got: Vec<f64> = read_rows::<f32>(job, from).into_iter().map(f64::from).collect();
     let residual = apart(&got, &residual, bins);
     let mut s = Schedule::default();
     // Without the last flag the gradient is left in its buffer.
     s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
         .bind("scene", job.plan.finest().scene)
+        .bind("residual", from)
         .with(Push { last: case.model.pairs() as u32, ..Default::default() });
     job.executor.run(&s).expect("a dispatch runs");
     let got: Vec<f64> = read_raw(job, "gradient", samples.len())
