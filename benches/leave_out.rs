@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use scene::{capture, gpu, median};
-use thirdbounce::capture::{Capture, Gate};
+use thirdbounce::capture::{Capture, Gate, Pulse};
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{
     Job, NoiseTerm, PaperOptions, Plan, Preset, VectorOptions, compact, initialise, iteration, vector,
@@ -42,7 +42,7 @@ fn main() {
 
     use Reflectance::{Cosine, Isotropic, Lambertian};
     compare(
-        "second distance, wall's normals, unreached bins and bricks (`--general` has them)",
+        "second distance, wall's normals, a pulse, unreached bins and bricks (`--general` has them)",
         "confocal, 256 pairs",
         vector(&confocal, Cosine, false),
         vector(&confocal, Cosine, true),
@@ -78,6 +78,14 @@ fn main() {
         "confocal, cosine for Lambertian",
         vector(&confocal, Cosine, false),
         vector(&confocal, Lambertian, false),
+    );
+    let pulse = Some(Pulse::gaussian(4.0 * confocal.bin_width).expect("a width"));
+    let pulsed = Capture { pulse, ..confocal.clone() };
+    compare(
+        "the instrument's pulse",
+        "confocal, a Gaussian of four bins",
+        vector(&confocal, Cosine, false),
+        vector(&pulsed, Cosine, false),
     );
     let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
     compare(
