@@ -10,13 +10,15 @@ use std::path::Path;
 use command::{fail, succeed};
 use device::gpu;
 use serde_json::Value;
+use thirdbounce::Kind;
 use thirdbounce::capture::formats::archive::npz_bytes;
 use thirdbounce::capture::formats::array::Array;
 use thirdbounce::capture::{Capture, Gate, Pulse, read, write};
+use thirdbounce::job::{Input, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{VectorOptions, Watch, default_volume, vector};
-use thirdbounce::transport::Grid;
+use thirdbounce::transport::{Grid, Volume};
 
 const FWHM: f64 = 0.04;
 
@@ -151,6 +153,33 @@ fn a_pulse_that_is_none_is_refused() {
 }
 
 #[test]
+fn trials_are_heard_and_may_be_broken_off() {
+    let (_folder, path) = common::place("c.npz");
+    write(&Capture { pulse: None, ..capture(true) }, &path).unwrap();
+    let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
+    let out = path.with_file_name("out");
+    let request = Request { find_pulse: true, ..Request::new(VectorOptions::default(), &out) };
+    let mut heard = 0;
+    let broken = run(&request, &loaded, &mut |progress| {
+        assert!(progress.trial, "nothing comes before the trials");
+        heard += 1;
+        if heard < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    assert_eq!(broken.unwrap_err().kind, Kind::Cancelled);
+    assert!(heard == 3 && !out.exists());
+    // What cannot be tried is told, and no reason not to solve: here nothing is far enough to be reconstructed at all.
+    let far = VectorOptions { min_depth: 1e3, lateral: 16, iterations: 1, ..VectorOptions::default() };
+    let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
+    let request = Request { volume: Some(volume), find_pulse: true, ..Request::new(far, &out) };
+    let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert!(
+        done.notes[0].contains("pulse is not known") && done.notes[0].contains("no surface"),
+        "{:?}",
+        done.notes
+    );
+}
+
+#[test]
 fn its_width_is_found_and_told() {
     let (_folder, path) = common::place("c.npz");
     let place = |name: &str| path.with_file_name(name).display().to_string();
@@ -174,7 +203,7 @@ fn its_width_is_found_and_told() {
     let found = &report["settings"]["pulse_found"];
     let fwhm = found["fwhm"].as_f64().unwrap();
     assert!((fwhm / FWHM - 1.0).abs() < 0.25, "{found}");
-    assert!(said.contains("pulse: of ") && said.contains(&format!("--pulse {fwhm:.4}")), "{said}");
+    assert!(said.contains("pulse: of ") && said.contains(&format!("--pulse {fwhm} ")), "{said}");
     let seconds = found["seconds"].as_f64().unwrap();
     let trace = report["trace"].as_array().unwrap();
     assert!(

@@ -1,8 +1,8 @@
 //! The instrument's pulse: how a single path of light looks in a histogram.
 //!
 //! Laser pulse, detector jitter and electronics together spread every path over time. Known, the shape is part of the
-//! model of light transport; unknown, it is taken for shape of the scene. Time zero of a pulse is where a calibration puts the path: of a
-//! Gaussian its middle.
+//! model of light transport; unknown, it is taken for shape of the scene. Time zero of a pulse is where a calibration puts
+//! the path: of a Gaussian its middle.
 
 use std::path::Path;
 
@@ -143,7 +143,7 @@ impl Pulse {
     /// in bins.
     ///
     /// # Errors
-    /// `Kind::Options` if it reaches over more than 4096 bins, or is farther than that from its path.
+    /// `Kind::Input` if it reaches over more than 4096 bins, or is farther than that from its path.
     pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {
         self.over(bin_width, BIN + LINEAR)
     }
@@ -160,7 +160,7 @@ impl Pulse {
     fn over(&self, bin_width: f64, less: f64) -> Result<PulseTaps> {
         let [first, last] = [self.start, self.end()].map(|edge| (edge / bin_width).round());
         if first.abs().max(last.abs()) > LONGEST as f64 {
-            return Err(Error::options(
+            return Err(Error::input(
                 format!("the pulse reaches from {first} to {last} bins around its path"),
                 format!("at most {LONGEST} are supported: cut it, or add bins up"),
             ));

@@ -37,6 +37,10 @@ impl Meter {
 
     /// Shows a point of the trace; breaks off if Ctrl-C was pressed.
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
+        if progress.trial {
+            self.bar.iter().for_each(|bar| bar.set_message("finding the instrument's pulse"));
+            return super::interrupt::asked();
+        }
         let p = &progress.point;
         let last = p.iteration == progress.iterations;
         let state = format!(

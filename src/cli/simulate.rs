@@ -151,6 +151,9 @@ pub fn run(args: &Args) -> Result<()> {
             done.noise, args.noise
         ));
     }
+    if !args.quiet {
+        done.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
     print(&done.summary.to_string());
     print(&format!(
         "rendered  in {} with {} samples, noise {:.4}",

@@ -1,5 +1,6 @@
 //! What a run would do, without doing it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
@@ -73,8 +74,12 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
     // What is to be found is as wide as any, as far as memory goes.
     let unfound = request.find_pulse && capture.pulse.is_none();
-    let spread = unfound.then(|| Pulse::gaussian(4.0 * capture.bin_width)).transpose()?;
-    let planned = Capture { pulse: spread.or_else(|| capture.pulse.clone()), ..capture.clone() };
+    let planned = match unfound {
+        true => {
+            Cow::Owned(Capture { pulse: Some(Pulse::gaussian(4.0 * capture.bin_width)?), ..capture.clone() })
+        }
+        false => Cow::Borrowed(capture),
+    };
     let mut notes = loaded.notes.clone();
     if unfound {
         notes.push(

@@ -107,7 +107,7 @@ pub fn profile(
     say(&format!("measuring what {} does at most", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     // Its trials are no part of the profile.
-    let (capture, found) = super::pulse::settle(&request, &loaded.capture, &gpu, None)?;
+    let (capture, found) = super::pulse::settle(&request, &loaded.capture, &gpu, None, hear)?;
     let loaded = &Loaded { capture: capture.into_owned(), ..loaded.clone() };
     let request = Request { find_pulse: false, ..request };
     solving::warm_up(&request, loaded, &gpu, grid)?;

@@ -21,6 +21,9 @@ pub struct FoundPulse {
     /// Widths that were tried, metres, and what each left of the objective.
     pub trials: Vec<[f64; 2]>,
     pub seconds: f64,
+    /// Why nothing could be tried to the end; paths are sharp then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
 }
 
 /// Pairs, lateral pixels and iterations of a trial.
@@ -46,15 +49,20 @@ impl FoundPulse {
 
     /// For people.
     pub fn note(&self) -> String {
+        if let Some(why) = &self.failed {
+            return format!(
+                "the instrument's pulse is not known, paths are taken for sharp: {why} (--pulse gives it)"
+            );
+        }
         let how = format!("of {} widths tried in {:.1} s", self.trials.len(), self.seconds);
         if self.fwhm == 0.0 {
             return format!("the instrument's pulse: {how} none explains the data better than sharp paths");
         }
-        let ps = self.fwhm / METRES_PER_PICOSECOND;
+        let ps = three_digits(self.fwhm / METRES_PER_PICOSECOND);
+        let fwhm = self.fwhm;
         format!(
-            "the instrument's pulse: {how} {:.4} m ({ps:.0} ps) full width at half maximum explains the data best (--pulse \
-             {:.4} spares the trials, --pulse none takes paths for sharp)",
-            self.fwhm, self.fwhm
+            "the instrument's pulse: {how} {fwhm} m ({ps} ps) full width at half maximum explains the data best \
+             (--pulse {fwhm} spares the trials, --pulse none takes paths for sharp)"
         )
     }
 }
@@ -62,19 +70,21 @@ impl FoundPulse {
 /// The capture with its pulse, found first if `request` asks for that and nobody has `known` it.
 ///
 /// # Errors
-/// The device's; a trial that fails otherwise leaves paths sharp, as the solve itself then tells what is wrong.
+/// The device's; [`Kind::Cancelled`] if `hear`, which is told of the trials, broke off. A trial that fails otherwise leaves
+/// paths sharp: the solve itself then tells what is wrong.
 pub fn settle<'c>(
     request: &Request,
     capture: &'c Capture,
     gpu: &Gpu,
     known: Option<FoundPulse>,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {
     if !request.find_pulse || capture.pulse.is_some() {
         return Ok((Cow::Borrowed(capture), None));
     }
     let found = match known {
         Some(known) => known,
-        None => find(request, capture, gpu)?,
+        None => find(request, capture, gpu, hear)?,
     };
     let with = match found.pulse()? {
         Some(pulse) => Cow::Owned(Capture { pulse: Some(pulse), ..capture.clone() }),
@@ -83,11 +93,16 @@ pub fn settle<'c>(
     Ok((with, Some(found)))
 }
 
-fn find(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<FoundPulse> {
+fn find(
+    request: &Request,
+    capture: &Capture,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<FoundPulse> {
     let _span = gpu.span("pulse");
     let start = Instant::now();
     let mut trials = vec![];
-    let fwhm = match trial_of(request, capture, gpu) {
+    let fwhm = match trial_of(request, capture, gpu, hear) {
         Ok(mut misfit) => best_width(&mut |bins| {
             let width = bins * capture.bin_width;
             let left = misfit(width)?;
@@ -96,19 +111,29 @@ fn find(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<FoundPulse> {
         }),
         Err(e) => Err(e),
     };
-    let bins = match fwhm {
+    let (bins, failed) = match fwhm {
+        Ok(bins) => (bins, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
-        other => other.unwrap_or(0.0),
+        Err(e) => (0.0, Some(e.what)),
     };
-    // Three digits, as notes have them.
-    let fwhm = (bins * capture.bin_width * 1e4).round() / 1e4;
-    Ok(FoundPulse { fwhm, trials, seconds: start.elapsed().as_secs_f64() })
+    let fwhm = three_digits(bins * capture.bin_width);
+    Ok(FoundPulse { fwhm, trials, seconds: start.elapsed().as_secs_f64(), failed })
+}
+
+/// As a note has it, so that who gives it gets the same.
+fn three_digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 type Misfit<'a> = Box<dyn FnMut(f64) -> Result<Option<f64>> + 'a>;
 
 /// What a quick solve with a pulse of some width leaves of the objective; nothing where it finds no surface.
-fn trial_of<'a>(request: &Request, capture: &Capture, gpu: &'a Gpu) -> Result<Misfit<'a>> {
+fn trial_of<'a>(
+    request: &Request,
+    capture: &Capture,
+    gpu: &'a Gpu,
+    hear: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Misfit<'a>> {
     let options = match &request.solver {
         SolverOptions::Vector(o) => o.clone(),
         SolverOptions::Paper(o) => VectorOptions { min_depth: o.min_depth, ..VectorOptions::default() }
@@ -134,8 +159,8 @@ fn trial_of<'a>(request: &Request, capture: &Capture, gpu: &'a Gpu) -> Result<Mi
     });
     Ok(Box::new(move |width| {
         thin.pulse = if width > 0.0 { Some(Pulse::gaussian(width)?) } else { None };
-        let mut go_on = |_: &Progress| ControlFlow::Continue(());
-        let mut watch = Watch { hear: &mut go_on, maps_every: None, maps_at: &[] };
+        let mut told = |p: &Progress| hear(&Progress { trial: true, ..p.clone() });
+        let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
         let done = solver.solve(gpu, &thin, grid, memory, false, &mut watch)?;
         let last = done.trace.last().filter(|p| p.iteration > done.volume_iterations);
         Ok(last.map(|p| p.loss))
@@ -222,6 +247,11 @@ mod tests {
         // Next to nothing is gained.
         assert_eq!(found(|w| 1.0 + 1e-4 * (w - 3.0) * (w - 3.0)).0, 0.0);
         assert!(best_width(&mut |_| Ok(None)).is_err());
+    }
+
+    #[test]
+    fn widths_have_three_digits_of_any_size() {
+        assert_eq!([0.0321489, 3.21489e-6, 123.456, 0.0].map(three_digits), [0.0321, 3.21e-6, 123.0, 0.0]);
     }
 
     #[test]

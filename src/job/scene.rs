@@ -30,6 +30,8 @@ pub struct Simulated {
     pub samples: usize,
     pub seconds: f64,
     pub files: Vec<PathBuf>,
+    /// What the capture's format could not hold, in sentences.
+    pub notes: Vec<String>,
 }
 
 /// Renders the scene and writes its capture, and its truth if a file was named. `before_writing` is called
@@ -59,7 +61,7 @@ pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<S
     let seconds = start.elapsed().as_secs_f64();
     before_writing();
     let mut files = vec![what.out.clone()];
-    capture::write(&rendering.capture, &what.out)?;
+    let notes = capture::write(&rendering.capture, &what.out)?;
     if let (Some((file, _)), Some(truth)) = (&what.truth, &truth) {
         export::npz::write_truth(file, truth)?;
         files.push(file.clone());
@@ -71,5 +73,6 @@ pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<S
         samples: rendering.samples,
         seconds,
         files,
+        notes,
     })
 }

@@ -57,7 +57,7 @@ pub fn solve(
         }
         None => None,
     };
-    let (capture, found) = pulse::settle(request, &loaded.capture, gpu, known)?;
+    let (capture, found) = pulse::settle(request, &loaded.capture, gpu, known, hear)?;
     let capture = &*capture;
     let kept_at = Cell::new(None);
     let mut save = |state: Checkpoint| {

@@ -40,6 +40,8 @@ pub struct Progress {
     pub iterations: usize,
     /// The maps after that iteration, if it is one that [`Watch`] asks for.
     pub maps: Option<Maps>,
+    /// Of a quick solve before the one that was asked for.
+    pub trial: bool,
 }
 
 /// What a caller wants to hear.
@@ -218,7 +220,7 @@ pub(super) fn drive(
                     .run(&maps_of(&steps, &at))
                     .map(|()| read_maps(&job.executor.arena, &at.grid, has_normals))
             });
-            let progress = Progress { point, iterations: steps.of, maps: maps.transpose()? };
+            let progress = Progress { point, iterations: steps.of, maps: maps.transpose()?, trial: false };
             if (watch.hear)(&progress).is_break() {
                 let what = format!("cancelled after {} iterations", point.iteration);
                 return Err(Error::new(Kind::Cancelled, what, "run it again"));
