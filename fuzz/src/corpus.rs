@@ -8,7 +8,7 @@ mod readers;
 
 use std::path::{Path, PathBuf};
 
-use thirdbounce::capture::{read_given, write};
+use thirdbounce::capture::{Capture, Pulse, read_given, write};
 
 fn main() {
     let here = || Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
@@ -33,6 +33,10 @@ fn main() {
             write(&capture, &path).expect("it is written");
             put(target, &path);
         }
+        let path = scratch.join(format!("from_{name}_pulse.npz"));
+        let pulse = Some(Pulse::gaussian(3.0 * capture.bin_width).expect("a width"));
+        write(&Capture { pulse, ..capture }, &path).expect("it is written");
+        put("npz", &path);
     }
     std::fs::remove_dir_all(&scratch).expect("the folder goes");
     println!("wrote {}", corpus.display());
