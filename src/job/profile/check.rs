@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::super::account::plain;
 use crate::Result;
 use crate::capture::{Capture, Pulse};
-use crate::gpu::{BufferPlan, Command, Gpu, Place, Schedule};
+use crate::gpu::Gpu;
 use crate::simulate::{RenderOptions, Scene, simulate};
 use crate::solve::surface::Pixels;
 use crate::solve::{
@@ -19,6 +19,10 @@ use crate::solve::{
 use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE};
 use crate::transport::twin::{self, Height, Raw, Sample, Twin};
 use crate::transport::{Grid, Model};
+
+mod buffers;
+
+use buffers::{read, read_floats, read_raw, read_residual, read_samples, readable, write_raw, zeroed};
 
 /// A pass that was held against its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -270,21 +274,6 @@ fn checked(solver: impl Into<String>, accumulation: Accumulation, pass: &str, er
     Checked { solver, accumulation: plain(&accumulation), pass, error, allowed: ALLOWED }
 }
 
-/// The job with a buffer through which every other can be read.
-fn readable<'g>(gpu: &'g Gpu, model: Model, mut plan: Plan) -> Result<Job<'g>> {
-    let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
-    plan.buffers.push(BufferPlan::new("back", largest, Place::Readback));
-    Job::new(gpu, model, plan, None)
-}
-
-/// Fills these buffers with zeros.
-fn zeroed(job: &Job<'_>, buffers: &[&'static str]) -> Schedule {
-    let bytes = job.plan.bytes();
-    let mut s = Schedule::default();
-    buffers.iter().for_each(|buffer| s.fill(buffer, bytes[*buffer], 0));
-    s
-}
-
 /// Four repeatable numbers in [0, 1).
 fn random(i: usize) -> [f32; 4] {
     std::array::from_fn(|k| twin::random3(i as u32, k as u32, 0, 1)[0] as f32)
@@ -326,50 +315,6 @@ fn error(got: &[f64], want: &[f64]) -> f64 {
     let largest = want.iter().fold(1e-300f64, |a, b| a.max(b.abs()));
     let worst = got.iter().zip(want).map(|(g, w)| (g - w).abs()).max_by(f64::total_cmp);
     worst.unwrap_or(f64::NAN) / largest
-}
-
-fn read<T: bytemuck::Pod>(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<T>> {
-    let bytes = count * size_of::<T>();
-    if bytes == 0 {
-        return Ok(vec![]);
-    }
-    let mut s = Schedule::default();
-    let (to, bytes) = ("back", bytes as u64);
-    s.commands.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
-    job.executor.run(&s)?;
-    Ok(bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("back")[..bytes as usize]))
-}
-
-fn read_floats(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<f64>> {
-    Ok(read::<f32>(job, from, count)?.into_iter().map(f64::from).collect())
-}
-
-/// What gradients gather from, `[pair * bins + bin]`.
-fn read_residual(job: &mut Job<'_>) -> Result<Vec<f64>> {
-    let (from, cells) = (job.plan.residual(), job.model.cells());
-    let all = read_floats(job, from, cells)?;
-    Ok(job.model.bins_of(&all))
-}
-
-fn read_raw(job: &mut Job<'_>, from: &'static str, count: usize) -> Result<Vec<Raw>> {
-    Ok(read::<[f32; 4]>(job, from, count)?.into_iter().map(|r| r.map(f64::from)).collect())
-}
-
-fn read_samples(job: &mut Job<'_>, count: usize) -> Result<Vec<Sample>> {
-    let points = read_raw(job, "sample_points", count)?;
-    let normals = read_raw(job, "sample_normals", count)?;
-    let one = |(p, n): (&Raw, &Raw)| Sample {
-        point: dvec3(p[0], p[1], p[2]),
-        albedo: p[3],
-        normal: dvec3(n[0], n[1], n[2]),
-        length: n[3],
-    };
-    Ok(points.iter().zip(&normals).map(one).collect())
-}
-
-fn write_raw(job: &mut Job<'_>, to: &'static str, raw: &[Raw]) -> Result<()> {
-    let words: Vec<[f32; 4]> = raw.iter().map(|r| r.map(|v| v as f32)).collect();
-    upload(&mut job.executor, to, bytemuck::cast_slice(&words))
 }
 
 /// The largest error of every pass, for a table: ((solver, pass), error).

@@ -2,7 +2,7 @@
 //! measured for time in docs/leave-out.md.
 
 use super::buffers::surface_bytes;
-use super::{Level, Plan};
+use super::{Level, Plan, SMALL_PIXEL};
 use crate::solve::NoiseTerm;
 use crate::transport::{Geometry, Gradient, Reflectance};
 
@@ -88,8 +88,13 @@ impl Plan {
             );
         }
         if self.points == 1 && !self.surface.is_empty() {
-            let what = "three of a surface pixel's four points: it is as small as two bins of path";
-            left(what.into(), "three of four of its pairs".into());
+            let pixel = self.maps_grid().pitch.truncate().max_element();
+            let small = pixel <= SMALL_PIXEL * self.bin_width;
+            let why = if small { "it is as small as two bins of path" } else { "one was asked for" };
+            left(
+                format!("three of a surface pixel's four points: {why}"),
+                "three of four of its pairs".into(),
+            );
         }
         let slots = self.capacity as u64;
         if self.vectors {
