@@ -1,6 +1,6 @@
 // Histograms as the instrument shows them: every path of light spread along time by the pulse's taps. BACK: the
 // adjoint, which takes a residual back to the paths. SQUARED: with the taps' squares, for variances.
-// One invocation owns RUN neighbouring cells of a row, so that every cell around them is read once. Cells that are no
+// One invocation owns PULSE_RUN neighbouring cells of a row, so that every cell around them is read once. Cells that are no
 // bin (place.glsl) are zero, and what lies in them counts for nothing.
 // pulse_taps: [0] taps before the path's own bin, [1] taps in all, then weights.
 #version 460
@@ -22,16 +22,14 @@ float value_of(uint cell) { return source[cell]; }
 layout(std430, set = 0, binding = 3) readonly buffer PulseTaps { float pulse_taps[]; };
 layout(std430, set = 0, binding = 4) writeonly buffer Spread { float spread[]; };
 
-const uint RUN = PULSE_RUN;
-
 void main() {
     uint run = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    uint runs = (scene.stride + RUN - 1u) / RUN;
+    uint runs = (scene.stride + PULSE_RUN - 1u) / PULSE_RUN;
     uint pair = run / runs;
     // The padding behind the last row is a row's beginning.
     if (pair > scene.pairs) return;
     int bins = int(scene.bins);
-    int bin = int(run % runs * RUN) - int(PADDING);
+    int bin = int(run % runs * PULSE_RUN) - int(PADDING);
     int row = int(pair * scene.stride + PADDING);
     vec4 sums = vec4(0.0);
     if (pair < scene.pairs) {
@@ -40,14 +38,14 @@ void main() {
         int first = BACK != 0u ? bin - before : bin + before - (count - 1);
         // Of the cell at hand, the taps that take it to each of the four.
         vec4 taps = vec4(0.0);
-        for (int i = 0; i < count + int(RUN) - 1; ++i) {
+        for (int i = 0; i < count + int(PULSE_RUN) - 1; ++i) {
             float tap = i < count ? pulse_taps[2 + (BACK != 0u ? i : count - 1 - i)] : 0.0;
             taps = vec4(SQUARED != 0u ? tap * tap : tap, taps.xyz);
             int at = first + i;
             if (at >= 0 && at < bins) sums += taps * value_of(uint(row + at));
         }
     }
-    for (int k = 0; k < int(RUN); ++k) {
+    for (int k = 0; k < int(PULSE_RUN); ++k) {
         int at = bin + k;
         bool in_row = pair < scene.pairs ? at < bins : at < 0;
         if (in_row) spread[row + at] = at >= 0 ? sums[k] : 0.0;

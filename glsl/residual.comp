@@ -12,10 +12,10 @@ layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
 layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with nothing, for bounds of the operator
+layout(constant_id = 13) const uint PULSE = 0u;    // compare what pulse.comp has made of the sums
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
-layout(constant_id = 13) const uint PULSE = 0u;    // compare what pulse.comp has made of the sums
 #ifdef ACCUMULATE_FIXED
 layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
 #else

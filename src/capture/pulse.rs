@@ -28,6 +28,17 @@ pub struct PulseTaps {
     pub weights: Vec<f64>,
 }
 
+/// Which way through the instrument.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// From sharp paths to what histograms show.
+    Spread,
+    /// The adjoint: from a residual of the histograms to the paths.
+    Back,
+    /// The same for variances: with the taps' squares.
+    Squared,
+}
+
 /// Most samples, and most bins that a pulse may reach over: what is longer is no pulse.
 const LONGEST: usize = 4096;
 
@@ -209,12 +220,24 @@ impl PulseTaps {
     pub fn spread(&self, histograms: &mut [f32], bins: usize) {
         for histogram in histograms.chunks_exact_mut(bins) {
             let sharp: Vec<f64> = histogram.iter().map(|v| f64::from(*v)).collect();
-            for (bin, value) in histogram.iter_mut().enumerate() {
-                let from = |i: usize| (bin + self.before).checked_sub(i).filter(|from| *from < bins);
-                let light = |(i, w): (usize, &f64)| from(i).map_or(0.0, |from| w * sharp[from]);
-                *value = self.weights.iter().enumerate().map(light).sum::<f64>() as f32;
+            for (value, shown) in histogram.iter_mut().zip(self.through(&sharp, Way::Spread)) {
+                *value = shown as f32;
             }
         }
+    }
+
+    /// One histogram, or one residual, through the instrument; what leaves the bins is lost.
+    pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {
+        let at = |bin: usize, tap: usize| {
+            let from = match way {
+                Way::Spread => (bin + self.before).checked_sub(tap),
+                Way::Back | Way::Squared => (bin + tap).checked_sub(self.before),
+            };
+            from.and_then(|from| histogram.get(from)).copied().unwrap_or(0.0)
+        };
+        let weight = |w: f64| if way == Way::Squared { w * w } else { w };
+        let of_bin = |bin| self.weights.iter().enumerate().map(|(i, w)| weight(*w) * at(bin, i)).sum();
+        (0..histogram.len()).map(of_bin).collect()
     }
 }
 

@@ -98,9 +98,7 @@ impl CaptureArgs {
             preset: solver.preset,
         })
     }
-}
 
-impl CaptureArgs {
     /// Whether the pulse is to be found: where that is asked for, and for a detector's counts unless it is the published
     /// solver's turn, which takes paths for sharp.
     pub fn finds_pulse(&self, preset: Preset, solver: &SolverOptions) -> bool {

@@ -12,6 +12,7 @@ mod passes;
 mod trace;
 pub mod tune;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -108,7 +109,11 @@ pub fn profile(
     let limits = limits::measure(&gpu)?;
     // Its trials are no part of the profile.
     let (capture, found) = super::pulse::settle(&request, &loaded.capture, &gpu, None, hear)?;
-    let loaded = &Loaded { capture: capture.into_owned(), ..loaded.clone() };
+    let with_pulse = match capture {
+        Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),
+        Cow::Borrowed(_) => None,
+    };
+    let loaded = with_pulse.as_ref().unwrap_or(loaded);
     let request = Request { find_pulse: false, ..request };
     solving::warm_up(&request, loaded, &gpu, grid)?;
     gpu.take_recording();

@@ -44,7 +44,7 @@ impl FoundPulse {
     /// # Errors
     /// None that a found width has.
     pub fn pulse(&self) -> Result<Option<Pulse>> {
-        (self.fwhm > 0.0).then(|| Pulse::gaussian(self.fwhm)).transpose()
+        of_width(self.fwhm)
     }
 
     /// For people.
@@ -65,6 +65,11 @@ impl FoundPulse {
              (--pulse {fwhm} spares the trials, --pulse none takes paths for sharp)"
         )
     }
+}
+
+/// None of no width.
+fn of_width(fwhm: f64) -> Result<Option<Pulse>> {
+    (fwhm > 0.0).then(|| Pulse::gaussian(fwhm)).transpose()
 }
 
 /// The capture with its pulse, found first if `request` asks for that and nobody has `known` it.
@@ -102,16 +107,15 @@ fn find(
     let _span = gpu.span("pulse");
     let start = Instant::now();
     let mut trials = vec![];
-    let fwhm = match trial_of(request, capture, gpu, hear) {
-        Ok(mut misfit) => best_width(&mut |bins| {
+    let best = trial_of(request, capture, gpu, hear).and_then(|mut misfit| {
+        best_width(&mut |bins| {
             let width = bins * capture.bin_width;
             let left = misfit(width)?;
             trials.extend(left.map(|left| [width, left]));
             Ok(left)
-        }),
-        Err(e) => Err(e),
-    };
-    let (bins, failed) = match fwhm {
+        })
+    });
+    let (bins, failed) = match best {
         Ok(bins) => (bins, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
         Err(e) => (0.0, Some(e.what)),
@@ -143,25 +147,20 @@ fn trial_of<'a>(
         lateral: options.lateral.min(LATERAL),
         iterations: ITERATIONS,
         surface_iterations: SURFACE_ITERATIONS,
-        pixels_per_voxel: None,
+        pixels_per_voxel: (options.lateral >= LATERAL).then_some(2),
         surface_points: None,
         room: None,
         ..options
     };
     let volume = request.volume.map_or_else(|| default_volume(capture, options.min_depth), Ok)?;
-    let request = Request { volume: Some(volume), ..Request::new(options.clone(), "") };
+    let trial = Request { volume: Some(volume), memory: request.memory, ..Request::new(options, "") };
     let mut thin = capture.subset(PAIRS.min(capture.pair_count()), 0)?;
-    let grid = request.grid(&thin)?;
-    let memory = request.memory;
-    let solver = SolverOptions::from(VectorOptions {
-        pixels_per_voxel: (options.lateral >= LATERAL).then_some(2),
-        ..options
-    });
+    let grid = trial.grid(&thin)?;
     Ok(Box::new(move |width| {
-        thin.pulse = if width > 0.0 { Some(Pulse::gaussian(width)?) } else { None };
+        thin.pulse = of_width(width)?;
         let mut told = |p: &Progress| hear(&Progress { trial: true, ..p.clone() });
         let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
-        let done = solver.solve(gpu, &thin, grid, memory, false, &mut watch)?;
+        let done = trial.solver.solve(gpu, &thin, grid, trial.memory, false, &mut watch)?;
         let last = done.trace.last().filter(|p| p.iteration > done.volume_iterations);
         Ok(last.map(|p| p.loss))
     }))
@@ -194,7 +193,7 @@ fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64>
         }
         known.sort_by(|a, b| a[0].total_cmp(&b[0]));
     }
-    let least = known.iter().fold(sharp, |a, k| a.min(k[1]));
+    let least = known[least_of(&known)][1];
     // The parabola tells more than the best trial.
     let width = vertex(&known).filter(|w| *w >= NARROWEST && least < (1.0 - WORTH) * sharp);
     Ok(width.unwrap_or(0.0))

@@ -17,13 +17,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     if plan.noise != NoiseTerm::Off {
         s.dispatch("noise", groups(level.pairs, 1)).bind("scene", level.scene).with(push);
     }
-    for chunk in pair_chunks(plan, level) {
-        s.indirect("backward", "arguments", arguments(ARGUMENTS_BACKWARD))
-            .bind("scene", level.scene)
-            .bind("wall", level.wall)
-            .bind("residual", plan.residual())
-            .with(chunk);
-    }
+    s.extend(gather(plan, level, "backward", ARGUMENTS_BACKWARD, 0));
     let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
     update.bind("scene", level.scene).with(push);
     if !plan.continuous {
@@ -59,16 +53,36 @@ pub(super) fn compare(plan: &Plan, level: &Level, residual: &'static str, push: 
     s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
         .bind("scene", level.scene)
         .with(push);
+    s.extend(pulse_back(plan, level, "pulse_back"));
+    s
+}
+
+/// What `residual` holds, seen from the paths, by the kernel of that name; nothing to do without a pulse.
+pub(super) fn pulse_back(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
+    let mut s = Schedule::default();
     if plan.pulse > 0 {
-        s.extend(pulse_back(plan, level, "pulse_back"));
+        s.dispatch(kernel, runs(plan, level)).bind("scene", level.scene).bind("source", "residual");
     }
     s
 }
 
-/// What `residual` holds, seen from the paths, by the kernel of that name.
-pub(super) fn pulse_back(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
+/// Gathers [`Plan::residual`] over all pairs of `level` by `kernel`, which the triple `arguments` sizes, with `flags` beside
+/// those of the parts.
+pub(super) fn gather(
+    plan: &Plan,
+    level: &Level,
+    kernel: &'static str,
+    arguments: u32,
+    flags: u32,
+) -> Schedule {
     let mut s = Schedule::default();
-    s.dispatch(kernel, runs(plan, level)).bind("scene", level.scene).bind("source", "residual");
+    for chunk in pair_chunks(plan, level) {
+        s.indirect(kernel, "arguments", 12 * u64::from(arguments))
+            .bind("scene", level.scene)
+            .bind("wall", level.wall)
+            .bind("residual", plan.residual())
+            .with(Push { flags: chunk.flags | flags, ..chunk });
+    }
     s
 }
 

@@ -13,7 +13,7 @@ use std::time::Instant;
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::job::{Job, upload};
 use super::plan::AMPLE;
-use super::schedule::{compare, forward, groups, pair_chunks};
+use super::schedule::{compare, forward, gather, groups};
 use super::vector::expected_noise;
 use super::{Level, Plan};
 use crate::Result;
@@ -310,13 +310,7 @@ pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) 
     let scene = level.scene;
     let mut s = render(plan, level, count, "residual");
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
-    for chunk in pair_chunks(plan, level) {
-        s.indirect("surface_gather", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
-            .bind("scene", scene)
-            .bind("wall", level.wall)
-            .bind("residual", plan.residual())
-            .with(chunk);
-    }
+    s.extend(gather(plan, level, "surface_gather", ARGUMENTS_BACKWARD, 0));
     s.dispatch("surface_combine", groups(count, WORKGROUP)).bind("scene", scene).with(push);
     s.dispatch("surface_pull", groups(count, WORKGROUP)).bind("scene", scene).with(push);
     s.dispatch("surface_step", groups(count, WORKGROUP)).bind("scene", scene).with(push);

@@ -2,7 +2,7 @@
 
 use super::VectorOptions;
 use crate::gpu::Schedule;
-use crate::solve::schedule::{compare, forward, groups, pair_chunks, pulse_back};
+use crate::solve::schedule::{compare, forward, gather, groups, pair_chunks, pulse_back};
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 
@@ -40,15 +40,8 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
         .with(push);
     s.extend(forward(plan, level, "forward"));
     s.extend(compare(plan, level, "residual", push));
-    for chunk in pair_chunks(plan, level) {
-        // The sums begin with the roughness.
-        let chunk = Push { flags: chunk.flags | BACKWARD_CONTINUE, ..chunk };
-        s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
-            .bind("scene", level.scene)
-            .bind("wall", level.wall)
-            .bind("residual", plan.residual())
-            .with(chunk);
-    }
+    // The sums begin with the roughness.
+    s.extend(gather(plan, level, "step", ARGUMENTS_BACKWARD, BACKWARD_CONTINUE));
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
     s
 }
@@ -151,24 +144,10 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&'static str, f64)>) -> 
     s.extend(forward(plan, level, "forward_bound"));
     s.extend(compare(plan, level, "residual_bound", Push::default()));
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
-    for chunk in pair_chunks(plan, level) {
-        s.indirect("bound_step", "arguments", sample)
-            .bind("scene", scene)
-            .bind("wall", level.wall)
-            .bind("residual", plan.residual())
-            .with(chunk);
-    }
+    s.extend(gather(plan, level, "bound_step", ARGUMENTS_SAMPLE, 0));
     s.dispatch("variance", groups(plan.cells_at(level), WORKGROUP)).bind("scene", scene);
-    if plan.pulse > 0 {
-        s.extend(pulse_back(plan, level, "pulse_noise"));
-    }
-    for chunk in pair_chunks(plan, level) {
-        s.indirect("bound_noise", "arguments", sample)
-            .bind("scene", scene)
-            .bind("wall", level.wall)
-            .bind("residual", plan.residual())
-            .with(chunk);
-    }
+    s.extend(pulse_back(plan, level, "pulse_noise"));
+    s.extend(gather(plan, level, "bound_noise", ARGUMENTS_SAMPLE, 0));
     if expected.is_some() {
         s.indirect("points", "arguments", sample).bind("scene", scene);
     }
