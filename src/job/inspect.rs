@@ -1,13 +1,12 @@
 //! What a run would do, without doing it.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use super::account::box_of;
-use super::{Loaded, Request, SolverOptions, fit};
-use crate::capture::{Capture, Pulse, Summary};
+use super::{Loaded, Request, SolverOptions, fit, pulse};
+use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
 use crate::solve::{Accumulation, Preset};
 use crate::{Error, Kind, Result};
@@ -72,16 +71,9 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
-    // What is to be found is as wide as any, as far as memory goes.
-    let unfound = request.find_pulse && capture.pulse.is_none();
-    let planned = match unfound {
-        true => {
-            Cow::Owned(Capture { pulse: Some(Pulse::gaussian(4.0 * capture.bin_width)?), ..capture.clone() })
-        }
-        false => Cow::Borrowed(capture),
-    };
+    let planned = pulse::to_plan(request, capture)?;
     let mut notes = loaded.notes.clone();
-    if unfound {
+    if pulse::is_unfound(request, capture) {
         notes.push(
             "the instrument's pulse: a run finds its width first (--pulse M gives it, --pulse none takes paths for sharp)"
                 .into(),

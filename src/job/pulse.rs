@@ -84,7 +84,7 @@ pub fn settle<'c>(
     known: Option<FoundPulse>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {
-    if !request.find_pulse || capture.pulse.is_some() {
+    if !is_unfound(request, capture) {
         return Ok((Cow::Borrowed(capture), None));
     }
     let found = match known {
@@ -96,6 +96,23 @@ pub fn settle<'c>(
         None => Cow::Borrowed(capture),
     };
     Ok((with, Some(found)))
+}
+
+/// Whether a run finds the pulse first.
+pub(super) fn is_unfound(request: &Request, capture: &Capture) -> bool {
+    request.find_pulse && capture.pulse.is_none()
+}
+
+/// The capture that a plan is made for: what is to be found is as wide as any, as far as memory goes.
+///
+/// # Errors
+/// A bin width that makes no pulse.
+pub(super) fn to_plan<'c>(request: &Request, capture: &'c Capture) -> Result<Cow<'c, Capture>> {
+    if !is_unfound(request, capture) {
+        return Ok(Cow::Borrowed(capture));
+    }
+    let pulse = Some(Pulse::gaussian(4.0 * capture.bin_width)?);
+    Ok(Cow::Owned(Capture { pulse, ..capture.clone() }))
 }
 
 fn find(
