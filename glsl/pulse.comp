@@ -2,7 +2,7 @@
 // adjoint, which takes a residual back to the paths. SQUARED: with the taps' squares, for variances.
 // One invocation owns PULSE_RUN neighbouring cells of a row, so that every cell around them is read once. Cells that are no
 // bin (place.glsl) are zero, and what lies in them counts for nothing.
-// pulse_taps: [0] taps before the path's own bin, [1] taps in all, then weights.
+// pulse_taps from push.first on: taps before the path's own bin, taps in all, then weights.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -33,13 +33,14 @@ void main() {
     int row = int(pair * scene.stride + PADDING);
     vec4 sums = vec4(0.0);
     if (pair < scene.pairs) {
-        int before = int(pulse_taps[0]);
-        int count = int(pulse_taps[1]);
+        int before = int(pulse_taps[push.first]);
+        int count = int(pulse_taps[push.first + 1u]);
+        uint first_tap = push.first + 2u;
         int first = BACK != 0u ? bin - before : bin + before - (count - 1);
         // Of the cell at hand, the taps that take it to each of the four.
         vec4 taps = vec4(0.0);
         for (int i = 0; i < count + int(PULSE_RUN) - 1; ++i) {
-            float tap = i < count ? pulse_taps[2 + (BACK != 0u ? i : count - 1 - i)] : 0.0;
+            float tap = i < count ? pulse_taps[first_tap + uint(BACK != 0u ? i : count - 1 - i)] : 0.0;
             taps = vec4(SQUARED != 0u ? tap * tap : tap, taps.xyz);
             int at = first + i;
             if (at >= 0 && at < bins) sums += taps * value_of(uint(row + at));

@@ -8,7 +8,7 @@
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) buffer Pixels { uvec4 pixels[]; }; // column, albedo, depth that bonds come from
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
-layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, amplitude
+layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, albedo
 layout(std430, set = 0, binding = 4) writeonly buffer Stencils { vec2 stencils[]; };
 
 #include "heights.glsl"

@@ -1,7 +1,9 @@
-// From the gradients of a pixel's points to those of its depth, amplitude and slopes, and the prior that holds
+// From the gradients of a pixel's points to those of its depth, albedo and slopes, and the prior that holds
 // neighbours together where photons are few: over pairs of neighbours,
 //   bond * (e^2 / (2 bend^2) + (a_i - a_j)^2 / (2 jump^2)),   e = (z_j - z_i - (s_i + s_j) / 2 . d) / pixel
-// with d from i to j: how far j is off the planes that both pixels lie in. What the slopes' gradient means for the depths
+// with d from i to j: how far j is off the planes that both pixels lie in; and for every pixel that is lit,
+//   sparse * faint * log(1 + a / faint)
+// which is next to nothing more for a bright one than for a dim one, so that light gathers in few. What the slopes' gradient means for the depths
 // that they come from is surface_pull.comp's. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -16,7 +18,7 @@ layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; 
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Slopes { vec2 slopes[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Gradient { vec4 gradient[]; };
-layout(std430, set = 0, binding = 6) writeonly buffer HeightGradient { vec4 height_gradient[]; }; // slopes, depth, amplitude
+layout(std430, set = 0, binding = 6) writeonly buffer HeightGradient { vec4 height_gradient[]; }; // slopes, depth, albedo
 layout(std430, set = 0, binding = 7) buffer SurfaceWeights { uint surface_weights[]; }; // bits of floats
 layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_partials[]; };
 
@@ -41,11 +43,9 @@ void main() {
         float share = 1.0 / float(POINTS);
         float brighter = share * points.x;
         if (NORMALS) {
-            vec3 n = facing(slope);
-            vec3 turned = share * height.y * points.xyz;
-            brighter = share * dot(n, points.xyz);
-            // d n / d slope = (e - n n.e) |n_z|.
-            tilts -= n.z * (turned.xy - dot(turned, n) * n.xy);
+            // Per area of a pixel as the wall sees it, albedo times normal is albedo times (slope, -1).
+            brighter = share * dot(vec3(slope, -1.0), points.xyz);
+            tilts += share * height.y * points.xy;
         }
         float bend = uintBitsToFloat(surface_weights[SURFACE_BEND]);
         float jump = uintBitsToFloat(surface_weights[SURFACE_JUMP]);
@@ -62,6 +62,13 @@ void main() {
             brighter += jump * weight * differs;
             // Half of the pair's; the other half is the neighbour's.
             energy += 0.25 * weight * (bend * off * off + jump * differs * differs);
+        }
+        float sparse = uintBitsToFloat(surface_weights[SURFACE_SPARSE]);
+        if (sparse > 0.0) {
+            float faint = uintBitsToFloat(surface_weights[SURFACE_FAINT]);
+            float lit = 1.0 + height.y / faint;
+            brighter += sparse / lit;
+            energy += sparse * faint * log(lit);
         }
         height_gradient[pixel] = vec4(tilts, deeper, brighter);
         // Bits of nonnegative floats order as the floats do.

@@ -1,5 +1,5 @@
 // Maps of the surface over those that it began from: depth and normal of each of its pixels; as albedo the geometric mean of
-// the map's and of the surface's own per area as the wall sees it, smoothed, for neighbouring amplitudes may make up for each
+// the map's and of the surface's own per area as the wall sees it, smoothed, for neighbouring albedos may make up for each
 // other: volume and surface err in different ways. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -16,7 +16,7 @@ layout(std430, set = 0, binding = 6) readonly buffer SurfaceWeights { uint surfa
 
 #include "heights.glsl"
 
-float seen(uint pixel) { return heights[pixel].y * -facing(slopes[pixel]).z; }
+float seen(uint pixel) { return heights[pixel].y * stretch(slopes[pixel]) * -facing(slopes[pixel]).z; }
 
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;

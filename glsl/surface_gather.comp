@@ -25,7 +25,7 @@ shared vec4 parts[VOXELS * SLICES];
 #include "faults.glsl"
 
 vec3 shown;         // the unit normal
-float deeper = 0.0; // through what is shown of unit amplitude
+float deeper = 0.0; // through what is shown of unit albedo
 float longer = 0.0; // and through the path, bins
 
 void meet(Arm a, Arm b, vec2 r) {

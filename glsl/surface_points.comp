@@ -1,4 +1,4 @@
-// A pixel's slopes, and its points as samples that share its amplitude: a pixel stands for as much surface as its tilted
+// A pixel's slopes, and its points as samples that share its light: a pixel stands for as much surface as its tilted
 // square, whose paths differ by several bins if it is large. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -29,18 +29,18 @@ void main() {
         if (other != NOWHERE) slope += stencils[8u * pixel + k] * (heights[other].x - height.x);
     }
     slopes[pixel] = slope;
-    float amplitude = height.y / float(POINTS);
+    float albedo = height.y * stretch(slope) / float(POINTS);
     vec2 limits = depth_limits();
     vec3 centre = position(vec3(pixel_xy(pixel), 0.0));
     for (uint k = 0u; k < POINTS; ++k) {
         vec2 d = part(k, POINTS);
         float z = clamp(height.x + dot(slope, d), limits.x, limits.y);
         uint slot = POINTS * pixel + k;
-        sample_points[slot] = vec4(centre.xy + d, z, amplitude);
+        sample_points[slot] = vec4(centre.xy + d, z, albedo);
         // Of unit length: a pixel that has become dark keeps its direction, and with it the gradient that may light it again.
         if (NORMALS) sample_normals[slot] = vec4(facing(slope), 0.0);
     }
-    watch(finite(slope.x + slope.y + amplitude), FAULT_SAMPLE);
+    watch(finite(slope.x + slope.y + albedo), FAULT_SAMPLE);
     // For the fixed-point scale; bits of nonnegative floats order as the floats do.
-    atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(amplitude));
+    atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(albedo));
 }

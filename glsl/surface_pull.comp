@@ -1,4 +1,4 @@
-// The gradient of a pixel's depth and amplitude, from those of its own depth, amplitude and slopes (surface_combine.comp) and
+// The gradient of a pixel's depth and albedo, from those of its own depth, albedo and slopes (surface_combine.comp) and
 // what all slopes that come from its depth are told, through the very coefficients that they come by; divided by all the
 // weights with which surface_step.comp spreads it over the pixels around. One invocation owns one pixel.
 #version 460

@@ -1,4 +1,4 @@
-// A pixel's depth and amplitude after a step of Adam (Kingma & Ba 2015) whose rate falls to nothing as half a cosine. What it
+// A pixel's depth and albedo after a step of Adam (Kingma & Ba 2015) whose rate falls to nothing as half a cosine. What it
 // goes by are the gradients around it, each spread over its surroundings (surface_pull.comp) by a Gaussian that narrows to the
 // pixel itself and stops at edges: shapes come before details. One invocation owns one pixel.
 #version 460
@@ -52,7 +52,7 @@ void main() {
     vec2 largest = vec2(surface_weights[SURFACE_LARGEST], surface_weights[SURFACE_LARGEST + 1u]);
     vec2 scale = sqrt(second / (1.0 - pow(BETA_2, age)));
     vec2 step = first / (1.0 - pow(BETA_1, age)) / max(scale, max(QUIET * largest, vec2(LEAST)));
-    vec2 height = heights[pixel] - rate * vec2(surface_weights[SURFACE_DEPTH_RATE], surface_weights[SURFACE_AMPLITUDE_RATE]) * step;
+    vec2 height = heights[pixel] - rate * vec2(surface_weights[SURFACE_DEPTH_RATE], surface_weights[SURFACE_ALBEDO_RATE]) * step;
     vec2 limits = depth_limits();
     watch(finite(height.x + height.y), FAULT_UPDATE);
     heights[pixel] = vec2(clamp(height.x, limits.x, limits.y), max(height.y, 0.0));

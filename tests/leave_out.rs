@@ -105,8 +105,10 @@ fn assert_same(what: &str, short: &Reconstruction, general: &Reconstruction) {
     assert!(constant >= -1e-6 * general.empty_loss, "{what}");
     for (a, b) in short.trace.iter().zip(&general.trace) {
         let e = (a.data_loss + constant - b.data_loss).abs() / general.empty_loss;
+        // Adam's first step is as long for a gradient that is nearly rounding as for any.
+        let stepped = a.iteration > short.volume_iterations + 1 && short.plan.vectors;
         assert!(
-            e < 1e-4,
+            e < if stepped { 1e-3 } else { 1e-4 },
             "{what}, iteration {}: {} and {}",
             a.iteration,
             a.data_loss + constant,

@@ -70,7 +70,7 @@ impl GatherCase {
 fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> Job<'g> {
     let mut job = job(gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
     case.write(&mut job);
-    let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0);
+    let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0, None);
     assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
     vectors::run(&mut job, s, &["surface_gather"]);
     case.check(&mut job, tolerance);

@@ -17,8 +17,10 @@ const NO_PRIOR: SurfaceWeights = SurfaceWeights {
     largest: NOTHING,
     smooth: 1.0,
     spread: 0.0,
+    sparse: 0.0,
+    faint: 1.0,
 };
-const NOTHING: Height = Height { depth: 0.0, amplitude: 0.0 };
+const NOTHING: Height = Height { depth: 0.0, albedo: 0.0 };
 
 fn scene() -> (Model, Grid) {
     let volume = Volume { min: dvec3(-0.5, -0.4, 0.2), max: dvec3(0.5, 0.4, 1.0) };
@@ -58,11 +60,11 @@ fn check(
         field.points(twin, bonds).1.iter().map(|s| choices(twin, s, 0.0).0).collect()
     };
     for (pixel, g) in gradient.iter().enumerate() {
-        for (kind, slope, step) in [(0, g.depth, 1e-6), (1, g.amplitude, 1e-3)] {
+        for (kind, slope, step) in [(0, g.depth, 1e-6), (1, g.albedo, 1e-3)] {
             let mut at = |by: f64| {
                 let before = field.heights[pixel];
                 let h = &mut field.heights[pixel];
-                *[&mut h.depth, &mut h.amplitude][kind] += by;
+                *[&mut h.depth, &mut h.albedo][kind] += by;
                 let found = (objective(field), if kinks && kind == 0 { smooth(field) } else { vec![] });
                 field.heights[pixel] = before;
                 found
@@ -74,7 +76,7 @@ fn check(
             }
             let found = (high.0 - low.0) / (2.0 * step);
             let e = (found - slope).abs() / largest[kind];
-            let what = ["depth", "amplitude"][kind];
+            let what = ["depth", "albedo"][kind];
             assert!(e < 1e-6, "{what} of pixel {pixel}: gradient {slope}, but the slope is {found} ({e:e})");
             tried[kind] += 1;
         }
@@ -96,6 +98,7 @@ fn the_gradient_is_the_slope_of_the_objective() {
         // As large as the data term's share, for one in three.
         let weights =
             SurfaceWeights { bend: [0.0, 1e-3, 0.0][i % 3], jump: [0.0, 0.0, 1e-7][i % 3], ..NO_PRIOR };
+        let weights = SurfaceWeights { sparse: [0.0, 1e-6, 1e-5][i % 3], faint: 20.0, ..weights };
         let gradient = gradient(&twin, &field, &bonds, &weights);
         check(&twin, &mut field, &bonds, &gradient, true, |f| {
             twin::surface_objective(&twin, &f.columns, &bonds, &f.heights, f.each, &weights)
@@ -109,7 +112,7 @@ fn the_prior_alone_has_its_gradient_and_both_halves_of_its_energy() {
     let model = variant(&base, Geometry::Confocal, Reflectance::Cosine, false, 60);
     let twin = Twin { model: &model, grid: &grid };
     let (mut field, bonds) = bent(&twin, 63);
-    let weights = SurfaceWeights { bend: 3e4, jump: 7.0, ..NO_PRIOR };
+    let weights = SurfaceWeights { bend: 3e4, jump: 7.0, sparse: 100.0, faint: 5.0, ..NO_PRIOR };
     let (slopes, samples) = field.points(&twin, &bonds);
     let none = vec![Pull::default(); samples.len()];
     let combined = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &none, &weights);
@@ -123,7 +126,7 @@ fn the_prior_alone_has_its_gradient_and_both_halves_of_its_energy() {
     check(&twin, &mut field, &bonds, &gradient, false, prior);
 }
 
-/// The prior lets planes of one amplitude be, however tilted, and slopes of a plane are the plane's.
+/// The prior lets planes of one albedo be, however tilted, and slopes of a plane are the plane's.
 #[test]
 fn a_plane_is_its_own_fit() {
     let (model, grid) = scene();
@@ -133,7 +136,7 @@ fn a_plane_is_its_own_fit() {
     for (h, c) in field.heights.iter_mut().zip(&field.columns) {
         let [x, y] = [c / grid.n[1] as u32, c % grid.n[1] as u32].map(f64::from);
         let depth = 0.5 + tilt[0] * x * grid.pitch.x + tilt[1] * y * grid.pitch.y;
-        *h = Height { depth, amplitude: 3.0 };
+        *h = Height { depth, albedo: 3.0 };
     }
     let bonds = field.bonds(&twin);
     let (slopes, samples) = field.points(&twin, &bonds);

@@ -1,4 +1,4 @@
-// The surface as a height field: pixels of the lateral maps, each with a depth and an amplitude, and what neighbouring
+// The surface as a height field: pixels of the lateral maps, each with a depth and an albedo, and what neighbouring
 // pixels have to do with each other. Needs the buffers pixels and pixel_of. A pixel's neighbours are numbered 0 to 7; from
 // the k-th, the pixel itself is the (7 - k)-th.
 
@@ -56,6 +56,9 @@ vec2 depth_limits() {
 
 // What a pixel with such slopes faces.
 vec3 facing(vec2 slope) { return vec3(slope, -1.0) * inversesqrt(1.0 + dot(slope, slope)); }
+
+// How much surface it holds, over its own area. Surfaces that show the same to all sides are told of as the wall sees them.
+#define stretch(slope) (NORMALS ? length(vec3(slope, 1.0)) : 1.0)
 
 // Of its points (POINTS: four, or one where a pixel is small) the k-th, from its centre, metres.
 vec2 part(uint k, uint points) {

@@ -22,7 +22,7 @@ pub mod summary;
 pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};
-pub use pulse::{Pulse, PulseTaps};
+pub use pulse::{Pulse, PulseTaps, Way};
 pub use summary::Summary;
 
 use glam::DVec3;

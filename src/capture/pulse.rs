@@ -216,6 +216,27 @@ impl PulseTaps {
         PulseTaps { before: 0, weights: vec![1.0] }
     }
 
+    /// These through a Gaussian of so many bins that reaches so many sigmas to each side, or themselves if it is none.
+    pub fn blurred(&self, sigma: f64, reach: f64) -> PulseTaps {
+        if sigma <= 0.0 {
+            return self.clone();
+        }
+        let radius = (reach * sigma) as usize;
+        let gaussian = |i: usize| (-0.5 * ((i as f64 - radius as f64) / sigma).powi(2)).exp();
+        let whole: f64 = (0..=2 * radius).map(gaussian).sum();
+        let mut weights = vec![0.0; self.weights.len() + 2 * radius];
+        for (at, weight) in self.weights.iter().enumerate() {
+            (0..=2 * radius).for_each(|i| weights[at + i] += weight * gaussian(i) / whole);
+        }
+        PulseTaps { before: self.before + radius, weights }
+    }
+
+    /// As kernels read them: bins before the path's own, how many there are, then their weights.
+    pub fn words(&self) -> Vec<f32> {
+        let head = [self.before as f32, self.weights.len() as f32];
+        head.into_iter().chain(self.weights.iter().map(|w| *w as f32)).collect()
+    }
+
     /// The histograms of sharp paths as this pulse shows them; what leaves the bins is lost.
     pub fn spread(&self, histograms: &mut [f32], bins: usize) {
         for histogram in histograms.chunks_exact_mut(bins) {

@@ -199,6 +199,14 @@ pub struct VectorArgs {
     /// Points that a pixel of the surface consists of: 1 or 4 [default: 1 where it is no wider than two bins of path]
     #[arg(long, value_name = "N", help_heading = "Vector solver")]
     surface_points: Option<usize>,
+    /// Gaussian over which the surface's residuals are averaged along time at first, as path in pixels of the first grid
+    /// [default: 0.4 with the Lambertian model or where laser and sensor point differ, else 0]
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    surface_blur: Option<f64>,
+    /// How much it costs the surface that many pixels are lit instead of few [default: 0.05 with the Lambertian model, 0.02
+    /// where laser and sensor point differ, else 0]
+    #[arg(long, value_name = "X", help_heading = "Vector solver")]
+    surface_sparsity: Option<f64>,
     /// Keep voxels above this share of the first back-projection's maximum
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     start_above: Option<f64>,
@@ -248,6 +256,8 @@ impl VectorArgs {
             ("surface-iterations", self.surface_iterations.is_some()),
             ("pixels-per-voxel", self.pixels_per_voxel.is_some()),
             ("surface-points", self.surface_points.is_some()),
+            ("surface-blur", self.surface_blur.is_some()),
+            ("surface-sparsity", self.surface_sparsity.is_some()),
             ("growth-iterations", self.growth_iterations.is_some()),
             ("all-pairs", self.all_pairs),
             ("start-above", self.start_above.is_some()),
@@ -284,6 +294,8 @@ impl VectorArgs {
             surface_iterations: self.surface_iterations.unwrap_or(base.surface_iterations),
             pixels_per_voxel: self.pixels_per_voxel.or(base.pixels_per_voxel),
             surface_points: self.surface_points.or(base.surface_points),
+            surface_blur: self.surface_blur.unwrap_or(base.surface_blur),
+            surface_sparsity: self.surface_sparsity.unwrap_or(base.surface_sparsity),
             growth_iterations: self.growth_iterations.unwrap_or(base.growth_iterations),
             all_pairs: base.all_pairs || self.all_pairs,
             start_above: self.start_above.unwrap_or(base.start_above),

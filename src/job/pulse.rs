@@ -166,6 +166,8 @@ fn trial_of<'a>(
         surface_iterations: SURFACE_ITERATIONS,
         pixels_per_voxel: (options.lateral >= LATERAL).then_some(2),
         surface_points: None,
+        surface_blur: 0.0,
+        surface_sparsity: 0.0,
         room: None,
         ..options
     };

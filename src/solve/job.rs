@@ -36,9 +36,7 @@ impl<'g> Job<'g> {
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         upload(executor, "taps", bytemuck::cast_slice(&taps))?;
         if let Some(pulse) = &model.pulse {
-            let head = [pulse.before as f32, pulse.weights.len() as f32];
-            let taps: Vec<f32> = head.into_iter().chain(pulse.weights.iter().map(|w| *w as f32)).collect();
-            upload(executor, "pulse_taps", bytemuck::cast_slice(&taps))?;
+            upload(executor, "pulse_taps", bytemuck::cast_slice(&pulse.words()))?;
         }
         for level in plan.levels.iter().chain(plan.surface_only()) {
             let scene = model.scene_of(&level.grid, level.pairs);

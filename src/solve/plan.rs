@@ -74,6 +74,8 @@ pub struct Plan {
     pub surface: Vec<Level>,
     /// Points that a pixel of the surface consists of: four, or one if it is small.
     pub points: usize,
+    /// Residuals of the surface are averaged along time at first.
+    pub blurred: bool,
     pub accumulation: Accumulation,
     pub continuous: bool,
     pub binning: Binning,
@@ -122,6 +124,8 @@ pub struct Wanted {
     pub pixels_per_voxel: usize,
     /// Points of such a pixel; `None` for as many as its size asks for.
     pub surface_points: Option<usize>,
+    /// Whether its residuals are averaged along time.
+    pub surface_blur: bool,
     pub sampling: Sampling,
     pub binning: Binning,
     pub gradient: Gradient,
@@ -145,6 +149,7 @@ impl From<&PaperOptions> for Wanted {
             surface_iterations: 0,
             pixels_per_voxel: 1,
             surface_points: None,
+            surface_blur: false,
             sampling: o.sampling,
             binning: o.binning,
             gradient: o.gradient,
@@ -233,6 +238,7 @@ impl Plan {
             surface_iterations: options.surface_iterations,
             surface,
             points: options.surface_points.unwrap_or(if small { 1 } else { 4 }),
+            blurred: options.surface_blur && options.surface_iterations > 0,
             accumulation,
             continuous: options.sampling == Sampling::Continuous,
             binning: options.binning,

@@ -13,11 +13,11 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     let arguments = |triple: u32| 12 * u64::from(triple);
     s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
     s.extend(forward(plan, level, "forward"));
-    s.extend(compare(plan, level, "residual", push));
+    s.extend(compare(plan, level, "residual", push, None));
     if plan.noise != NoiseTerm::Off {
         s.dispatch("noise", groups(level.pairs, 1)).bind("scene", level.scene).with(push);
     }
-    s.extend(gather(plan, level, "backward", ARGUMENTS_BACKWARD, 0));
+    s.extend(gather(plan, level, "backward", ARGUMENTS_BACKWARD, 0, plan.residual()));
     let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
     update.bind("scene", level.scene).with(push);
     if !plan.continuous {
@@ -41,8 +41,14 @@ pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Sched
 }
 
 /// Takes what a forward pass has rendered in by the kernel `residual`; with a pulse, as the instrument shows it, and what it
-/// misses back to the paths, for [`Plan::residual`].
-pub(super) fn compare(plan: &Plan, level: &Level, residual: &'static str, push: Push) -> Schedule {
+/// misses back to the paths, for [`Plan::residual`]; `through` as [`pulse_back`].
+pub(super) fn compare(
+    plan: &Plan,
+    level: &Level,
+    residual: &'static str,
+    push: Push,
+    through: Option<u32>,
+) -> Schedule {
     let mut s = Schedule::default();
     if plan.pulse > 0 {
         let rendered = s.dispatch("pulse", runs(plan, level)).bind("scene", level.scene);
@@ -53,20 +59,24 @@ pub(super) fn compare(plan: &Plan, level: &Level, residual: &'static str, push: 
     s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
         .bind("scene", level.scene)
         .with(push);
-    s.extend(pulse_back(plan, level, "pulse_back"));
+    s.extend(pulse_back(plan, level, "pulse_back", through));
     s
 }
 
-/// What `residual` holds, seen from the paths, by the kernel of that name; nothing to do without a pulse.
-pub(super) fn pulse_back(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
+/// What `residual` holds, seen from the paths, by the kernel of that name, in `spread`: through the taps that begin at word
+/// `through` of `pulse_taps`, or the pulse's own; nothing to do without either.
+pub(super) fn pulse_back(plan: &Plan, level: &Level, kernel: &'static str, through: Option<u32>) -> Schedule {
     let mut s = Schedule::default();
-    if plan.pulse > 0 {
-        s.dispatch(kernel, runs(plan, level)).bind("scene", level.scene).bind("source", "residual");
+    if plan.pulse > 0 || through.is_some() {
+        s.dispatch(kernel, runs(plan, level))
+            .bind("scene", level.scene)
+            .bind("source", "residual")
+            .with(Push { first: through.unwrap_or(0), ..Default::default() });
     }
     s
 }
 
-/// Gathers [`Plan::residual`] over all pairs of `level` by `kernel`, which the triple `arguments` sizes, with `flags` beside
+/// Gathers the buffer `from` over all pairs of `level` by `kernel`, which the triple `arguments` sizes, with `flags` beside
 /// those of the parts.
 pub(super) fn gather(
     plan: &Plan,
@@ -74,13 +84,14 @@ pub(super) fn gather(
     kernel: &'static str,
     arguments: u32,
     flags: u32,
+    from: &'static str,
 ) -> Schedule {
     let mut s = Schedule::default();
     for chunk in pair_chunks(plan, level) {
         s.indirect(kernel, "arguments", 12 * u64::from(arguments))
             .bind("scene", level.scene)
             .bind("wall", level.wall)
-            .bind("residual", plan.residual())
+            .bind("residual", from)
             .with(Push { flags: chunk.flags | flags, ..chunk });
     }
     s

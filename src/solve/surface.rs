@@ -1,12 +1,12 @@
-//! The surface that a volume's maps begin: a depth and an amplitude for every pixel, refined together.
+//! The surface that a volume's maps begin: a depth and an albedo for every pixel, refined together.
 //!
 //! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface for several
 //! voxels of a column, so a volume keeps normals too level and depths to a voxel however long it is solved (study in
 //! benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, four points of it or one, and its normal
 //! is that of the plane through its neighbours: shading and shape are one. Minimised is what the vector solver minimises, with
-//! a Gaussian prior instead of its other terms: neighbours lie in each other's planes to [`BEND`] and have amplitudes alike to
+//! a Gaussian prior instead of its other terms: neighbours lie in each other's planes to [`BEND`] and have albedos alike to
 //! [`JUMP`], weighed as the noise of the histograms asks, by Adam on gradients that are spread over their surroundings at first
-//! ([`SPREAD`]). The pixels are those whose albedo is above [`SUPPORT`]; depths stay within the grid.
+//! ([`SPREAD`]). The pixels are the bright ones of the maps ([`Pixels`]); depths stay within the grid.
 
 use std::time::Instant;
 
@@ -15,32 +15,37 @@ use super::job::{Job, upload};
 use super::plan::AMPLE;
 use super::schedule::{compare, forward, gather, groups};
 use super::vector::expected_noise;
-use super::{Level, Plan};
+use super::{Level, Plan, VectorOptions};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model};
 
-/// Share of the map's white that a pixel's albedo must have.
-const SUPPORT: f32 = 0.1;
+pub mod blur;
+mod pixels;
 
-/// How far a pixel may be off its neighbours' planes, in pixels, and how different its amplitude, in the largest one.
+pub use pixels::Pixels;
+
+/// How far a pixel may be off its neighbours' planes, in pixels, and how different its albedo, in the largest one.
 const BEND: f64 = 0.1;
 const JUMP: f64 = 0.2;
 
 /// Amplitude that no model explains, as a share of the data's: where there is no noise the prior still has a say.
 const MISFIT: f64 = 0.05;
 
-/// First steps: depths in bins of path and in pixels, whichever is less, amplitudes in the largest one.
+/// First steps: depths in bins of path and in pixels, whichever is less, albedos in the largest one.
 const DEPTH_BINS: f64 = 1.0 / 3.0;
 const DEPTH_PIXELS: f64 = 0.25;
-const AMPLITUDE: f64 = 0.06;
+const ALBEDO: f64 = 0.06;
+
+/// Share of its largest from which on a pixel's albedo costs little more ([`VectorOptions::surface_sparsity`]).
+const FAINT: f64 = 0.1;
 
 /// What the surface leaves of the objective, over what the volume left of its own, from which on it is not taken.
 const WORSE: f64 = 2.0;
 
-/// Gaussian that the maps' albedo sees amplitudes under, in pixels of the first grid, which has what a scan tells apart, but of
+/// Gaussian that the maps' albedo sees albedos under, in pixels of the first grid, which has what a scan tells apart, but of
 /// one with 32 pixels a side where that is coarser; and in the map's own at least. The kernel walks (4 sigma)² of them, and
 /// lavapipe stops after 65,535.
 const SMOOTH: f64 = 0.5;
@@ -54,68 +59,28 @@ const MOST_SPREAD: f64 = 6.0;
 /// Iterations after which slopes find their neighbours anew.
 const RENEW: usize = 10;
 
-/// Pixels of a surface.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Pixels {
-    /// Where each is among the maps' pixels, ascending.
-    pub columns: Vec<u32>,
-    pub albedo: Vec<f32>,
-    /// Metres.
-    pub depth: Vec<f32>,
+/// What a surface begins with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placed {
+    pub pixels: usize,
+    /// The largest albedo.
+    pub most: f64,
+    /// How much of the data its light explains, weighted and squared, in the mean over bins.
+    pub explained: f64,
 }
 
-impl Pixels {
-    /// Those of `maps` that are bright enough, the brightest if there are more than `most`.
-    pub fn of(maps: &Maps, most: usize) -> Pixels {
-        let threshold = SUPPORT * Maps::white(&maps.albedo);
-        let mut columns: Vec<u32> = (0..maps.albedo.len() as u32)
-            .filter(|c| maps.albedo[*c as usize] > threshold && maps.depth[*c as usize].is_finite())
-            .collect();
-        if columns.len() > most {
-            columns.sort_by(|a, b| maps.albedo[*b as usize].total_cmp(&maps.albedo[*a as usize]));
-            columns.truncate(most);
-            columns.sort_unstable();
-        }
-        let of = |from: &[f32]| columns.iter().map(|c| from[*c as usize]).collect();
-        Pixels { albedo: of(&maps.albedo), depth: of(&maps.depth), columns }
-    }
-
-    pub fn len(&self) -> usize {
-        self.columns.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.columns.is_empty()
-    }
-
-    /// The buffer `pixels`.
-    pub fn words(&self) -> Vec<[u32; 4]> {
-        let word = |(c, (a, z)): (&u32, (&f32, &f32))| [*c, a.to_bits(), z.to_bits(), 0];
-        self.columns.iter().zip(self.albedo.iter().zip(&self.depth)).map(word).collect()
-    }
-
-    /// The buffer `pixel_of`, for maps of so many pixels.
-    pub fn places(&self, maps: usize) -> Vec<u32> {
-        let mut all = vec![u32::MAX; maps];
-        for (pixel, c) in self.columns.iter().enumerate() {
-            all[*c as usize] = pixel as u32;
-        }
-        all
-    }
-}
-
-/// Refines the surface of what was `driven` for so many iterations more, on the plan's own pixels, and tells whether it is left
+/// Refines the surface of what was `driven` for as many iterations more as `options` say, on the plan's own pixels, and tells whether it is left
 /// out of the maps. These stay the volume's if there is no surface, if none of what is measured comes from it, or if it
 /// explains that far worse than the volume did (which is told): it has one depth in a column, where a volume may have several.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut Job<'_>,
-    iterations: usize,
+    options: &VectorOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, bool)> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let volume = driven.level;
+    let (volume, iterations) = (driven.level, options.surface_iterations);
     let (levels, beginnings) = stages(&job.plan.surface, volume.pairs, iterations);
     let maps = driven.maps.finer(levels[0].grid.n[0] / volume.grid.n[0]);
     let pixels = Pixels::of(&maps, job.plan.pixels());
@@ -123,9 +88,17 @@ pub(super) fn refine(
     let first = levels[0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
     let coarsest = job.plan.levels[0].grid;
-    let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, iterations));
+    let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
     let told: Option<Vec<_>> = levels.iter().map(weights).collect();
+    let wide = options.surface_blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
+    let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);
+    let first_blur = blur::first(wide / job.model.bin_width, noise);
+    let room = job.plan.tap_room();
     if let Some(told) = &told {
+        if let Some(sigma) = first_blur {
+            let words = blur::words(job.model.pulse.as_ref(), sigma, room);
+            upload(&mut job.executor, "pulse_taps", bytemuck::cast_slice(&words))?;
+        }
         upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&told[0]))?;
         upload(&mut job.executor, "columns", bytemuck::cast_slice(&columns(&maps)))?;
     }
@@ -138,7 +111,11 @@ pub(super) fn refine(
     let steps = Steps {
         levels: &levels,
         start: Schedule::default(),
-        iteration: &|plan, level, i| iteration(plan, level, count, i, i - begin),
+        iteration: &|plan, level, i| {
+            let blur = first_blur.and_then(|_| blur::number(i - begin, iterations));
+            let through = blur.map(|k| ((k + 1) * room) as u32);
+            iteration(plan, level, count, i, i - begin, through)
+        },
         due: &|_, level, done| {
             let mut s = Schedule::default();
             if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
@@ -194,9 +171,8 @@ fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
     s
 }
 
-/// Puts the pixels on the device with the amplitudes that explain most of the data, and tells the largest of them and what is
-/// left [`unexplained`]; `None` if none do. Row `row` of the trace is written on.
-fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<[f64; 2]>> {
+/// Puts the pixels on the device with the albedos that explain most of the data; `None` if none do. Row `row` of the trace is written on.
+fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
@@ -208,7 +184,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
         let mut s = Schedule::default();
         s.stage("surface", &stage_values(level, row));
         s.extend(before);
-        s.extend(render(&job.plan, level, pixels.len(), residual));
+        s.extend(render(&job.plan, level, pixels.len(), residual, None));
         s.dispatch("surface_finish", [1, 1, 1])
             .bind("scene", level.scene)
             .with(Push { iteration: row as u32, ..Default::default() });
@@ -226,7 +202,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
     }
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    Ok(Some([most, unexplained(&job.model, scale * scale * rendered)]))
+    Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
 }
 
 /// The weighted mean of the squared measurement over the first `pairs`.
@@ -237,36 +213,45 @@ fn energy(model: &Model, pairs: usize) -> f64 {
 }
 
 /// What no surface need explain of the data term, where its light explains so much: photon noise and the model's own misfit.
-pub fn unexplained(model: &Model, explained: f64) -> f64 {
+fn unexplained(model: &Model, explained: f64) -> f64 {
     expected_noise(model).max(0.0) + MISFIT * MISFIT * explained
 }
 
-/// The buffer `surface_weights`, for amplitudes of up to `most` and what is left [`unexplained`], after levels of which the
-/// first had the grid `first`.
+/// The buffer `surface_weights`, after levels of which the first had the grid `first`.
 pub fn weights(
     model: &Model,
     first: &Grid,
     level: &Level,
-    [most, unexplained]: [f64; 2],
-    iterations: usize,
+    placed: Placed,
+    options: &VectorOptions,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
     // Half of chi² is the objective times this, inverted.
-    let unit = 2.0 * unexplained / model.elements_of(level.pairs).max(1) as f64;
+    let unit = 2.0 * unexplained(model, placed.explained) / model.elements_of(level.pairs).max(1) as f64;
+    let most = placed.most;
+    let sparse = options.surface_sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
-    let coarser = (first.pitch.x / level.grid.pitch.x).min(level.grid.n[0] as f64 / AMPLE as f64);
+    let coarser = coarser(first, &level.grid);
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
     for (index, value) in [
         (SURFACE_BEND, unit / (BEND * BEND)),
         (SURFACE_JUMP, unit / (JUMP * most).powi(2)),
         (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
-        (SURFACE_AMPLITUDE_RATE, AMPLITUDE * most),
-        (SURFACE_ITERATIONS, iterations as f64),
+        (SURFACE_ALBEDO_RATE, ALBEDO * most),
+        (SURFACE_ITERATIONS, options.surface_iterations as f64),
         (SURFACE_SMOOTH, (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
         (SURFACE_SPREAD, (SPREAD * coarser).min(MOST_SPREAD)),
+        (SURFACE_SPARSE, sparse),
+        (SURFACE_FAINT, FAINT * most),
     ] {
         all[index as usize] = value as f32;
     }
     all
+}
+
+/// How many pixels of `maps` are as wide as one of the grid that a solve began with, which has what a scan tells apart; as one
+/// with [`AMPLE`] a side where it is coarser.
+fn coarser(first: &Grid, maps: &Grid) -> f64 {
+    (first.pitch.x / maps.pitch.x).min(maps.n[0] as f64 / AMPLE as f64)
 }
 
 fn push(count: usize) -> Push {
@@ -297,20 +282,35 @@ pub fn points(level: &Level, count: usize) -> Schedule {
 }
 
 /// Renders the surface at hand and takes it in by the kernel `residual`.
-fn render(plan: &Plan, level: &Level, count: usize, residual: &'static str) -> Schedule {
+fn render(
+    plan: &Plan,
+    level: &Level,
+    count: usize,
+    residual: &'static str,
+    through: Option<u32>,
+) -> Schedule {
     let mut s = points(level, count);
     s.extend(forward(plan, level, "forward"));
-    s.extend(compare(plan, level, residual, Push::default()));
+    s.extend(compare(plan, level, residual, Push::default(), through));
     s
 }
 
 /// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather, combine,
-/// pull, step, finish.
-pub fn iteration(plan: &Plan, level: &Level, count: usize, i: usize, at: usize) -> Schedule {
+/// pull, step, finish. Residuals go `through` the taps that begin at that word of `pulse_taps`, or the pulse's own if there is
+/// one.
+pub fn iteration(
+    plan: &Plan,
+    level: &Level,
+    count: usize,
+    i: usize,
+    at: usize,
+    through: Option<u32>,
+) -> Schedule {
     let scene = level.scene;
-    let mut s = render(plan, level, count, "residual");
+    let mut s = render(plan, level, count, "residual", through);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
-    s.extend(gather(plan, level, "surface_gather", ARGUMENTS_BACKWARD, 0));
+    let from = if through.is_some() { "spread" } else { plan.residual() };
+    s.extend(gather(plan, level, "surface_gather", ARGUMENTS_BACKWARD, 0, from));
     s.dispatch("surface_combine", groups(count, WORKGROUP)).bind("scene", scene).with(push);
     s.dispatch("surface_pull", groups(count, WORKGROUP)).bind("scene", scene).with(push);
     s.dispatch("surface_step", groups(count, WORKGROUP)).bind("scene", scene).with(push);

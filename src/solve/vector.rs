@@ -47,6 +47,12 @@ pub struct VectorOptions {
     pub pixels_per_voxel: Option<usize>,
     /// Points that a pixel of the surface consists of, 1 or 4. `None`: 1 where it is no wider than two bins of path.
     pub surface_points: Option<usize>,
+    /// Gaussian over which the surface's residuals are averaged along time at first, as path in pixels of the first grid, or of
+    /// one with 32 a side where that is coarser; 0 leaves it out. It narrows to nothing in half of the iterations.
+    pub surface_blur: f64,
+    /// Weight of the term by which the surface's light gathers in few pixels, the mean over them of log(1 + 10 a / a_max) / 10
+    /// for albedos a, as a share of what it explains of the data; 0 leaves it out.
+    pub surface_sparsity: f64,
     /// Iterations at the end in which the pairs grow fourfold until they are all, where the others have a part of them.
     pub growth_iterations: usize,
     /// All pairs in every iteration, and no level coarser than the scan.
@@ -100,6 +106,8 @@ impl Default for VectorOptions {
             surface_iterations: 60,
             pixels_per_voxel: None,
             surface_points: None,
+            surface_blur: 0.0,
+            surface_sparsity: 0.0,
             growth_iterations: 30,
             all_pairs: false,
             reduce_every: 5,
@@ -133,6 +141,7 @@ impl From<&VectorOptions> for Wanted {
             surface_iterations: o.surface_iterations,
             pixels_per_voxel: o.pixels_per_voxel(),
             surface_points: o.surface_points,
+            surface_blur: o.surface_blur > 0.0,
             sampling: Sampling::Fixed,
             binning: Binning::Linear,
             gradient: Gradient::Exact,
@@ -167,6 +176,11 @@ const GROWTH_OF_TWO_POINTS: usize = 40;
 /// confocal scan of matt surfaces fits its own error sooner, too, and normals get worse.
 const BOUND_POWER: f64 = 0.5;
 
+/// What helps a surface there to find its place, and a wrong model to be fitted (docs/surface.md).
+const SURFACE_BLUR: f64 = 0.4;
+const SURFACE_SPARSITY: f64 = 0.02;
+const SURFACE_SPARSITY_OF_LAMBERTIAN: f64 = 0.05;
+
 impl VectorOptions {
     /// These with what suits other scenes.
     pub fn suited(mut self, confocal: bool, reflectance: Reflectance) -> VectorOptions {
@@ -178,6 +192,11 @@ impl VectorOptions {
         }
         if !confocal || reflectance == Reflectance::Lambertian {
             self.bound_power = BOUND_POWER;
+            self.surface_blur = SURFACE_BLUR;
+            self.surface_sparsity = SURFACE_SPARSITY;
+        }
+        if reflectance == Reflectance::Lambertian {
+            self.surface_sparsity = SURFACE_SPARSITY_OF_LAMBERTIAN;
         }
         self
     }
@@ -219,6 +238,8 @@ impl VectorOptions {
         }
         for (name, value) in [
             ("bound-power", self.bound_power),
+            ("surface-blur", self.surface_blur),
+            ("surface-sparsity", self.surface_sparsity),
             ("noise-factor", self.noise_factor),
             ("roughness", self.roughness),
             ("min-depth", self.min_depth),
@@ -288,7 +309,7 @@ pub fn reconstruct<'b, 'w: 'b>(
     let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
     let mut surface_left = false;
     if options.surface_iterations > 0 {
-        (driven, surface_left) = surface::refine(gpu, &mut job, options.surface_iterations, watch, driven)?;
+        (driven, surface_left) = surface::refine(gpu, &mut job, options, watch, driven)?;
     }
     Ok(Reconstruction { volume_iterations, surface_left, ..finish(job, driven, with_volume)? })
 }

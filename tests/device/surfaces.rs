@@ -42,10 +42,10 @@ pub fn field(grid: &Grid, seed: u64) -> Field {
         let step = if x > nx / 2 { 0.2 } else { 0.0 };
         let depth = 0.42 + step + 0.1 * (y as f64 / ny as f64) + random.uniform(-0.02, 0.02);
         all.columns.push((x * ny + y) as u32);
-        all.heights.push(Height { depth: f64::from(depth as f32), amplitude: random.uniform(10.0, 60.0) });
+        all.heights.push(Height { depth: f64::from(depth as f32), albedo: random.uniform(10.0, 60.0) });
         all.albedo.push(random.uniform(0.1, 3.0));
     }
-    all.heights[5].amplitude = 0.0;
+    all.heights[5].albedo = 0.0;
     all
 }
 
@@ -81,8 +81,7 @@ impl Field {
     }
 
     pub fn write_heights(&self, job: &mut Job<'_>) {
-        let words: Vec<[f32; 2]> =
-            self.heights.iter().map(|h| [h.depth as f32, h.amplitude as f32]).collect();
+        let words: Vec<[f32; 2]> = self.heights.iter().map(|h| [h.depth as f32, h.albedo as f32]).collect();
         write(job, "heights", &words);
     }
 }
@@ -129,7 +128,7 @@ pub fn surface_options(grid: &Grid, each: usize) -> VectorOptions {
 
 /// Runs those kernels of the surface's iteration `at` that are among `names`.
 pub fn run_surface(job: &mut Job<'_>, count: usize, at: usize, names: &[&str]) {
-    let s = surface::iteration(&job.plan, job.plan.finest(), count, at, at);
+    let s = surface::iteration(&job.plan, job.plan.finest(), count, at, at, None);
     run(job, s, names);
 }
 
@@ -139,8 +138,20 @@ pub fn run_bonds(job: &mut Job<'_>, count: usize) {
 }
 
 pub fn write_weights(job: &mut Job<'_>, w: &SurfaceWeights) {
-    let [rates, largest] = [w.rates, w.largest].map(|h| [h.depth, h.amplitude]);
-    let all = [w.bend, w.jump, rates[0], rates[1], w.iterations, largest[0], largest[1], w.smooth, w.spread];
+    let [rates, largest] = [w.rates, w.largest].map(|h| [h.depth, h.albedo]);
+    let all = [
+        w.bend,
+        w.jump,
+        rates[0],
+        rates[1],
+        w.iterations,
+        largest[0],
+        largest[1],
+        w.smooth,
+        w.spread,
+        w.sparse,
+        w.faint,
+    ];
     let words = all.map(|v| v as f32);
     assert_eq!(SurfaceWeights::from(words), *w, "weights that fp32 holds");
     write(job, "surface_weights", &words);
@@ -151,11 +162,11 @@ pub fn read_pairs(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<
 }
 
 pub fn read_heights(job: &mut Job<'_>, count: usize) -> Vec<Height> {
-    let one = |[depth, amplitude]: [f64; 2]| Height { depth, amplitude };
+    let one = |[depth, albedo]: [f64; 2]| Height { depth, albedo };
     read_pairs(job, "heights", count).into_iter().map(one).collect()
 }
 
-/// Heights as (depths, amplitudes), which have units of their own.
+/// Heights as (depths, albedos), which have units of their own.
 pub fn halves(all: &[Height]) -> [Vec<f64>; 2] {
-    [all.iter().map(|h| h.depth).collect(), all.iter().map(|h| h.amplitude).collect()]
+    [all.iter().map(|h| h.depth).collect(), all.iter().map(|h| h.albedo).collect()]
 }

@@ -11,7 +11,7 @@ use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::simulate::{RenderOptions, Scene, simulate};
-use crate::solve::surface::Pixels;
+use crate::solve::surface::{Pixels, Placed};
 use crate::solve::{
     Accumulation, Job, PaperOptions, Plan, Preset, VectorOptions, compact, default_volume, iteration, paper,
     surface, upload, vector,
@@ -220,7 +220,7 @@ fn check_surface(
     let heights = |try_: u32| -> Vec<Height> {
         let height = |i: u32| Height {
             depth: f64::from(0.6 + 4e-4 * try_ as f32 + 0.01 * (i % 4) as f32 + 0.02 * (i / 4) as f32),
-            amplitude: f64::from(1.0 + random(i as usize)[0]),
+            albedo: f64::from(1.0 + random(i as usize)[0]),
         };
         (0..12).map(height).collect()
     };
@@ -231,16 +231,19 @@ fn check_surface(
     };
     let heights = (0..100).map(heights).find(clear).unwrap_or_default();
     let of = |value: fn(&Height) -> f64| heights.iter().map(|h| value(h) as f32).collect::<Vec<_>>();
-    let pixels = Pixels { depth: of(|h| h.depth), albedo: of(|h| h.amplitude), columns };
+    let pixels = Pixels { depth: of(|h| h.depth), albedo: of(|h| h.albedo), columns };
     let words: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, *a]).collect();
     upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(LATERAL * LATERAL)))?;
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&words))?;
-    let weights = surface::weights(&model, &grid, &level, [2.0, surface::unexplained(&model, 1.0)], 1);
+    let weights = {
+        let placed = Placed { pixels: pixels.len(), most: 2.0, explained: 1.0 };
+        surface::weights(&model, &grid, &level, placed, &options)
+    };
     upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
     let mut s = zeroed(&job, &["counts", "histograms"]);
     s.extend(surface::start(&level, pixels.len(), points));
-    s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0));
+    s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0, None));
     job.executor.run(&s)?;
 
     let mut note = |pass, error| all.push(checked(named("surface", &model), accumulation, pass, error));

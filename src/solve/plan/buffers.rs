@@ -2,6 +2,7 @@
 
 use super::{Level, Plan, WALL};
 use crate::gpu::{BufferPlan, Place};
+use crate::solve::surface::blur;
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -19,11 +20,6 @@ const OF_PIXEL: [(&str, u64); 7] = [
 /// Bytes of a surface with so many pixels, and their numbers by column.
 pub(super) fn surface_bytes(pixels: u64) -> u64 {
     pixels * (OF_PIXEL.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4)
-}
-
-/// Bytes of the pulse's taps: the same for all but the longest, so that a plan made before one is found holds.
-fn pulse_bytes(taps: usize) -> u64 {
-    (taps as u64 + 2).max(256) * 4
 }
 
 impl Plan {
@@ -45,8 +41,8 @@ impl Plan {
             ("measured", elements * 4),
             ("histograms", cells * if self.fixed_point() { 8 } else { 4 }),
             ("residual", cells * 4),
-            ("spread", if self.pulse > 0 { cells * 4 } else { 0 }),
-            ("pulse_taps", if self.pulse > 0 { pulse_bytes(self.pulse) } else { 0 }),
+            ("spread", if self.tap_sets() > 0 { cells * 4 } else { 0 }),
+            ("pulse_taps", (self.tap_sets() * self.tap_room() * 4) as u64),
             ("noise_state", self.noise_weights() as u64 * 12),
             ("raw", slots * 16),
             ("before", of_vectors(slots * 16)),
@@ -107,6 +103,20 @@ impl Plan {
             all.push(BufferPlan::new("mask_host", voxels / 8, Place::Readback));
         }
         all
+    }
+
+    /// Sets of taps that residuals may go back through: the pulse's, and the surface's blurs of it.
+    fn tap_sets(&self) -> usize {
+        match (self.pulse, self.blurred) {
+            (0, false) => 0,
+            (_, false) => 1,
+            _ => 1 + blur::BLURS,
+        }
+    }
+
+    /// Words of each: the same for all pulses but the longest, so that a plan made before one is found holds.
+    pub fn tap_room(&self) -> usize {
+        (self.pulse + 2 + blur::ADDED).max(256)
     }
 
     /// Wall points that the pairs of a level have.

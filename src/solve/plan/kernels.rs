@@ -94,10 +94,12 @@ impl Plan {
         ];
         if self.pulse > 0 {
             all.push(u("pulse", pulse, &[]));
-            all.push(u("pulse_back", "pulse", &[("BACK", 1)]));
             if self.vectors {
                 all.push(u("pulse_noise", "pulse", &[("BACK", 1), ("SQUARED", 1)]));
             }
+        }
+        if self.pulse > 0 || self.blurred {
+            all.push(u("pulse_back", "pulse", &[("BACK", 1)]));
         }
         if self.vectors {
             let bound = [&tile_constants[..], &[("BOUND", 1)]].concat();

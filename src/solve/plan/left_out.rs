@@ -46,7 +46,9 @@ impl Plan {
         }
         if self.pulse == 0 {
             let what = "the instrument's pulse: none is known, paths are taken for sharp";
-            left(what.into(), mebibytes((self.pairs * self.bins * 4) as u64));
+            // Where a surface's residuals are averaged along time, they take the place.
+            let place = if self.blurred { 0 } else { self.pairs * self.bins * 4 };
+            left(what.into(), mebibytes(place as u64));
         }
         let unreached = self.all_bins - self.bins;
         if unreached > 0 {

@@ -39,9 +39,9 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
         .bind("scene", level.scene)
         .with(push);
     s.extend(forward(plan, level, "forward"));
-    s.extend(compare(plan, level, "residual", push));
+    s.extend(compare(plan, level, "residual", push, None));
     // The sums begin with the roughness.
-    s.extend(gather(plan, level, "step", ARGUMENTS_BACKWARD, BACKWARD_CONTINUE));
+    s.extend(gather(plan, level, "step", ARGUMENTS_BACKWARD, BACKWARD_CONTINUE, plan.residual()));
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
     s
 }
@@ -142,12 +142,12 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&'static str, f64)>) -> 
     // The largest albedo of the rendering that bounds: one.
     s.set("counts", COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, "forward_bound"));
-    s.extend(compare(plan, level, "residual_bound", Push::default()));
+    s.extend(compare(plan, level, "residual_bound", Push::default(), None));
     s.set("counts", COUNT_PEAK_ALBEDO, 0);
-    s.extend(gather(plan, level, "bound_step", ARGUMENTS_SAMPLE, 0));
+    s.extend(gather(plan, level, "bound_step", ARGUMENTS_SAMPLE, 0, plan.residual()));
     s.dispatch("variance", groups(plan.cells_at(level), WORKGROUP)).bind("scene", scene);
-    s.extend(pulse_back(plan, level, "pulse_noise"));
-    s.extend(gather(plan, level, "bound_noise", ARGUMENTS_SAMPLE, 0));
+    s.extend(pulse_back(plan, level, "pulse_noise", None));
+    s.extend(gather(plan, level, "bound_noise", ARGUMENTS_SAMPLE, 0, plan.residual()));
     if expected.is_some() {
         s.indirect("points", "arguments", sample).bind("scene", scene);
     }

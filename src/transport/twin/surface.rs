@@ -1,4 +1,4 @@
-//! The surface's kernels: pixels with a depth and an amplitude. Lists are by pixel, `columns` tells where each is among the
+//! The surface's kernels: pixels with a depth and an albedo. Lists are by pixel, `columns` tells where each is among the
 //! maps' `ix * ny + iy`; every pixel has as many samples as the next.
 
 use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
@@ -9,11 +9,12 @@ use super::{Sample, Twin, forward, residual_weighted};
 use crate::transport::Reflectance;
 use crate::transport::kernels::*;
 
-/// A pixel's depth in metres and its amplitude, or what there is for each: a gradient, a moment.
+/// A pixel's depth in metres and its albedo, or what there is for each: a gradient, a moment. The albedo is per area of the
+/// surface, or, of surfaces that show the same to all sides, per area of the wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Height {
     pub depth: f64,
-    pub amplitude: f64,
+    pub albedo: f64,
 }
 
 /// What a pixel has to do with one of its neighbours.
@@ -35,12 +36,14 @@ pub struct SurfaceWeights {
     pub jump: f64,
     pub rates: Height,
     pub iterations: f64,
-    /// The largest gradients so far of pixels' own depths and amplitudes.
+    /// The largest gradients so far of pixels' own depths and albedos.
     pub largest: Height,
     /// Pixels.
     pub smooth: f64,
     /// Pixels.
     pub spread: f64,
+    pub sparse: f64,
+    pub faint: f64,
 }
 
 impl SurfaceWeights {
@@ -48,7 +51,18 @@ impl SurfaceWeights {
     pub fn see(&mut self, combined: &[Combined]) {
         for c in combined {
             self.largest.depth = self.largest.depth.max(c.height.depth.abs());
-            self.largest.amplitude = self.largest.amplitude.max(c.height.amplitude.abs());
+            self.largest.albedo = self.largest.albedo.max(c.height.albedo.abs());
+        }
+    }
+
+    /// What a pixel of such an albedo costs for being lit, and what more of it does.
+    fn lit(&self, albedo: f64) -> [f64; 2] {
+        match self.sparse > 0.0 {
+            true => [
+                self.sparse * self.faint * (albedo / self.faint).ln_1p(),
+                self.sparse / (1.0 + albedo / self.faint),
+            ],
+            false => [0.0; 2],
         }
     }
 }
@@ -59,11 +73,13 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
         SurfaceWeights {
             bend: at(SURFACE_BEND),
             jump: at(SURFACE_JUMP),
-            rates: Height { depth: at(SURFACE_DEPTH_RATE), amplitude: at(SURFACE_AMPLITUDE_RATE) },
+            rates: Height { depth: at(SURFACE_DEPTH_RATE), albedo: at(SURFACE_ALBEDO_RATE) },
             iterations: at(SURFACE_ITERATIONS),
-            largest: Height { depth: at(SURFACE_LARGEST), amplitude: at(SURFACE_LARGEST + 1) },
+            largest: Height { depth: at(SURFACE_LARGEST), albedo: at(SURFACE_LARGEST + 1) },
             smooth: at(SURFACE_SMOOTH),
             spread: at(SURFACE_SPREAD),
+            sparse: at(SURFACE_SPARSE),
+            faint: at(SURFACE_FAINT),
         }
     }
 }
@@ -128,6 +144,11 @@ fn facing(slope: DVec2) -> DVec3 {
     slope.extend(-1.0).normalize()
 }
 
+/// How much surface a pixel with such slopes holds, over its own area; one where that changes nothing that is seen.
+fn stretch(twin: &Twin, slope: DVec2) -> f64 {
+    if twin.model.reflectance.has_normals() { slope.extend(-1.0).length() } else { 1.0 }
+}
+
 /// Of a pixel's points (1 or 4) the k-th, from its centre, metres.
 fn part(twin: &Twin, k: usize, points: usize) -> DVec2 {
     let quarter = |k: usize| [-0.25, 0.25][k];
@@ -154,7 +175,8 @@ pub fn surface_points(
         let centre = twin.grid.position(dvec3(x, y, 0.0)).truncate();
         for d in (0..points).map(|k| part(twin, k, points)) {
             let z = (height.depth + slope.dot(d)).clamp(near, far);
-            let (albedo, normal) = (height.amplitude / points as f64, facing(*slope));
+            let albedo = height.albedo * stretch(twin, *slope) / points as f64;
+            let normal = facing(*slope);
             samples.push(Sample { point: (centre + d).extend(z), albedo, normal, length: 0.0 });
         }
     }
@@ -213,7 +235,7 @@ pub fn surface_gather(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<
     samples.iter().map(of_sample).collect()
 }
 
-/// The gradient of a pixel's own depth, amplitude and slopes, the latter as if they did not come from depths, and its half
+/// The gradient of a pixel's own depth, albedo and slopes, the latter as if they did not come from depths, and its half
 /// of the prior that it shares with each neighbour.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Combined {
@@ -224,7 +246,8 @@ pub struct Combined {
 
 /// Gathers the pulls of every pixel's samples and adds the prior
 ///   bond * (bend (off / size)² + jump (a_i - a_j)²) / 2
-/// of each two neighbours, `off` being how far the one is off the plane through the other whose slopes are the mean of both.
+/// of each two neighbours, `off` being how far the one is off the plane through the other whose slopes are the mean of both,
+/// and what every pixel costs for being lit.
 pub fn surface_combine(
     twin: &Twin,
     bonds: &[Vec<Bond>],
@@ -239,16 +262,26 @@ pub fn surface_combine(
         let mut all = Combined::default();
         for (k, p) in pulls.iter().enumerate() {
             all.height.depth += p.depth;
-            all.height.amplitude += share * p.albedo;
+            let (slope, stretched) = (slopes[pixel], stretch(twin, slopes[pixel]));
+            let light = share * heights[pixel].albedo;
+            all.height.albedo += share * stretched * p.albedo;
             all.slope += p.depth * part(twin, k, points);
-            // The normal is a vector of the length |(slope, -1)| over it.
-            let n = facing(slopes[pixel]);
-            let across = (p.vector - n * n.dot(p.vector)) / slopes[pixel].extend(-1.0).length();
-            all.slope += share * heights[pixel].amplitude * across.truncate();
+            // The normal is (slope, -1) over its length; a steeper pixel holds more surface.
+            let n = facing(slope);
+            let across = (p.vector - n * n.dot(p.vector)) / slope.extend(-1.0).length();
+            all.slope += light * stretched * across.truncate();
+            if twin.model.reflectance.has_normals() {
+                all.slope += light * p.albedo * slope / stretched;
+            }
         }
         all
     };
     let mut all: Vec<Combined> = pulls.chunks(points).enumerate().map(of_points).collect();
+    for (combined, height) in all.iter_mut().zip(heights) {
+        let [energy, rise] = weights.lit(height.albedo);
+        combined.energy += energy;
+        combined.height.albedo += rise;
+    }
     // Each two neighbours once.
     for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
         let (j, way, size) = (b.other, metres(twin, b.way), size(twin));
@@ -256,19 +289,19 @@ pub fn surface_combine(
             continue;
         }
         let off = (heights[j].depth - heights[i].depth - way.dot(slopes[i] + slopes[j]) / 2.0) / size;
-        let jump = heights[j].amplitude - heights[i].amplitude;
+        let jump = heights[j].albedo - heights[i].albedo;
         let (bend, unlike) = (b.weight * weights.bend, b.weight * weights.jump);
         for (pixel, sign) in [(i, -1.0), (j, 1.0)] {
             all[pixel].energy += 0.25 * (bend * off * off + unlike * jump * jump);
             all[pixel].height.depth += sign * bend * off / size;
-            all[pixel].height.amplitude += sign * unlike * jump;
+            all[pixel].height.albedo += sign * unlike * jump;
             all[pixel].slope -= bend * off / size * way / 2.0;
         }
     }
     all
 }
 
-/// The gradient of every depth and amplitude: slopes are made of depths.
+/// The gradient of every depth and albedo: slopes are made of depths.
 pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Height> {
     let mut all: Vec<Height> = combined.iter().map(|c| c.height).collect();
     for (pixel, bonds) in bonds.iter().enumerate() {
@@ -311,7 +344,7 @@ pub fn surface_pull(
         let whole: f64 = to.iter().map(|t| t.1).sum();
         for (to, weight) in to {
             spread[to].depth += weight / whole * value.depth;
-            spread[to].amplitude += weight / whole * value.amplitude;
+            spread[to].albedo += weight / whole * value.albedo;
         }
     }
     spread
@@ -340,10 +373,9 @@ pub fn surface_step(
         [twin.model.near_z(twin.grid), twin.grid.n[2] - 1].map(|z| twin.grid.position(DVec3::Z * z as f64).z);
     for ((height, g), [first, second]) in heights.iter_mut().zip(gradient).zip(moments) {
         let depth = one(g.depth, weights.largest.depth, [&mut first.depth, &mut second.depth]);
-        let amplitude =
-            one(g.amplitude, weights.largest.amplitude, [&mut first.amplitude, &mut second.amplitude]);
+        let albedo = one(g.albedo, weights.largest.albedo, [&mut first.albedo, &mut second.albedo]);
         height.depth = (height.depth - weights.rates.depth * depth).clamp(near, far);
-        height.amplitude = (height.amplitude - weights.rates.amplitude * amplitude).max(0.0);
+        height.albedo = (height.albedo - weights.rates.albedo * albedo).max(0.0);
     }
 }
 
@@ -363,7 +395,8 @@ pub fn surface_extract(
     let ways = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| [x, y]));
     let whole: f64 = ways.map(gaussian).sum();
     let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
-    let seen = |pixel: usize| heights[pixel].amplitude / slopes[pixel].extend(-1.0).length();
+    let whole_area = |pixel: usize| slopes[pixel].extend(-1.0).length() / stretch(twin, slopes[pixel]);
+    let seen = |pixel: usize| heights[pixel].albedo / whole_area(pixel);
     let of_pixel = |pixel: usize| {
         let way = |other: usize| [0, 1].map(|a| places[other][a] - places[pixel][a]);
         let near = (0..places.len()).filter(|o| way(*o).iter().all(|w| w.abs() <= reach));
@@ -388,11 +421,11 @@ pub fn surface_objective(
 ) -> f64 {
     let (slopes, samples) = surface_points(twin, columns, bonds, heights, points);
     let (_, loss) = residual_weighted(twin, &forward(twin, &samples), true);
-    let mut prior = 0.0;
+    let mut prior: f64 = heights.iter().map(|h| weights.lit(h.albedo)[0]).sum();
     for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
         let plane = heights[i].depth + 0.5 * (slopes[i] + slopes[b.other]).dot(metres(twin, b.way));
         let off = (heights[b.other].depth - plane) / size(twin);
-        let jump = heights[i].amplitude - heights[b.other].amplitude;
+        let jump = heights[i].albedo - heights[b.other].albedo;
         // Every two neighbours come twice.
         prior += 0.5 * b.weight * (weights.bend * off.powi(2) + weights.jump * jump.powi(2)) / 2.0;
     }
