@@ -52,3 +52,44 @@ pub fn words(pulse: Option<&PulseTaps>, first: f64, room: usize) -> Vec<f32> {
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaussians_narrow_in_half_of_the_iterations() {
+        let all: Vec<_> = (0..10).map(|at| number(at, 10)).collect();
+        assert_eq!(all, [Some(0), Some(0), Some(1), Some(2), Some(3), None, None, None, None, None]);
+        assert_eq!([number(0, 1), number(1, 1)], [Some(0), None]);
+        assert_eq!(first(2.0, 0.0), Some(2.0));
+        assert_eq!(first(100.0, 0.5), Some(4.0));
+        assert_eq!([first(2.0, 0.95), first(0.0, 0.0), first(2.0, 1.5)], [None; 3]);
+    }
+
+    #[test]
+    fn every_set_has_room_and_its_moments() {
+        let pulse = PulseTaps { before: 1, weights: vec![0.25, 0.5, 0.25] };
+        let room = 2 + pulse.weights.len() + ADDED;
+        for (pulse, moment) in [(None, 0.0), (Some(&pulse), 0.5)] {
+            let words = words(pulse, MOST, room);
+            assert_eq!(words.len(), (1 + BLURS) * room);
+            for (set, words) in words.chunks(room).enumerate() {
+                let (before, count) = (words[0] as f64, words[1] as usize);
+                let taps = &words[2..2 + count];
+                let moment_of = |power| -> f64 {
+                    taps.iter()
+                        .enumerate()
+                        .map(|(i, w)| f64::from(*w) * (i as f64 - before).powi(power))
+                        .sum()
+                };
+                assert!((moment_of(0) - 1.0).abs() < 1e-5 && moment_of(1).abs() < 1e-5, "{set}");
+                // The first is the pulse alone; then a Gaussian's square, twice its variance, cut off at three sigmas.
+                let wide = if set == 0 { 0.0 } else { 2.0 * (MOST * (5 - set) as f64 / 4.0).powi(2) };
+                assert!(
+                    (moment_of(2) - moment) <= wide + 1e-4 && (moment_of(2) - moment) >= 0.95 * wide - 1e-4
+                );
+            }
+        }
+    }
+}
