@@ -100,6 +100,8 @@ pub struct Plan {
     pub tuning: Tuning,
     /// Voxels that may be active at once.
     pub capacity: usize,
+    /// Voxels that may be touched at once: active ones and, where samples are random, their neighbours.
+    pub touched_capacity: usize,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
     pub buffers: Vec<BufferPlan>,
@@ -132,8 +134,10 @@ pub struct Wanted {
     pub vectors: bool,
     pub general: bool,
     pub sizes: Sizes,
-    /// Share of the finest grid that the vector solver has room for.
+    /// Share of the finest grid that may be active at once.
     pub room: Option<f64>,
+    /// Every doubling comes with a reduction.
+    pub reduces: bool,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -155,7 +159,8 @@ impl From<&PaperOptions> for Wanted {
             vectors: false,
             general: o.general,
             sizes: o.sizes,
-            room: None,
+            room: o.room,
+            reduces: o.reduce && o.double_every.is_multiple_of(o.reduce_every),
         }
     }
 }
@@ -210,7 +215,7 @@ impl Plan {
             stages::stages(model, grid.coarser(options.pixels_per_voxel), scan, options.coarse_to_fine)?;
         let surface = if options.surface_iterations > 0 { stages::surface(&levels, grid) } else { vec![] };
         let small = grid.pitch.x.max(grid.pitch.y) <= SMALL_PIXEL * model.bin_width;
-        let capacity = if options.vectors { capacity(&levels, options.room) } else { grid.storage() };
+        let [capacity, touched_capacity] = capacities(&levels, &options);
         let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
             Geometry::Product => {
@@ -251,6 +256,7 @@ impl Plan {
             others: model.wall.others.len(),
             tuning,
             capacity,
+            touched_capacity,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
             reachable: vec![],
@@ -282,10 +288,16 @@ impl Plan {
         self.levels.last().expect("a plan has a level")
     }
 
-    /// Two buffers for a number per voxel while the domain changes: the smoothed volume, and what it comes from.
-    /// The paper's solver, all of whose voxels may be active, has no sums there between iterations.
+    /// Two buffers for a number per voxel while the domain changes: the smoothed volume, and what it comes from. The
+    /// first has room for four numbers of every touched voxel, too.
     pub fn volumes(&self) -> [&'static str; 2] {
-        if self.vectors { ["smooth", "smooth_spare"] } else { ["gradient", "sample_points"] }
+        if self.aliases_volumes() { ["gradient", "sample_points"] } else { ["smooth", "smooth_spare"] }
+    }
+
+    /// Whether they are buffers of the paper's solver in which nothing lives between iterations.
+    pub(super) fn aliases_volumes(&self) -> bool {
+        let large = self.capacity >= self.touched_capacity.max(self.finest().grid.storage() / 4);
+        !self.vectors && large
     }
 
     /// The buffer that gradients gather from.
@@ -348,16 +360,25 @@ impl Plan {
     }
 }
 
-/// Voxels that the vector solver has room for: all of a small grid's, half of the first one's, a sixteenth of the last
-/// one's, whichever is most. A first back-projection leaves a tenth of the first grid, surfaces a hundredth of the last;
-/// of more the brightest are kept.
-fn capacity(levels: &[Level], room: Option<f64>) -> usize {
+/// Voxels that there is room for, active and touched ones: all of a small grid's, at least a sixteenth of the last one's,
+/// and of the first one's half, or all where the paper's solver begins with all. A first back-projection leaves a tenth
+/// of the first grid, surfaces a hundredth of the last; of more the brightest are kept.
+fn capacities(levels: &[Level], options: &Wanted) -> [usize; 2] {
     const SMALL: usize = 1 << 18;
     let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-    match room {
-        Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
-        None => SMALL.max(first / 2).max(last / 16).min(last),
-    }
+    let first = if options.vectors { first / 2 } else { first };
+    let active = match options.room {
+        Some(share) => {
+            let least = if options.vectors { 1 } else { first };
+            ((share * last as f64).ceil() as usize).clamp(least, last)
+        }
+        None if !options.reduces => last,
+        None => SMALL.max(first).max(last / 16).min(last),
+    };
+    // Half of the last grid takes as much memory sparse as all of it dense.
+    let active = if !options.vectors && options.room.is_none() && active >= last / 2 { last } else { active };
+    let rim = if options.sampling == Sampling::Continuous { active } else { 0 };
+    [active, (active + rim).min(last)]
 }
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
