@@ -91,7 +91,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     (
         "COUNT_LEAST_SMOOTH",
         4,
-        "index in `counts`: bits of the least smoothed albedo that there is room for, 0 for any",
+        "index in `counts`: bits of the least smoothed albedo that there is room for, 0 for all above the threshold",
     ),
     (
         "LEVELS",
@@ -130,7 +130,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     (
         "TRACE_LEAST",
         7,
-        "index in a row of `trace`: the least smoothed albedo that there was room for, 0 for any",
+        "index in a row of `trace`: the least smoothed albedo that there was room for, 0 if nothing was left out",
     ),
     ("TRACE_ROW", 8, "length of a row of `trace`"),
     ("MOMENTUM_T", 0, "index in `momentum`: FISTA's t"),

@@ -115,8 +115,8 @@ pub struct PaperArgs {
     #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
     smooth_truncate: Option<f64>,
     /// Share of the finest grid that may be active at once; of a larger domain the brightest voxels are kept. More
-    /// takes more memory [default: a sixteenth, at least 262,144 voxels or the first grid, of which the vector solver
-    /// takes half]
+    /// takes more memory [default: the paper's solver a tenth, at least the first grid; the vector solver a sixteenth,
+    /// at least half of it; both at least 262,144 voxels]
     #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
     room: Option<f64>,
 }

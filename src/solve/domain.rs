@@ -120,9 +120,11 @@ pub(super) fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Sched
             .bind("scene", level.scene)
             .bind("source", smooth)
             .bind("reachable", level.reachable);
-        s.dispatch("room", [1, 1, 1])
-            .bind("scene", level.scene)
-            .with(Push { first: room as u32, ..Default::default() });
+        s.dispatch("room", [1, 1, 1]).bind("scene", level.scene).with(Push {
+            first: room as u32,
+            flags: (above as f32).to_bits(),
+            ..Default::default()
+        });
     }
     s.dispatch("threshold", groups(level.grid.storage() / 32, WORKGROUP))
         .bind("scene", level.scene)

@@ -76,8 +76,8 @@ pub struct PaperOptions {
     /// The Gaussian is cut off after so many sigmas.
     pub smooth_truncate: f64,
     /// Share of the finest grid that may be active at once, as memory has room, and no less than the first grid; of a larger
-    /// domain the brightest are kept. `None`: a sixteenth, and at least the first grid or 262,144 voxels; all where doublings
-    /// come without a reduction.
+    /// domain the brightest are kept. `None`: a tenth, and at least the first grid or 262,144 voxels; all where that is half of
+    /// it or more, or doublings come without a reduction.
     pub room: Option<f64>,
     /// Nothing nearer than this is ever active, metres.
     pub min_depth: f64,

@@ -360,24 +360,28 @@ impl Plan {
     }
 }
 
-/// Voxels that there is room for, active and touched ones: all of a small grid's, at least a sixteenth of the last one's,
-/// and of the first one's half, or all where the paper's solver begins with all. A first back-projection leaves a tenth
-/// of the first grid, surfaces a hundredth of the last; of more the brightest are kept.
+/// Voxels that there is room for, active and touched ones: all of a small grid's, a share of the last one's, and of the
+/// first one's half, or all where the paper's solver begins with all. A first back-projection leaves a tenth of the first
+/// grid, surfaces a hundredth of the last, reductions of a wide Gaussian up to a tenth of one before the last; of more the
+/// brightest are kept.
 fn capacities(levels: &[Level], options: &Wanted) -> [usize; 2] {
     const SMALL: usize = 1 << 18;
     let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-    let first = if options.vectors { first / 2 } else { first };
+    if options.vectors {
+        let active = match options.room {
+            Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
+            None => SMALL.max(first / 2).max(last / 16).min(last),
+        };
+        return [active; 2];
+    }
     let active = match options.room {
-        Some(share) => {
-            let least = if options.vectors { 1 } else { first };
-            ((share * last as f64).ceil() as usize).clamp(least, last)
-        }
+        Some(share) => ((share * last as f64).ceil() as usize).clamp(first, last),
         None if !options.reduces => last,
-        None => SMALL.max(first).max(last / 16).min(last),
+        // From a half on, all of it dense takes no more memory.
+        None => Some(SMALL.max(first).max(last / 10)).filter(|most| *most < last / 2).unwrap_or(last),
     };
-    // Half of the last grid takes as much memory sparse as all of it dense.
-    let active = if !options.vectors && options.room.is_none() && active >= last / 2 { last } else { active };
-    let rim = if options.sampling == Sampling::Continuous { active } else { 0 };
+    // Neighbours are a third of what is active, or less.
+    let rim = if options.sampling == Sampling::Continuous { active / 2 } else { 0 };
     [active, (active + rim).min(last)]
 }
 

@@ -114,7 +114,7 @@ impl Plan {
         }
         if !self.continuous {
             let what = "random sampling: interpolation, its adjoint, state and masks of the active voxels' neighbours";
-            let state = if self.vectors { 0 } else { ((2 * slots).min(voxels) - slots) * 52 };
+            let state = if self.vectors { 0 } else { ((slots + slots / 2).min(voxels) - slots) * 52 };
             left(what.into(), mebibytes(voxels / 2 + state));
         }
         if self.gradient == Gradient::Published {

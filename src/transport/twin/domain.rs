@@ -84,18 +84,20 @@ pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {
     levels
 }
 
-/// The least smoothed value of which, and of all larger ones, there are no more than `room`; 0 if that is all of them. The
-/// highest level is never left out.
-pub fn room(levels: &[u32], peak: f64, room: usize) -> f64 {
-    let mut above = 0;
+/// The least smoothed value of which, and of all larger ones, there are no more than `room`; 0 if that is all of them above
+/// the share `above` of the largest, `peak`. The highest level is never left out.
+pub fn room(levels: &[u32], peak: f64, above: f64, room: usize) -> f64 {
+    let mut counted = 0;
     let fits = |n: &&u32| {
-        above += **n as usize;
-        above <= room
+        counted += **n as usize;
+        counted <= room
     };
     let kept = levels.iter().rev().take_while(fits).count().max(1) as u32;
     let key = (peak as f32).to_bits() >> LEVEL_SHIFT;
     let below = kept - 1;
-    if kept == LEVELS || below > key { 0.0 } else { f64::from(f32::from_bits((key - below) << LEVEL_SHIFT)) }
+    let whole = kept == LEVELS || below > key;
+    let least = if whole { 0.0 } else { f64::from(f32::from_bits((key - below) << LEVEL_SHIFT)) };
+    if least > above * peak { least } else { 0.0 }
 }
 
 /// Neighbours of active voxels, all 26, that are not active.
