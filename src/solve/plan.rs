@@ -12,6 +12,7 @@ use crate::{Error, Result};
 mod buffers;
 mod kernels;
 mod left_out;
+mod room;
 mod stages;
 mod tuning;
 
@@ -215,7 +216,7 @@ impl Plan {
             stages::stages(model, grid.coarser(options.pixels_per_voxel), scan, options.coarse_to_fine)?;
         let surface = if options.surface_iterations > 0 { stages::surface(&levels, grid) } else { vec![] };
         let small = grid.pitch.x.max(grid.pitch.y) <= SMALL_PIXEL * model.bin_width;
-        let [capacity, touched_capacity] = capacities(&levels, &options);
+        let [capacity, touched_capacity] = room::capacities(&levels, &options);
         let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
             Geometry::Product => {
@@ -288,18 +289,6 @@ impl Plan {
         self.levels.last().expect("a plan has a level")
     }
 
-    /// Two buffers for a number per voxel while the domain changes: the smoothed volume, and what it comes from. The
-    /// first has room for four numbers of every touched voxel, too.
-    pub fn volumes(&self) -> [&'static str; 2] {
-        if self.aliases_volumes() { ["gradient", "sample_points"] } else { ["smooth", "smooth_spare"] }
-    }
-
-    /// Whether they are buffers of the paper's solver in which nothing lives between iterations.
-    pub(super) fn aliases_volumes(&self) -> bool {
-        let large = self.capacity >= self.touched_capacity.max(self.finest().grid.storage() / 4);
-        !self.vectors && large
-    }
-
     /// The buffer that gradients gather from.
     pub fn residual(&self) -> &'static str {
         if self.pulse > 0 { "spread" } else { "residual" }
@@ -358,31 +347,6 @@ impl Plan {
     pub fn bytes(&self) -> BTreeMap<String, u64> {
         self.buffers.iter().map(|b| (b.name.clone(), b.bytes)).collect()
     }
-}
-
-/// Voxels that there is room for, active and touched ones: all of a small grid's, a share of the last one's, and of the
-/// first one's half, or all where the paper's solver begins with all. A first back-projection leaves a tenth of the first
-/// grid, surfaces a hundredth of the last, reductions of a wide Gaussian up to a tenth of one before the last; of more the
-/// brightest are kept.
-fn capacities(levels: &[Level], options: &Wanted) -> [usize; 2] {
-    const SMALL: usize = 1 << 18;
-    let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-    if options.vectors {
-        let active = match options.room {
-            Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
-            None => SMALL.max(first / 2).max(last / 16).min(last),
-        };
-        return [active; 2];
-    }
-    let active = match options.room {
-        Some(share) => ((share * last as f64).ceil() as usize).clamp(first, last),
-        None if !options.reduces => last,
-        // From a half on, all of it dense takes no more memory.
-        None => Some(SMALL.max(first).max(last / 10)).filter(|most| *most < last / 2).unwrap_or(last),
-    };
-    // Neighbours are a third of what is active, or less.
-    let rim = if options.sampling == Sampling::Continuous { active / 2 } else { 0 };
-    [active, (active + rim).min(last)]
 }
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
