@@ -7,7 +7,7 @@
 #include "grid.glsl"
 #include "surface.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 10) const uint VECTORS = 0u; // raw variables by voxel, or vectors albedo * normal by slot
+layout(constant_id = 10) const uint VECTORS = 0u; // raw variables, or vectors albedo * normal
 layout(std430, set = 0, binding = 1) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Ranks { uint ranks[]; };
@@ -20,10 +20,9 @@ const float FAR_SHARE = 0.5;
 
 // Albedo of an active voxel, 0 elsewhere and below zero.
 float albedo_at(uvec3 c) {
-    uint index = voxel_index(c);
-    uint slot = slot_of(index);
+    uint slot = slot_of(voxel_index(c));
     if (slot == NOWHERE) return 0.0;
-    return VECTORS != 0u ? length(raw[slot].xyz) : max(raw[index].x, 0.0);
+    return VECTORS != 0u ? length(raw[slot].xyz) : max(raw[slot].x, 0.0);
 }
 
 void main() {
@@ -45,8 +44,7 @@ void main() {
         return;
     }
     c.z = depth;
-    uint index = voxel_index(c);
-    vec4 found = raw[VECTORS != 0u ? slot_of(index) : index];
+    vec4 found = raw[slot_of(voxel_index(c))];
     vec3 u = VECTORS != 0u ? found.xyz : toward_wall(found.yzw);
     if (VECTORS != 0u) {
         // Between their sum, which overrates thick blurs, and the brightest, which underrates slants: the 3/2 norm.

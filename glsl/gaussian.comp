@@ -8,7 +8,7 @@
 #include "surface.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
-layout(constant_id = 11) const uint FIRST = 1u; // 0 a volume, 1 albedo of raw variables, 2 length of vectors, which lie by slot
+layout(constant_id = 11) const uint FIRST = 1u; // 0 a volume, 1 albedo of raw variables, 2 length of vectors
 layout(constant_id = 12) const uint LAST = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Taps { float taps[]; }; // [0] = radius, then weights 0..radius
 layout(std430, set = 0, binding = 2) readonly buffer Raw { vec4 raw[]; };
@@ -27,7 +27,7 @@ float value_at(uvec3 c) {
     if (FIRST == 0u) return source[index];
     uint slot = slot_of(index);
     if (slot == NOWHERE) return 0.0;
-    return FIRST == 1u ? elu(raw[index].x) : length(raw[slot].xyz);
+    return FIRST == 1u ? elu(raw[slot].x) : length(raw[slot].xyz);
 }
 
 void main() {

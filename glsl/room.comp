@@ -1,5 +1,6 @@
 // The least smoothed albedo that there is room for: one invocation walks down the levels as long as no more than
-// push.first voxels are above. Zero if there is room for all; the highest level is never left out, as far as it fits.
+// push.first voxels are above. Zero if there is room for all above the threshold (push.flags holds the bits of its share
+// of the maximum); the highest level is never left out, as far as it fits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -13,5 +14,7 @@ void main() {
     while (level > 0u && above + levels[level - 1u] <= push.first) above += levels[--level];
     uint peak = counts[COUNT_PEAK_SMOOTH] >> LEVEL_SHIFT;
     uint below = LEVELS - 1u - level;
-    counts[COUNT_LEAST_SMOOTH] = level == 0u || below > peak ? 0u : (peak - below) << LEVEL_SHIFT;
+    uint least = level == 0u || below > peak ? 0u : (peak - below) << LEVEL_SHIFT;
+    float threshold = uintBitsToFloat(push.flags) * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
+    counts[COUNT_LEAST_SMOOTH] = uintBitsToFloat(least) > threshold ? least : 0u;
 }

@@ -1,7 +1,7 @@
 // One invocation owns one active voxel: draws its point, interpolates the raw variables there and writes the
 // surface element that every pair will see. Done once per voxel and iteration, so that the forward and
-// backward kernels read two vec4 instead of eight voxels. The workgroup sums |albedo| for the L1 term in a
-// fixed order and keeps the largest for the fixed-point scale.
+// backward kernels read two vec4 instead of looking eight voxels up in the masks. The workgroup sums |albedo| for
+// the L1 term in a fixed order and keeps the largest for the fixed-point scale.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -18,21 +18,33 @@ layout(std430, set = 0, binding = 3) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 4) writeonly buffer SamplePoints { vec4 sample_points[]; };    // xyz, albedo
 layout(std430, set = 0, binding = 5) writeonly buffer SampleNormals { vec4 sample_normals[]; }; // unit normal, its length before
 layout(std430, set = 0, binding = 6) writeonly buffer L1Partials { float l1_partials[]; };
+layout(std430, set = 0, binding = 7) readonly buffer Mask { uint mask[]; };
+layout(std430, set = 0, binding = 8) readonly buffer Ranks { uint ranks[]; };
+layout(std430, set = 0, binding = 9) readonly buffer RimMask { uint rim_mask[]; };
+layout(std430, set = 0, binding = 10) readonly buffer RimRanks { uint rim_ranks[]; };
 
 #include "sums.glsl"
 #include "faults.glsl"
+#include "slots.glsl"
+#include "touched.glsl"
 
 shared float peaks[WORKGROUP];
+
+// Nothing where there was no room.
+vec4 raw_at(uvec3 c) {
+    uint at = state_of(voxel_index(c));
+    return at == NOWHERE ? vec4(0.0) : raw[at];
+}
 
 vec4 interpolate(vec3 g) {
     uvec3 last = grid_size() - 1u;
     uvec3 c0 = min(uvec3(g), last);
     uvec3 c1 = min(c0 + 1u, last);
     vec3 f = g - vec3(c0);
-    vec4 s00 = mix(raw[voxel_index(c0)], raw[voxel_index(uvec3(c1.x, c0.yz))], f.x);
-    vec4 s10 = mix(raw[voxel_index(uvec3(c0.x, c1.y, c0.z))], raw[voxel_index(uvec3(c1.xy, c0.z))], f.x);
-    vec4 s01 = mix(raw[voxel_index(uvec3(c0.xy, c1.z))], raw[voxel_index(uvec3(c1.x, c0.y, c1.z))], f.x);
-    vec4 s11 = mix(raw[voxel_index(uvec3(c0.x, c1.yz))], raw[voxel_index(c1)], f.x);
+    vec4 s00 = mix(raw_at(c0), raw_at(uvec3(c1.x, c0.yz)), f.x);
+    vec4 s10 = mix(raw_at(uvec3(c0.x, c1.y, c0.z)), raw_at(uvec3(c1.xy, c0.z)), f.x);
+    vec4 s01 = mix(raw_at(uvec3(c0.xy, c1.z)), raw_at(uvec3(c1.x, c0.y, c1.z)), f.x);
+    vec4 s11 = mix(raw_at(uvec3(c0.x, c1.yz)), raw_at(c1), f.x);
     return mix(mix(s00, s10, f.y), mix(s01, s11, f.y), f.z);
 }
 
@@ -45,7 +57,7 @@ void main() {
         uint index = active_voxels[slot];
         uvec3 c = voxel_at(index);
         vec3 g = sample_point(c, index);
-        vec4 v = CONTINUOUS == 0u ? raw[index] : interpolate(g);
+        vec4 v = CONTINUOUS == 0u ? raw[slot] : interpolate(g);
         float albedo = elu(v.x);
         vec3 u = toward_wall(v.yzw);
         float length_u = safe_length(u);

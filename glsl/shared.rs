@@ -17,6 +17,7 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("stride", "uint", "cells from one histogram to the next: its bins and the padding before them"),
     ("seed", "uint", "of the random samples"),
     ("capacity", "uint", "voxels that may be active at once"),
+    ("touched_capacity", "uint", "voxels that may be touched at once: active ones and their neighbours"),
     ("origin_x", "float", "centre of voxel (0, 0, 0), metres"),
     ("origin_y", "float", ""),
     ("origin_z", "float", ""),
@@ -84,13 +85,13 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("OTHERS_FORWARD", 4, "other points that a workgroup of the forward kernel takes at once"),
     ("OTHERS_BACKWARD", 4, "the same for an invocation of the backward kernels, in registers"),
     ("COUNT_ACTIVE", 0, "index in `counts`: active voxels"),
-    ("COUNT_TOUCHED", 1, "index in `counts`: voxels that a sample may read"),
+    ("COUNT_TOUCHED", 1, "index in `counts`: voxels that a sample may read, active ones and the rim"),
     ("COUNT_PEAK_ALBEDO", 2, "index in `counts`: bits of the largest |albedo| of this iteration"),
     ("COUNT_PEAK_SMOOTH", 3, "index in `counts`: bits of the largest smoothed albedo"),
     (
         "COUNT_LEAST_SMOOTH",
         4,
-        "index in `counts`: bits of the least smoothed albedo that there is room for, 0 for any",
+        "index in `counts`: bits of the least smoothed albedo that there is room for, 0 for all above the threshold",
     ),
     (
         "LEVELS",
@@ -129,7 +130,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     (
         "TRACE_LEAST",
         7,
-        "index in a row of `trace`: the least smoothed albedo that there was room for, 0 for any",
+        "index in a row of `trace`: the least smoothed albedo that there was room for, 0 if nothing was left out",
     ),
     ("TRACE_ROW", 8, "length of a row of `trace`"),
     ("MOMENTUM_T", 0, "index in `momentum`: FISTA's t"),

@@ -1,7 +1,7 @@
-// Adjoint of the interpolation and Adam in one pass. One invocation owns one touched voxel (active, or a
-// neighbour of one): it gathers from the samples of the 27 voxels around it, whose points it draws anew from
-// their counters, so nothing is scattered and no atomics are needed. Adam: Kingma & Ba 2015, with its bias
-// correction counted from the last restart; its rate may fall as half a cosine over the whole solve.
+// Adjoint of the interpolation and Adam in one pass. One invocation owns one touched voxel (active, or in the rim, a
+// neighbour of one), in whose order state lies: it gathers from the samples of the 27 voxels around it, whose points it
+// draws anew from their counters, so nothing is scattered and no atomics are needed. Adam: Kingma & Ba 2015, with its
+// bias correction counted from the last restart; its rate may fall as half a cosine over the whole solve.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,7 +11,7 @@ layout(constant_id = 10) const uint CONTINUOUS = 1u;
 #include "sampling.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer TouchedVoxels { uint touched_voxels[]; };
+layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; }; // behind them the rim
 layout(std430, set = 0, binding = 3) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 8) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Gradient { vec4 gradient[]; };
@@ -46,18 +46,17 @@ vec4 gathered(uvec3 c) {
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= counts[COUNT_TOUCHED]) return;
-    uint index = touched_voxels[at];
-    vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(index)) : gradient[slot_of(index)];
-    vec4 m = mix(g, moment_first[index], scene.beta1);
-    vec4 v = mix(g * g, moment_second[index], scene.beta2);
+    vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(active_voxels[at])) : gradient[at];
+    vec4 m = mix(g, moment_first[at], scene.beta1);
+    vec4 v = mix(g * g, moment_second[at], scene.beta2);
     float step = float(push.step);
     vec4 m_hat = m / (1.0 - pow(scene.beta1, step));
     vec4 v_hat = v / (1.0 - pow(scene.beta2, step));
     float rate = scene.learning_rate;
     if (scene.decay_over > 0.0) rate *= 0.5 + 0.5 * cos(PI * min(float(push.iteration) / scene.decay_over, 1.0));
-    vec4 next = raw[index] - rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    vec4 next = raw[at] - rate * m_hat / (sqrt(v_hat) + scene.epsilon);
     watch(finite(next.x + next.y + next.z + next.w), FAULT_UPDATE);
-    raw[index] = next;
-    moment_first[index] = m;
-    moment_second[index] = v;
+    raw[at] = next;
+    moment_first[at] = m;
+    moment_second[at] = v;
 }

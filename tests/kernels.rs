@@ -28,9 +28,9 @@ fn sample() {
         let (raw, domain) = state(&model, &grid, 0.3, 2);
         let active = twin::compact(&domain);
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-        write_raw(&mut job, "raw", &raw);
-        write(&mut job, "active_voxels", &active);
-        set_counts(&mut job, active.len(), 0.0);
+        let touched = write_touched(&mut job, &grid, &domain);
+        write_state(&mut job, "raw", &touched, &raw);
+        write(&mut job, "counts", &[active.len() as u32, touched.len() as u32, 0, 0, 0, 0]);
         run(&mut job, &["sample"], 5, 1);
         let want = twin::sample(&twin, 5, &active, &raw);
         let got = read_samples(&mut job, active.len());
@@ -323,7 +323,7 @@ fn update_continuous_and_fixed() {
         let mut random = Random::new(14);
         let active = twin::compact(&domain);
         let touched = match sampling {
-            Sampling::Continuous => twin::compact(&twin::dilate(&grid, &domain)),
+            Sampling::Continuous => twin::touched(&grid, &domain),
             Sampling::Fixed => active.clone(),
         };
         let gradient: Vec<twin::Raw> =
@@ -335,21 +335,17 @@ fn update_continuous_and_fixed() {
             second[*i as usize] = std::array::from_fn(|_| random.uniform(1e-9, 1e-8));
         }
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-        write_raw(&mut job, "raw", &raw);
-        write_raw(&mut job, "moment_first", &first);
-        write_raw(&mut job, "moment_second", &second);
+        assert_eq!(write_touched(&mut job, &grid, &domain), touched);
+        write_state(&mut job, "raw", &touched, &raw);
+        write_state(&mut job, "moment_first", &touched, &first);
+        write_state(&mut job, "moment_second", &touched, &second);
         write_raw(&mut job, "gradient", &gradient);
-        write_domain(&mut job, &domain);
-        if sampling == Sampling::Continuous {
-            write(&mut job, "touched_voxels", &touched);
-        }
-        set_counts(&mut job, touched.len(), 1.0);
         run(&mut job, &["update"], 4, 3);
         twin::update(&twin, 4, 3, &active, &touched, &gradient, &mut raw, &mut first, &mut second);
-        let count = grid.storage();
-        assert!(error(read_raw(&mut job, "moment_first", count).concat(), first.concat()) < 1e-5);
-        assert!(error(read_raw(&mut job, "moment_second", count).concat(), second.concat()) < 1e-5);
-        assert!(error(read_raw(&mut job, "raw", count).concat(), raw.concat()) < 1e-5);
+        for (buffer, want) in [("moment_first", &first), ("moment_second", &second), ("raw", &raw)] {
+            let want = twin::carry(&touched, want);
+            assert!(error(read_state(&mut job, buffer, &touched, want.len()).concat(), want.concat()) < 1e-5);
+        }
     }
     assert_valid(&gpu);
 }

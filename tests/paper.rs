@@ -39,7 +39,7 @@ fn options_that_make_no_sense_are_named() {
     let good = || PaperOptions::preset(Preset::Captured);
     assert!(good().check().is_ok());
     type Spoil = fn(&mut PaperOptions);
-    let bad: [(&str, Spoil); 10] = [
+    let bad: [(&str, Spoil); 11] = [
         ("--lateral", |o| o.lateral = 0),
         ("--iterations", |o| o.iterations = 0),
         ("--double-every", |o| o.double_every = 0),
@@ -50,6 +50,7 @@ fn options_that_make_no_sense_are_named() {
         ("--beta1", |o| o.beta1 = 1.5),
         ("--peak", |o| o.peak = f64::INFINITY),
         ("--min-depth", |o| o.min_depth = f64::NAN),
+        ("--room", |o| o.room = Some(0.0)),
     ];
     for (name, spoil) in bad {
         let mut o = good();
@@ -102,14 +103,15 @@ fn the_order_of_events_is_the_papers() {
         let names: Vec<_> = s.commands.iter().map(|c| c.name()).collect();
         let at = |n: &str| names.iter().position(|c| *c == n);
         assert_eq!(at("threshold").is_some(), done % 50 == 0, "reduction every 50 iterations, at {done}");
-        assert_eq!(at("double_raw").is_some(), done == 100 || done == 200, "doubling every 100, at {done}");
+        let doubles = at("carry_doubled").is_some();
+        assert_eq!(doubles, done == 100 || done == 200, "doubling every 100, at {done}");
         if done % 100 == 0 {
             let forgets = |buffer| {
                 s.commands.iter().any(|c| matches!(c, thirdbounce::gpu::Command::Fill { buffer: b, value: 0, .. } if *b == buffer))
             };
             assert!(forgets("moment_first") && forgets("moment_second"), "restart every 100, at {done}");
         }
-        if let (Some(reduced), Some(doubled)) = (at("threshold"), at("double_raw")) {
+        if let (Some(reduced), Some(doubled)) = (at("threshold"), at("double_domain")) {
             assert!(reduced < doubled, "reduction first");
         }
     }

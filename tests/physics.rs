@@ -122,9 +122,9 @@ fn iterations_on_the_device_follow_the_twins() {
         }
         job.executor.run(&s).unwrap();
 
-        let (mut raw, domain) = twin::initialise(&twin, 1.0);
+        let (mut raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
         let active = twin::compact(&domain);
-        let touched = twin::compact(&twin::dilate(&g, &domain));
+        let touched = twin::touched(&g, &domain);
         let (mut first, mut second) = (vec![[0.0; 4]; raw.len()], vec![[0.0; 4]; raw.len()]);
         let rows: Vec<[f32; thirdbounce::transport::kernels::TRACE_ROW as usize]> =
             bytemuck::pod_collect_to_vec(job.executor.arena.mapped("trace"));

@@ -114,6 +114,11 @@ pub struct PaperArgs {
     /// Sigmas after which it is cut off [default: 4]
     #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
     smooth_truncate: Option<f64>,
+    /// Share of the finest grid that may be active at once; of a larger domain the brightest voxels are kept. More
+    /// takes more memory [default: the paper's solver a tenth, at least the first grid; the vector solver a sixteenth,
+    /// at least half of it; both at least 262,144 voxels]
+    #[arg(long, value_name = "X", help_heading = "Domain (defaults as published)")]
+    room: Option<f64>,
 }
 
 impl PaperArgs {
@@ -155,6 +160,7 @@ impl PaperArgs {
             keep_above: self.keep_above.unwrap_or(base.keep_above),
             smooth_sigma: self.smooth_sigma.unwrap_or(base.smooth_sigma),
             smooth_truncate: self.smooth_truncate.unwrap_or(base.smooth_truncate),
+            room: self.room.or(base.room),
             min_depth: self.min_depth.unwrap_or(base.min_depth),
             learning_rate: self.learning_rate.unwrap_or(base.learning_rate),
             learning_rate_decay: self.learning_rate_decay.unwrap_or(base.learning_rate_decay),
@@ -236,10 +242,6 @@ pub struct VectorArgs {
     /// Steepest surface: largest |n_xy| / |n_z|
     #[arg(long, value_name = "X", help_heading = "Vector solver")]
     cone: Option<f64>,
-    /// Share of the finest grid that may be active at once; of a larger domain the brightest voxels are kept. More
-    /// takes more memory [default: a sixteenth, at least half of the first grid or 262,144 voxels]
-    #[arg(long, value_name = "X", help_heading = "Vector solver")]
-    room: Option<f64>,
     /// Do not take off the background that is estimated behind the signal
     #[arg(long, help_heading = "Vector solver")]
     no_background: bool,
@@ -267,7 +269,6 @@ impl VectorArgs {
             ("bound-power", self.bound_power.is_some()),
             ("step-share", self.step_share.is_some()),
             ("cone", self.cone.is_some()),
-            ("room", self.room.is_some()),
             ("no-background", self.no_background),
             ("stop", self.stop.is_some()),
         ];
@@ -305,7 +306,7 @@ impl VectorArgs {
             bound_power: self.bound_power.unwrap_or(base.bound_power),
             step_share: self.step_share.unwrap_or(base.step_share),
             cone: self.cone.unwrap_or(base.cone),
-            room: self.room.or(base.room),
+            room: shared.room.or(base.room),
             background: base.background && !self.no_background,
             reflectance: base.reflectance,
             general: base.general,

@@ -40,7 +40,8 @@ impl<'g> Job<'g> {
         }
         for level in plan.levels.iter().chain(plan.surface_only()) {
             let scene = model.scene_of(&level.grid, level.pairs);
-            let scene = SceneData { capacity: plan.capacity as u32, ..scene };
+            let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
+            let scene = SceneData { capacity, touched_capacity, ..scene };
             upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
         }
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
@@ -93,7 +94,7 @@ pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Ma
     }
 }
 
-/// The volume whose raw variables (vectors: those of active voxels only) and mask were copied to the host.
+/// The volume whose mask and active voxels' raw variables or vectors were copied to the host.
 pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, vectors: bool) -> super::VolumeMap {
     let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped("raw_host"));
     let mask: &[u32] = bytemuck::cast_slice(arena.mapped("mask_host"));
@@ -102,7 +103,7 @@ pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, vectors: bool) -> supe
     for (slot, i) in (0..grid.storage()).filter(active).enumerate() {
         let [x, y, z] = grid.voxel(i);
         // A list that is full leaves the rest out.
-        let Some([a, b, c, _]) = raw.get(if vectors { slot } else { i }) else { break };
+        let Some([a, b, c, _]) = raw.get(slot) else { break };
         albedo[(x * grid.n[1] + y) * grid.n[2] + z] = match (vectors, *a > 0.0) {
             (true, _) => (a * a + b * b + c * c).sqrt(),
             (false, true) => *a,

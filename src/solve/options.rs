@@ -75,6 +75,10 @@ pub struct PaperOptions {
     pub smooth_sigma: f64,
     /// The Gaussian is cut off after so many sigmas.
     pub smooth_truncate: f64,
+    /// Share of the finest grid that may be active at once, as memory has room, and no less than the first grid; of a larger
+    /// domain the brightest are kept. `None`: a tenth, and at least the first grid or 262,144 voxels; all where that is half of
+    /// it or more, or doublings come without a reduction.
+    pub room: Option<f64>,
     /// Nothing nearer than this is ever active, metres.
     pub min_depth: f64,
     pub learning_rate: f64,
@@ -121,6 +125,7 @@ impl PaperOptions {
             keep_above: 0.05,
             smooth_sigma: 3.0,
             smooth_truncate: 4.0,
+            room: None,
             min_depth: 0.2,
             learning_rate: 1.0,
             learning_rate_decay: Decay::None,
@@ -204,6 +209,9 @@ impl PaperOptions {
             if !(value.is_finite() && value >= 0.0) {
                 return bad(name, value.to_string(), "zero or a positive number");
             }
+        }
+        if let Some(room) = self.room.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
+            return bad("room", room.to_string(), "a positive number up to 1");
         }
         for (name, value) in [("beta1", self.beta1), ("beta2", self.beta2), ("keep-above", self.keep_above)] {
             if !(0.0..1.0).contains(&value) {

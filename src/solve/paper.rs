@@ -114,8 +114,7 @@ pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Res
     let volume = if with_volume {
         let storage = driven.level.grid.storage() as u64;
         let mut s = Schedule::default();
-        let voxels = if job.plan.vectors { job.plan.capacity as u64 } else { storage };
-        s.copy("raw", "raw_host", voxels * 16);
+        s.copy("raw", "raw_host", job.plan.capacity as u64 * 16);
         s.copy("mask", "mask_host", storage / 8);
         job.executor.run(&s)?;
         Some(read_volume(&job.executor.arena, &driven.level.grid, job.plan.vectors))

@@ -12,6 +12,7 @@ use crate::{Error, Result};
 mod buffers;
 mod kernels;
 mod left_out;
+mod room;
 mod stages;
 mod tuning;
 
@@ -102,6 +103,8 @@ pub struct Plan {
     pub tuning: Tuning,
     /// Voxels that may be active at once.
     pub capacity: usize,
+    /// Voxels that may be touched at once: active ones and, where samples are random, their neighbours.
+    pub touched_capacity: usize,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
     pub buffers: Vec<BufferPlan>,
@@ -136,8 +139,10 @@ pub struct Wanted {
     pub vectors: bool,
     pub general: bool,
     pub sizes: Sizes,
-    /// Share of the finest grid that the vector solver has room for.
+    /// Share of the finest grid that may be active at once.
     pub room: Option<f64>,
+    /// Every doubling comes with a reduction.
+    pub reduces: bool,
 }
 
 impl From<&PaperOptions> for Wanted {
@@ -160,7 +165,8 @@ impl From<&PaperOptions> for Wanted {
             vectors: false,
             general: o.general,
             sizes: o.sizes,
-            room: None,
+            room: o.room,
+            reduces: o.reduce && o.double_every.is_multiple_of(o.reduce_every),
         }
     }
 }
@@ -215,7 +221,7 @@ impl Plan {
             stages::stages(model, grid.coarser(options.pixels_per_voxel), scan, options.coarse_to_fine)?;
         let surface = if options.surface_iterations > 0 { stages::surface(&levels, grid) } else { vec![] };
         let small = grid.pitch.x.max(grid.pitch.y) <= SMALL_PIXEL * model.bin_width;
-        let capacity = if options.vectors { capacity(&levels, options.room) } else { grid.storage() };
+        let [capacity, touched_capacity] = room::capacities(&levels, &options);
         let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
         let tiles = match model.wall.geometry {
             Geometry::Product => {
@@ -257,6 +263,7 @@ impl Plan {
             others: model.wall.others.len(),
             tuning,
             capacity,
+            touched_capacity,
             taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
             buffers: vec![],
             reachable: vec![],
@@ -286,12 +293,6 @@ impl Plan {
 
     pub fn finest(&self) -> &Level {
         self.levels.last().expect("a plan has a level")
-    }
-
-    /// Two buffers for a number per voxel while the domain changes: the smoothed volume, and what it comes from.
-    /// The paper's solver, all of whose voxels may be active, has no sums there between iterations.
-    pub fn volumes(&self) -> [&'static str; 2] {
-        if self.vectors { ["smooth", "smooth_spare"] } else { ["gradient", "sample_points"] }
     }
 
     /// The buffer that gradients gather from.
@@ -351,18 +352,6 @@ impl Plan {
     /// Bytes by buffer name.
     pub fn bytes(&self) -> BTreeMap<String, u64> {
         self.buffers.iter().map(|b| (b.name.clone(), b.bytes)).collect()
-    }
-}
-
-/// Voxels that the vector solver has room for: all of a small grid's, half of the first one's, a sixteenth of the last
-/// one's, whichever is most. A first back-projection leaves a tenth of the first grid, surfaces a hundredth of the last;
-/// of more the brightest are kept.
-fn capacity(levels: &[Level], room: Option<f64>) -> usize {
-    const SMALL: usize = 1 << 18;
-    let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-    match room {
-        Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
-        None => SMALL.max(first / 2).max(last / 16).min(last),
     }
 }
 

@@ -18,11 +18,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
         s.dispatch("noise", groups(level.pairs, 1)).bind("scene", level.scene).with(push);
     }
     s.extend(gather(plan, level, "backward", ARGUMENTS_BACKWARD, 0, plan.residual()));
-    let update = s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE));
-    update.bind("scene", level.scene).with(push);
-    if !plan.continuous {
-        update.bind("touched_voxels", "active_voxels");
-    }
+    s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE)).bind("scene", level.scene).with(push);
     s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
     s
 }

@@ -153,6 +153,7 @@ impl From<&VectorOptions> for Wanted {
             general: o.general,
             sizes: o.sizes,
             room: o.room,
+            reduces: true,
         }
     }
 }

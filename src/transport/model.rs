@@ -266,6 +266,7 @@ impl Model {
             stride: self.stride() as u32,
             seed: self.seed,
             capacity: grid.storage() as u32,
+            touched_capacity: grid.storage() as u32,
             origin_x: grid.origin.x as f32,
             origin_y: grid.origin.y as f32,
             origin_z: grid.origin.z as f32,

@@ -3,8 +3,9 @@
 use glam::dvec3;
 use thirdbounce::gpu::{Command, Schedule};
 use thirdbounce::solve::{Job, upload};
+use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::PADDING;
-use thirdbounce::transport::twin::{Raw, Sample, Twin};
+use thirdbounce::transport::twin::{self, Raw, Sample, Twin};
 
 pub fn write<T: bytemuck::NoUninit>(job: &mut Job<'_>, buffer: &'static str, values: &[T]) {
     upload(&mut job.executor, buffer, bytemuck::cast_slice(values)).expect("an upload runs");
@@ -89,9 +90,39 @@ pub fn write_domain(job: &mut Job<'_>, on: &[bool]) -> Vec<u32> {
     write_mask(job, "mask", on);
     let ranks = ranks_of(on);
     write(job, "ranks", &ranks);
-    let active = thirdbounce::transport::twin::compact(on);
+    let active = twin::compact(on);
     write(job, "active_voxels", &active);
     active
+}
+
+/// Writes the rim behind such a domain, too, and both counts; what is touched is returned, in the order of its state.
+pub fn write_touched(job: &mut Job<'_>, grid: &Grid, on: &[bool]) -> Vec<u32> {
+    let active = write_domain(job, on);
+    if !job.plan.continuous {
+        set_counts(job, active.len(), 1.0);
+        return active;
+    }
+    let rim = twin::rim(grid, on);
+    write_mask(job, "rim_mask", &rim);
+    let ranks: Vec<u32> = ranks_of(&rim).iter().map(|r| r + active.len() as u32).collect();
+    write(job, "rim_ranks", &ranks);
+    let touched = twin::touched(grid, on);
+    write(job, "active_voxels", &touched);
+    set_both_counts(job, [active.len(), touched.len()], 1.0);
+    touched
+}
+
+/// Writes the state of the touched voxels, from all by storage index.
+pub fn write_state(job: &mut Job<'_>, buffer: &'static str, touched: &[u32], state: &[Raw]) {
+    write_raw(job, buffer, &touched.iter().map(|i| state[*i as usize]).collect::<Vec<_>>());
+}
+
+/// State by storage index, nothing where no voxel is touched.
+pub fn read_state(job: &mut Job<'_>, buffer: &'static str, touched: &[u32], count: usize) -> Vec<Raw> {
+    let by_slot = read_raw(job, buffer, touched.len());
+    let mut all = vec![[0.0; 4]; count];
+    touched.iter().zip(by_slot).for_each(|(i, value)| all[*i as usize] = value);
+    all
 }
 
 pub fn ranks_of(on: &[bool]) -> Vec<u32> {
@@ -154,7 +185,11 @@ pub fn away_from_edges(twin: &Twin, samples: &[Sample]) -> Vec<Sample> {
 
 /// Sets the count of active voxels (and of touched ones) and the dispatch arguments that follow from it.
 pub fn set_counts(job: &mut Job<'_>, active: usize, peak_albedo: f64) {
-    write(job, "counts", &[active as u32, active as u32, (peak_albedo as f32).to_bits(), 0, 0, 0]);
+    set_both_counts(job, [active; 2], peak_albedo);
+}
+
+fn set_both_counts(job: &mut Job<'_>, [active, touched]: [usize; 2], peak_albedo: f64) {
+    write(job, "counts", &[active as u32, touched as u32, (peak_albedo as f32).to_bits(), 0, 0, 0]);
     let mut s = Schedule::default();
     let scene = job.plan.finest().scene;
     s.dispatch("arguments", [1, 1, 1]).bind("scene", scene);

@@ -24,10 +24,12 @@ pub fn rows(share: Share) -> Vec<Row> {
 fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
     let fixed = Accumulation::Fixed;
     let published = PaperOptions { noise: thirdbounce::solve::NoiseTerm::Off, ..paper(fixed) };
+    let narrow = PaperOptions { room: Some(0.5), ..paper(fixed) };
     let stops = VectorOptions { stop: true, iterations: 40, ..vector(fixed) };
     vec![
         ("paper, noise term", paper(fixed).into()),
         ("paper", published.into()),
+        ("paper, room for a half", narrow.into()),
         ("vector", vector(fixed).into()),
         ("vector, stops at the noise", stops.into()),
     ]

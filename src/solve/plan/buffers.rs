@@ -26,9 +26,13 @@ impl Plan {
     pub(super) fn list_buffers(&self, with_volume: bool) -> Vec<BufferPlan> {
         let grid = &self.finest().grid;
         let voxels = grid.storage() as u64;
-        // What active voxels have; the paper's solver may have them all active.
-        let slots = self.capacity as u64;
+        // What active voxels have, and what their neighbours have too.
+        let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
         let of_vectors = |bytes: u64| if self.vectors { bytes } else { 0 };
+        let of_adam = |bytes: u64| if self.vectors { 0 } else { bytes };
+        let of_rim = |bytes: u64| if self.continuous { bytes } else { 0 };
+        // Volumes of their own, in the first of which state is moved too.
+        let of_volumes = |bytes: u64| if self.aliases_volumes() { 0 } else { bytes };
         let maps = &self.maps_grid().n;
         let columns = (maps[0] * maps[1] * 32) as u64;
         let elements = (self.pairs * self.bins) as u64;
@@ -44,25 +48,27 @@ impl Plan {
             ("spread", if self.tap_sets() > 0 { cells * 4 } else { 0 }),
             ("pulse_taps", (self.tap_sets() * self.tap_room() * 4) as u64),
             ("noise_state", self.noise_weights() as u64 * 12),
-            ("raw", slots * 16),
+            ("raw", touched * 16),
             ("before", of_vectors(slots * 16)),
-            ("moment_first", if self.vectors { 0 } else { voxels * 16 }),
-            ("moment_second", if self.vectors { 0 } else { voxels * 16 }),
+            ("moment_first", of_adam(touched * 16)),
+            ("moment_second", of_adam(touched * 16)),
             ("bounds", of_vectors(slots * 8)),
             ("hat_taps", of_vectors(self.bins as u64 * 4 + 4)),
-            ("smooth", of_vectors(voxels * 4)),
-            ("smooth_spare", of_vectors(voxels * 4)),
-            ("levels", of_vectors(u64::from(LEVELS) * 4)),
+            ("smooth", of_volumes((voxels * 4).max(of_adam(touched * 16)))),
+            ("smooth_spare", of_volumes(voxels * 4)),
+            ("levels", u64::from(LEVELS) * 4),
             ("momentum", u64::from(MOMENTUM) * 4),
             ("against_partials", of_vectors(slots.div_ceil(u64::from(self.tuning.voxels)) * 4)),
             ("mask", voxels / 8),
-            ("touched_mask", voxels / 8),
             ("ranks", voxels / 8),
-            ("mask_before", of_vectors(voxels / 8)),
-            ("ranks_before", of_vectors(voxels / 8)),
+            ("mask_before", voxels / 8),
+            ("ranks_before", voxels / 8),
+            ("rim_mask", of_rim(voxels / 8)),
+            ("rim_ranks", of_rim(voxels / 8)),
+            ("rim_before", of_rim(voxels / 8)),
+            ("rim_ranks_before", of_rim(voxels / 8)),
             ("brick_offsets", voxels / BRICK_VOXELS as u64 * 4),
-            ("active_voxels", slots * 4),
-            ("touched_voxels", if self.continuous { voxels * 4 } else { 0 }),
+            ("active_voxels", touched * 4),
             ("sample_points", slots * 16),
             ("sample_normals", if self.reflectance.has_normals() { slots * 16 } else { 0 }),
             ("gradient", slots * 16),

@@ -74,9 +74,10 @@ impl Plan {
             u("gaussian_z", "gaussian", &[("AXIS", 2), ("FIRST", 0), ("LAST", 1)]),
             u("threshold", "threshold", &[]),
             u("compact_count", "compact_count", &[]),
-            u("compact_scan_active", "compact_scan", &[("TOTAL", COUNT_ACTIVE)]),
-            u("compact_scan_touched", "compact_scan", &[("TOTAL", COUNT_TOUCHED)]),
-            u("compact_scatter_active", "compact_scatter", &[("WRITE_RANKS", 1)]),
+            u("compact_scan_active", "compact_scan", &[("RIM", 0)]),
+            u("compact_scatter_active", "compact_scatter", &[("RIM", 0)]),
+            u("levels", "levels", &[]),
+            u("room", "room", &[]),
             u(
                 "arguments",
                 "arguments",
@@ -115,8 +116,6 @@ impl Plan {
                 u("backproject", "backproject", &[others]),
                 u("settle", "settle", &[("DOUBLED", 0)]),
                 u("settle_doubled", "settle", &[("DOUBLED", 1)]),
-                u("levels", "levels", &[]),
-                u("room", "room", &[]),
                 u("points", "points", &[]),
                 u("expect", "expect", &[("DOUBLED", 0)]),
                 u("expect_doubled", "expect", &[("DOUBLED", 1)]),
@@ -144,15 +143,22 @@ impl Plan {
             return all;
         }
         all.extend([
-            u("initialise", "initialise", &[("ALBEDO_SPAN", self.initial_albedo.to_bits())]),
+            u("initialise", "initialise", &[]),
+            u("initialise_raw", "initialise_raw", &[("ALBEDO_SPAN", self.initial_albedo.to_bits())]),
             u("sample", "sample", &[("CONTINUOUS", continuous)]),
             u("backward", "backward", &gather_constants),
             u("update", "update", &[("CONTINUOUS", continuous)]),
-            u("double_raw", "double_raw", &[]),
+            u("carry", "carry", &[("CONTINUOUS", continuous), ("DOUBLED", 0)]),
+            u("carry_doubled", "carry", &[("CONTINUOUS", continuous), ("DOUBLED", 1)]),
             u("gaussian_x", "gaussian", &[("AXIS", 0), ("FIRST", 1), ("LAST", 0)]),
-            u("dilate", "dilate", &[]),
-            u("compact_scatter_touched", "compact_scatter", &[("WRITE_RANKS", 0)]),
         ]);
+        if self.continuous {
+            all.extend([
+                u("rim", "rim", &[]),
+                u("compact_scan_rim", "compact_scan", &[("RIM", 1)]),
+                u("compact_scatter_rim", "compact_scatter", &[("RIM", 1)]),
+            ]);
+        }
         if self.noise != NoiseTerm::Off {
             all.push(u(
                 "noise",

@@ -98,7 +98,7 @@ impl Plan {
                 "three of four of its pairs".into(),
             );
         }
-        let slots = self.capacity as u64;
+        let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
         if self.vectors {
             left(
                 "the optimiser's moments: the step comes from a bound".into(),
@@ -106,15 +106,18 @@ impl Plan {
             );
         }
         if slots < voxels {
+            // Elements, gradient and what a solver has of its own; raw variables, moments and list of neighbours too.
             let normals = if self.reflectance.has_normals() { 16 } else { 0 };
+            let [active, either] = if self.vectors { [76, 0] } else { [32, 52] };
             left(
                 format!("what inactive voxels would hold: there is room for {slots} of {voxels} at once"),
-                mebibytes((voxels - slots) * (76 + normals)),
+                mebibytes((voxels - slots) * (active + normals) + (voxels - touched) * either),
             );
         }
         if !self.continuous {
-            let what = "random sampling: interpolation, its adjoint, the list of touched voxels";
-            left(what.into(), mebibytes(voxels * 4));
+            let what = "random sampling: interpolation, its adjoint, state and masks of the active voxels' neighbours";
+            let state = if self.vectors { 0 } else { ((slots + slots / 2).min(voxels) - slots) * 52 };
+            left(what.into(), mebibytes(voxels / 2 + state));
         }
         if self.gradient == Gradient::Published {
             left("the falloff in the gradient".into(), "a product per pair".into());

@@ -23,7 +23,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
             .with(push);
     }
     s.extend(domain::smooth(plan, level, "gaussian_x_volume"));
-    s.extend(keep(plan, level, options.start_above, plan.capacity));
+    s.extend(domain::keep(plan, level, options.start_above, plan.capacity));
     // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
     s.set("counts", COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     s.extend(settle(plan, level, "settle"));
@@ -61,52 +61,23 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
     if let Some(fine) = doubles {
         // A voxel becomes four.
-        s.extend(reduce(plan, here, options, plan.capacity / 4));
+        s.extend(domain::prune(plan, here, options.keep_above, plan.capacity / 4));
         s.extend(domain::double_mask(here, fine));
         s.extend(settle(plan, fine, "settle_doubled"));
         s.extend(bounds(plan, fine, expected("expect_doubled")));
         *level += 1;
     } else if let Some(wide) = widens {
-        s.extend(reduce(plan, here, options, plan.capacity));
+        s.extend(domain::prune(plan, here, options.keep_above, plan.capacity));
         s.extend(settle(plan, wide, "settle"));
         s.extend(bounds(plan, wide, expected("expect")));
         *level += 1;
     } else if done.is_multiple_of(options.reduce_every) {
-        s.extend(reduce(plan, here, options, plan.capacity));
+        s.extend(domain::prune(plan, here, options.keep_above, plan.capacity));
         s.extend(settle(plan, here, "settle"));
         if done.is_multiple_of(options.bound_every) {
             s.extend(bounds(plan, here, expected("expect")));
         }
     }
-    s
-}
-
-/// A new mask; the old one stays with the vectors' slots until [`settle`] has moved them.
-fn reduce(plan: &Plan, level: &Level, options: &VectorOptions, room: usize) -> Schedule {
-    let mut s = domain::smooth(plan, level, "gaussian_x");
-    let bytes = level.grid.storage() as u64 / 8;
-    s.copy("mask", "mask_before", bytes);
-    s.copy("ranks", "ranks_before", bytes);
-    s.extend(keep(plan, level, options.keep_above, room));
-    s
-}
-
-/// The mask of what is above a share of the maximum and, where that may be more than there is room for, among the
-/// brightest.
-fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Schedule {
-    let mut s = Schedule::default();
-    if level.grid.storage() > room {
-        let smooth = plan.volumes()[0];
-        s.fill("levels", u64::from(LEVELS) * 4, 0);
-        s.dispatch("levels", groups(level.grid.storage(), LEVELS))
-            .bind("scene", level.scene)
-            .bind("source", smooth)
-            .bind("reachable", level.reachable);
-        s.dispatch("room", [1, 1, 1])
-            .bind("scene", level.scene)
-            .with(Push { first: room as u32, ..Default::default() });
-    }
-    s.extend(domain::keep(plan, level, above));
     s
 }
 

@@ -5,20 +5,21 @@ use super::{Raw, Twin, random3};
 use crate::transport::kernels::{LEVEL_SHIFT, LEVELS};
 use crate::transport::{BRICK_VOXELS, Grid, Model};
 
-/// The first volume and domain: albedo uniform in [0, `span`), normals zero; active is what is not too near and within reach of a bin.
-pub fn initialise(twin: &Twin, span: f64) -> (Vec<Raw>, Vec<bool>) {
+/// The first domain: what is not too near and within reach of a bin.
+pub fn initialise(twin: &Twin) -> Vec<bool> {
     let near = twin.model.near_z(twin.grid);
     let reachable = twin.model.reachable_bricks(twin.grid);
-    let storage = 0..twin.grid.storage();
-    let raw = storage
-        .clone()
-        .map(|i| [span * random3(i as u32, 0, 0, twin.model.seed)[0], 0.0, 0.0, 0.0])
-        .collect();
     let allowed = |i: usize| {
         let c = twin.grid.voxel(i);
         twin.grid.contains(c) && c[2] >= near && reachable[i / BRICK_VOXELS]
     };
-    (raw, storage.map(allowed).collect())
+    (0..twin.grid.storage()).map(allowed).collect()
+}
+
+/// The first volume: albedo uniform in [0, `span`), normals zero.
+pub fn initialise_raw(twin: &Twin, span: f64) -> Vec<Raw> {
+    let albedo = |i: usize| span * random3(i as u32, 0, 0, twin.model.seed)[0];
+    (0..twin.grid.storage()).map(|i| [albedo(i), 0.0, 0.0, 0.0]).collect()
 }
 
 /// Weights 0..=radius of a Gaussian of `sigma` voxels cut off at `truncate` sigmas, summing to 1 over both
@@ -83,34 +84,42 @@ pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {
     levels
 }
 
-/// The least smoothed value of which, and of all larger ones, there are no more than `room`; 0 if that is all of them. The
-/// highest level is never left out.
-pub fn room(levels: &[u32], peak: f64, room: usize) -> f64 {
-    let mut above = 0;
+/// The least smoothed value of which, and of all larger ones, there are no more than `room`; 0 if that is all of them above
+/// the share `above` of the largest, `peak`. The highest level is never left out.
+pub fn room(levels: &[u32], peak: f64, above: f64, room: usize) -> f64 {
+    let mut counted = 0;
     let fits = |n: &&u32| {
-        above += **n as usize;
-        above <= room
+        counted += **n as usize;
+        counted <= room
     };
     let kept = levels.iter().rev().take_while(fits).count().max(1) as u32;
     let key = (peak as f32).to_bits() >> LEVEL_SHIFT;
     let below = kept - 1;
-    if kept == LEVELS || below > key { 0.0 } else { f64::from(f32::from_bits((key - below) << LEVEL_SHIFT)) }
+    let whole = kept == LEVELS || below > key;
+    let least = if whole { 0.0 } else { f64::from(f32::from_bits((key - below) << LEVEL_SHIFT)) };
+    if least > above * peak { least } else { 0.0 }
 }
 
-/// Active voxels and their 26 neighbours.
-pub fn dilate(grid: &Grid, active: &[bool]) -> Vec<bool> {
-    let mut touched = active.to_vec();
+/// Neighbours of active voxels, all 26, that are not active.
+pub fn rim(grid: &Grid, active: &[bool]) -> Vec<bool> {
+    let mut rim = vec![false; active.len()];
     for i in (0..active.len()).filter(|i| active[*i]) {
         let c = grid.voxel(i);
         for z in c[2].saturating_sub(1)..(c[2] + 2).min(grid.n[2]) {
             for y in c[1].saturating_sub(1)..(c[1] + 2).min(grid.n[1]) {
                 for x in c[0].saturating_sub(1)..(c[0] + 2).min(grid.n[0]) {
-                    touched[grid.index([x, y, z])] = true;
+                    let i = grid.index([x, y, z]);
+                    rim[i] = !active[i];
                 }
             }
         }
     }
-    touched
+    rim
+}
+
+/// Indices of the active voxels, then of their rim: what samples read, in the order that state lies in.
+pub fn touched(grid: &Grid, active: &[bool]) -> Vec<u32> {
+    [compact(active), compact(&rim(grid, active))].concat()
 }
 
 /// Indices of what is set, in storage order.
@@ -118,8 +127,15 @@ pub fn compact(mask: &[bool]) -> Vec<u32> {
     (0..mask.len() as u32).filter(|i| mask[*i as usize]).collect()
 }
 
-/// Raw variables at twice the lateral resolution: trilinear, cell-centred, clamped at the edges.
-pub fn double_raw(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
+/// State after a change of the domain: zero where nothing was touched before it.
+pub fn carry(touched: &[u32], state: &[Raw]) -> Vec<Raw> {
+    let mut carried = vec![[0.0; 4]; state.len()];
+    touched.iter().for_each(|i| carried[*i as usize] = state[*i as usize]);
+    carried
+}
+
+/// State at twice the lateral resolution: trilinear, cell-centred, clamped at the edges.
+pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
     let mut doubled = vec![[0.0; 4]; fine.storage()];
     for (i, value) in doubled.iter_mut().enumerate() {
         let c = fine.voxel(i);

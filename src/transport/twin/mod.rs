@@ -12,8 +12,8 @@ mod surface;
 mod vector;
 
 pub use domain::{
-    Column, compact, dilate, double_domain, double_raw, extract, gaussian, initialise, levels, room, smooth,
-    taps, threshold,
+    Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
+    levels, rim, room, smooth, taps, threshold, touched,
 };
 pub use optimise::{learning_rate, noise, update};
 pub use pulse::{Way, pulse};

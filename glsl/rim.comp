@@ -1,12 +1,12 @@
-// The voxels that a sample of an active voxel may read: the active ones and their 26 neighbours. One
-// invocation owns one word of the result; a brick's word of 32 Morton-ordered voxels is a 4 x 4 x 2 block.
+// The voxels that a sample of an active voxel may read beside active ones: those of their 26 neighbours that are none.
+// One invocation owns one word of the result; a brick's word of 32 Morton-ordered voxels is a 4 x 4 x 2 block.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Mask { uint mask[]; };
-layout(std430, set = 0, binding = 2) writeonly buffer TouchedMask { uint touched_mask[]; };
+layout(std430, set = 0, binding = 2) writeonly buffer RimMask { uint rim_mask[]; };
 
 bool active_at(uvec3 c) {
     uint index = voxel_index(c);
@@ -16,7 +16,8 @@ bool active_at(uvec3 c) {
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= brick_count() * 16u) return;
-    uint word = mask[at];
+    uint active_here = mask[at];
+    uint word = active_here;
     if (word != 0xffffffffu) {
         // Nothing active in the block around this word: nothing touched in it.
         ivec3 corner = ivec3(voxel_at(at * 32u));
@@ -37,5 +38,5 @@ void main() {
             }
         }
     }
-    touched_mask[at] = word;
+    rim_mask[at] = word & ~active_here;
 }

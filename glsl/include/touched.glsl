@@ -1,0 +1,12 @@
+// Where the state of a touched voxel lies: that of active ones by their slots, behind it that of the rim, their
+// neighbours that are not active. NOWHERE if it has none. Needs CONTINUOUS (without it nothing but active voxels is
+// touched), slots.glsl and, for the rim, the buffers rim_mask and rim_ranks (slots taken before each word of the mask).
+uint state_of(uint index) {
+    uint slot = slot_of(index);
+    if (slot != NOWHERE || CONTINUOUS == 0u) return slot;
+    uint word = rim_mask[index >> 5];
+    uint bit = 1u << (index & 31u);
+    if ((word & bit) == 0u) return NOWHERE;
+    slot = rim_ranks[index >> 5] + bitCount(word & (bit - 1u));
+    return slot < scene.touched_capacity ? slot : NOWHERE;
+}
