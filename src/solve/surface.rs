@@ -133,7 +133,8 @@ pub(super) fn refine(
         stop_below: None,
     };
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
-    let left = driven.trace.last().is_some_and(|p| p.loss > WORSE * loss);
+    // Without what its prior costs.
+    let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > WORSE * loss);
     if left {
         driven.maps = maps;
     }
@@ -189,8 +190,7 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
             .bind("scene", level.scene)
             .with(Push { iteration: row as u32, ..Default::default() });
         job.executor.run(&s)?;
-        let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
-        Ok(f64::from(f32::from_bits(rows[row][TRACE_OBJECTIVE as usize])))
+        Ok(objective_of(job, row))
     };
     // |A v|² and |A v - h|², and so what factor of v leaves least.
     let rendered = objective(start(level, pixels.len(), points), "residual_bound")?;
@@ -203,6 +203,12 @@ fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Resul
     upload(&mut job.executor, "heights", bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
     Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
+}
+
+/// The data term in that row of the trace.
+fn objective_of(job: &Job<'_>, row: usize) -> f64 {
+    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+    f64::from(f32::from_bits(rows[row][TRACE_OBJECTIVE as usize]))
 }
 
 /// The weighted mean of the squared measurement over the first `pairs`.
