@@ -3,8 +3,8 @@
 //   bond * (e^2 / (2 bend^2) + (a_i - a_j)^2 / (2 jump^2)),   e = (z_j - z_i - (s_i + s_j) / 2 . d) / pixel
 // with d from i to j: how far j is off the planes that both pixels lie in; and for every pixel that is lit,
 //   sparse * faint * log(1 + a / faint)
-// which is next to nothing more for a bright one than for a dim one, so that light gathers in few. What the slopes' gradient means for the depths
-// that they come from is surface_pull.comp's. One invocation owns one pixel.
+// which is little more for a bright one than for a dim one, so that light gathers in few. What the slopes' gradient means
+// for the depths that they come from is surface_pull.comp's. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

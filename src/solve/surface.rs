@@ -69,9 +69,10 @@ pub struct Placed {
     pub explained: f64,
 }
 
-/// Refines the surface of what was `driven` for as many iterations more as `options` say, on the plan's own pixels, and tells whether it is left
-/// out of the maps. These stay the volume's if there is no surface, if none of what is measured comes from it, or if it
-/// explains that far worse than the volume did (which is told): it has one depth in a column, where a volume may have several.
+/// Refines the surface of what was `driven` for as many iterations more as `options` say, on the plan's own pixels, and tells
+/// whether it is left out of the maps. These stay the volume's if there is no surface, if none of what is measured comes from
+/// it, or if it explains that far worse than the volume did (which is told): it has one depth in a column, where a volume may
+/// have several.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut Job<'_>,
@@ -172,7 +173,8 @@ fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
     s
 }
 
-/// Puts the pixels on the device with the albedos that explain most of the data; `None` if none do. Row `row` of the trace is written on.
+/// Puts the pixels on the device with the albedos that explain most of the data; `None` if none do. Row `row` of the trace is
+/// written on.
 fn place(job: &mut Job<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
