@@ -1,8 +1,7 @@
 // After a change of the domain of the paper's solver: takes the state of the voxels that stay touched from their old
 // places to the new ones, zero where nothing was. DOUBLED: the old domain has half the lateral resolution, and state is
-// interpolated (trilinear, cell-centred: weights 1/4 and 3/4, clamped at the grid's edges, nothing where nothing was
-// touched; z unchanged). One invocation owns one voxel that is touched now. Writes `target`, from where it is copied
-// back: old places may still be read.
+// interpolated (doubled.glsl), nothing where nothing was touched. One invocation owns one voxel that is touched now.
+// Writes `target`, from where it is copied back: old places may still be read.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -29,6 +28,8 @@ vec4 state_at(uint index) {
 
 vec4 coarse_at(uvec2 c, uint z) { return state_at(coarse_index(uvec3(c, z))); }
 
+#include "doubled.glsl"
+
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= counts[COUNT_TOUCHED]) return;
@@ -37,13 +38,5 @@ void main() {
         carried[at] = state_at(index);
         return;
     }
-    uvec3 c = voxel_at(index);
-    ivec2 last = ivec2(scene.grid_x, scene.grid_y) / 2 - 1;
-    uvec2 parent = c.xy / 2u;
-    // The other parent lies on the side that this child leans to.
-    uvec2 other = uvec2(clamp(ivec2(parent) + ivec2(c.xy & 1u) * 2 - 1, ivec2(0), last));
-    carried[at] = 0.5625 * coarse_at(parent, c.z)
-                + 0.1875 * coarse_at(uvec2(other.x, parent.y), c.z)
-                + 0.1875 * coarse_at(uvec2(parent.x, other.y), c.z)
-                + 0.0625 * coarse_at(other, c.z);
+    carried[at] = doubled(voxel_at(index));
 }

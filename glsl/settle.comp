@@ -1,8 +1,8 @@
 // After a change of the domain: takes the vectors and bounds of the voxels that stay from their old slots to the new
 // ones, zero where nothing was; the momentum is at rest then (v before = v). DOUBLED: the old domain has half the
-// lateral resolution, and vectors are interpolated (trilinear, cell-centred: weights 1/4 and 3/4, clamped at the edges,
-// nothing where nothing was active; z unchanged). One invocation owns one voxel that is active now. Writes `before`
-// and `gradient`, from where both are copied back: old slots may still be read.
+// lateral resolution, and vectors are interpolated (doubled.glsl), nothing where nothing was active. One invocation owns
+// one voxel that is active now. Writes `before` and `gradient`, from where both are copied back: old slots may still be
+// read.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -25,6 +25,8 @@ vec4 coarse_at(uvec2 c, uint z) {
     return slot == NOWHERE ? vec4(0.0) : raw[slot];
 }
 
+#include "doubled.glsl"
+
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= counts[COUNT_ACTIVE]) return;
@@ -35,14 +37,6 @@ void main() {
         kept_bounds[at] = slot == NOWHERE ? vec2(0.0) : bounds[slot];
         return;
     }
-    uvec3 c = voxel_at(index);
-    ivec2 last = ivec2(scene.grid_x, scene.grid_y) / 2 - 1;
-    uvec2 parent = c.xy / 2u;
-    // The other parent lies on the side that this child leans to.
-    uvec2 other = uvec2(clamp(ivec2(parent) + ivec2(c.xy & 1u) * 2 - 1, ivec2(0), last));
-    before[at] = 0.5625 * coarse_at(parent, c.z)
-               + 0.1875 * coarse_at(uvec2(other.x, parent.y), c.z)
-               + 0.1875 * coarse_at(uvec2(parent.x, other.y), c.z)
-               + 0.0625 * coarse_at(other, c.z);
+    before[at] = doubled(voxel_at(index));
     kept_bounds[at] = vec2(0.0);
 }

@@ -91,9 +91,11 @@ pub(super) fn refine(
     let coarsest = job.plan.levels[0].grid;
     let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
     let told: Option<Vec<_>> = levels.iter().map(weights).collect();
-    let wide = options.surface_blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
-    let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);
-    let first_blur = blur::first(wide / job.model.bin_width, noise);
+    let first_blur = found.filter(|_| job.plan.blurred).and_then(|_| {
+        let wide = options.surface_blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
+        let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);
+        blur::first(wide / job.model.bin_width, noise)
+    });
     let room = job.plan.tap_room();
     if let Some(told) = &told {
         if let Some(sigma) = first_blur {

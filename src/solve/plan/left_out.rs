@@ -2,6 +2,7 @@
 //! measured for time in docs/leave-out.md.
 
 use super::buffers::surface_bytes;
+use super::room::with_rim;
 use super::{Level, Plan, SMALL_PIXEL};
 use crate::solve::NoiseTerm;
 use crate::transport::{Geometry, Gradient, Reflectance};
@@ -116,7 +117,8 @@ impl Plan {
         }
         if !self.continuous {
             let what = "random sampling: interpolation, its adjoint, state and masks of the active voxels' neighbours";
-            let state = if self.vectors { 0 } else { ((slots + slots / 2).min(voxels) - slots) * 52 };
+            let rim = (with_rim(self.capacity, self.finest().grid.storage()) - self.capacity) as u64;
+            let state = if self.vectors { 0 } else { rim * 52 };
             left(what.into(), mebibytes(voxels / 2 + state));
         }
         if self.gradient == Gradient::Published {

@@ -23,9 +23,12 @@ pub(super) fn capacities(levels: &[Level], options: &Wanted) -> [usize; 2] {
         // From a half on, all of it dense takes no more memory.
         None => Some(SMALL.max(first).max(last / 10)).filter(|most| *most < last / 2).unwrap_or(last),
     };
-    // Neighbours are a third of what is active, or less.
-    let rim = if options.sampling == Sampling::Continuous { active / 2 } else { 0 };
-    [active, (active + rim).min(last)]
+    [active, if options.sampling == Sampling::Continuous { with_rim(active, last) } else { active }]
+}
+
+/// Voxels touched where so many of `all` may be active: their neighbours, too, which are a third as many or less.
+pub(super) fn with_rim(active: usize, all: usize) -> usize {
+    (active + active / 2).min(all)
 }
 
 impl Plan {
