@@ -8,10 +8,27 @@ use serde::{Deserialize, Serialize};
 
 use super::{LONGEST_LOOP, LOOP_LIMIT};
 use crate::gpu::{Abilities, DeviceKind};
-use crate::solve::Accumulation;
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, Model};
 use crate::{Error, Result};
+
+/// How rendered values are added up in the histograms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Accumulation {
+    /// The fastest that the device offers.
+    Auto,
+    /// Native fp32 atomics.
+    Float,
+    /// Fixed point: the same bits in whatever order; 64-bit atomics where there are any.
+    Fixed,
+    /// Fixed point by pairs of 32-bit atomics, also where there are 64-bit ones.
+    Fixed32,
+    /// Compare and swap.
+    Cas,
+    /// Every histogram belongs to one invocation, no atomics: for CPUs.
+    Owned,
+}
 
 /// Workgroup and chunk sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,13 +3,17 @@
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, TracePoint, drive};
 use super::job::{Job, read_volume};
-use super::{Decay, NoiseTerm, PaperOptions, Plan, domain, iteration};
+use super::{Plan, domain, iteration};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Gpu, KernelTime, Schedule};
 use crate::maps::Maps;
 use crate::transport::kernels::{TRACE_LEAST, TRACE_ROW};
 use crate::transport::{Grid, Model};
+
+mod options;
+
+pub use options::{Decay, NoiseTerm, PaperOptions, Preset};
 
 /// Volume of a finished solve.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Accumulation, NoiseTerm, PaperOptions};
+use super::{NoiseTerm, PaperOptions};
 use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
 use crate::transport::{
     BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, cells,
@@ -17,7 +17,7 @@ mod stages;
 mod tuning;
 
 pub(super) use stages::AMPLE;
-pub use tuning::{Sizes, Tuning};
+pub use tuning::{Accumulation, Sizes, Tuning};
 
 /// One stage of the coarse-to-fine sequence: a lateral resolution, and as many of the pairs as it is solved with.
 #[derive(Debug, Clone, Copy, PartialEq)]

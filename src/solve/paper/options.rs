@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Sizes;
+use crate::solve::{Accumulation, Sizes};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 use crate::{Error, Result};
 
@@ -35,24 +35,6 @@ pub enum Decay {
     None,
     /// It falls as half a cosine, to nothing at the last iteration.
     Cosine,
-}
-
-/// How rendered values are added up in the histograms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Accumulation {
-    /// The fastest that the device offers.
-    Auto,
-    /// Native fp32 atomics.
-    Float,
-    /// Fixed point: the same bits in whatever order; 64-bit atomics where there are any.
-    Fixed,
-    /// Fixed point by pairs of 32-bit atomics, also where there are 64-bit ones.
-    Fixed32,
-    /// Compare and swap.
-    Cas,
-    /// Every histogram belongs to one invocation, no atomics: for CPUs.
-    Owned,
 }
 
 /// Everything the paper's solver can be told. [`PaperOptions::preset`] gives the published values.

@@ -1,0 +1,132 @@
+//! The accelerated solver: falloff-weighted least squares in the vector albedo v = albedo * normal.
+//!
+//! minimise  Σ w(t) (A v - h)² / (P T)  +  Σ λ_i |v_i|  +  Σ μ_ij |v_i - v_j|² / 2   over v_z <= 0, |v_xy| <= cone |v_z|
+//!
+//! by accelerated proximal gradient with adaptive restart. Weighting the squares by the inverse falloff makes near
+//! and far surfaces weigh alike. Three things come from the data, not from the user: the step of every voxel from
+//! a bound of the operator on the domain at hand (De Pierro's separable surrogate, exact while no cosine changes
+//! its sign), λ_i from the photon noise that reaches the voxel's gradient (and from it μ_ij, which holds neighbours
+//! together where photons are few), and the background from the quietest
+//! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense. The maps of
+//! the volume then begin a surface ([`surface`]).
+
+use super::checkpoint::Keeper;
+use super::drive::{Beside, Steps, drive};
+use super::job::{Job, upload};
+use super::paper::finish;
+use super::plan::{AMPLE, Wanted};
+use super::{NoiseTerm, Plan, Reconstruction, domain, surface};
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::Gpu;
+use crate::transport::{Binning, Gradient, Grid, Model, Sampling};
+
+mod estimate;
+mod options;
+mod steps;
+
+pub use estimate::{background, expected_noise, hat, variance_per_count};
+pub use options::VectorOptions;
+pub use steps::{due, iteration, start};
+
+impl From<&VectorOptions> for Wanted {
+    fn from(o: &VectorOptions) -> Wanted {
+        Wanted {
+            accumulation: o.accumulation,
+            coarse_to_fine: o.coarse_to_fine,
+            iterations: o.iterations,
+            surface_iterations: o.surface_iterations,
+            pixels_per_voxel: o.pixels_per_voxel(),
+            surface_points: o.surface_points,
+            surface_blur: o.surface_blur > 0.0,
+            sampling: Sampling::Fixed,
+            binning: Binning::Linear,
+            gradient: Gradient::Exact,
+            noise: NoiseTerm::Off,
+            initial_albedo: 0.0,
+            smooth_sigma: SMOOTH_SIGMA,
+            smooth_truncate: 4.0,
+            vectors: true,
+            general: o.general,
+            sizes: o.sizes,
+            room: o.room,
+            reduces: true,
+        }
+    }
+}
+
+/// Gaussian of the domain's reduction and of the back-projection, in voxels.
+const SMOOTH_SIGMA: f64 = 1.0;
+
+/// The Mexican hat of the back-projection, in lateral voxels of path.
+pub const HAT_SIGMA: f64 = 1.5;
+
+/// Runs the solver.
+///
+/// Errors: as [`super::paper::reconstruct`].
+pub fn reconstruct<'b, 'w: 'b>(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+    beside: impl Into<Beside<'b, 'w>>,
+) -> Result<Reconstruction> {
+    let Beside { watch, keep } = beside.into();
+    options.check()?;
+    capture.check()?;
+    let model = model(capture, &grid, options);
+    let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
+    let mut job = Job::new(gpu, model, plan, memory)?;
+    let lateral = job.plan.levels[0].grid.pitch.x;
+    let hat = hat(HAT_SIGMA * lateral / capture.bin_width, job.plan.bins);
+    upload(&mut job.executor, "hat_taps", bytemuck::cast_slice(&hat))?;
+    let levels = job.plan.levels.clone();
+    let steps = Steps {
+        levels: &levels,
+        start: start(&job.plan, &job.plan.levels[0], options),
+        iteration: &|plan, level, i| iteration(plan, level, i as u32),
+        due: &|plan, level, done| due(plan, options, level, done),
+        extract: &domain::extract,
+        l1_weight: &|_| 1.0,
+        of: options.iterations + options.surface_iterations,
+        stop_below: options.stop.then(|| expected_noise(&job.model)),
+    };
+    let keeper = Keeper::new(keep, &job, options)?;
+    let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
+    let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
+    let mut surface_left = false;
+    if options.surface_iterations > 0 {
+        (driven, surface_left) = surface::refine(gpu, &mut job, options, watch, driven)?;
+    }
+    Ok(Reconstruction { volume_iterations, surface_left, ..finish(job, driven, with_volume)? })
+}
+
+/// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.
+pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
+    let mut model = Model {
+        min_depth: options.min_depth,
+        sampling: Sampling::Fixed,
+        binning: Binning::Linear,
+        gradient: Gradient::Exact,
+        cone: options.cone,
+        noise_factor: options.noise_factor,
+        roughness: options.roughness,
+        ..Model::new(capture, options.reflectance, options.peak, options.general)
+    };
+    let level = if options.background { background(capture) } else { 0.0 };
+    let per_count = variance_per_count(capture);
+    let scale = 1.0 / model.counts_per_unit;
+    for m in &mut model.measured {
+        *m -= (level * scale) as f32;
+    }
+    if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
+        model.spread();
+    }
+    model.variance = [per_count * scale, per_count * level * scale * scale];
+    if !options.general {
+        model.trim(grid);
+    }
+    model
+}
