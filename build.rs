@@ -1,8 +1,9 @@
 //! Compiles every kernel variant of the table below to SPIR-V and writes, for the crate to include:
-//! the words, what each kernel binds (name, slot, access), its specialization constants, and the Rust side
-//! of the structs that host and kernels share. The output depends on the sources alone.
+//! a typed value for every module, for every block that one binds and for every specialization constant, so that a
+//! wrong name does not compile, and the Rust side of the structs that host and kernels share. The output depends on the sources alone.
 extern crate shaderc_link;
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -83,31 +84,63 @@ fn main() {
 
     let mut rust = String::from("// Written by build.rs.\n\n");
     rust.push_str(&shared::rust());
-    rust.push_str("pub static KERNELS: &[KernelCode] = &[\n");
+    let mut modules = String::new();
+    let (mut blocks, mut constants) = (BTreeSet::new(), BTreeSet::new());
     for (name, source, macros) in KERNELS {
         let words = compile(&compiler, source, macros);
         let file = out.join(format!("{name}.spv"));
         let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         fs::write(&file, bytes).expect("OUT_DIR is writable");
         let module = spirv::reflect(&words);
-        let _ = write!(
-            rust,
-            "    KernelCode {{\n        name: \"{name}\",\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[\n"
+        let _ = writeln!(
+            modules,
+            "    /// `glsl/{source}`{}.\n    pub static {}: KernelCode = KernelCode {{\n        name: \"{name}\",\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[",
+            if macros.is_empty() { String::new() } else { format!(" with {}", macros.join(", ")) },
+            name.to_uppercase(),
         );
-        for b in &module.bindings {
+        for b in module.bindings {
             let _ = writeln!(
-                rust,
-                "            Binding {{ name: \"{}\", slot: {}, uniform: {}, reads: {}, writes: {} }},",
-                b.name, b.slot, b.uniform, b.reads, b.writes
+                modules,
+                "            Binding {{ block: buffer::{}, slot: {}, uniform: {}, reads: {}, writes: {} }},",
+                b.name.to_uppercase(),
+                b.slot,
+                b.uniform,
+                b.reads,
+                b.writes
             );
+            blocks.insert(b.name);
         }
-        rust.push_str("        ],\n        constants: &[\n");
-        for c in &module.constants {
-            let _ = writeln!(rust, "            Constant {{ name: \"{}\", id: {} }},", c.name, c.id);
+        modules.push_str("        ],\n        constants: &[\n");
+        for c in module.constants {
+            let _ = writeln!(modules, "            (constant::{}, {}),", c.name, c.id);
+            constants.insert(c.name);
         }
-        rust.push_str("        ],\n    },\n");
+        modules.push_str("        ],\n    };\n");
     }
-    rust.push_str("];\n");
+    rust.push_str("/// Every compiled module.\npub static KERNELS: &[&KernelCode] = &[\n");
+    for (name, ..) in KERNELS {
+        let _ = writeln!(rust, "    &kernel::{},", name.to_uppercase());
+    }
+    rust.push_str("];\n\n/// Compiled modules.\npub mod kernel {\n    use super::{Binding, KernelCode, buffer, constant};\n\n");
+    rust.push_str(&modules);
+    rust.push_str("}\n\n/// Blocks of the kernels, and the buffers that they bind unless a schedule says otherwise.\npub mod buffer {\n    use super::Buffer;\n\n");
+    for name in blocks {
+        let _ = writeln!(
+            rust,
+            "    /// Block `{name}`.\n    pub const {}: Buffer = Buffer::named(\"{name}\");",
+            name.to_uppercase()
+        );
+    }
+    rust.push_str(
+        "}\n\n/// Specialization constants of the kernels.\npub mod constant {\n    use super::Constant;\n\n",
+    );
+    for name in constants {
+        let _ = writeln!(
+            rust,
+            "    /// Constant `{name}`.\n    pub const {name}: Constant = Constant::named(\"{name}\");"
+        );
+    }
+    rust.push_str("}\n");
     fs::write(out.join("kernels.rs"), rust).expect("OUT_DIR is writable");
 }
 

@@ -11,8 +11,8 @@ use std::time::Instant;
 use scene::{capture, gpu, median};
 use thirdbounce::gpu::{DeviceKind, Gpu, Schedule};
 use thirdbounce::solve::{
-    Accumulation, Job, PaperOptions, Plan, Preset, VectorOptions, Watch, compact, default_volume, initialise,
-    iteration, paper, vector,
+    Accumulation, OnDevice, PaperOptions, Plan, Preset, VectorOptions, Watch, compact, default_volume,
+    initialise, iteration, paper, vector,
 };
 use thirdbounce::transport::Grid;
 
@@ -43,22 +43,22 @@ fn empty_on(gpu: &Gpu) {
         let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
         let model = paper::model(&capture, &grid, &paper);
         let plan = Plan::new(&model, grid, [32; 2], &paper, &gpu.abilities(), false).expect("a plan");
-        let job = Job::new(gpu, model, plan, None).expect("memory");
+        let job = OnDevice::new(gpu, model, plan, None).expect("memory");
         let start = initialise(&job.plan, job.plan.finest());
         report("paper", job, start, &|plan, i| iteration(plan, plan.finest(), i, 1));
         let options = VectorOptions { iterations: 64, ..VectorOptions::default() };
         let model = vector::model(&capture, &grid, &options);
         let plan = Plan::new(&model, grid, [32; 2], &options, &gpu.abilities(), false).expect("a plan");
-        let job = Job::new(gpu, model, plan, None).expect("memory");
+        let job = OnDevice::new(gpu, model, plan, None).expect("memory");
         let start = vector::start(&job.plan, job.plan.finest(), &options);
         report("vector", job, start, &|plan, i| vector::iteration(plan, plan.finest(), i));
     }
 }
 
-fn report(solver: &str, mut job: Job<'_>, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
+fn report(solver: &str, mut job: OnDevice<'_>, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
     const COUNT: u32 = 32;
     let level = *job.plan.finest();
-    start.fill("mask", job.plan.bytes()["mask"], 0);
+    start.fill(buffer::MASK, job.plan.bytes()["mask"], 0);
     start.extend(compact(&job.plan, &level));
     start.extend(one(&job.plan, 0));
     job.executor.run(&start).expect("the start runs");

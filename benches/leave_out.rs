@@ -12,7 +12,7 @@ use scene::{capture, gpu, median};
 use thirdbounce::capture::{Capture, Gate, Pulse};
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{
-    Job, NoiseTerm, PaperOptions, Plan, Preset, VectorOptions, compact, initialise, iteration, vector,
+    NoiseTerm, OnDevice, PaperOptions, Plan, Preset, VectorOptions, compact, initialise, iteration, vector,
 };
 use thirdbounce::transport::{Grid, Model, Reflectance, Sampling};
 
@@ -22,7 +22,7 @@ const COUNT: u32 = 4;
 
 /// One side of a comparison: a job, and its iteration.
 struct Side<'g> {
-    job: Job<'g>,
+    job: OnDevice<'g>,
     each: Schedule,
 }
 
@@ -160,7 +160,7 @@ fn vector_side<'g>(
     let model = vector::model(capture, &grid, &options);
     let mut plan = plan(&model, grid, &options, gpu);
     change(&mut plan);
-    let mut job = Job::new(gpu, model, plan, None).expect("memory");
+    let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
     // Every voxel active: the back-projection is asked to keep all that is above nothing.
     let mut start =
         vector::start(&job.plan, job.plan.finest(), &VectorOptions { start_above: 0.0, ..options });
@@ -173,7 +173,7 @@ fn vector_side<'g>(
 fn paper_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: &PaperOptions) -> Side<'g> {
     let model = thirdbounce::solve::paper::model(capture, &grid, options);
     let plan = plan(&model, grid, options, gpu);
-    let mut job = Job::new(gpu, model, plan, None).expect("memory");
+    let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
     let start = initialise(&job.plan, job.plan.finest());
     job.executor.run(&start).expect("the start runs");
     let each = iteration(&job.plan, job.plan.finest(), 0, 1);
@@ -186,10 +186,12 @@ fn plan(model: &Model, grid: Grid, options: impl Into<thirdbounce::solve::Wanted
 }
 
 /// All voxels of the storage active, so that both sides of a comparison walk the same list.
-fn everything(job: &Job<'_>, start: &mut Schedule) {
-    start.fill("mask", job.plan.bytes()["mask"], u32::MAX);
+fn everything(job: &OnDevice<'_>, start: &mut Schedule) {
+    start.fill(buffer::MASK, job.plan.bytes()["mask"], u32::MAX);
     start.extend(compact(&job.plan, job.plan.finest()));
-    start.indirect("points", "arguments", 0).bind("scene", job.plan.finest().scene);
+    start
+        .indirect(&vector::passes::POINTS, buffer::ARGUMENTS, 0)
+        .bind(buffer::SCENE, job.plan.finest().scene);
 }
 
 fn compare<'g>(what: &str, of: &str, mut without: Side<'g>, mut with: Side<'g>) {

@@ -8,7 +8,7 @@ layout(constant_id = 11) const uint LANES = 64u;   // forward: pairs of a workgr
 layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels of a workgroup
 layout(constant_id = 13) const uint VOXELS = 64u;  // backward: voxels of a workgroup
 layout(constant_id = 14) const uint FORWARD_SETS = 1u;
-layout(constant_id = 15) const uint OTHERS = 0u;   // forward: other points of a workgroup; 0 where pairs are no product
+layout(constant_id = 15) const uint FORWARD_OTHERS = 0u;   // forward: other points of a workgroup; 0 where pairs are no product
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) writeonly buffer Arguments { uint arguments[]; };
 
@@ -30,8 +30,8 @@ void main() {
     write_groups(ARGUMENTS_SAMPLE, parts(voxels, WORKGROUP));
     write_groups(ARGUMENTS_BACKWARD, parts(voxels, VOXELS));
     write_groups(ARGUMENTS_UPDATE, parts(counts[COUNT_TOUCHED], WORKGROUP));
-    uint tiles = OTHERS == 0u ? parts(scene.pairs, LANES)
-                              : parts(scene.scanned, LANES) * parts(scene.others, OTHERS);
+    uint tiles = FORWARD_OTHERS == 0u ? parts(scene.pairs, LANES)
+                              : parts(scene.scanned, LANES) * parts(scene.others, FORWARD_OTHERS);
     if (OWNED == 0u) {
         uint chunks = parts(voxels, CHUNK);
         write(ARGUMENTS_FORWARD, chunks == 0u ? 0u : tiles, chunks);

@@ -10,7 +10,7 @@
 #include "sums.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
-layout(constant_id = 11) const uint VOXELS = WORKGROUP; // voxels behind one partial sum of theirs
+layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels behind one partial sum of theirs
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_partials[]; };
@@ -28,7 +28,7 @@ void main() {
     // Written out 32 times: turn by turn, lavapipe's limit of 65,535 ends the sum after 2^26 bins of all pairs.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
-    uint voxel_groups = (counts[COUNT_ACTIVE] + VOXELS - 1u) / VOXELS;
+    uint voxel_groups = (counts[COUNT_ACTIVE] + SUMMED - 1u) / SUMMED;
     for (uint i = lane; i < losses; i += 32u * WORKGROUP) {
         ADD_4(0u) ADD_4(4u) ADD_4(8u) ADD_4(12u) ADD_4(16u) ADD_4(20u) ADD_4(24u) ADD_4(28u)
     }

@@ -1,10 +1,10 @@
 // Renders transients where every scanned point makes a pair with every other point. A workgroup owns LANES scanned
-// points, OTHERS other points and a chunk of active voxels; a lane owns one scanned point and the histograms it has
-// with the OTHERS. Its arm to a voxel is found once for all of them. The arms to the other points are the same for all
+// points, FORWARD_OTHERS other points and a chunk of active voxels; a lane owns one scanned point and the histograms it has
+// with the FORWARD_OTHERS. Its arm to a voxel is found once for all of them. The arms to the other points are the same for all
 // lanes: with SHARED the workgroup finds those of BLOCK voxels together, into shared memory, so a pair costs one sum of
-// distances and one product, plus 1 / OTHERS and 1 / LANES of an arm. Without, every lane finds them for itself: on a
+// distances and one product, plus 1 / FORWARD_OTHERS and 1 / LANES of an arm. Without, every lane finds them for itself: on a
 // CPU a lane is a part of a vector, which finds one arm or eight in the same time, and barriers cost more than arms.
-// OWNED as in forward.comp. Loop turns: CHUNK * (OTHERS + 1) and a few.
+// OWNED as in forward.comp. Loop turns: CHUNK * (FORWARD_OTHERS + 1) and a few.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #ifdef ACCUMULATE_FLOAT
@@ -22,7 +22,7 @@ layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint BOUND = 0u; // as in forward.comp
-layout(constant_id = 14) const uint OTHERS = 1u;
+layout(constant_id = 14) const uint FORWARD_OTHERS = 1u;
 layout(constant_id = 15) const uint SHARED = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
@@ -35,12 +35,12 @@ float fixed_scale;
 #endif
 #include "place.glsl"
 #include "accumulate.glsl"
-#define COLUMNS (LANES * OTHERS)
+#define COLUMNS (LANES * FORWARD_OTHERS)
 #include "window.glsl"
 
 const uint BLOCK = 64u;
-shared vec2 other_arms[SHARED * BLOCK * OTHERS + 1u]; // distance, everything the other arm gives to the value
-shared float other_rests[FINE * SHARED * BLOCK * OTHERS + 1u];
+shared vec2 other_arms[SHARED * BLOCK * FORWARD_OTHERS + 1u]; // distance, everything the other arm gives to the value
+shared float other_rests[FINE * SHARED * BLOCK * FORWARD_OTHERS + 1u];
 
 // An arm's part of the value, for a surface of such direction.
 float part(Arm arm, vec3 direction, bool directed) {
@@ -64,7 +64,7 @@ vec3 other_arm(vec3 there, vec3 normal, uint slot) {
 uint column_of(uint k) { return k * LANES + gl_LocalInvocationID.x; }
 uint row_of(uint other, uint point) { return row_of(other * scene.scanned + point); }
 
-Run runs[OTHERS];
+Run runs[FORWARD_OTHERS];
 
 // Adds what a pair's two arms make together.
 void meet(Arm a, float value, vec3 b, uint k, uint row) {
@@ -75,8 +75,8 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     uint tiles = (scene.scanned + LANES - 1u) / LANES;
     uint point = (gl_WorkGroupID.x % tiles) * LANES + lane;
-    uint other = (gl_WorkGroupID.x / tiles) * OTHERS;
-    uint others = min(OTHERS, scene.others - other);
+    uint other = (gl_WorkGroupID.x / tiles) * FORWARD_OTHERS;
+    uint others = min(FORWARD_OTHERS, scene.others - other);
     bool owned = point < scene.scanned;
     uint voxels = counts[COUNT_ACTIVE];
     uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
@@ -85,7 +85,7 @@ void main() {
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
     uint normals = scene.scanned + scene.others;
-    for (uint k = 0u; k < OTHERS; ++k) {
+    for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
         runs[k] = NO_RUN;
         clear_column(column_of(k));
     }
@@ -93,9 +93,9 @@ void main() {
     vec3 normal = owned && CURVED != 0u ? wall[normals + point].xyz : vec3(0.0);
     if (SHARED == 0u) {
         if (!owned) return;
-        vec3 there[OTHERS];
-        vec3 there_normal[OTHERS];
-        for (uint k = 0u; k < OTHERS; ++k) {
+        vec3 there[FORWARD_OTHERS];
+        vec3 there_normal[FORWARD_OTHERS];
+        for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
             uint at = scene.scanned + other + min(k, others - 1u);
             there[k] = wall[at].xyz;
             there_normal[k] = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
@@ -103,7 +103,7 @@ void main() {
         for (uint slot = begin; slot < end; ++slot) {
             Arm a = arm_to(here, normal, sample_points[slot].xyz);
             float value = part(a, NORMALS ? sample_normals[slot].xyz : vec3(0.0), NORMALS);
-            for (uint k = 0u; k < OTHERS; ++k) {
+            for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
                 if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), k, row_of(other + k, point));
             }
             if (RUNS != 0u && slot % LONGEST_RUN == 0u) {
@@ -116,11 +116,11 @@ void main() {
     for (uint block = begin; block < end; block += BLOCK) {
         uint held = min(BLOCK, end - block);
         barrier();
-        for (uint i = lane; i < held * OTHERS; i += LANES) {
-            if (i % OTHERS >= others) continue;
-            uint at = scene.scanned + other + i % OTHERS;
+        for (uint i = lane; i < held * FORWARD_OTHERS; i += LANES) {
+            if (i % FORWARD_OTHERS >= others) continue;
+            uint at = scene.scanned + other + i % FORWARD_OTHERS;
             vec3 there_normal = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
-            vec3 b = other_arm(wall[at].xyz, there_normal, block + i / OTHERS);
+            vec3 b = other_arm(wall[at].xyz, there_normal, block + i / FORWARD_OTHERS);
             other_arms[i] = b.xy;
             if (FINE != 0u) other_rests[i] = b.z;
         }
@@ -129,10 +129,10 @@ void main() {
         for (uint i = 0u; i < held; ++i) {
             Arm a = arm_to(here, normal, sample_points[block + i].xyz);
             float value = part(a, NORMALS ? sample_normals[block + i].xyz : vec3(0.0), NORMALS);
-            for (uint k = 0u; k < OTHERS; ++k) {
+            for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
                 if (k >= others) break;
-                float rest = FINE != 0u ? other_rests[i * OTHERS + k] : 0.0;
-                meet(a, value, vec3(other_arms[i * OTHERS + k], rest), k, row_of(other + k, point));
+                float rest = FINE != 0u ? other_rests[i * FORWARD_OTHERS + k] : 0.0;
+                meet(a, value, vec3(other_arms[i * FORWARD_OTHERS + k], rest), k, row_of(other + k, point));
             }
         }
         for (uint k = 0u; k < others; ++k) flush(row_of(other + k, point), runs[k]);

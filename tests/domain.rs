@@ -12,23 +12,23 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Twin};
 
 /// Everything that compaction writes, against brute force over `domain`.
-fn assert_lists(job: &mut Job<'_>, grid: &Grid, domain: &[bool], continuous: bool) {
+fn assert_lists(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], continuous: bool) {
     let active = twin::compact(domain);
     let touched = if continuous { twin::touched(grid, domain) } else { active.clone() };
-    let counts: Vec<u32> = read(job, "counts", COUNTS as usize);
+    let counts: Vec<u32> = read(job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_ACTIVE as usize] as usize, active.len());
     assert_eq!(counts[COUNT_TOUCHED as usize] as usize, touched.len());
-    assert_eq!(read::<u32>(job, "active_voxels", touched.len()), touched);
-    assert_eq!(read::<u32>(job, "ranks", grid.storage() / 32), ranks_of(domain));
+    assert_eq!(read::<u32>(job, buffer::ACTIVE_VOXELS, touched.len()), touched);
+    assert_eq!(read::<u32>(job, buffer::RANKS, grid.storage() / 32), ranks_of(domain));
     if continuous {
         let rim = twin::rim(grid, domain);
-        assert_eq!(read_mask(job, "rim_mask", grid.storage()), rim);
+        assert_eq!(read_mask(job, buffer::RIM_MASK, grid.storage()), rim);
         let behind: Vec<u32> = ranks_of(&rim).iter().map(|r| r + active.len() as u32).collect();
-        assert_eq!(read::<u32>(job, "rim_ranks", grid.storage() / 32), behind);
+        assert_eq!(read::<u32>(job, buffer::RIM_RANKS, grid.storage() / 32), behind);
     }
 
     let sets = job.plan.forward_sets(job.plan.finest());
-    let arguments: Vec<[u32; 3]> = read(job, "arguments", (ARGUMENTS_FORWARD + sets) as usize);
+    let arguments: Vec<[u32; 3]> = read(job, buffer::ARGUMENTS, (ARGUMENTS_FORWARD + sets) as usize);
     let groups = |n: usize, size: u32| {
         let g = n.div_ceil(size as usize) as u32;
         [g.min(GROUPS_X), g.div_ceil(GROUPS_X), 1]
@@ -88,7 +88,7 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
 const STATE: [&str; 3] = ["raw", "moment_first", "moment_second"];
 
 /// Writes a domain and the state of what it touches, all three by storage index; what is touched is returned.
-fn hold(job: &mut Job<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
+fn hold(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
     let touched = write_touched(job, grid, domain);
     for (buffer, state) in STATE.into_iter().zip(state) {
         write_state(job, buffer, &touched, state);
@@ -113,7 +113,7 @@ fn initialise_is_uniform_and_keeps_the_near_space_out() {
     let (raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
     assert!(model.near_z(&grid) > 0, "the scene has a near space to keep out");
     let touched = twin::touched(&grid, &domain);
-    let got = read_state(&mut job, "raw", &touched, grid.storage());
+    let got = read_state(&mut job, buffer::RAW, &touched, grid.storage());
     assert_eq!(got, twin::carry(&touched, &raw));
     assert_lists(&mut job, &grid, &domain, true);
     let mean = raw.iter().map(|r| r[0]).sum::<f64>() / raw.len() as f64;
@@ -121,7 +121,7 @@ fn initialise_is_uniform_and_keeps_the_near_space_out() {
     for buffer in ["moment_first", "moment_second"] {
         assert!(read_raw(&mut job, buffer, touched.len()).concat().iter().all(|v| *v == 0.0));
     }
-    let sums: Vec<f32> = read(&mut job, "histograms", model.cells());
+    let sums: Vec<f32> = read(&mut job, buffer::HISTOGRAMS, model.cells());
     assert!(sums.iter().all(|v| *v == 0.0));
     assert_valid(&gpu);
 }
@@ -150,7 +150,7 @@ fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         let after = Schedule { commands: schedule.commands.split_off(split) };
         job.executor.run(&schedule).unwrap();
         let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
-        let got: Vec<f32> = read(&mut job, "gradient", grid.storage());
+        let got: Vec<f32> = read(&mut job, buffer::GRADIENT, grid.storage());
         assert!(error(got.iter().map(|v| f64::from(*v)), smooth.iter().copied()) < 2e-6);
         job.executor.run(&after).unwrap();
         let kept = twin::threshold(&twin, &smooth);
@@ -205,17 +205,17 @@ fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let (raw, domain) = state(&model, &coarse, 0.3, 5);
     // Slots are the coarse level's.
     let coarse_touched = write_touched(&mut job, &coarse, &domain);
-    write_state(&mut job, "raw", &coarse_touched, &raw);
+    write_state(&mut job, buffer::RAW, &coarse_touched, &raw);
     let schedule = double(&job.plan, &job.plan.levels[0], &job.plan.levels[1]);
     job.executor.run(&schedule).unwrap();
     let split = twin::double_domain(&coarse, &fine, &domain);
     assert_eq!(split.iter().filter(|a| **a).count(), 4 * domain.iter().filter(|a| **a).count());
-    assert_eq!(read_mask(&mut job, "mask", fine.storage()), split);
+    assert_eq!(read_mask(&mut job, buffer::MASK, fine.storage()), split);
     assert_lists(&mut job, &fine, &split, true);
     let touched = twin::touched(&fine, &split);
     let kept = twin::carry(&coarse_touched, &raw);
     let want = twin::carry(&touched, &twin::carry_doubled(&coarse, &fine, &kept));
-    let got = read_state(&mut job, "raw", &touched, fine.storage());
+    let got = read_state(&mut job, buffer::RAW, &touched, fine.storage());
     assert!(error(got.concat(), want.concat()) < 1e-6);
     // What is active now was interpolated from touched voxels alone.
     let whole = twin::carry_doubled(&coarse, &fine, &raw);
@@ -253,10 +253,11 @@ fn extract_finds_the_brightest_voxel_of_every_column() {
     let (raw, domain) = state(&model, &grid, 0.08, 6);
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let touched = write_touched(&mut job, &grid, &domain);
-    write_state(&mut job, "raw", &touched, &raw);
+    write_state(&mut job, buffer::RAW, &touched, &raw);
     let schedule = extract(job.plan.finest());
     job.executor.run(&schedule).unwrap();
-    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped("columns_host"));
+    let got: Vec<[f32; 8]> =
+        bytemuck::pod_collect_to_vec(job.executor.arena.mapped(Buffer::named("columns_host")));
     let want = twin::extract(&twin, &raw, &domain);
     let (mut found, mut empty) = (0, 0);
     for (g, w) in got.iter().zip(&want) {
@@ -282,13 +283,13 @@ fn fills_and_copies_of_a_schedule_run_in_order() {
     let grid = grid();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let mut s = Schedule::default();
-    s.fill("gradient", 64, 1);
-    s.copy("gradient", "sample_points", 64);
-    s.fill("gradient", 32, 2);
-    s.copy("gradient", "sample_normals", 64);
+    s.fill(buffer::GRADIENT, 64, 1);
+    s.copy(buffer::GRADIENT, buffer::SAMPLE_POINTS, 64);
+    s.fill(buffer::GRADIENT, 32, 2);
+    s.copy(buffer::GRADIENT, buffer::SAMPLE_NORMALS, 64);
     job.executor.run(&s).unwrap();
-    assert_eq!(read::<u32>(&mut job, "sample_points", 16), [1; 16]);
+    assert_eq!(read::<u32>(&mut job, buffer::SAMPLE_POINTS, 16), [1; 16]);
     let want: Vec<u32> = [[2; 8], [1; 8]].concat();
-    assert_eq!(read::<u32>(&mut job, "sample_normals", 16), want);
+    assert_eq!(read::<u32>(&mut job, buffer::SAMPLE_NORMALS, 16), want);
     assert_valid(&gpu);
 }

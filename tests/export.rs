@@ -270,13 +270,13 @@ fn a_failed_write_keeps_the_old_file() {
     let (folder, path) = place("result");
     std::fs::write(&path, "old").unwrap();
     let failed = atomic::replace(&path, |temporary| {
-        std::fs::write(temporary, "half").unwrap();
+        std::fs::write(temporary, Buffer::named("half")).unwrap();
         Err(thirdbounce::Error::output("made to fail", "nothing"))
     });
     assert_error(failed, Kind::Output, &["made to fail"]);
     let panicked = std::panic::catch_unwind(|| {
         atomic::replace(&path, |t| {
-            std::fs::write(t, "half").unwrap();
+            std::fs::write(t, Buffer::named("half")).unwrap();
             panic!("made to panic")
         })
     });

@@ -10,7 +10,7 @@ use thirdbounce::transport::twin::{self, Twin};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// Runs the commands of one iteration whose kernel is among `names`.
-fn run(job: &mut thirdbounce::solve::Job<'_>, names: &[&str], number: u32, step: u32) {
+fn run(job: &mut thirdbounce::solve::OnDevice<'_>, names: &[&str], number: u32, step: u32) {
     let mut s = iteration(&job.plan, job.plan.finest(), number, step);
     s.commands.retain(|c| names.contains(&c.name()));
     assert!(!s.commands.is_empty());
@@ -29,8 +29,8 @@ fn sample() {
         let active = twin::compact(&domain);
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
         let touched = write_touched(&mut job, &grid, &domain);
-        write_state(&mut job, "raw", &touched, &raw);
-        write(&mut job, "counts", &[active.len() as u32, touched.len() as u32, 0, 0, 0, 0]);
+        write_state(&mut job, buffer::RAW, &touched, &raw);
+        write(&mut job, buffer::COUNTS, &[active.len() as u32, touched.len() as u32, 0, 0, 0, 0]);
         run(&mut job, &["sample"], 5, 1);
         let want = twin::sample(&twin, 5, &active, &raw);
         let got = read_samples(&mut job, active.len());
@@ -42,10 +42,11 @@ fn sample() {
                 "{g:?} {w:?}"
             );
         }
-        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
         let peak = got.iter().fold(0.0f64, |a, s| a.max(s.albedo.abs()));
         assert_eq!(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]), peak as f32);
-        let partials: Vec<f32> = read(&mut job, "l1_partials", active.len().div_ceil(WORKGROUP as usize));
+        let partials: Vec<f32> =
+            read(&mut job, buffer::L1_PARTIALS, active.len().div_ceil(WORKGROUP as usize));
         let sum: f64 = partials.iter().map(|p| f64::from(*p)).sum();
         assert!((sum / twin::finish(&want) - 1.0).abs() < 1e-5);
     }
@@ -97,14 +98,14 @@ fn forward_on_every_accumulation_path() {
             zero_histograms(&mut job);
             run(&mut job, &["forward"], 0, 1);
             let got: Vec<f64> = if job.plan.fixed_point() {
-                let sums: Vec<i64> = read_rows(&mut job, "histograms");
+                let sums: Vec<i64> = read_rows(&mut job, buffer::HISTOGRAMS);
                 let bound = model.scene(&grid).kernel_bound;
                 let exponent = fixed_exponent(peak as f32, bound, samples.len() as u32);
                 let got = sums.iter().map(|s| *s as f64 * 2f64.powi(-exponent)).collect();
                 fixed.push(sums);
                 got
             } else {
-                read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect()
+                read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect()
             };
             let e = error(got, want.iter().copied());
             assert!(e < 2e-5, "{binning:?} {accumulation:?}: {e}");
@@ -144,29 +145,29 @@ fn residual_with_and_without_noise_term() {
             let weights: Vec<f64> =
                 (0..job.plan.noise_weights()).map(|_| random.uniform(-3.0, 3.0)).collect();
             let state: Vec<[f32; 3]> = weights.iter().map(|w| [*w as f32, 0.0, 0.0]).collect();
-            write(&mut job, "noise_state", &state);
+            write(&mut job, buffer::NOISE_STATE, &state);
             set_counts(&mut job, 900, 1.5);
             let sums: Vec<f64> = if job.plan.fixed_point() {
                 let e = fixed_exponent(1.5, model.scene(&grid).kernel_bound, 900);
                 let fixed: Vec<i64> = sums.iter().map(|s| (s * 2f64.powi(e)) as i64).collect();
-                write_rows(&mut job, "histograms", &fixed, -1);
+                write_rows(&mut job, buffer::HISTOGRAMS, &fixed, -1);
                 fixed.iter().map(|s| *s as f64 * 2f64.powi(-e)).collect()
             } else {
                 let floats: Vec<f32> = sums.iter().map(|s| *s as f32).collect();
-                write_rows(&mut job, "histograms", &floats, f32::NAN);
+                write_rows(&mut job, buffer::HISTOGRAMS, &floats, f32::NAN);
                 floats.iter().map(|s| f64::from(*s)).collect()
             };
             let (want, loss) = twin::residual(&twin, &sums, &weights);
             run(&mut job, &["residual"], 0, 1);
-            let got: Vec<f32> = read_rows(&mut job, "residual");
-            assert!(read_padding(&mut job, "residual").iter().all(|w| *w == 0));
+            let got: Vec<f32> = read_rows(&mut job, buffer::RESIDUAL);
+            assert!(read_padding(&mut job, buffer::RESIDUAL).iter().all(|w| *w == 0));
             assert!(error(got.iter().map(|v| f64::from(*v)), want) < 3e-6);
-            let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(&model));
+            let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, losses(&model));
             assert!(partials.iter().all(|p| p[0] == p[1]), "the paper's objective is the plain one");
             let sum: f64 = partials.iter().map(|v| f64::from(v[1])).sum();
             assert!((sum / elements as f64 / loss - 1.0).abs() < 1e-5);
             let bytes = job.plan.bytes()["histograms"] as usize;
-            let left: Vec<u8> = read(&mut job, "histograms", bytes);
+            let left: Vec<u8> = read(&mut job, buffer::HISTOGRAMS, bytes);
             assert!(left.iter().all(|b| *b == 0), "the sums are left at zero");
         }
     }
@@ -190,14 +191,14 @@ fn noise_learns_as_its_twin() {
         let mut want: Vec<[f64; 3]> =
             (0..job.plan.noise_weights()).map(|_| [random.uniform(-1.0, 1.0), 0.0, 0.0]).collect();
         let state: Vec<[f32; 3]> = want.iter().map(|s| s.map(|v| v as f32)).collect();
-        write(&mut job, "noise_state", &state);
+        write(&mut job, buffer::NOISE_STATE, &state);
         let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
-        write_rows(&mut job, "residual", &floats, 0.0);
+        write_rows(&mut job, buffer::RESIDUAL, &floats, 0.0);
         for step in 1..=3 {
             run(&mut job, &["noise"], step - 1, step);
             twin::noise(&twin, step, &residual, &mut want);
         }
-        let got: Vec<[f32; 3]> = read(&mut job, "noise_state", want.len());
+        let got: Vec<[f32; 3]> = read(&mut job, buffer::NOISE_STATE, want.len());
         let e = error(got.iter().map(|s| f64::from(s[0])), want.iter().map(|s| s[0]));
         assert!(e < 1e-4, "{noise:?}: {e}");
         assert!(want.iter().any(|s| s[0].abs() > 1.5), "the weights moved");
@@ -225,10 +226,10 @@ fn backward_published_and_exact() {
             let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
             write_samples(&mut job, &samples);
             let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
-            write_rows(&mut job, "residual", &floats, 0.0);
+            write_rows(&mut job, buffer::RESIDUAL, &floats, 0.0);
             set_counts(&mut job, samples.len(), 1.5);
             run(&mut job, &["backward"], 0, 1);
-            let got = read_raw(&mut job, "gradient", samples.len());
+            let got = read_raw(&mut job, buffer::GRADIENT, samples.len());
             let e = error(got.concat(), want.concat());
             assert!(e < 2e-5, "{binning:?} {gradient:?}: {e}");
         }
@@ -253,7 +254,7 @@ fn forward_and_backward_of_every_model_pair_and_wall() {
         zero_histograms(&mut job);
         run(&mut job, &["forward"], 0, 1);
         let what = format!("{geometry:?} {reflectance:?} curved {curved}");
-        let got: Vec<f32> = read_rows(&mut job, "histograms");
+        let got: Vec<f32> = read_rows(&mut job, buffer::HISTOGRAMS);
         let e = error(got.into_iter().map(f64::from), want);
         assert!(e < 2e-5, "forward {what}: {e}");
         let mut random = Random::new(11);
@@ -261,9 +262,9 @@ fn forward_and_backward_of_every_model_pair_and_wall() {
             (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
         let exact: Vec<f64> = residual.iter().map(|v| f64::from(*v)).collect();
         let want = twin::backward(&twin, &samples, &exact).concat();
-        write_rows(&mut job, "residual", &residual, 0.0);
+        write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         run(&mut job, &["backward"], 0, 1);
-        let e = error(read_raw(&mut job, "gradient", samples.len()).concat(), want);
+        let e = error(read_raw(&mut job, buffer::GRADIENT, samples.len()).concat(), want);
         assert!(e < 2e-5, "backward {what}: {e}");
     }
     assert_valid(&gpu);
@@ -284,7 +285,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
     let want = twin::backward(&twin, &samples, &exact).concat();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_samples(&mut job, &samples);
-    write_rows(&mut job, "residual", &residual, 0.0);
+    write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
     let backward = KERNELS.iter().find(|k| k.name == "backward").unwrap();
     for (voxels, slices) in [(32, 4), (8, 8), (1, 64)] {
         let constants = [("VOXELS", voxels), ("SLICES", slices), ("SPLIT", 1), ("EXACT", 0)];
@@ -293,14 +294,14 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
         // Two dispatches as for many pairs: the first ones, then the rest on top of their sums.
         let groups = (samples.len() as u32).div_ceil(voxels);
         let scene = job.plan.finest().scene;
-        s.fill("counts", 4, samples.len() as u32);
-        s.dispatch("backward", [groups, 1, 1]).bind("scene", scene).with(Push {
+        s.fill(buffer::COUNTS, 4, samples.len() as u32);
+        s.dispatch(&paper::passes::BACKWARD, [groups, 1, 1]).bind(buffer::SCENE, scene).with(Push {
             last: model.pairs() as u32,
             flags: BACKWARD_FINISH,
             ..Default::default()
         });
         job.executor.run(&s).unwrap();
-        let got = read_raw(&mut job, "gradient", samples.len()).concat();
+        let got = read_raw(&mut job, buffer::GRADIENT, samples.len()).concat();
         assert!(error(got, want.iter().copied()) < 2e-5, "{voxels} x {slices}");
     }
     assert_valid(&gpu);
@@ -336,10 +337,10 @@ fn update_continuous_and_fixed() {
         }
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
         assert_eq!(write_touched(&mut job, &grid, &domain), touched);
-        write_state(&mut job, "raw", &touched, &raw);
-        write_state(&mut job, "moment_first", &touched, &first);
-        write_state(&mut job, "moment_second", &touched, &second);
-        write_raw(&mut job, "gradient", &gradient);
+        write_state(&mut job, buffer::RAW, &touched, &raw);
+        write_state(&mut job, buffer::MOMENT_FIRST, &touched, &first);
+        write_state(&mut job, buffer::MOMENT_SECOND, &touched, &second);
+        write_raw(&mut job, buffer::GRADIENT, &gradient);
         run(&mut job, &["update"], 4, 3);
         twin::update(&twin, 4, 3, &active, &touched, &gradient, &mut raw, &mut first, &mut second);
         for (buffer, want) in [("moment_first", &first), ("moment_second", &second), ("raw", &raw)] {
@@ -359,20 +360,20 @@ fn finish_sums_and_resets() {
     let mut random = Random::new(16);
     let loss: Vec<f32> = (0..2 * losses(&model)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
     let l1: Vec<f32> = (0..777usize.div_ceil(64)).map(|_| random.uniform(0.0, 50.0) as f32).collect();
-    write(&mut job, "loss_partials", &loss);
-    write(&mut job, "l1_partials", &l1);
+    write(&mut job, buffer::LOSS_PARTIALS, &loss);
+    write(&mut job, buffer::L1_PARTIALS, &l1);
     set_counts(&mut job, 777, 1.25);
     run(&mut job, &["finish"], 2, 1);
     let bytes = 4 * TRACE_ROW as usize;
     let row: Vec<u32> =
-        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[2 * bytes..3 * bytes]);
+        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped(buffer::TRACE)[2 * bytes..3 * bytes]);
     let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>();
     let part = |k: usize| sum(&loss.iter().skip(k).step_by(2).copied().collect::<Vec<f32>>()) / 800.0;
     assert!((f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize])) / part(0) - 1.0).abs() < 1e-6);
     assert!((f64::from(f32::from_bits(row[0])) / part(1) - 1.0).abs() < 1e-6);
     assert!((f64::from(f32::from_bits(row[1])) / sum(&l1) - 1.0).abs() < 1e-6);
     assert_eq!((row[2], f32::from_bits(row[3])), (777, 1.25));
-    let counts: Vec<u32> = read(&mut job, "counts", 4);
+    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, 4);
     assert_eq!(counts, [777, 777, 0, 0]);
     assert_valid(&gpu);
 }

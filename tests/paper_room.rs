@@ -9,8 +9,8 @@ use device::*;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, Job, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, compact, default_volume, due,
-    iteration, paper,
+    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Reconstruction, compact, default_volume,
+    due, iteration, paper,
 };
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Twin};
@@ -83,7 +83,7 @@ fn a_solve_beyond_its_room_stays_within_it() {
 }
 
 /// A job whose coarse level, all of it touched, has more children than there is room for.
-fn crowded<'g>(gpu: &'g Gpu, model: &Model, fine: &Grid) -> (Job<'g>, PaperOptions) {
+fn crowded<'g>(gpu: &'g Gpu, model: &Model, fine: &Grid) -> (OnDevice<'g>, PaperOptions) {
     let o = PaperOptions { coarse_to_fine: true, room: Some(0.25), ..options(model, fine) };
     (job(gpu, model, fine, &o), o)
 }
@@ -100,7 +100,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let twin = Twin { model: &model, grid: &coarse };
     let (raw, domain) = state(&model, &coarse, 0.9, 5);
     let touched = write_touched(&mut job, &coarse, &domain);
-    write_state(&mut job, "raw", &touched, &raw);
+    write_state(&mut job, buffer::RAW, &touched, &raw);
     let mut level = 0;
     let s = due(&job.plan, &o, &mut level, o.double_every);
     assert_eq!(level, 1);
@@ -108,18 +108,18 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
 
     let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
-    let levels: Vec<u32> = read(&mut job, "levels", LEVELS as usize);
+    let levels: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
     let moved: u32 = levels.iter().zip(twin::levels(&twin, &smooth)).map(|(a, b)| a.abs_diff(b)).sum();
     assert!(moved <= 4, "{moved}");
     let least = twin::room(&levels, peak, model.keep_above, room / 4);
-    let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(f64::from(f32::from_bits(counts[COUNT_LEAST_SMOOTH as usize])), least);
     let above = twin::threshold(&twin, &smooth);
     let kept: Vec<bool> = above.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
     let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
     assert!(count(&above) > room / 4 && count(&kept) <= room / 4 && count(&kept) > room / 8);
     let split = twin::double_domain(&coarse, &fine, &kept);
-    let got = read_mask(&mut job, "mask", fine.storage());
+    let got = read_mask(&mut job, buffer::MASK, fine.storage());
     let differ = got.iter().zip(&split).filter(|(a, b)| a != b).count();
     assert!(differ <= 4, "a value may round to the other side: {differ}");
     assert!(counts[COUNT_ACTIVE as usize] as usize <= room);
@@ -127,12 +127,12 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let now = twin::touched(&fine, &got);
     let before = twin::carry(&touched, &raw);
     let want = twin::carry(&now, &twin::carry_doubled(&coarse, &fine, &before));
-    assert!(error(read_state(&mut job, "raw", &now, fine.storage()).concat(), want.concat()) < 1e-6);
+    assert!(error(read_state(&mut job, buffer::RAW, &now, fine.storage()).concat(), want.concat()) < 1e-6);
     // The iteration after it tells.
     let mut s = iteration(&job.plan, job.plan.finest(), 3, 1);
     s.commands.retain(|c| c.name() == "finish");
     job.executor.run(&s).unwrap();
-    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
     assert_eq!(rows[3][TRACE_LEAST as usize], counts[COUNT_LEAST_SMOOTH as usize]);
     assert_valid(&gpu);
 }
@@ -146,18 +146,18 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     let (raw, domain) = state(&model, &grid, 0.1, 2);
     let (active, all) = (twin::compact(&domain), twin::touched(&grid, &domain));
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-    write(&mut job, "counts", &[0u32; COUNTS as usize]);
+    write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize]);
     write_domain(&mut job, &domain);
     job.plan.touched_capacity = (active.len() + all.len()) / 2;
     job.upload().unwrap();
     let listed = &all[..job.plan.touched_capacity];
     let s = compact(&job.plan, job.plan.finest());
     job.executor.run(&s).unwrap();
-    let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());
     assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is told");
-    assert_eq!(read::<u32>(&mut job, "active_voxels", listed.len()), listed);
-    write_state(&mut job, "raw", listed, &raw);
+    assert_eq!(read::<u32>(&mut job, buffer::ACTIVE_VOXELS, listed.len()), listed);
+    write_state(&mut job, buffer::RAW, listed, &raw);
     let mut s = iteration(&job.plan, job.plan.finest(), 5, 1);
     s.commands.retain(|c| c.name() == "sample");
     job.executor.run(&s).unwrap();

@@ -23,7 +23,7 @@ fn render(gpu: &Gpu, model: &Model, grid: &Grid, samples: &[Sample]) -> Vec<f64>
     s.commands.retain(|c| c.name() == "forward");
     zero_histograms(&mut job);
     job.executor.run(&s).unwrap();
-    read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect()
+    read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect()
 }
 
 fn facing(point: DVec3) -> Sample {
@@ -127,7 +127,7 @@ fn iterations_on_the_device_follow_the_twins() {
         let touched = twin::touched(&g, &domain);
         let (mut first, mut second) = (vec![[0.0; 4]; raw.len()], vec![[0.0; 4]; raw.len()]);
         let rows: Vec<[f32; thirdbounce::transport::kernels::TRACE_ROW as usize]> =
-            bytemuck::pod_collect_to_vec(job.executor.arena.mapped("trace"));
+            bytemuck::pod_collect_to_vec(job.executor.arena.mapped(buffer::TRACE));
         for i in 0..4 {
             let samples = twin::sample(&twin, i, &active, &raw);
             let (residual, loss) = twin::residual(&twin, &twin::forward(&twin, &samples), &[]);

@@ -6,7 +6,7 @@ mod device;
 use device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Accumulation, Job, iteration};
+use thirdbounce::solve::{Accumulation, OnDevice, iteration};
 use thirdbounce::transport::kernels::Push;
 use thirdbounce::transport::twin::{self, Sample, Twin};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Model, Wall};
@@ -55,7 +55,7 @@ fn ahead(position: f64) -> Sample {
     }
 }
 
-fn run(job: &mut Job<'_>, name: &str) {
+fn run(job: &mut OnDevice<'_>, name: &str) {
     let mut s = iteration(&job.plan, job.plan.finest(), 0, 1);
     s.commands.retain(|c| c.name() == name);
     job.executor.run(&s).expect("the iteration runs");
@@ -90,13 +90,13 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         run(&mut job, "forward");
         let want = twin::forward(&twin, &samples);
         let got: Vec<f64> = if job.plan.fixed_point() {
-            let sums: Vec<i64> = read_rows(&mut job, "histograms");
+            let sums: Vec<i64> = read_rows(&mut job, buffer::HISTOGRAMS);
             let light = job.model.scene(&grid).kernel_bound;
             let exponent = |v: f32| v.log2().floor() as i32 + 1;
             let scale = 2f64.powi(-(61 - exponent(0.75) - exponent(light) - 1));
             sums.iter().map(|s| *s as f64 * scale).collect()
         } else {
-            read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect()
+            read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect()
         };
         let beyond = !(-0.6..=40.6).contains(&position);
         if beyond {
@@ -112,14 +112,14 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
             );
         }
 
-        write_rows(&mut job, "residual", &residual, 0.0);
+        write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         let mut s = Schedule::default();
         // Without the last flag the gradient is left as it was gathered.
-        s.dispatch("backward", [1, 1, 1])
-            .bind("scene", job.plan.finest().scene)
+        s.dispatch(&paper::passes::BACKWARD, [1, 1, 1])
+            .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: model.pairs() as u32, ..Default::default() });
         job.executor.run(&s).expect("a dispatch runs");
-        let got = read_raw(&mut job, "gradient", 1)[0];
+        let got = read_raw(&mut job, buffer::GRADIENT, 1)[0];
         let l1 = model.l1 / grid.voxels() as f64;
         let want = twin::backward(&twin, &samples, &exact)[0][0] - l1;
         assert!(!beyond || got[0] == 0.0, "{what}: backward {}", got[0]);
@@ -172,16 +172,17 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         set_counts(&mut job, samples.len(), 1.0);
         zero_histograms(&mut job);
         run(&mut job, "forward");
-        let got: Vec<f64> = read_rows::<f32>(&mut job, "histograms").into_iter().map(f64::from).collect();
+        let got: Vec<f64> =
+            read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect();
         let e = error(got, twin::forward(&twin, &samples));
         assert!(e < 2e-5, "{geometry:?}: {e}");
         let mut random = Random::new(6);
         let residual: Vec<f32> = (0..model.elements).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
         let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
-        write_rows(&mut job, "residual", &residual, 0.0);
+        write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         run(&mut job, "backward");
         let want = twin::backward(&twin, &samples, &exact).concat();
-        let e = error(read_raw(&mut job, "gradient", samples.len()).concat(), want);
+        let e = error(read_raw(&mut job, buffer::GRADIENT, samples.len()).concat(), want);
         assert!(e < 2e-5, "{geometry:?}: {e}");
     }
     assert_valid(&gpu);

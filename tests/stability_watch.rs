@@ -42,11 +42,11 @@ fn a_nan_is_found_where_it_is_read() {
         let good = solve::run(&mut job, 0..2);
         assert!(good.iter().all(|r| r[TRACE_FAULTS as usize] == 0), "{buffer}: {good:?}");
         match buffer {
-            "raw" => write(&mut job, "raw", &vec![[nan; 4]; slot + 1]),
-            "bounds" => write(&mut job, "bounds", &vec![[1.0, nan]; slot + 1]),
-            "wall" => write(&mut job, "wall", &[[nan; 4]]),
-            "measured" => write(&mut job, "measured", &[nan]),
-            _ => write(&mut job, "histograms", &[nan; PADDING as usize + 1]),
+            "raw" => write(&mut job, buffer::RAW, &vec![[nan; 4]; slot + 1]),
+            "bounds" => write(&mut job, buffer::BOUNDS, &vec![[1.0, nan]; slot + 1]),
+            "wall" => write(&mut job, buffer::WALL, &[[nan; 4]]),
+            "measured" => write(&mut job, buffer::MEASURED, &[nan]),
+            _ => write(&mut job, buffer::HISTOGRAMS, &[nan; PADDING as usize + 1]),
         }
         let row = solve::run(&mut job, 2..3)[0];
         assert_eq!(first(row[TRACE_FAULTS as usize]), fault, "{buffer}: {row:?}");
@@ -68,8 +68,8 @@ fn the_papers_kernels_watch_too() {
             s.fill(name, job.plan.bytes()[name], 0);
         }
         job.executor.run(&s).unwrap();
-        write_raw(&mut job, "raw", &raw);
-        write_mask(&mut job, "mask", &domain);
+        write_raw(&mut job, buffer::RAW, &raw);
+        write_mask(&mut job, buffer::MASK, &domain);
         let s = compact(&job.plan, job.plan.finest());
         job.executor.run(&s).unwrap();
         for i in 0..2 {
@@ -79,7 +79,8 @@ fn the_papers_kernels_watch_too() {
             }
             let s = iteration(&job.plan, job.plan.finest(), i, i + 1);
             job.executor.run(&s).unwrap();
-            let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+            let rows: &[[u32; TRACE_ROW as usize]] =
+                bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
             let want = if i == 1 { fault } else { 0 };
             assert_eq!(first(rows[i as usize][TRACE_FAULTS as usize]), want, "{buffer}, iteration {i}");
         }

@@ -12,7 +12,7 @@ use keeping::solve_keeping;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Checkpoint, Job, Plan, Reconstruction, VectorOptions, vector};
+use thirdbounce::solve::{Accumulation, Checkpoint, OnDevice, Plan, Reconstruction, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 
@@ -42,9 +42,9 @@ fn both(
 ) -> [Vec<[usize; 2]>; 2] {
     let o = VectorOptions { lateral, pixels_per_voxel, ..VectorOptions::default() };
     let plan = Plan::new(model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
-    let walls = [plan.finest().wall, plan.surface.last().unwrap().wall];
+    let walls = [plan.finest().wall, plan.pixel_levels.last().unwrap().wall];
     assert_eq!(walls, ["wall"; 2]);
-    [&plan.levels, &plan.surface].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
+    [&plan.levels, &plan.pixel_levels].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
 }
 
 fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {
@@ -113,7 +113,7 @@ fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
 }
 
 /// What three iterations at the first level leave of a random domain: bounds, vectors, the rows of the trace.
-fn begun(job: &mut Job<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[f32; 4]>, Vec<u32>) {
+fn begun(job: &mut OnDevice<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[f32; 4]>, Vec<u32>) {
     let (_, domain) = state(model, grid, 0.3, 4);
     let active = write_domain(job, &domain);
     let count = active.len();
@@ -121,18 +121,18 @@ fn begun(job: &mut Job<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[
     ["raw", "before"].into_iter().for_each(|buffer| write_raw(job, buffer, &vec![[0.0; 4]; count]));
     zero_histograms(job);
     write_momentum(job, REST);
-    write(job, "counts", &[count as u32, count as u32, 0, f32::INFINITY.to_bits(), 0, 0]);
+    write(job, buffer::COUNTS, &[count as u32, count as u32, 0, f32::INFINITY.to_bits(), 0, 0]);
     let level = job.plan.levels[0];
     let mut s = Schedule::default();
-    s.dispatch("arguments", [1, 1, 1]).bind("scene", level.scene);
+    s.dispatch(&passes::ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
     job.executor.run(&s).expect("a dispatch runs");
     run_start(job, &["points", "forward_bound", "residual_bound", "bound_step", "variance", "bound_noise"]);
     let mut s = Schedule::default();
     (0..3).for_each(|i| s.extend(vector::iteration(&job.plan, &level, i)));
     job.executor.run(&s).expect("the schedule runs");
-    let rows = &job.executor.arena.mapped("trace")[..3 * 4 * TRACE_ROW as usize];
+    let rows = &job.executor.arena.mapped(buffer::TRACE)[..3 * 4 * TRACE_ROW as usize];
     let rows = bytemuck::pod_collect_to_vec(rows);
-    (read(job, "bounds", count), read(job, "raw", count), rows)
+    (read(job, buffer::BOUNDS, count), read(job, buffer::RAW, count), rows)
 }
 
 #[test]

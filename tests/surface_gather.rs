@@ -7,7 +7,7 @@ use device::surfaces::*;
 use device::vectors::{more_pairs_than_a_dispatch_takes, scene};
 use device::*;
 use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Job, surface};
+use thirdbounce::solve::{OnDevice, surface};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Sample, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
@@ -33,16 +33,21 @@ impl GatherCase {
         GatherCase { model, grid, samples, residual }
     }
 
-    fn write(&self, job: &mut Job<'_>) {
-        write_rows(job, "residual", &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
+    fn write(&self, job: &mut OnDevice<'_>) {
+        write_rows(
+            job,
+            buffer::RESIDUAL,
+            &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(),
+            0.0,
+        );
         write_samples(job, &self.samples);
         set_counts(job, self.samples.len(), 1.0);
     }
 
-    fn check(&self, job: &mut Job<'_>, tolerance: f64) {
+    fn check(&self, job: &mut OnDevice<'_>, tolerance: f64) {
         let twin = Twin { model: &self.model, grid: &self.grid };
         let want = twin::surface_gather(&twin, &self.samples, &self.residual);
-        let got = read_raw(job, "gradient", want.len());
+        let got = read_raw(job, buffer::GRADIENT, want.len());
         let directed = self.model.reflectance.has_normals();
         let what = format!(
             "{:?} {:?} curved {}",
@@ -67,7 +72,7 @@ impl GatherCase {
 }
 
 /// An iteration's gather, which is to run in so many dispatches, against its twin; the job that did it.
-fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> Job<'g> {
+fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> OnDevice<'g> {
     let mut job = job(gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
     case.write(&mut job);
     let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0, None);
@@ -117,9 +122,12 @@ fn gather_in_slices_and_groups() {
         let mut s = Schedule::default();
         // Two dispatches, that the second may add to the first.
         for (first, last, flags) in [(0, 10, 0), (10, pairs, BACKWARD_CONTINUE)] {
-            s.dispatch("surface_gather", [(case.samples.len() as u32).div_ceil(voxels), 1, 1])
-                .bind("scene", job.plan.finest().scene)
-                .with(Push { first, last, flags, ..Default::default() });
+            s.dispatch(
+                &surface::passes::SURFACE_GATHER,
+                [(case.samples.len() as u32).div_ceil(voxels), 1, 1],
+            )
+            .bind(buffer::SCENE, job.plan.finest().scene)
+            .with(Push { first, last, flags, ..Default::default() });
         }
         job.executor.run(&s).unwrap();
         case.check(&mut job, 3e-5);

@@ -63,26 +63,26 @@ fn bonds_and_points() {
         let mut job = job(&gpu, &model, &grid, &surface_options(&grid, each));
         field.write(&mut job);
         run_bonds(&mut job, field.len());
-        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
         assert_eq!(counts[COUNT_ACTIVE as usize] as usize, each * field.len());
-        assert!(read::<u32>(&mut job, "height_moments", 4 * field.len()).iter().all(|m| *m == 0));
-        let got = read_floats(&mut job, "stencils", 16 * field.len());
+        assert!(read::<u32>(&mut job, buffer::HEIGHT_MOMENTS, 4 * field.len()).iter().all(|m| *m == 0));
+        let got = read_floats(&mut job, buffer::STENCILS, 16 * field.len());
         let e = error(got, stencils(&bonds));
         // Where pixels lie on a slanted line, what remains of their products is a thousandth: some hundred times the rounding.
         assert!(e < 3e-5, "{e}");
-        let pixels: Vec<[u32; 4]> = read(&mut job, "pixels", field.len());
+        let pixels: Vec<[u32; 4]> = read(&mut job, buffer::PIXELS, field.len());
         assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
 
-        write(&mut job, "counts", &[(each * field.len()) as u32, 0, 0, 0, 0, 0]);
+        write(&mut job, buffer::COUNTS, &[(each * field.len()) as u32, 0, 0, 0, 0, 0]);
         let s = surface::points(job.plan.finest(), field.len());
         job.executor.run(&s).unwrap();
         let (slopes, samples) = field.points(&twin, &bonds);
-        let got = read_pairs(&mut job, "slopes", field.len());
+        let got = read_pairs(&mut job, buffer::SLOPES, field.len());
         let e = error(got.concat(), flat(&slopes));
         assert!(e < 1e-5, "{e}");
         let clamped = |at: f64| samples.iter().filter(|s| (s.point.z - at).abs() < 1e-9).count();
         assert!(each == 1 || clamped(near) > 1 && clamped(far) > 1);
-        let got = read_raw(&mut job, "sample_points", samples.len());
+        let got = read_raw(&mut job, buffer::SAMPLE_POINTS, samples.len());
         for (g, w) in got.iter().zip(&samples) {
             // Metres; a depth takes in a slope, which is known to 1e-5 of at most 5, times a quarter of a pixel.
             assert!(
@@ -92,13 +92,13 @@ fn bonds_and_points() {
             assert!((g[3] - w.albedo).abs() <= 1e-6 * w.albedo, "{g:?} {w:?}");
         }
         if reflectance.has_normals() {
-            let got = read_raw(&mut job, "sample_normals", samples.len());
+            let got = read_raw(&mut job, buffer::SAMPLE_NORMALS, samples.len());
             for (g, w) in got.iter().zip(&samples) {
                 assert!((dvec3(g[0], g[1], g[2]) - w.normal).length() < 3e-5, "{g:?} {w:?}");
             }
         }
         let peak = samples.iter().fold(0.0f64, |a, s| a.max(s.albedo));
-        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
         let got = f64::from(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]));
         assert!((got / peak - 1.0).abs() < 1e-6, "{got} {peak}");
         assert_eq!(counts[COUNT_FAULTS as usize], 0);
@@ -129,12 +129,12 @@ fn combine() {
         field.write_heights(&mut job);
         let one = |s: &DVec2| s.to_array().map(|v| f64::from(v as f32));
         let slopes: Vec<[f64; 2]> = field.points(&twin, &bonds).0.iter().map(one).collect();
-        write(&mut job, "slopes", &slopes.iter().map(|s| s.map(|v| v as f32)).collect::<Vec<_>>());
+        write(&mut job, buffer::SLOPES, &slopes.iter().map(|s| s.map(|v| v as f32)).collect::<Vec<_>>());
         let slopes: Vec<DVec2> = slopes.into_iter().map(DVec2::from_array).collect();
         let gradient: Vec<Raw> = (0..each * field.len())
             .map(|_| std::array::from_fn(|k| random.uniform(-1.0, 1.0) * [20.0, 20.0, 20.0, 50.0][k]))
             .collect();
-        write_raw(&mut job, "gradient", &gradient);
+        write_raw(&mut job, buffer::GRADIENT, &gradient);
         let pulls: Vec<Pull> = gradient
             .iter()
             .zip(slopes.iter().flat_map(|s| std::iter::repeat_n(s, each)))
@@ -155,13 +155,13 @@ fn combine() {
             write_weights(&mut job, &weights);
             run_surface(&mut job, field.len(), 0, &["surface_combine"]);
             let want = twin::surface_combine(&twin, &bonds, &field.heights, &slopes, &pulls, &weights);
-            let got = read_floats(&mut job, "surface_weights", SURFACE_WEIGHTS as usize);
+            let got = read_floats(&mut job, buffer::SURFACE_WEIGHTS, SURFACE_WEIGHTS as usize);
             weights.see(&want);
             let largest = [weights.largest.depth, weights.largest.albedo];
             assert!(
                 error(got[SURFACE_LARGEST as usize..SURFACE_SMOOTH as usize].iter().copied(), largest) < 3e-6
             );
-            let got = read_raw(&mut job, "height_gradient", field.len());
+            let got = read_raw(&mut job, buffer::HEIGHT_GRADIENT, field.len());
             let e =
                 error(got.iter().flat_map(|g| [g[0], g[1]]), want.iter().flat_map(|c| c.slope.to_array()));
             assert!(e < 3e-6, "{reflectance:?} {weights:?}: slopes {e}");
@@ -172,7 +172,7 @@ fn combine() {
             assert!(e < 3e-6, "{reflectance:?} {weights:?}: albedos {e}");
             let sums = want.chunks(WORKGROUP as usize).map(|c| c.iter().map(|c| c.energy).sum::<f64>());
             let sums: Vec<f64> = sums.collect();
-            let energy = read_floats(&mut job, "l1_partials", sums.len());
+            let energy = read_floats(&mut job, buffer::L1_PARTIALS, sums.len());
             assert!(error(energy, sums.iter().copied()) < 3e-6);
             assert!(sums.iter().all(|s| (*s > 0.0) == (bend + jump + sparse > 0.0)));
         }
@@ -221,7 +221,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
         let mut gradient: Vec<Raw> = (0..field.len()).map(|_| std::array::from_fn(&mut one)).collect();
         let alone = bonds.iter().position(|b| b.is_empty()).unwrap();
         gradient[alone] = [0.0; 4];
-        write_raw(&mut job, "height_gradient", &gradient);
+        write_raw(&mut job, buffer::HEIGHT_GRADIENT, &gradient);
         let combined: Vec<twin::Combined> = gradient
             .iter()
             .map(|g| twin::Combined {
@@ -245,7 +245,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
         ends += field.heights.iter().filter(|h| h.depth == near || h.depth == far).count();
     }
     assert!(dark > 10 && ends > 10, "{dark} at zero, {ends} at an end");
-    let got = read_raw(&mut job, "height_moments", field.len());
+    let got = read_raw(&mut job, buffer::HEIGHT_MOMENTS, field.len());
     for k in 0..4 {
         let of = |m: &[Height; 2]| if k % 2 == 0 { m[k / 2].depth } else { m[k / 2].albedo };
         assert!(error(got.iter().map(|g| g[k]), moments.iter().map(of)) < 1e-5);
@@ -266,11 +266,12 @@ fn extract() {
     let before: Vec<f32> = (0..8 * columns).map(|i| i as f32).collect();
     for smooth in [0.75, 2.5] {
         write_weights(&mut job, &SurfaceWeights { smooth, ..Default::default() });
-        write(&mut job, "columns", &before);
+        write(&mut job, buffer::COLUMNS, &before);
         let s = surface::extract(job.plan.finest(), field.len());
         job.executor.run(&s).unwrap();
-        let got: Vec<[f32; 8]> =
-            bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("columns_host")[..32 * columns]);
+        let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(
+            &job.executor.arena.mapped(Buffer::named("columns_host"))[..32 * columns],
+        );
         let slopes = field.points(&twin, &bonds).0;
         let want =
             twin::surface_extract(&twin, &field.columns, &field.heights, &slopes, &field.albedo, smooth);
@@ -339,17 +340,17 @@ fn check_iterations(
     let mut weights = SurfaceWeights::from(words);
     assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);
     assert!(weights.sparse > 0.0 && weights.faint == f64::from(6.0f32));
-    write(&mut job, "surface_weights", &words);
+    write(&mut job, buffer::SURFACE_WEIGHTS, &words);
     let room = job.plan.tap_room();
     let blurs = blur::words(model.pulse.as_ref(), 1.5, room);
-    write(&mut job, "pulse_taps", &blurs);
+    write(&mut job, buffer::PULSE_TAPS, &blurs);
     let through = |i: usize| blur::number(i, 12).map(|k| (k + 1) * room);
     field.write(&mut job);
     zero_histograms(&mut job);
     let bonds = field.bonds(&twin);
     let mut s = surface::start(job.plan.finest(), field.len(), each);
-    s.set("counts", COUNT_FAULTS, 0);
-    s.set("counts", COUNT_PEAK_ALBEDO, 0);
+    s.set(buffer::COUNTS, COUNT_FAULTS, 0);
+    s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     const ROWS: usize = 8;
     for i in 0..ROWS {
         s.extend(surface::iteration(
@@ -381,8 +382,9 @@ fn check_iterations(
         let pull = twin::surface_pull(&twin, &field.columns, &depths, &gradient, &weights, number);
         twin::surface_step(&twin, &pull, &weights, number, &mut field.heights, &mut moments);
     }
-    let rows: Vec<[u32; TRACE_ROW as usize]> =
-        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped("trace")[..ROWS * TRACE_ROW as usize * 4]);
+    let rows: Vec<[u32; TRACE_ROW as usize]> = bytemuck::pod_collect_to_vec(
+        &job.executor.arena.mapped(buffer::TRACE)[..ROWS * TRACE_ROW as usize * 4],
+    );
     let what = format!("{geometry:?} {reflectance:?}");
     let loss = |w: &[f64; 3]| w[0] + w[2];
     assert!(loss(&want[ROWS - 1]) < 0.9 * loss(&want[0]), "{what}: {want:?}");

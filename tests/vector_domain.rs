@@ -6,24 +6,24 @@ use device::vectors::*;
 use device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{Job, Plan, VectorOptions, extract, vector};
+use thirdbounce::solve::{OnDevice, Plan, VectorOptions, extract, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
 
 /// After the domain has changed to `mask`: nothing outside it, momentum at rest, lists, points.
-fn check_settled(job: &mut Job<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
+fn check_settled(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
     let count = twin.grid.storage();
     let (mut want, mut before) = (v.to_vec(), vec![DVec3::NAN; count]);
     let mut rest = momentum;
     twin::settle(mask, &mut want, &mut before, &mut rest);
     let active = twin::compact(mask);
-    let raw = read_vectors(job, "raw", &active, count);
+    let raw = read_vectors(job, buffer::RAW, &active, count);
     assert!(error(flat(&raw), flat(&want)) < 1e-6);
-    assert_eq!(read_vectors(job, "before", &active, count), raw);
+    assert_eq!(read_vectors(job, buffer::BEFORE, &active, count), raw);
     assert_eq!(read_momentum(job), rest);
-    assert_eq!(read::<u32>(job, "active_voxels", active.len()), active);
-    let points = read_raw(job, "sample_points", active.len());
+    assert_eq!(read::<u32>(job, buffer::ACTIVE_VOXELS, active.len()), active);
+    let points = read_raw(job, buffer::SAMPLE_POINTS, active.len());
     for (got, want) in points.iter().zip(twin::points(twin, &active)) {
         assert!((dvec3(got[0], got[1], got[2]) - want.point).length() < 1e-6 && got[3] == 1.0);
     }
@@ -41,7 +41,7 @@ fn reduction_smooths_the_lengths_and_settles() {
     let o = VectorOptions { keep_above: 0.6, ..vector_options(&grid) };
     let mut job = job(&gpu, &model, &grid, &o);
     let active = write_domain(&mut job, &domain);
-    write_vectors(&mut job, "raw", &active, &v);
+    write_vectors(&mut job, buffer::RAW, &active, &v);
     write_bounds(&mut job, &active, &bounds);
     set_counts(&mut job, active.len(), 0.0);
     let momentum = Momentum { t: 7.0, beta: 0.8, objective: 3.0, restarts: 2.0, share: 0.5 };
@@ -50,11 +50,13 @@ fn reduction_smooths_the_lengths_and_settles() {
     let s = vector::due(&job.plan, &o, &mut level, o.reduce_every);
     job.executor.run(&s).unwrap();
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
-    assert!(error(read_floats(&mut job, "smooth", grid.storage()), smooth.iter().copied()) < 2e-6);
+    assert!(
+        error(read_floats(&mut job, Buffer::named("smooth"), grid.storage()), smooth.iter().copied()) < 2e-6
+    );
     let kept = twin::threshold(&twin, &smooth);
     let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
     assert!(share > 0.02 && share < 0.9, "{share}");
-    assert_eq!(read_mask(&mut job, "mask", grid.storage()), kept);
+    assert_eq!(read_mask(&mut job, buffer::MASK, grid.storage()), kept);
     check_settled(&mut job, &twin, &kept, &v, momentum);
     // Bounds stay with their voxels; what has become active has none yet.
     let stayed = twin::compact(&kept);
@@ -86,7 +88,7 @@ fn a_domain_beyond_its_room_keeps_the_brightest() {
         job.plan.capacity = count(&domain).max(room);
         job.upload().unwrap();
         let active = write_domain(&mut job, &domain);
-        write_vectors(&mut job, "raw", &active, &v);
+        write_vectors(&mut job, buffer::RAW, &active, &v);
         set_counts(&mut job, active.len(), 0.0);
         write_momentum(&mut job, REST);
         job.plan.capacity = room;
@@ -109,35 +111,36 @@ fn a_domain_beyond_its_room_keeps_the_brightest() {
                 })
                 .count()
         );
-        let got: Vec<u32> = read(&mut job, "levels", LEVELS as usize);
+        let got: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
         // A value may round into the next level.
         let moved: u32 = got.iter().zip(&levels).map(|(a, b)| a.abs_diff(*b)).sum();
         assert!(moved <= 4, "{moved} of {}", levels.iter().sum::<u32>());
         let least = twin::room(&got, peak, 0.05, room);
-        let told: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let told: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
         let told_least = f64::from(f32::from_bits(told[COUNT_LEAST_SMOOTH as usize]));
         assert_eq!(told_least, least, "room for {room}");
         assert_eq!(least > 0.0, room < count(&all));
         // The iteration after it tells.
         run_iteration(&mut job, 3, &["finish"]);
-        let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+        let rows: &[[u32; TRACE_ROW as usize]] =
+            bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
         assert_eq!(rows[3][TRACE_LEAST as usize], told[COUNT_LEAST_SMOOTH as usize]);
         let kept: Vec<bool> = all.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
-        let differ = read_mask(&mut job, "mask", grid.storage());
+        let differ = read_mask(&mut job, buffer::MASK, grid.storage());
         let differ = differ.iter().zip(&kept).filter(|(a, b)| a != b).count();
         assert!(differ <= 1, "{differ}");
         let active = told[COUNT_ACTIVE as usize] as usize;
         assert!(active <= room && (active > room / 2 || count(&kept) < room), "{active} of {room}");
-        let listed: Vec<u32> = read(&mut job, "active_voxels", active);
+        let listed: Vec<u32> = read(&mut job, buffer::ACTIVE_VOXELS, active);
         assert!(listed.iter().all(|i| kept[*i as usize] || differ > 0));
     }
     assert_valid(&gpu);
 }
 
 /// Vectors of a domain as an iteration leaves them, with no light and the momentum at rest; its active voxels.
-fn hold(job: &mut Job<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
+fn hold(job: &mut OnDevice<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
     let active = write_domain(job, domain);
-    write_vectors(job, "raw", &active, v);
+    write_vectors(job, buffer::RAW, &active, v);
     set_counts(job, active.len(), 0.0);
     zero_histograms(job);
     write_momentum(job, REST);
@@ -158,7 +161,7 @@ fn bounds_of(twin: &Twin, mask: &[bool], expected: &[f64]) -> Vec<[f64; 2]> {
     all
 }
 
-fn check_bounds_of(job: &mut Job<'_>, twin: &Twin, mask: &[bool], expected: &[f64]) {
+fn check_bounds_of(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], expected: &[f64]) {
     let got = read_bounds(job, &twin::compact(mask), mask.len());
     let want = bounds_of(twin, mask, expected);
     for k in 0..2 {
@@ -174,9 +177,9 @@ fn expected(smooth: &[f64], power: f64) -> Vec<f64> {
 }
 
 /// The iteration finds samples of unit weight, whatever the bounds took them for.
-fn check_points(job: &mut Job<'_>, twin: &Twin, mask: &[bool]) {
+fn check_points(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool]) {
     let want = twin::points(twin, &twin::compact(mask));
-    let got: Vec<[f32; 4]> = read(job, "sample_points", want.len());
+    let got: Vec<[f32; 4]> = read(job, buffer::SAMPLE_POINTS, want.len());
     for (g, w) in got.iter().zip(&want) {
         assert!(
             (w.point - dvec3(g[0].into(), g[1].into(), g[2].into())).length() < 1e-6 && g[3] == 1.0,
@@ -200,7 +203,7 @@ fn bounds_weigh_voxels_by_how_bright_they_are() {
         let s = vector::due(&job.plan, &o, &mut 0, o.bound_every * o.reduce_every);
         job.executor.run(&s).unwrap();
         let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
-        let mask = read_mask(&mut job, "mask", grid.storage());
+        let mask = read_mask(&mut job, buffer::MASK, grid.storage());
         let twin = Twin { model: &model, grid: &grid };
         check_bounds_of(&mut job, &twin, &mask, &expected(&smooth, power));
         check_points(&mut job, &twin, &mask);
@@ -234,7 +237,7 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     let smooth = twin::smooth(&coarse, twin::lengths(&v, &domain), &job.plan.taps);
     let kept = twin::threshold(&Twin { model: &kept_model, grid: &coarse }, &smooth);
     let split = twin::double_domain(&coarse, &fine, &kept);
-    assert_eq!(read_mask(&mut job, "mask", fine.storage()), split);
+    assert_eq!(read_mask(&mut job, buffer::MASK, fine.storage()), split);
     let share = kept.iter().filter(|k| **k).count() as f64 / coarse.voxels() as f64;
     assert!(share > 0.02 && share < 0.9, "{share}");
     let raw: Vec<twin::Raw> = v.iter().map(|v| [v.x, v.y, v.z, 0.0]).collect();
@@ -263,14 +266,16 @@ fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let o = VectorOptions { start_above: 0.3, ..vector_options(&grid) };
     let mut job = job(&gpu, &model, &grid, &o);
     let hat = vector::hat(2.0, model.bins);
-    write(&mut job, "hat_taps", &hat);
+    write(&mut job, buffer::HAT_TAPS, &hat);
     let s = vector::start(&job.plan, job.plan.finest(), &o);
     job.executor.run(&s).unwrap();
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
     let projected = twin::backproject(&twin, &twin::filter(&twin, &half));
     let smooth = twin::smooth(&grid, projected, &job.plan.taps);
-    assert!(error(read_floats(&mut job, "smooth", grid.storage()), smooth.iter().copied()) < 3e-5);
-    let mask = read_mask(&mut job, "mask", grid.storage());
+    assert!(
+        error(read_floats(&mut job, Buffer::named("smooth"), grid.storage()), smooth.iter().copied()) < 3e-5
+    );
+    let mask = read_mask(&mut job, buffer::MASK, grid.storage());
     let want = twin::threshold(&twin, &smooth);
     let differ = mask.iter().zip(&want).filter(|(a, b)| a != b).count();
     assert!(differ <= 1, "{differ} voxels on the wrong side of the threshold");
@@ -278,10 +283,10 @@ fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let share = f64::from(o.step_share as f32);
     check_settled(&mut job, &twin, &mask, &vec![DVec3::ZERO; grid.storage()], Momentum { share, ..REST });
     check_bounds_of(&mut job, &twin, &mask, &vec![1.0; grid.storage()]);
-    let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_PEAK_ALBEDO as usize], 0);
     let bytes = job.plan.bytes()["histograms"] as usize;
-    assert!(read::<u8>(&mut job, "histograms", bytes).iter().all(|b| *b == 0));
+    assert!(read::<u8>(&mut job, buffer::HISTOGRAMS, bytes).iter().all(|b| *b == 0));
     assert_valid(&gpu);
 }
 
@@ -297,10 +302,11 @@ fn extract_takes_a_column_from_all_of_its_surface() {
         .collect();
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     let active = write_domain(&mut job, &domain);
-    write_vectors(&mut job, "raw", &active, &v);
+    write_vectors(&mut job, buffer::RAW, &active, &v);
     let s = extract(job.plan.finest());
     job.executor.run(&s).unwrap();
-    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped("columns_host"));
+    let got: Vec<[f32; 8]> =
+        bytemuck::pod_collect_to_vec(job.executor.arena.mapped(Buffer::named("columns_host")));
     let brightest = twin::lengths(&v, &domain);
     let (mut found, mut empty, mut together, mut farther) = (0, 0, 0, 0);
     for (i, (g, w)) in got.iter().zip(twin::extract_vectors(&twin, &v, &domain)).enumerate() {

@@ -69,13 +69,13 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let got: Vec<f64> = read_rows::<f32>(&mut job, residual).into_iter().map(f64::from).collect();
     let e = error(got, want.iter().copied());
     assert!(e < 3e-5, "{what}: {e}");
-    let partials: Vec<[f32; 2]> = read(&mut job, "loss_partials", losses(&model));
+    let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, losses(&model));
     for k in 0..2 {
         let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
         assert!((sum / want.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{what}: {k}");
     }
     let bytes = job.plan.bytes()["histograms"] as usize;
-    assert!(read::<u8>(&mut job, "histograms", bytes).iter().all(|b| *b == 0));
+    assert!(read::<u8>(&mut job, buffer::HISTOGRAMS, bytes).iter().all(|b| *b == 0));
     assert_valid(&gpu);
 }
 

@@ -7,7 +7,7 @@ use device::vectors::*;
 use device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Job, vector};
+use thirdbounce::solve::{OnDevice, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, Told, Twin};
 use thirdbounce::transport::{Grid, Model, Reflectance};
@@ -37,27 +37,27 @@ fn check_extrapolate(reflectance: Reflectance) {
     let bounds: Vec<[f64; 2]> = (0..grid.storage()).map(|_| pair()).collect();
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     write_domain(&mut job, &domain);
-    write_vectors(&mut job, "raw", &active, &v);
-    write_vectors(&mut job, "before", &active, &before);
+    write_vectors(&mut job, buffer::RAW, &active, &v);
+    write_vectors(&mut job, buffer::BEFORE, &active, &before);
     write_bounds(&mut job, &active, &bounds);
     for (beta, smooth) in [(0.0, 0.8f32), (0.75, 0.8), (0.75, 0.0), (0.75, f32::INFINITY)] {
         write_momentum(&mut job, Momentum { beta, share: 0.75, ..REST });
         set_counts(&mut job, active.len(), 0.0);
         let count = active.len() as u32;
-        write(&mut job, "counts", &[count, count, 0, smooth.to_bits(), 0, 0]);
+        write(&mut job, buffer::COUNTS, &[count, count, 0, smooth.to_bits(), 0, 0]);
         run_start(&mut job, &["points"]);
         run_iteration(&mut job, 0, &["extrapolate"]);
         let want = twin::extrapolate(&twin, &active, &v, &before, beta);
         let rough = twin::roughness(&twin, &active, &want, &bounds, 0.75, f64::from(smooth));
-        let points = read_raw(&mut job, "sample_points", active.len());
+        let points = read_raw(&mut job, buffer::SAMPLE_POINTS, active.len());
         for (g, w) in points.iter().zip(&want) {
             assert!((dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-6, "{g:?} {w:?}");
             assert!((g[3] - w.albedo).abs() < 1e-6, "{g:?} {w:?}");
         }
         // (y, energy) and slope; where surfaces have no direction y is the albedo, and energy lies beside the slope.
-        let sums = read_raw(&mut job, "gradient", active.len());
+        let sums = read_raw(&mut job, buffer::GRADIENT, active.len());
         let energy: Vec<f64> = if directed {
-            let normals = read_raw(&mut job, "sample_normals", active.len());
+            let normals = read_raw(&mut job, buffer::SAMPLE_NORMALS, active.len());
             for (g, w) in normals.iter().zip(&want) {
                 assert!((dvec3(g[0], g[1], g[2]) - w.normal).length() < 1e-6, "{g:?} {w:?}");
             }
@@ -74,7 +74,7 @@ fn check_extrapolate(reflectance: Reflectance) {
         let none = smooth == 0.0 || smooth.is_infinite();
         assert!(if none { rough == 0 } else { rough > active.len() / 2 && rough < active.len() });
         let peak = want.iter().fold(0.0f64, |a, s| a.max(s.normal.length()));
-        let counts: Vec<u32> = read(&mut job, "counts", COUNTS as usize);
+        let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
         let told = f64::from(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]));
         assert!((told / peak - 1.0).abs() < 1e-6, "{told} {peak}");
     }
@@ -145,11 +145,16 @@ impl StepCase {
         data.into_iter().zip(self.rough()).map(|(d, r)| d + r).collect()
     }
 
-    fn write(&self, job: &mut Job<'_>) {
-        write_vectors(job, "raw", &self.active, &self.v);
-        write_vectors(job, "before", &self.active, &self.before);
-        write(job, "active_voxels", &self.active);
-        write_rows(job, "residual", &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
+    fn write(&self, job: &mut OnDevice<'_>) {
+        write_vectors(job, buffer::RAW, &self.active, &self.v);
+        write_vectors(job, buffer::BEFORE, &self.active, &self.before);
+        write(job, buffer::ACTIVE_VOXELS, &self.active);
+        write_rows(
+            job,
+            buffer::RESIDUAL,
+            &self.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(),
+            0.0,
+        );
         write_bounds(job, &self.active, &self.bounds);
         write_momentum(job, Momentum { beta: BETA, share: SHARE, ..REST });
         write_samples(job, &self.samples());
@@ -159,12 +164,12 @@ impl StepCase {
             false => [-r.z, s.length, 0.0, 0.0],
         };
         let sums: Vec<Raw> = self.rough().iter().zip(&self.samples()).map(sum).collect();
-        write_raw(job, "gradient", &sums);
+        write_raw(job, buffer::GRADIENT, &sums);
         set_counts(job, self.active.len(), 1.0);
     }
 
     /// What is left on the device after a step in groups of so many voxels, against the twin.
-    fn check(&self, job: &mut Job<'_>, group: usize) {
+    fn check(&self, job: &mut OnDevice<'_>, group: usize) {
         let samples = self.samples();
         let gradient = self.gradient(&samples);
         let (mut v, mut before) = (self.v.clone(), self.before.clone());
@@ -180,19 +185,19 @@ impl StepCase {
         );
         let count = self.grid.storage();
         let of_active = |v: &[DVec3]| -> Vec<DVec3> { self.active.iter().map(|i| v[*i as usize]).collect() };
-        let got = of_active(&read_vectors(job, "raw", &self.active, count));
+        let got = of_active(&read_vectors(job, buffer::RAW, &self.active, count));
         let e = error(flat(&got), flat(&of_active(&v)));
         let (geometry, reflectance) = (self.model.wall.geometry, self.model.reflectance);
         assert!(e < 3e-5, "{geometry:?} {reflectance:?} in groups of {group}: {e}");
-        let got = read_vectors(job, "before", &self.active, count);
+        let got = read_vectors(job, buffer::BEFORE, &self.active, count);
         assert_eq!(of_active(&got), of_active(&before), "what was, bit by bit");
         let groups = self.active.len().div_ceil(group);
         let sums = |of: &dyn Fn(&Told) -> f64| -> Vec<f64> {
             told.chunks(group).map(|c| c.iter().map(of).sum()).collect()
         };
-        let l1 = read_floats(job, "l1_partials", groups);
+        let l1 = read_floats(job, buffer::L1_PARTIALS, groups);
         assert!(error(l1, sums(&|t| t.group)) < 1e-5);
-        let against = read_floats(job, "against_partials", groups);
+        let against = read_floats(job, buffer::AGAINST_PARTIALS, groups);
         assert!(error(against, sums(&|t| t.against)) < 3e-5);
         let signs = [told.iter().any(|t| t.against > 0.0), told.iter().any(|t| t.against < 0.0)];
         assert!(told.len() < 300 || signs == [true, true]);
@@ -212,11 +217,9 @@ fn step_in_slices_and_groups() {
         let groups = (case.active.len() as u32).div_ceil(voxels);
         let mut s = Schedule::default();
         let pairs = case.model.pairs() as u32;
-        s.dispatch("step", [groups, 1, 1]).bind("scene", job.plan.finest().scene).with(Push {
-            last: pairs,
-            flags: BACKWARD_CONTINUE | BACKWARD_FINISH,
-            ..Default::default()
-        });
+        s.dispatch(&vector::passes::STEP, [groups, 1, 1])
+            .bind(buffer::SCENE, job.plan.finest().scene)
+            .with(Push { last: pairs, flags: BACKWARD_CONTINUE | BACKWARD_FINISH, ..Default::default() });
         job.executor.run(&s).unwrap();
         case.check(&mut job, voxels as usize);
     }
@@ -270,20 +273,25 @@ fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize) {
     run(&mut job, s, &["step"]);
     case.check(&mut job, voxels);
     check_bounds(&mut job, &twin, &case.active, 15);
-    write_rows(&mut job, "residual", &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
+    write_rows(
+        &mut job,
+        buffer::RESIDUAL,
+        &case.residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(),
+        0.0,
+    );
     run_start(&mut job, &["backproject"]);
     let want = twin::backproject(&twin, &case.residual);
-    let projected = job.plan.volumes()[1];
+    let projected = job.plan.volumes[1];
     assert!(error(read_floats(&mut job, projected, case.grid.storage()), want) < 3e-5);
 }
 
 /// Both bounds of the active voxels from random residuals.
-fn check_bounds(job: &mut Job<'_>, twin: &Twin, active: &[u32], seed: u64) {
+fn check_bounds(job: &mut OnDevice<'_>, twin: &Twin, active: &[u32], seed: u64) {
     let mut random = Random::new(seed);
     let residual: Vec<f64> =
         (0..twin.model.pairs() * twin.model.bins).map(|_| random.uniform(0.0, 1e-3)).collect();
-    write_rows(job, "residual", &residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
-    write(job, "active_voxels", active);
+    write_rows(job, buffer::RESIDUAL, &residual.iter().map(|r| *r as f32).collect::<Vec<f32>>(), 0.0);
+    write(job, buffer::ACTIVE_VOXELS, active);
     let samples = rounded(&twin::points(twin, active));
     write_samples(job, &samples);
     set_counts(job, active.len(), 1.0);
@@ -317,8 +325,8 @@ fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
     let mut job = job(gpu, model, grid, &vector_options(grid));
     run_start(&mut job, &["variance", "pulse_noise"]);
     let want = twin::variance(&Twin { model, grid });
-    assert!(error(read_rows::<f32>(&mut job, "spread").into_iter().map(f64::from), want) < 3e-6);
-    assert!(read_padding(&mut job, "spread").iter().all(|w| *w == 0));
+    assert!(error(read_rows::<f32>(&mut job, buffer::SPREAD).into_iter().map(f64::from), want) < 3e-6);
+    assert!(read_padding(&mut job, buffer::SPREAD).iter().all(|w| *w == 0));
 }
 
 #[test]
@@ -332,24 +340,26 @@ fn variance_filter_and_backproject() {
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     run_start(&mut job, &["variance"]);
     let want = twin::variance(&twin);
-    assert!(error(read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from), want) < 3e-6);
+    assert!(error(read_rows::<f32>(&mut job, buffer::RESIDUAL).into_iter().map(f64::from), want) < 3e-6);
     check_variance_of_paths(&gpu, &Model { pulse: Some(tail()), ..model.clone() }, &grid);
 
     for sigma in [0.2, 2.5, 40.0] {
         let hat = vector::hat(sigma, model.bins);
-        write(&mut job, "hat_taps", &hat);
+        write(&mut job, buffer::HAT_TAPS, &hat);
         run_start(&mut job, &["filter"]);
         let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
         let want = twin::filter(&twin, &half);
         assert!(
-            error(read_rows::<f32>(&mut job, "residual").into_iter().map(f64::from), want.iter().copied())
-                < 3e-6
+            error(
+                read_rows::<f32>(&mut job, buffer::RESIDUAL).into_iter().map(f64::from),
+                want.iter().copied()
+            ) < 3e-6
         );
         run_start(&mut job, &["backproject"]);
         let filtered: Vec<f64> = want.iter().map(|w| f64::from(*w as f32)).collect();
         let want = twin::backproject(&twin, &filtered);
         assert!(want.iter().filter(|v| **v > 0.0).count() > 100, "some is there, some is below zero");
-        let projected = job.plan.volumes()[1];
+        let projected = job.plan.volumes[1];
         assert!(error(read_floats(&mut job, projected, grid.storage()), want) < 3e-5);
     }
     assert_valid(&gpu);

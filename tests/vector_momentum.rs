@@ -28,11 +28,11 @@ fn finish_decides_on_the_momentum() {
             for (more, rose) in [(1.0 + 3e-6, false), (1.0 - 3e-6, false), (1.0 + 5e-5, true)] {
                 let share = want.share;
                 let risen = want.objective * more;
-                write(&mut job, "loss_partials", &vec![0.0f32; 2 * losses(&model)]);
+                write(&mut job, buffer::LOSS_PARTIALS, &vec![0.0f32; 2 * losses(&model)]);
                 let mut l1 = vec![0.0f32; active.div_ceil(voxels)];
-                write(&mut job, "against_partials", &l1);
+                write(&mut job, buffer::AGAINST_PARTIALS, &l1);
                 l1[0] = risen as f32;
-                write(&mut job, "l1_partials", &l1);
+                write(&mut job, buffer::L1_PARTIALS, &l1);
                 set_counts(&mut job, active, 1.25);
                 run_iteration(&mut job, i, &["finish"]);
                 want = twin::finish_accelerated(want, f64::from(risen as f32), 0.0);
@@ -45,9 +45,9 @@ fn finish_decides_on_the_momentum() {
             (0..2 * losses(&model)).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
         let l1: Vec<f32> = (0..active.div_ceil(voxels)).map(|_| (level * 0.01) as f32).collect();
         let against: Vec<f32> = l1.iter().map(|_| (sign * random.uniform(0.1, 1.0)) as f32).collect();
-        write(&mut job, "loss_partials", &loss);
-        write(&mut job, "l1_partials", &l1);
-        write(&mut job, "against_partials", &against);
+        write(&mut job, buffer::LOSS_PARTIALS, &loss);
+        write(&mut job, buffer::L1_PARTIALS, &l1);
+        write(&mut job, buffer::AGAINST_PARTIALS, &against);
         set_counts(&mut job, active, 1.25);
         run_iteration(&mut job, i, &["finish"]);
         let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>();
@@ -66,7 +66,7 @@ fn finish_decides_on_the_momentum() {
         close(got.share, want.share);
         assert_eq!(got.restarts, want.restarts);
         let bytes = 4 * TRACE_ROW as usize;
-        let row = &job.executor.arena.mapped("trace")[i as usize * bytes..][..bytes];
+        let row = &job.executor.arena.mapped(buffer::TRACE)[i as usize * bytes..][..bytes];
         let row: Vec<u32> = bytemuck::pod_collect_to_vec(row);
         let told = |k: u32| f64::from(f32::from_bits(row[k as usize]));
         close(told(TRACE_OBJECTIVE), data(0) / elements as f64);
@@ -74,7 +74,7 @@ fn finish_decides_on_the_momentum() {
         close(told(TRACE_L1), sum(&l1));
         close(told(TRACE_RESTARTS), want.restarts);
         assert_eq!((row[TRACE_ACTIVE as usize], told(TRACE_PEAK)), (777, 1.25));
-        assert_eq!(read::<u32>(&mut job, "counts", 4), [777, 777, 0, 0]);
+        assert_eq!(read::<u32>(&mut job, buffer::COUNTS, 4), [777, 777, 0, 0]);
     }
     assert!(rises > 2 && turns > 3 && want.share == 1.0 && want.restarts > 4.0);
     assert_valid(&gpu);

@@ -135,10 +135,10 @@ fn nothing_true_is_pruned_by_the_start() {
         let model = vector::model(&capture, &grid, &o);
         let mut job = job(&gpu, &model, &grid, &o);
         let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
-        write(&mut job, "hat_taps", &hat);
+        write(&mut job, buffer::HAT_TAPS, &hat);
         let s = vector::start(&job.plan, job.plan.finest(), &o);
         job.executor.run(&s).unwrap();
-        let mask = read_mask(&mut job, "mask", grid.storage());
+        let mask = read_mask(&mut job, buffer::MASK, grid.storage());
         let active = mask.iter().filter(|m| **m).count() as f64 / grid.voxels() as f64;
 
         let true_maps = truth(&scene, o.lateral).unwrap();

@@ -4,7 +4,7 @@
 use glam::dvec3;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, GpuOptions, KernelTime};
-use thirdbounce::solve::{Accumulation, Job, PaperOptions, Plan, Preset, Tuning};
+use thirdbounce::solve::{Accumulation, OnDevice, PaperOptions, Plan, Preset, Tuning};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 
 pub const ACCUMULATIONS: [Accumulation; 5] =
@@ -55,18 +55,18 @@ pub fn job(
     active: usize,
     accumulation: Accumulation,
     tune: impl FnOnce(&mut Tuning),
-) -> thirdbounce::Result<Job<'_>> {
+) -> thirdbounce::Result<OnDevice<'_>> {
     let options = PaperOptions { accumulation, iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
     let model = Model::new(&capture(side), Reflectance::Cosine, 10.0, false);
     // The scan's resolution is as good as the grid's: one level.
     let grid = grid(active);
     let mut plan = Plan::new(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;
     tune(&mut plan.tuning);
-    Job::new(gpu, model, plan, None)
+    OnDevice::new(gpu, model, plan, None)
 }
 
 /// Device seconds of a kernel so far.
-pub fn spent(job: &Job<'_>, kernel: &str) -> f64 {
+pub fn spent(job: &OnDevice<'_>, kernel: &str) -> f64 {
     job.executor.times().get(kernel).copied().unwrap_or(KernelTime::default()).seconds
 }
 

@@ -7,7 +7,7 @@ use ash::vk;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::stamps;
 use super::recording::{KernelMade, Mark};
-use super::{Arena, Command, Gpu, KernelCode, Place, Point, Schedule, Stage};
+use super::{Arena, Command, Constant, Gpu, Kernel, KernelCode, Place, Point, Schedule, Stage};
 use crate::Result;
 
 /// Calls and device seconds of one kernel.
@@ -36,7 +36,7 @@ pub(super) struct Flight {
 pub struct Executor<'g> {
     pub(super) gpu: &'g Gpu,
     pub arena: Arena<'g>,
-    pub(super) pipelines: HashMap<&'static str, Pipeline>,
+    pub(super) pipelines: HashMap<Kernel, Pipeline>,
     pub(super) sets: DescriptorSets,
     pool: vk::CommandPool,
     timeline: vk::Semaphore,
@@ -81,21 +81,22 @@ impl<'g> Executor<'g> {
         Ok(executor)
     }
 
-    /// Makes kernel `name` from `code` with some specialization constants set.
+    /// Makes `kernel` from `code` with some specialization constants set.
     pub fn add_kernel(
         &mut self,
-        name: &'static str,
+        kernel: impl Into<Kernel>,
         code: &KernelCode,
-        constants: &[(&str, u32)],
+        constants: &[(Constant, u32)],
     ) -> Result<()> {
         let _span = self.gpu.span("make kernel");
-        let made = Pipeline::new(self.gpu, name, code, constants)?;
+        let kernel = kernel.into();
+        let made = Pipeline::new(self.gpu, kernel.name(), code, constants)?;
         if let Some(recorder) = &self.gpu.recorder {
             let constants = constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
             let statistics = made.statistics(self.gpu);
-            recorder.made(name, KernelMade { code: *code, constants, statistics });
+            recorder.made(kernel.name(), KernelMade { code: *code, constants, statistics });
         }
-        if let Some(old) = self.pipelines.insert(name, made) {
+        if let Some(old) = self.pipelines.insert(kernel, made) {
             old.destroy(self.gpu);
         }
         Ok(())
@@ -196,7 +197,7 @@ impl<'g> Executor<'g> {
 
     /// Submits and waits.
     pub fn run(&mut self, schedule: &Schedule) -> Result<()> {
-        let uploads = |c: &Command| matches!(c, Command::Copy { from, .. } if self.arena.get(from).place == Place::Upload);
+        let uploads = |c: &Command| matches!(c, Command::Copy { from, .. } if self.arena.get(*from).place == Place::Upload);
         let all = !schedule.commands.is_empty() && schedule.commands.iter().all(uploads);
         let _span = all.then(|| self.gpu.span("upload"));
         let ticket = self.submit(schedule)?;

@@ -10,7 +10,7 @@ use gpu_allocator::vulkan::{
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
 use super::state::SIZE_BACK;
-use super::{Gpu, Point};
+use super::{Buffer, Gpu, Point};
 use crate::{Error, Result};
 
 /// Where a buffer lives.
@@ -27,20 +27,19 @@ pub enum Place {
 /// A buffer to be.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BufferPlan {
-    /// The name kernels bind it by.
-    pub name: String,
+    pub buffer: Buffer,
     pub bytes: u64,
     pub place: Place,
 }
 
 impl BufferPlan {
-    pub fn new(name: &str, bytes: u64, place: Place) -> BufferPlan {
+    pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {
         // Vulkan has no empty buffers, and copies work in words.
-        BufferPlan { name: name.into(), bytes: bytes.max(16).next_multiple_of(4), place }
+        BufferPlan { buffer, bytes: bytes.max(16).next_multiple_of(4), place }
     }
 }
 
-pub(super) struct Buffer {
+pub(super) struct Made {
     pub handle: vk::Buffer,
     pub bytes: u64,
     pub place: Place,
@@ -50,7 +49,7 @@ pub(super) struct Buffer {
 /// All buffers of one job.
 pub struct Arena<'g> {
     gpu: &'g Gpu,
-    buffers: BTreeMap<String, Buffer>,
+    buffers: BTreeMap<Buffer, Made>,
     // Dropped before the device: `gpu` outlives it by its lifetime.
     allocator: Option<Allocator>,
     bytes: u64,
@@ -104,7 +103,7 @@ impl<'g> Arena<'g> {
         let device = self.gpu.raw();
         let refused = |what: String| {
             Error::memory(
-                format!("the device refuses {} for buffer `{}` ({what})", size(plan.bytes), plan.name),
+                format!("the device refuses {} for buffer `{}` ({what})", size(plan.bytes), plan.buffer),
                 "use a smaller --lateral, a larger --depth-pitch or a narrower --gate",
             )
         };
@@ -112,15 +111,16 @@ impl<'g> Arena<'g> {
         // SAFETY: the device is alive; the memory bound is the allocation made for this very buffer.
         let handle = strike().and_then(|()| unsafe { device.create_buffer(&info, None) });
         let handle = handle.map_err(|e| refused(e.to_string()))?;
-        self.gpu.name(handle, &plan.name);
-        let buffer = Buffer { handle, bytes: plan.bytes, place: plan.place, allocation: None };
-        self.buffers.insert(plan.name.clone(), buffer);
+        let name = plan.buffer.to_string();
+        self.gpu.name(handle, &name);
+        let made = Made { handle, bytes: plan.bytes, place: plan.place, allocation: None };
+        self.buffers.insert(plan.buffer, made);
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");
         strike().map_err(|e| refused(e.to_string()))?;
         let allocation = allocator
             .allocate(&AllocationCreateDesc {
-                name: &plan.name,
+                name: &name,
                 requirements,
                 location: match plan.place {
                     Place::Device => MemoryLocation::GpuOnly,
@@ -138,7 +138,7 @@ impl<'g> Arena<'g> {
         let (memory, offset) = unsafe { (allocation.memory(), allocation.offset()) };
         self.bytes += allocation.size();
         self.gpu.allocated.fetch_add(allocation.size(), Relaxed);
-        if let Some(b) = self.buffers.get_mut(&plan.name) {
+        if let Some(b) = self.buffers.get_mut(&plan.buffer) {
             b.allocation = Some(allocation);
         }
         strike()
@@ -157,33 +157,33 @@ impl<'g> Arena<'g> {
     }
 
     /// Name, place and handle of every buffer.
-    pub(super) fn handles(&self) -> Vec<(String, Place, vk::Buffer)> {
-        self.buffers.iter().map(|(n, b)| (n.clone(), b.place, b.handle)).collect()
+    pub(super) fn handles(&self) -> Vec<(Buffer, Place, vk::Buffer)> {
+        self.buffers.iter().map(|(n, b)| (*n, b.place, b.handle)).collect()
     }
 
-    /// Bytes of every buffer by name.
-    pub fn sizes(&self) -> BTreeMap<String, u64> {
-        self.buffers.iter().map(|(n, b)| (n.clone(), b.bytes)).collect()
+    /// Bytes of every buffer.
+    pub fn sizes(&self) -> BTreeMap<Buffer, u64> {
+        self.buffers.iter().map(|(n, b)| (*n, b.bytes)).collect()
     }
 
-    pub(super) fn get(&self, name: &str) -> &Buffer {
-        self.buffers.get(name).unwrap_or_else(|| panic!("the plan holds no buffer `{name}`"))
+    pub(super) fn get(&self, buffer: Buffer) -> &Made {
+        self.buffers.get(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"))
     }
 
     /// The bytes of an upload or readback buffer.
-    pub fn mapped(&self, name: &str) -> &[u8] {
-        let a = self.get(name).allocation.as_ref().and_then(Allocation::mapped_slice);
-        a.unwrap_or_else(|| panic!("buffer `{name}` is not host-visible"))
+    pub fn mapped(&self, buffer: Buffer) -> &[u8] {
+        let a = self.get(buffer).allocation.as_ref().and_then(Allocation::mapped_slice);
+        a.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
     }
 
     /// The same, to write. The device must not be using the buffer.
-    pub fn mapped_mut(&mut self, name: &str) -> &mut [u8] {
+    pub fn mapped_mut(&mut self, buffer: Buffer) -> &mut [u8] {
         let a = self
             .buffers
-            .get_mut(name)
+            .get_mut(&buffer)
             .and_then(|b| b.allocation.as_mut())
             .and_then(Allocation::mapped_slice_mut);
-        a.unwrap_or_else(|| panic!("buffer `{name}` is not host-visible"))
+        a.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
     }
 }
 
@@ -253,7 +253,7 @@ pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool
         return Err(Error::memory(
             format!(
                 "buffer `{}` needs {}, this device binds at most {}",
-                b.name,
+                b.buffer,
                 size(b.bytes),
                 size(storage_range)
             ),
@@ -271,7 +271,7 @@ pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool
 fn over(plan: &[BufferPlan], total: u64, budget: u64, by_user: bool) -> Error {
     let mut largest: Vec<_> = plan.iter().collect();
     largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
-    let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.name, size(b.bytes))).collect();
+    let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.buffer, size(b.bytes))).collect();
     let whose = if by_user { "--memory allows" } else { "the device has free" };
     Error::memory(
         format!(
@@ -300,7 +300,11 @@ mod tests {
     fn buffers_share_a_block_while_it_holds_them() {
         let of = |bytes: &[u64]| {
             Layout::of(
-                bytes.iter().map(|b| BufferPlan::new("b", *b, Place::Device)).collect::<Vec<_>>().iter(),
+                bytes
+                    .iter()
+                    .map(|b| BufferPlan::new(Buffer::named("b"), *b, Place::Device))
+                    .collect::<Vec<_>>()
+                    .iter(),
             )
         };
         let mib = 1 << 20;
@@ -314,8 +318,8 @@ mod tests {
 
     #[test]
     fn a_plan_over_budget_names_its_largest_buffers() {
-        let plan =
-            [BufferPlan::new("small", 100, Place::Device), BufferPlan::new("raw", 5 << 20, Place::Device)];
+        let plan = [("small", 100), ("raw", 5 << 20)]
+            .map(|(n, b)| BufferPlan::new(Buffer::named(n), b, Place::Device));
         assert!(check(&plan, 1 << 30, 8 << 20, false).is_ok(), "two blocks of 4 MiB");
         assert!(check(&plan, 1 << 30, 7 << 20, false).is_err());
         let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();

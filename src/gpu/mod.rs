@@ -8,6 +8,7 @@ mod execute;
 mod faults;
 mod instance;
 mod memory;
+mod names;
 mod pipeline;
 mod record;
 mod recording;
@@ -20,6 +21,7 @@ pub use execute::{Executor, KernelTime, Ticket};
 pub use faults::{Faults, Point};
 pub use instance::{DeviceInfo, DeviceKind, devices};
 pub use memory::{Arena, BufferPlan, Place, check};
+pub use names::{Buffer, Constant, Kernel};
 pub use recording::{HostSpan, KernelMade, Ran, Recording};
 pub use schedule::{Command, Schedule, Size, Stage};
 
@@ -30,22 +32,22 @@ pub struct KernelCode {
     /// SPIR-V words, little-endian.
     pub spirv: &'static [u8],
     pub bindings: &'static [Binding],
-    pub constants: &'static [Constant],
+    /// Specialization constants with their numbers.
+    pub constants: &'static [(Constant, u32)],
 }
 
-/// A buffer that a kernel binds, by the name of its block in the source.
+impl From<&KernelCode> for Kernel {
+    fn from(code: &KernelCode) -> Kernel {
+        Kernel::named(code.name)
+    }
+}
+
+/// A block of a kernel: it binds the buffer of its own name unless a schedule says otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Binding {
-    pub name: &'static str,
+    pub block: Buffer,
     pub slot: u32,
     pub uniform: bool,
     pub reads: bool,
     pub writes: bool,
-}
-
-/// A specialization constant.
-#[derive(Debug, Clone, Copy)]
-pub struct Constant {
-    pub name: &'static str,
-    pub id: u32,
 }

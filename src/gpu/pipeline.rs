@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use ash::vk;
 
 use super::schedule::PUSH_WORDS;
-use super::{Arena, Binding, Gpu, KernelCode, Point};
+use super::{Arena, Binding, Buffer, Constant, Gpu, KernelCode, Point};
 use crate::{Error, Result};
 
 pub(super) struct Pipeline {
@@ -25,7 +25,7 @@ impl Pipeline {
         gpu: &Gpu,
         name: &'static str,
         code: &KernelCode,
-        constants: &[(&str, u32)],
+        constants: &[(Constant, u32)],
     ) -> Result<Pipeline> {
         let device = gpu.raw();
         let doing = format!("making kernel `{name}`");
@@ -45,10 +45,10 @@ impl Pipeline {
         let mut entries = Vec::new();
         let mut data = Vec::new();
         for (constant, value) in constants {
-            let known = code.constants.iter().find(|c| c.name == *constant);
+            let known = code.constants.iter().find(|c| c.0 == *constant);
             let known = known.unwrap_or_else(|| panic!("kernel `{}` has no constant {constant}", code.name));
             entries.push(
-                vk::SpecializationMapEntry::default().constant_id(known.id).offset(data.len() as u32).size(4),
+                vk::SpecializationMapEntry::default().constant_id(known.1).offset(data.len() as u32).size(4),
             );
             data.extend_from_slice(&value.to_le_bytes());
         }
@@ -172,9 +172,9 @@ impl DescriptorSets {
         gpu: &Gpu,
         arena: &Arena<'_>,
         pipeline: &Pipeline,
-        buffers: &[&str],
+        buffers: &[Buffer],
     ) -> Result<vk::DescriptorSet> {
-        let handles: Vec<_> = buffers.iter().map(|b| arena.get(b).handle).collect();
+        let handles: Vec<_> = buffers.iter().map(|b| arena.get(*b).handle).collect();
         let key = (pipeline.handle, handles);
         if let Some(set) = self.made.get(&key) {
             return Ok(*set);
@@ -199,7 +199,7 @@ impl DescriptorSets {
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool, layout and buffers are alive as long as the executor.
         let set = unsafe { device.allocate_descriptor_sets(&info) }.map_err(failed)?[0];
-        gpu.name(set, &format!("{} of {}", pipeline.name, buffers.join(" ")));
+        gpu.name(set, &set_name(pipeline.name, buffers));
         let infos: Vec<_> = key
             .1
             .iter()
@@ -228,6 +228,11 @@ impl DescriptorSets {
             unsafe { gpu.raw().destroy_descriptor_pool(pool, None) };
         }
     }
+}
+
+fn set_name(kernel: &str, buffers: &[Buffer]) -> String {
+    let names: Vec<_> = buffers.iter().map(Buffer::to_string).collect();
+    format!("{kernel} of {}", names.join(" "))
 }
 
 fn descriptor_type(b: &Binding) -> vk::DescriptorType {

@@ -6,7 +6,7 @@ use super::execute::{Executor, Flight};
 use super::pipeline::Pipeline;
 use super::recording::Mark;
 use super::state::pieces;
-use super::{Command, Schedule, Size, Stage};
+use super::{Buffer, Command, Kernel, Schedule, Size, Stage};
 use crate::Result;
 
 /// What is written for a schedule, command by command and with its labels.
@@ -125,25 +125,25 @@ impl Executor<'_> {
     }
 
     /// Buffers that a command reads and writes.
-    fn accesses(&self, command: &Command) -> (Vec<&'static str>, Vec<&'static str>) {
+    fn accesses(&self, command: &Command) -> (Vec<Buffer>, Vec<Buffer>) {
         match command {
             Command::Dispatch { size, bind, kernel, .. } => {
-                let bindings = self.pipeline(kernel).bindings;
-                let named = |b: &super::Binding| buffer_of(bind, b.name);
+                let bindings = self.pipeline(*kernel).bindings;
+                let named = |b: &super::Binding| buffer_of(bind, b.block);
                 let mut reads: Vec<_> = bindings.iter().filter(|b| b.reads).map(named).collect();
                 if let Size::Indirect(buffer, _) = size {
-                    reads.push(buffer);
+                    reads.push(*buffer);
                 }
                 (reads, bindings.iter().filter(|b| b.writes).map(named).collect())
             }
-            Command::Copy { from, to, .. } => (vec![from], vec![to]),
-            Command::Fill { buffer, .. } => (vec![], vec![buffer]),
+            Command::Copy { from, to, .. } => (vec![*from], vec![*to]),
+            Command::Fill { buffer, .. } => (vec![], vec![*buffer]),
             Command::Stage(_) => (vec![], vec![]),
         }
     }
 
-    fn pipeline(&self, kernel: &str) -> &Pipeline {
-        self.pipelines.get(kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"))
+    fn pipeline(&self, kernel: Kernel) -> &Pipeline {
+        self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"))
     }
 
     unsafe fn record_one(&mut self, c: vk::CommandBuffer, command: &Command) -> Result<()> {
@@ -154,7 +154,8 @@ impl Executor<'_> {
                 Command::Dispatch { kernel, size, bind, push } => {
                     let pipeline = self.pipelines.get(kernel);
                     let pipeline = pipeline.unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
-                    let buffers: Vec<_> = pipeline.bindings.iter().map(|b| buffer_of(bind, b.name)).collect();
+                    let buffers: Vec<_> =
+                        pipeline.bindings.iter().map(|b| buffer_of(bind, b.block)).collect();
                     let set = self.sets.get(self.gpu, &self.arena, pipeline, &buffers)?;
                     let point = vk::PipelineBindPoint::COMPUTE;
                     device.cmd_bind_pipeline(c, point, pipeline.handle);
@@ -176,14 +177,14 @@ impl Executor<'_> {
                             }
                         }
                         Size::Indirect(buffer, offset) => {
-                            let b = self.arena.get(buffer);
+                            let b = self.arena.get(*buffer);
                             assert!(offset + 12 <= b.bytes, "`{kernel}`: arguments beyond `{buffer}`");
                             device.cmd_dispatch_indirect(c, b.handle, *offset);
                         }
                     }
                 }
                 Command::Copy { from, from_offset, to, to_offset, bytes } => {
-                    let (a, b) = (self.arena.get(from), self.arena.get(to));
+                    let (a, b) = (self.arena.get(*from), self.arena.get(*to));
                     assert!(
                         from_offset + bytes <= a.bytes && to_offset + bytes <= b.bytes,
                         "copy {from} -> {to}"
@@ -193,7 +194,7 @@ impl Executor<'_> {
                     device.cmd_copy_buffer(c, a.handle, b.handle, &[region]);
                 }
                 Command::Fill { buffer, offset, bytes, value } => {
-                    let b = self.arena.get(buffer);
+                    let b = self.arena.get(*buffer);
                     assert!(offset + bytes <= b.bytes, "fill beyond `{buffer}`");
                     device.cmd_fill_buffer(c, b.handle, *offset, *bytes, *value);
                 }
@@ -204,24 +205,24 @@ impl Executor<'_> {
     }
 }
 
-fn buffer_of(bind: &[(&'static str, &'static str)], block: &'static str) -> &'static str {
-    bind.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| buffer)
+fn buffer_of(bind: &[(Buffer, Buffer)], block: Buffer) -> Buffer {
+    bind.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
 }
 
 /// Reads and writes since the last barrier.
 #[derive(Default)]
 struct Pending {
-    reads: Vec<&'static str>,
-    writes: Vec<&'static str>,
+    reads: Vec<Buffer>,
+    writes: Vec<Buffer>,
 }
 
 impl Pending {
-    fn conflicts(&self, reads: &[&'static str], writes: &[&'static str]) -> bool {
+    fn conflicts(&self, reads: &[Buffer], writes: &[Buffer]) -> bool {
         reads.iter().any(|r| self.writes.contains(r))
             || writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
     }
 
-    fn add(&mut self, reads: Vec<&'static str>, writes: Vec<&'static str>) {
+    fn add(&mut self, reads: Vec<Buffer>, writes: Vec<Buffer>) {
         self.reads.extend(reads);
         self.writes.extend(writes);
     }
@@ -255,29 +256,34 @@ unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
 mod tests {
     use super::*;
     use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place};
+    use crate::transport::kernels::{buffer, kernel};
+
+    const BACK: Buffer = Buffer::named("back");
 
     #[test]
     fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
         let mut p = Pending::default();
-        assert!(!p.conflicts(&["a"], &["b"]));
-        p.add(vec!["a"], vec!["b"]);
-        assert!(!p.conflicts(&["a", "c"], &["d"]), "read after read, and other buffers");
-        assert!(p.conflicts(&["b"], &[]), "read after write");
-        assert!(p.conflicts(&[], &["a"]), "write after read");
-        assert!(p.conflicts(&[], &["b"]), "write after write");
+        let [a, b, c, d] = ["a", "b", "c", "d"].map(Buffer::named);
+        assert!(!p.conflicts(&[a], &[b]));
+        p.add(vec![a], vec![b]);
+        assert!(!p.conflicts(&[a, c], &[d]), "read after read, and other buffers");
+        assert!(p.conflicts(&[b], &[]), "read after write");
+        assert!(p.conflicts(&[], &[a]), "write after read");
+        assert!(p.conflicts(&[], &[b]), "write after write");
+        assert!(!p.conflicts(&[b.at(0)], &[a.at(0)]), "one of several is another buffer");
         p.clear();
-        assert!(!p.conflicts(&["b"], &["a", "b"]));
+        assert!(!p.conflicts(&[b], &[a, b]));
     }
 
     #[test]
     fn every_command_has_a_label_inside_its_stage_and_all_are_closed() {
         let mut s = Schedule::default();
-        s.dispatch("before", [1, 1, 1]);
+        s.dispatch(Kernel::named("before"), [1, 1, 1]);
         s.stage("iteration", &[("iteration", 4), ("lateral", 32)]);
-        s.dispatch("forward", [1, 1, 1]);
-        s.fill("counts", 4, 0);
+        s.dispatch(Kernel::named("forward"), [1, 1, 1]);
+        s.fill(buffer::COUNTS, 4, 0);
         s.stage("domain", &[]);
-        s.dispatch("threshold", [1, 1, 1]);
+        s.dispatch(Kernel::named("threshold"), [1, 1, 1]);
         let (mut open, mut seen) = (vec![], vec![]);
         for step in steps(&s) {
             match step {
@@ -304,20 +310,19 @@ mod tests {
         let gpu =
             open(true).or_else(|_| open(false)).expect("a Vulkan device: `make setup` installs lavapipe");
         let buffers =
-            [BufferPlan::new("result", 4, Place::Device), BufferPlan::new("back", 4, Place::Readback)];
+            [BufferPlan::new(buffer::RESULT, 4, Place::Device), BufferPlan::new(BACK, 4, Place::Readback)];
         let mut executor = Executor::new(&gpu, Arena::new(&gpu, &buffers, None).unwrap()).unwrap();
-        let code = crate::transport::kernels::KERNELS.iter().find(|k| k.name == "limit_empty").unwrap();
-        executor.add_kernel("count", code, &[]).unwrap();
+        executor.add_kernel(Kernel::named("count"), &kernel::LIMIT_EMPTY, &[]).unwrap();
         let mut s = Schedule::default();
-        s.fill("result", 4, 0);
+        s.fill(buffer::RESULT, 4, 0);
         s.stage("first", &[("iteration", 1)]);
-        s.dispatch("count", [1, 1, 1]).with([1u32, 0, 0, 0]);
+        s.dispatch(Kernel::named("count"), [1, 1, 1]).with([1u32, 0, 0, 0]);
         s.stage("second", &[]);
-        s.dispatch("count", [1, 1, 1]).with([2u32, 0, 0, 0]);
-        s.dispatch("count", [1, 1, 1]).with([3u32, 0, 0, 0]);
-        s.copy("result", "back", 4);
+        s.dispatch(Kernel::named("count"), [1, 1, 1]).with([2u32, 0, 0, 0]);
+        s.dispatch(Kernel::named("count"), [1, 1, 1]).with([3u32, 0, 0, 0]);
+        s.copy(buffer::RESULT, BACK, 4);
         executor.run(&s).unwrap();
-        let counted = bytemuck::cast_slice::<u8, u32>(executor.arena.mapped("back"))[0];
+        let counted = bytemuck::cast_slice::<u8, u32>(executor.arena.mapped(BACK))[0];
         let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
         assert!(messages.is_empty(), "{messages:?}");
         assert_eq!(counted, 6);

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::{Buffer, Kernel};
+
 /// Words of push constants, the same for every kernel.
 pub(super) const PUSH_WORDS: usize = 5;
 
@@ -10,29 +12,29 @@ pub(super) const PUSH_WORDS: usize = 5;
 pub enum Size {
     Groups([u32; 3]),
     /// Read from a buffer by the device: (buffer, byte offset of three counts).
-    Indirect(&'static str, u64),
+    Indirect(Buffer, u64),
 }
 
 /// One step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Command {
     Dispatch {
-        /// Name under which the kernel was added to the executor.
-        kernel: &'static str,
+        /// As it was added to the executor.
+        kernel: Kernel,
         size: Size,
         /// Blocks that do not bind the buffer of their own name: (block, buffer).
-        bind: Vec<(&'static str, &'static str)>,
+        bind: Vec<(Buffer, Buffer)>,
         push: [u32; PUSH_WORDS],
     },
     Copy {
-        from: &'static str,
+        from: Buffer,
         from_offset: u64,
-        to: &'static str,
+        to: Buffer,
         to_offset: u64,
         bytes: u64,
     },
     Fill {
-        buffer: &'static str,
+        buffer: Buffer,
         offset: u64,
         bytes: u64,
         value: u32,
@@ -69,34 +71,34 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    pub fn dispatch(&mut self, kernel: &'static str, groups: [u32; 3]) -> &mut Command {
+    pub fn dispatch(&mut self, kernel: impl Into<Kernel>, groups: [u32; 3]) -> &mut Command {
         self.push(Command::Dispatch {
-            kernel,
+            kernel: kernel.into(),
             size: Size::Groups(groups),
             bind: vec![],
             push: [0; PUSH_WORDS],
         })
     }
 
-    pub fn indirect(&mut self, kernel: &'static str, buffer: &'static str, offset: u64) -> &mut Command {
+    pub fn indirect(&mut self, kernel: impl Into<Kernel>, buffer: Buffer, offset: u64) -> &mut Command {
         self.push(Command::Dispatch {
-            kernel,
+            kernel: kernel.into(),
             size: Size::Indirect(buffer, offset),
             bind: vec![],
             push: [0; PUSH_WORDS],
         })
     }
 
-    pub fn copy(&mut self, from: &'static str, to: &'static str, bytes: u64) {
+    pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {
         self.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
     }
 
-    pub fn fill(&mut self, buffer: &'static str, bytes: u64, value: u32) {
+    pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {
         self.push(Command::Fill { buffer, offset: 0, bytes, value });
     }
 
     /// Sets the 32-bit word `index` of a buffer.
-    pub fn set(&mut self, buffer: &'static str, index: u32, value: u32) {
+    pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {
         self.commands.push(Command::Fill { buffer, offset: 4 * u64::from(index), bytes: 4, value });
     }
 
@@ -117,7 +119,7 @@ impl Schedule {
 
 impl Command {
     /// Binds `block` to another buffer than the one of its name. For dispatches.
-    pub fn bind(&mut self, block: &'static str, buffer: &'static str) -> &mut Command {
+    pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {
         if let Command::Dispatch { bind, .. } = self {
             bind.push((block, buffer));
         }
@@ -137,7 +139,7 @@ impl Command {
     /// Kernel name, "copy" or "fill", or the stage's name.
     pub fn name(&self) -> &'static str {
         match self {
-            Command::Dispatch { kernel, .. } => kernel,
+            Command::Dispatch { kernel, .. } => kernel.name(),
             Command::Copy { .. } => "copy",
             Command::Fill { .. } => "fill",
             Command::Stage(stage) => stage.name,

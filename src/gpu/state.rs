@@ -5,11 +5,11 @@ use ash::vk;
 
 use super::execute::{Executor, Ticket};
 use super::faults::shuffled;
-use super::{Command, Place, Schedule, Size};
+use super::{Buffer, Command, Place, Schedule, Size};
 use crate::Result;
 
 /// The buffer that a shuffled indirect dispatch reads its size through.
-pub(super) const SIZE_BACK: &str = "size_back";
+pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 
 /// Parts along one axis that a shuffled dispatch is cut into at most.
 const PARTS: u32 = 8;
@@ -48,8 +48,8 @@ impl Executor<'_> {
 
     /// The content of a device buffer, by way of the readback buffer `through`, whose own is lost. Waits for
     /// everything submitted before. Panics if the arena has no such buffers.
-    pub fn download(&mut self, name: &str, through: &str) -> Result<Vec<u8>> {
-        let (from, to) = (self.arena.get(name), self.arena.get(through));
+    pub fn download(&mut self, buffer: Buffer, through: Buffer) -> Result<Vec<u8>> {
+        let (from, to) = (self.arena.get(buffer), self.arena.get(through));
         let (bytes, part, from, to) = (from.bytes, to.bytes, from.handle, to.handle);
         let mut all = Vec::with_capacity(bytes as usize);
         for offset in (0..bytes).step_by(part as usize) {
@@ -64,9 +64,9 @@ impl Executor<'_> {
 
     /// Puts `content` into a device buffer from its beginning, by way of the upload buffer `through`. Panics if it
     /// is longer than the buffer.
-    pub fn restore(&mut self, name: &str, content: &[u8], through: &str) -> Result<()> {
-        assert!(content.len() as u64 <= self.arena.get(name).bytes, "restoring beyond `{name}`");
-        let (from, to) = (self.arena.get(through).handle, self.arena.get(name).handle);
+    pub fn restore(&mut self, buffer: Buffer, content: &[u8], through: Buffer) -> Result<()> {
+        assert!(content.len() as u64 <= self.arena.get(buffer).bytes, "restoring beyond `{buffer}`");
+        let (from, to) = (self.arena.get(through).handle, self.arena.get(buffer).handle);
         let part = self.arena.mapped(through).len();
         for (i, piece) in content.chunks(part).enumerate() {
             self.arena.mapped_mut(through)[..piece.len()].copy_from_slice(piece);
@@ -85,7 +85,7 @@ impl Executor<'_> {
         for (name, place, _) in &all {
             if *place != Place::Device {
                 self.arena
-                    .mapped_mut(name)
+                    .mapped_mut(*name)
                     .chunks_mut(4)
                     .for_each(|w| w.copy_from_slice(&word.to_le_bytes()));
             }
@@ -146,22 +146,26 @@ mod tests {
     use super::*;
     use crate::gpu::{Arena, BufferPlan, Faults, Gpu, GpuOptions};
 
+    const STATE: Buffer = Buffer::named("state");
+    const UP: Buffer = Buffer::named("up");
+    const DOWN: Buffer = Buffer::named("down");
+
     #[test]
     fn poison_arrives_and_contents_come_back_in_parts() {
         let faults = Faults { poison: Some(0xdead_beef), ..Faults::default() };
         let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a Vulkan device");
         let plan = [
-            BufferPlan::new("state", 1000, Place::Device),
-            BufferPlan::new("up", 256, Place::Upload),
-            BufferPlan::new("down", 64, Place::Readback),
+            BufferPlan::new(STATE, 1000, Place::Device),
+            BufferPlan::new(UP, 256, Place::Upload),
+            BufferPlan::new(DOWN, 64, Place::Readback),
         ];
         let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
-        let fresh = executor.download("state", "down").unwrap();
+        let fresh = executor.download(STATE, DOWN).unwrap();
         assert!(fresh.len() == 1000 && fresh.chunks(4).all(|w| w == 0xdead_beef_u32.to_le_bytes()));
-        assert!(executor.arena.mapped("up").contains(&0xde));
+        assert!(executor.arena.mapped(UP).contains(&0xde));
         let content: Vec<u8> = (0..1000u32).map(|i| (i * 7 % 251) as u8).collect();
-        executor.restore("state", &content, "up").unwrap();
-        assert_eq!(executor.download("state", "down").unwrap(), content);
+        executor.restore(STATE, &content, UP).unwrap();
+        assert_eq!(executor.download(STATE, DOWN).unwrap(), content);
         drop(executor);
         assert_eq!(gpu.allocated(), 0);
     }

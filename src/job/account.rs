@@ -7,6 +7,7 @@ use super::{Loaded, Request};
 use crate::capture::{Gate, Pulse};
 use crate::export::report;
 use crate::gpu::Gpu;
+use crate::solve::surface;
 use crate::transport::Grid;
 
 /// The report, all but the time of the export.
@@ -69,7 +70,7 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Solved) 
         "grid_reached": [solved.maps.nx, solved.maps.ny, grid.n[2]],
         "volume_reached": [solved.lateral, solved.lateral, grid.n[2]],
         "volume_iterations": solved.volume_iterations,
-        "points_per_pixel": (!solved.plan.surface.is_empty()).then_some(solved.plan.points),
+        "points_per_pixel": (!solved.plan.pixel_levels.is_empty()).then(|| surface::points_of(&solved.plan)),
         "voxel": grid.pitch.to_array(),
         "depth_pitch": grid.pitch.z,
         "box": box_of(grid),

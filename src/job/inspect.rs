@@ -108,7 +108,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         plan: plan.map(|plan| Planned {
             levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
             level_pairs: plan.levels.iter().map(|l| l.pairs).collect(),
-            surface: plan.surface.last().map(|l| l.grid.n[0]),
+            surface: plan.pixel_levels.last().map(|l| l.grid.n[0]),
             accumulation: plan.accumulation,
             left_out: plan.left_out.clone(),
             variants: plan.variants(),

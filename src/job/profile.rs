@@ -8,7 +8,6 @@
 mod account;
 pub mod check;
 pub mod limits;
-mod passes;
 mod trace;
 pub mod tune;
 
@@ -29,7 +28,6 @@ use crate::{Error, Result};
 
 pub use account::{Floor, Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
-pub use passes::{PASSES, Pass, Voxels, pass_of};
 
 /// What to profile, and where that is written. [`Request::out`] is not looked at.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,7 +137,7 @@ pub fn profile(
         .plan
         .levels
         .iter()
-        .chain(&solved.plan.surface)
+        .chain(&solved.plan.pixel_levels)
         .map(|l| (l.grid.n[0] as u64, near(&l.grid)))
         .collect();
     let kernels = account::kernels(&recording, &solved.trace, &voxels, &limits);

@@ -6,7 +6,7 @@
 //! retroreflective surfaces, and facing matt ones, from the rest, and no more.
 
 use crate::capture::Capture;
-use crate::solve::vector::background;
+use crate::solve::background;
 use crate::transport::Reflectance;
 
 /// Slopes above this are retroreflective.

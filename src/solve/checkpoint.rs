@@ -9,8 +9,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::drive::TracePoint;
-use super::job::Job;
-use crate::gpu::{BufferPlan, Place};
+use super::on_device::OnDevice;
+use super::plan::{COLUMNS_HOST, UPLOAD};
+use crate::gpu::{Buffer, BufferPlan, Place};
+use crate::transport::kernels::buffer::{MEASURED, TRACE, WALL};
 use crate::{Error, Result};
 
 /// What a state belongs to.
@@ -64,12 +66,10 @@ pub(super) struct Keeper<'k> {
 }
 
 /// Uploaded before every solve and never written on the device.
-const CONSTANT: [&str; 2] = ["measured", "wall"];
+const CONSTANT: [Buffer; 2] = [MEASURED, WALL];
 /// The buffers that others are read and written through; nothing lives in them between iterations.
-const DOWN: &str = "columns_host";
-const UP: &str = "upload";
-/// The device writes it, the host reads it.
-const TRACE: &str = "trace";
+const DOWN: Buffer = COLUMNS_HOST;
+const UP: Buffer = UPLOAD;
 
 impl<'k> Keeper<'k> {
     /// None where there is nothing to keep or to go on from.
@@ -78,7 +78,7 @@ impl<'k> Keeper<'k> {
     /// A state that belongs to something else.
     pub fn new(
         keep: Option<Keep<'k>>,
-        job: &Job<'_>,
+        job: &OnDevice<'_>,
         options: &impl Serialize,
     ) -> Result<Option<Keeper<'k>>> {
         let Some(keep) = keep.filter(|k| k.every > 0 || k.from.is_some()) else { return Ok(None) };
@@ -95,7 +95,7 @@ impl<'k> Keeper<'k> {
 }
 
 impl Identity {
-    fn of(job: &Job<'_>, options: &impl Serialize) -> Identity {
+    fn of(job: &OnDevice<'_>, options: &impl Serialize) -> Identity {
         let settings = match serde_json::to_value(options) {
             Ok(serde_json::Value::Object(all)) => all.into_iter().collect(),
             _ => BTreeMap::new(),
@@ -111,7 +111,7 @@ impl Identity {
         let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();
         let version = env!("CARGO_PKG_VERSION").into();
         let living = job.plan.buffers.iter().filter(|b| lives(b));
-        let buffers = living.map(|b| (b.name.clone(), b.bytes)).collect();
+        let buffers = living.map(|b| (b.buffer.to_string(), b.bytes)).collect();
         Identity { version, capture: hash, settings, plan, buffers }
     }
 
@@ -150,7 +150,7 @@ impl Identity {
     }
 }
 
-fn hash_of_scene(job: &Job<'_>, level: &super::Level) -> u64 {
+fn hash_of_scene(job: &OnDevice<'_>, level: &super::Level) -> u64 {
     fnv(0, bytemuck::bytes_of(&job.model.scene_of(&level.grid, level.pairs)))
 }
 
@@ -161,19 +161,19 @@ fn fnv(start: u64, bytes: &[u8]) -> u64 {
 
 /// Whether a buffer's content lives from one iteration to the next.
 fn lives(b: &BufferPlan) -> bool {
-    b.name == TRACE || b.place == Place::Device && !CONSTANT.contains(&b.name.as_str())
+    b.buffer == TRACE || b.place == Place::Device && !CONSTANT.contains(&b.buffer)
 }
 
 /// The content of every buffer that lives from one iteration to the next. Waits for the device.
-pub(super) fn download(job: &mut Job<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
+pub(super) fn download(job: &mut OnDevice<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
     let mut all = BTreeMap::new();
     for b in job.plan.buffers.iter().filter(|b| lives(b)) {
-        let content = if b.name == TRACE {
+        let content = if b.buffer == TRACE {
             job.executor.arena.mapped(TRACE).to_vec()
         } else {
-            job.executor.download(&b.name, DOWN)?
+            job.executor.download(b.buffer, DOWN)?
         };
-        all.insert(b.name.clone(), content);
+        all.insert(b.buffer.to_string(), content);
     }
     Ok(all)
 }
@@ -182,29 +182,31 @@ pub(super) fn download(job: &mut Job<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
 ///
 /// # Errors
 /// The device's; buffers that do not fit the plan.
-pub(super) fn restore(job: &mut Job<'_>, state: &Checkpoint) -> Result<()> {
+pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> {
     let (buffers, levels) = (&state.buffers, job.plan.levels.len());
     let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;
-    if state.iteration >= job.plan.iterations || state.level >= levels || !state.pending.iter().all(sound) {
+    if state.iteration >= job.plan.iterations[0] || state.level >= levels || !state.pending.iter().all(sound)
+    {
         return Err(Error::input(
-            format!("the checkpoint is of iteration {} of {}", state.iteration, job.plan.iterations),
+            format!("the checkpoint is of iteration {} of {}", state.iteration, job.plan.iterations[0]),
             "it is damaged: start without --resume",
         ));
     }
     for b in job.plan.buffers.iter().filter(|b| lives(b)) {
-        if buffers.get(&b.name).map(|content| content.len() as u64) != Some(b.bytes) {
+        if buffers.get(&b.buffer.to_string()).map(|content| content.len() as u64) != Some(b.bytes) {
             return Err(Error::input(
-                format!("the checkpoint does not hold buffer `{}` of {} bytes", b.name, b.bytes),
+                format!("the checkpoint does not hold buffer `{}` of {} bytes", b.buffer, b.bytes),
                 "it is damaged: start without --resume",
             ));
         }
     }
-    let sizes = job.plan.bytes();
-    for (name, content) in buffers.iter().filter(|(name, _)| sizes.contains_key(*name)) {
-        if name == TRACE {
+    let living: Vec<Buffer> = job.plan.buffers.iter().filter(|b| lives(b)).map(|b| b.buffer).collect();
+    for buffer in living {
+        let content = &buffers[&buffer.to_string()];
+        if buffer == TRACE {
             job.executor.arena.mapped_mut(TRACE).copy_from_slice(content);
         } else {
-            job.executor.restore(name, content, UP)?;
+            job.executor.restore(buffer, content, UP)?;
         }
     }
     Ok(())

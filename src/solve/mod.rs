@@ -1,28 +1,44 @@
 //! Solvers: what is minimised over which voxels, in what order, as schedules that the device runs.
 //!
-//! [`paper`] is the ECCV 2024 solver; [`Plan`] is what a job needs of the device, made before anything is
-//! allocated.
+//! A solver has a folder: [`paper`] is the ECCV 2024 one, [`vector`] the accelerated one, [`surface`] what follows it.
+//! Each declares its passes as rows ([`Pass`]) and what it needs of a [`Plan`] ([`Needs`]), and builds the schedules of
+//! its start, its iterations and what is due between them. The rest is shared: [`Plan`] is made before anything is
+//! allocated, [`OnDevice`] holds its buffers, the driver submits schedules and reads the trace behind.
 
 mod assume;
 mod checkpoint;
 mod domain;
 mod drive;
+mod estimate;
 mod extent;
-mod faults;
-mod job;
+mod on_device;
+mod over_pairs;
 pub mod paper;
+mod pass;
+pub mod passes;
 mod plan;
-mod schedule;
+mod result;
 pub mod surface;
 pub mod vector;
 
 pub use assume::{assume_reflectance, falloff_slope};
 pub use checkpoint::{Checkpoint, Identity, Keep};
-pub use domain::{compact, double, due, extract, initialise, reduce, restart};
+pub use domain::{compact, extract};
 pub use drive::{Beside, Progress, TracePoint, Watch};
+pub use estimate::{background, expected_noise, variance_per_count};
 pub use extent::default_volume;
-pub use job::{Job, upload};
-pub use paper::{Decay, NoiseTerm, PaperOptions, Preset, Reconstruction, VolumeMap};
-pub use plan::{Accumulation, Level, Plan, Sizes, Tuning, Wanted};
-pub use schedule::iteration;
+pub use on_device::{OnDevice, upload};
+pub use paper::{Decay, NoiseTerm, PaperOptions, Preset};
+pub use pass::{Fault, Pass, Twin, Value, Voxels};
+pub use plan::{Accumulation, Demand, LeftOut, Level, Needs, Plan, Sizes, Tuning, UPLOAD};
+pub use result::{Reconstruction, VolumeMap};
 pub use vector::VectorOptions;
+
+/// The passes of all solvers: those that they share, then one list for each.
+pub static PASSES: &[&[&Pass]] =
+    &[passes::ALL, paper::passes::ALL, vector::passes::ALL, surface::passes::ALL];
+
+/// The pass that schedules call by this name. Some names stand for one pass in each solver.
+pub fn pass_of(kernel: &str) -> Option<&'static Pass> {
+    PASSES.iter().copied().flatten().copied().find(|p| p.kernel.name() == kernel)
+}

@@ -1,5 +1,5 @@
 //! The compiled kernels, and the structs and numbers they share with the host (see `glsl/shared.rs`).
 
-use crate::gpu::{Binding, Constant, KernelCode};
+use crate::gpu::{Binding, Buffer, Constant, KernelCode};
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));

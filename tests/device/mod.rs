@@ -172,8 +172,8 @@ pub fn options(model: &Model, grid: &Grid) -> PaperOptions {
     }
 }
 
-/// A job whose device buffers are full of NaN bits but for what [`Job::upload`] writes.
-pub fn job<'g>(gpu: &'g Gpu, model: &Model, grid: &Grid, options: impl Into<Wanted>) -> Job<'g> {
+/// A job whose device buffers are full of NaN bits but for what [`OnDevice::upload`] writes.
+pub fn job<'g>(gpu: &'g Gpu, model: &Model, grid: &Grid, options: impl Into<Wanted>) -> OnDevice<'g> {
     job_tuned(gpu, model, grid, options, |_| {})
 }
 
@@ -184,7 +184,7 @@ pub fn job_tuned<'g>(
     grid: &Grid,
     options: impl Into<Wanted>,
     tune: impl FnOnce(&mut Tuning),
-) -> Job<'g> {
+) -> OnDevice<'g> {
     let options: Wanted = options.into();
     let scan = [1, model.pairs()];
     let mut plan = Plan::new(model, *grid, scan, options, &gpu.abilities(), false).expect("a plan");
@@ -198,11 +198,11 @@ pub fn job_tuned<'g>(
         b.bytes = b.bytes.max(grid.storage() as u64 * 4);
     }
     let largest = plan.buffers.iter().map(|b| b.bytes).max().expect("buffers");
-    plan.buffers.push(BufferPlan::new("back", largest, Place::Readback));
+    plan.buffers.push(BufferPlan::new(Buffer::named("back"), largest, Place::Readback));
     if let Some(b) = plan.buffers.iter_mut().find(|b| b.name == "upload") {
         b.bytes = largest;
     }
-    let mut job = Job::new(gpu, model.clone(), plan, None).expect("memory for a small scene");
+    let mut job = OnDevice::new(gpu, model.clone(), plan, None).expect("memory for a small scene");
     let mut poison = Schedule::default();
     for b in job.plan.buffers.clone() {
         if b.place == Place::Device {

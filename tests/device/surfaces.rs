@@ -2,7 +2,7 @@
 
 use glam::{DVec2, dvec3};
 use thirdbounce::solve::surface::{self, Pixels};
-use thirdbounce::solve::{Job, VectorOptions};
+use thirdbounce::solve::{OnDevice, VectorOptions};
 use thirdbounce::transport::twin::{self, Bond, Height, Sample, SurfaceWeights, Twin};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 
@@ -72,17 +72,17 @@ impl Field {
     }
 
     /// Writes pixels and heights. What depth bonds come from is for the kernel to tell.
-    pub fn write(&self, job: &mut Job<'_>) {
+    pub fn write(&self, job: &mut OnDevice<'_>) {
         let [x, y, _] = job.plan.finest().grid.n;
         let words = self.pixels().words().into_iter().map(|[c, a, _, _]| [c, a, u32::MAX, u32::MAX]);
-        write(job, "pixels", &words.collect::<Vec<_>>());
-        write(job, "pixel_of", &self.pixels().places(x * y));
+        write(job, buffer::PIXELS, &words.collect::<Vec<_>>());
+        write(job, buffer::PIXEL_OF, &self.pixels().places(x * y));
         self.write_heights(job);
     }
 
-    pub fn write_heights(&self, job: &mut Job<'_>) {
+    pub fn write_heights(&self, job: &mut OnDevice<'_>) {
         let words: Vec<[f32; 2]> = self.heights.iter().map(|h| [h.depth as f32, h.albedo as f32]).collect();
-        write(job, "heights", &words);
+        write(job, buffer::HEIGHTS, &words);
     }
 }
 
@@ -127,17 +127,17 @@ pub fn surface_options(grid: &Grid, each: usize) -> VectorOptions {
 }
 
 /// Runs those kernels of the surface's iteration `at` that are among `names`.
-pub fn run_surface(job: &mut Job<'_>, count: usize, at: usize, names: &[&str]) {
+pub fn run_surface(job: &mut OnDevice<'_>, count: usize, at: usize, names: &[&str]) {
     let s = surface::iteration(&job.plan, job.plan.finest(), count, at, at, None);
     run(job, s, names);
 }
 
-pub fn run_bonds(job: &mut Job<'_>, count: usize) {
-    let s = surface::start(job.plan.finest(), count, job.plan.points);
+pub fn run_bonds(job: &mut OnDevice<'_>, count: usize) {
+    let s = surface::start(job.plan.finest(), count, surface::points_of(&job.plan));
     job.executor.run(&s).expect("the schedule runs");
 }
 
-pub fn write_weights(job: &mut Job<'_>, w: &SurfaceWeights) {
+pub fn write_weights(job: &mut OnDevice<'_>, w: &SurfaceWeights) {
     let [rates, largest] = [w.rates, w.largest].map(|h| [h.depth, h.albedo]);
     let all = [
         w.bend,
@@ -154,16 +154,16 @@ pub fn write_weights(job: &mut Job<'_>, w: &SurfaceWeights) {
     ];
     let words = all.map(|v| v as f32);
     assert_eq!(SurfaceWeights::from(words), *w, "weights that fp32 holds");
-    write(job, "surface_weights", &words);
+    write(job, buffer::SURFACE_WEIGHTS, &words);
 }
 
-pub fn read_pairs(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<[f64; 2]> {
+pub fn read_pairs(job: &mut OnDevice<'_>, buffer: &'static str, count: usize) -> Vec<[f64; 2]> {
     super::read::<[f32; 2]>(job, buffer, count).into_iter().map(|v| v.map(f64::from)).collect()
 }
 
-pub fn read_heights(job: &mut Job<'_>, count: usize) -> Vec<Height> {
+pub fn read_heights(job: &mut OnDevice<'_>, count: usize) -> Vec<Height> {
     let one = |[depth, albedo]: [f64; 2]| Height { depth, albedo };
-    read_pairs(job, "heights", count).into_iter().map(one).collect()
+    read_pairs(job, buffer::HEIGHTS, count).into_iter().map(one).collect()
 }
 
 /// Heights as (depths, albedos), which have units of their own.

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{Job, VectorOptions, vector};
+use thirdbounce::solve::{OnDevice, VectorOptions, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::Momentum;
 use thirdbounce::transport::{Geometry, Gradient, Grid, Model, Reflectance, Sampling, Volume};
@@ -40,18 +40,18 @@ pub fn vector_options(grid: &Grid) -> VectorOptions {
 }
 
 /// Runs those of the schedule's commands whose kernel is among `names`.
-pub fn run(job: &mut Job<'_>, mut schedule: Schedule, names: &[&str]) {
+pub fn run(job: &mut OnDevice<'_>, mut schedule: Schedule, names: &[&str]) {
     schedule.commands.retain(|c| names.contains(&c.name()));
     assert!(!schedule.commands.is_empty());
     job.executor.run(&schedule).expect("the schedule runs");
 }
 
-pub fn run_iteration(job: &mut Job<'_>, number: u32, names: &[&str]) {
+pub fn run_iteration(job: &mut OnDevice<'_>, number: u32, names: &[&str]) {
     let s = vector::iteration(&job.plan, job.plan.finest(), number);
     run(job, s, names);
 }
 
-pub fn run_start(job: &mut Job<'_>, names: &[&str]) {
+pub fn run_start(job: &mut OnDevice<'_>, names: &[&str]) {
     let s = vector::start(&job.plan, &job.plan.levels[0], &vector_options(&job.plan.finest().grid));
     run(job, s, names);
 }
@@ -67,13 +67,18 @@ pub fn vectors(count: usize, seed: u64) -> Vec<DVec3> {
 }
 
 /// Writes those of the active voxels, from all by storage index.
-pub fn write_vectors(job: &mut Job<'_>, buffer: &'static str, active: &[u32], v: &[DVec3]) {
+pub fn write_vectors(job: &mut OnDevice<'_>, buffer: &'static str, active: &[u32], v: &[DVec3]) {
     let raw = |i: &u32| [v[*i as usize].x, v[*i as usize].y, v[*i as usize].z, 0.0];
     write_raw(job, buffer, &active.iter().map(raw).collect::<Vec<_>>());
 }
 
 /// Vectors by storage index, nothing where no voxel is active.
-pub fn read_vectors(job: &mut Job<'_>, buffer: &'static str, active: &[u32], count: usize) -> Vec<DVec3> {
+pub fn read_vectors(
+    job: &mut OnDevice<'_>,
+    buffer: &'static str,
+    active: &[u32],
+    count: usize,
+) -> Vec<DVec3> {
     let by_slot = read_raw(job, buffer, active.len()).into_iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
     by_voxel(by_slot, active, count, DVec3::ZERO)
 }
@@ -86,15 +91,15 @@ pub fn by_voxel<T: Clone>(by_slot: Vec<T>, active: &[u32], count: usize, none: T
 }
 
 /// Writes the bounds of the active voxels, from all by storage index.
-pub fn write_bounds(job: &mut Job<'_>, active: &[u32], bounds: &[[f64; 2]]) {
+pub fn write_bounds(job: &mut OnDevice<'_>, active: &[u32], bounds: &[[f64; 2]]) {
     let of = |i: &u32| bounds[*i as usize].map(|b| b as f32);
-    write(job, "bounds", &active.iter().map(of).collect::<Vec<[f32; 2]>>());
+    write(job, buffer::BOUNDS, &active.iter().map(of).collect::<Vec<[f32; 2]>>());
 }
 
 /// Bounds by storage index, zero where no voxel is active.
-pub fn read_bounds(job: &mut Job<'_>, active: &[u32], count: usize) -> Vec<[f64; 2]> {
+pub fn read_bounds(job: &mut OnDevice<'_>, active: &[u32], count: usize) -> Vec<[f64; 2]> {
     let by_slot =
-        read::<[f32; 2]>(job, "bounds", active.len()).into_iter().map(|b| b.map(f64::from)).collect();
+        read::<[f32; 2]>(job, buffer::BOUNDS, active.len()).into_iter().map(|b| b.map(f64::from)).collect();
     by_voxel(by_slot, active, count, [0.0; 2])
 }
 
@@ -104,7 +109,7 @@ pub fn within(mut v: Vec<DVec3>, domain: &[bool]) -> Vec<DVec3> {
     v
 }
 
-pub fn read_floats(job: &mut Job<'_>, buffer: &'static str, count: usize) -> Vec<f64> {
+pub fn read_floats(job: &mut OnDevice<'_>, buffer: &'static str, count: usize) -> Vec<f64> {
     read::<f32>(job, buffer, count).into_iter().map(f64::from).collect()
 }
 
@@ -112,12 +117,12 @@ pub fn flat(v: &[DVec3]) -> Vec<f64> {
     v.iter().flat_map(|v| v.to_array()).collect()
 }
 
-pub fn write_momentum(job: &mut Job<'_>, m: Momentum) {
-    write(job, "momentum", &[m.t, m.beta, m.objective, m.restarts, m.share].map(|v| v as f32));
+pub fn write_momentum(job: &mut OnDevice<'_>, m: Momentum) {
+    write(job, buffer::MOMENTUM, &[m.t, m.beta, m.objective, m.restarts, m.share].map(|v| v as f32));
 }
 
-pub fn read_momentum(job: &mut Job<'_>) -> Momentum {
-    let m = read_floats(job, "momentum", MOMENTUM as usize);
+pub fn read_momentum(job: &mut OnDevice<'_>) -> Momentum {
+    let m = read_floats(job, buffer::MOMENTUM, MOMENTUM as usize);
     let at = |i: u32| m[i as usize];
     Momentum {
         t: at(MOMENTUM_T),

@@ -6,7 +6,7 @@ pub mod solve;
 
 use glam::DVec3;
 use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Accumulation, Job, VectorOptions};
+use thirdbounce::solve::{Accumulation, OnDevice, VectorOptions};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Sample, Twin};
 use thirdbounce::transport::{Grid, Model};
@@ -57,12 +57,12 @@ impl Case {
         VectorOptions { accumulation, ..vector_options(&self.grid) }
     }
 
-    pub fn job<'g>(&self, gpu: &'g Gpu, accumulation: Accumulation) -> Job<'g> {
+    pub fn job<'g>(&self, gpu: &'g Gpu, accumulation: Accumulation) -> OnDevice<'g> {
         job(gpu, &self.model, &self.grid, &self.options(accumulation))
     }
 
     /// A job whose trace holds so many iterations.
-    pub fn long_job<'g>(&self, gpu: &'g Gpu, accumulation: Accumulation, iterations: usize) -> Job<'g> {
+    pub fn long_job<'g>(&self, gpu: &'g Gpu, accumulation: Accumulation, iterations: usize) -> OnDevice<'g> {
         let options = VectorOptions { iterations, ..self.options(accumulation) };
         job(gpu, &self.model, &self.grid, &options)
     }
@@ -87,14 +87,14 @@ pub fn apart(got: &[f64], want: &[f64], bins: usize) -> Apart {
 }
 
 /// The accumulated histograms as numbers, whatever the path.
-pub fn read_histograms(job: &mut Job<'_>) -> Vec<f64> {
+pub fn read_histograms(job: &mut OnDevice<'_>) -> Vec<f64> {
     if !job.plan.fixed_point() {
-        return read_rows::<f32>(job, "histograms").into_iter().map(f64::from).collect();
+        return read_rows::<f32>(job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect();
     }
-    let counts: Vec<u32> = read(job, "counts", COUNTS as usize);
+    let counts: Vec<u32> = read(job, buffer::COUNTS, COUNTS as usize);
     let bound = job.model.scene(&job.plan.finest().grid).kernel_bound;
     let exponent = fixed_exponent(f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]), bound, counts[0]);
-    let sums: Vec<i64> = read_rows(job, "histograms");
+    let sums: Vec<i64> = read_rows(job, buffer::HISTOGRAMS);
     sums.iter().map(|s| *s as f64 * 2f64.powi(-exponent)).collect()
 }
 
@@ -111,12 +111,12 @@ pub fn passes(gpu: &Gpu, case: &Case, accumulation: Accumulation) -> Passes {
 }
 
 /// Kernels that place in plain fp32 and add one by one, whatever the scene asks for.
-pub fn plain_kernels(job: &mut Job<'_>) {
+pub fn plain_kernels(job: &mut OnDevice<'_>) {
     (job.plan.fine, job.plan.runs) = (false, false);
     job.plan.add_kernels(&mut job.executor).expect("kernels are made");
 }
 
-pub fn passes_of(job: &mut Job<'_>, case: &Case) -> Passes {
+pub fn passes_of(job: &mut OnDevice<'_>, case: &Case) -> Passes {
     let (twin, bins) = (case.twin(), case.model.bins);
     let samples = case.samples(&case.at);
     let accumulated = twin::forward(&twin, &samples);
@@ -136,12 +136,12 @@ pub fn passes_of(job: &mut Job<'_>, case: &Case) -> Passes {
     let residual = apart(&got, &residual, bins);
     let mut s = Schedule::default();
     // Without the last flag the gradient is left in its buffer.
-    s.indirect("step", "arguments", 12 * u64::from(ARGUMENTS_BACKWARD))
-        .bind("scene", job.plan.finest().scene)
-        .bind("residual", from)
+    s.indirect(&vector::passes::STEP, buffer::ARGUMENTS, 12 * u64::from(ARGUMENTS_BACKWARD))
+        .bind(buffer::SCENE, job.plan.finest().scene)
+        .bind(buffer::RESIDUAL, from)
         .with(Push { last: case.model.pairs() as u32, ..Default::default() });
     job.executor.run(&s).expect("a dispatch runs");
-    let got: Vec<f64> = read_raw(job, "gradient", samples.len())
+    let got: Vec<f64> = read_raw(job, buffer::GRADIENT, samples.len())
         .iter()
         .flat_map(|g| if directed { [g[1], g[2], g[3]] } else { [0.0, 0.0, -g[0]] })
         .collect();

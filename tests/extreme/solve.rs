@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Accumulation, Job, Plan, vector};
+use thirdbounce::solve::{Accumulation, OnDevice, Plan, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Sample, Twin};
 
@@ -43,30 +43,30 @@ pub fn on_device(gpu: &Gpu, case: &Case, accumulation: Accumulation, count: usiz
     let mut job = case.long_job(gpu, accumulation, count);
     begin(&mut job, case);
     let rows = run(&mut job, 0..count);
-    let v = read_vectors(&mut job, "raw", &case.active, case.grid.storage());
+    let v = read_vectors(&mut job, buffer::RAW, &case.active, case.grid.storage());
     let at = |i: u32| rows.iter().map(move |r| f64::from(f32::from_bits(r[i as usize])));
     let data: Vec<f64> = at(TRACE_OBJECTIVE).collect();
-    let points = read_raw(&mut job, "sample_points", case.active.len());
+    let points = read_raw(&mut job, buffer::SAMPLE_POINTS, case.active.len());
     let points = points.iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
     State { points, v, objective: data.iter().zip(at(TRACE_L1)).map(|(d, l)| d + l).collect(), data }
 }
 
 /// The case's domain, nothing in it, its bounds.
-pub fn begin(job: &mut Job<'_>, case: &Case) {
+pub fn begin(job: &mut OnDevice<'_>, case: &Case) {
     let mut domain = vec![false; case.grid.storage()];
     case.active.iter().for_each(|i| domain[*i as usize] = true);
-    write_mask(job, "mask", &domain);
+    write_mask(job, buffer::MASK, &domain);
     let s = started(&job.plan, case);
     job.executor.run(&s).expect("the start runs");
 }
 
 /// Runs iterations (at most as many as the trace holds) and reads their rows.
-pub fn run(job: &mut Job<'_>, range: std::ops::Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
+pub fn run(job: &mut OnDevice<'_>, range: std::ops::Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
     for i in range.clone() {
         let s = vector::iteration(&job.plan, job.plan.finest(), i as u32);
         job.executor.run(&s).expect("an iteration runs");
     }
-    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
+    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
     rows[range].to_vec()
 }
 

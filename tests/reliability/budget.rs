@@ -193,8 +193,8 @@ fn bound() -> Row {
     let mut row = Row::new("plans beyond the device's memory or its largest binding");
     let gpu = open(Faults::default(), false);
     let range = gpu.limits.storage_range;
-    let one = |bytes: u64| vec![BufferPlan::new("large", bytes, Place::Device)];
-    let many = vec![BufferPlan::new("a", 1 << 20, Place::Device); 4];
+    let one = |bytes: u64| vec![BufferPlan::new(Buffer::named("large"), bytes, Place::Device)];
+    let many = vec![BufferPlan::new(Buffer::named("a"), 1 << 20, Place::Device); 4];
     let plans = [
         ("a byte beyond a binding", one(range + 1)),
         ("2^62 bytes", one(1 << 62)),

@@ -20,7 +20,7 @@ use super::KernelCode;
 /// expand. `constants` are specialization constants by name.
 pub fn count_loop<N: AsRef<str>>(code: &KernelCode, constants: &[(N, u32)]) -> Option<[Counts; 2]> {
     let ids = constants.iter().filter_map(|(name, value)| {
-        code.constants.iter().find(|c| c.name == name.as_ref()).map(|c| (c.id, *value))
+        code.constants.iter().find(|c| c.0.name() == name.as_ref()).map(|c| (c.1, *value))
     });
     let words: Vec<u32> =
         code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();

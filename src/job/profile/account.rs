@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
-use super::passes::{Voxels, pass_of};
 use crate::gpu::spirv::{Counts, count_loop};
-use crate::gpu::{Ran, Recording};
-use crate::solve::TracePoint;
+use crate::gpu::{Constant, Ran, Recording};
+use crate::solve::{TracePoint, Voxels, pass_of};
+use crate::transport::kernels::constant;
 
 /// A kernel's share of a solve. What is null is not known of it, or does not apply: most kernels evaluate no pairs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -109,9 +109,10 @@ pub fn kernels(
         k.calls += 1;
         k.seconds += ran.to - ran.from;
         // However many dispatches a pass takes, all of a stage together evaluate every pair once.
-        if let Some(pass) = pass_of(ran.kernel).filter(|_| met.insert((ran.kernel, stage))) {
+        let voxels = pass_of(ran.kernel).and_then(|p| p.pairs);
+        if let Some(voxels) = voxels.filter(|_| met.insert((ran.kernel, stage))) {
             let value = |name| recording.stages[stage].value(name);
-            let voxels = match pass.voxels {
+            let voxels = match voxels {
                 Voxels::Active => active_at(trace, value("iteration").unwrap_or(0) as usize),
                 Voxels::Grid => value("lateral").and_then(|n| grid_voxels.get(&n).copied()).unwrap_or(0),
             };
@@ -123,7 +124,7 @@ pub fn kernels(
         .into_iter()
         .map(|(kernel, mut k)| {
             let pass = pass_of(kernel);
-            k.name = pass.map_or(kernel, |p| p.name).into();
+            k.name = pass.map_or(kernel, |p| p.report).into();
             k.kernel = kernel.into();
             k.share = if total > 0.0 { k.seconds / total } else { 0.0 };
             let made = recording.kernels.get(kernel);
@@ -131,18 +132,23 @@ pub fn kernels(
                 k.code = made.code.name.into();
                 k.statistics = made.statistics.iter().cloned().collect();
             }
-            if pass.is_some() && k.seconds > 0.0 {
+            let over_pairs = pass.is_some_and(|p| p.pairs.is_some());
+            if over_pairs && k.seconds > 0.0 {
                 k.pairs_per_s = Some(k.pairs / k.seconds);
             }
-            if let (Some(pass), Some(made)) = (pass, made) {
+            if let Some(made) = made.filter(|_| over_pairs) {
                 let float = made.code.name.ends_with("_float");
-                let others = made.constants.iter().find(|c| c.0 == "OTHERS").map_or(1, |c| c.1);
+                let at_once = [constant::OTHERS, constant::FORWARD_OTHERS].map(Constant::name);
+                let others =
+                    made.constants.iter().find(|c| at_once.contains(&c.0.as_str())).map_or(1, |c| c.1);
                 let counted = count_loop(&made.code, &made.constants);
                 k.counts = counted.map(|c| c[0]);
                 k.shared = counted.map(|c| (c[1], others)).filter(|s| s.0 != Counts::default());
                 let of = |c: &Counts| Floor::new(c, limits, float);
-                let floor = k.counts.map(|c| of(&c).shared(pass.pairs_per_turn));
-                let floor = floor.map(|f| k.shared.map_or(f, |(c, pairs)| f.and(of(&c).shared(pairs))));
+                let floor = k
+                    .counts
+                    .map(|c| of(&c))
+                    .map(|f| k.shared.map_or(f, |(c, pairs)| f.and(of(&c).shared(pairs))));
                 k.share_of_limit = floor.and_then(|f| Some(f.seconds() * k.pairs_per_s?));
                 k.floor = floor;
             }
@@ -220,7 +226,11 @@ pub fn iterations(recording: &Recording) -> IterationProfile {
             }
             if let Some(e) = each.last_mut() {
                 e.2 = ran.to - e.1;
-                e.3 += if pass_of(ran.kernel).is_some() { ran.to - ran.from } else { 0.0 };
+                e.3 += if pass_of(ran.kernel).is_some_and(|p| p.pairs.is_some()) {
+                    ran.to - ran.from
+                } else {
+                    0.0
+                };
             }
         }
         before = Some(ran);

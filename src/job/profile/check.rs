@@ -13,10 +13,10 @@ use crate::gpu::Gpu;
 use crate::simulate::{RenderOptions, Scene, simulate};
 use crate::solve::surface::{Pixels, Placed};
 use crate::solve::{
-    Accumulation, Job, PaperOptions, Plan, Preset, VectorOptions, compact, default_volume, iteration, paper,
+    Accumulation, OnDevice, PaperOptions, Plan, Preset, VectorOptions, compact, default_volume, paper,
     surface, upload, vector,
 };
-use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE};
+use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE, buffer};
 use crate::transport::twin::{self, Height, Raw, Sample, Twin};
 use crate::transport::{Grid, Model};
 
@@ -100,11 +100,12 @@ fn check_paper(
     active.iter().for_each(|i| mask[*i as usize / 32] |= 1 << (i % 32));
     // State lies in the order of the touched voxels.
     let by_slot: Vec<Raw> = touched.iter().map(|i| raw[*i as usize]).collect();
-    write_raw(&mut job, "raw", &by_slot)?;
-    upload(&mut job.executor, "mask", bytemuck::cast_slice(&mask))?;
-    let mut s = zeroed(&job, &["counts", "histograms", "moment_first", "moment_second"]);
+    write_raw(&mut job, buffer::RAW, &by_slot)?;
+    upload(&mut job.executor, buffer::MASK, bytemuck::cast_slice(&mask))?;
+    let mut s =
+        zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND]);
     s.extend(compact(&job.plan, job.plan.finest()));
-    s.extend(iteration(&job.plan, job.plan.finest(), 0, 1));
+    s.extend(paper::iteration(&job.plan, job.plan.finest(), 0, 1));
     job.executor.run(&s)?;
 
     // Every pass is held against its twin on what the pass before it left on the device.
@@ -119,20 +120,20 @@ fn check_paper(
     let residual = read_residual(&mut job)?;
     let (want, _) = twin::residual(&twin, &twin::forward(&twin, &got), &[]);
     note("forward", error(&residual, &want));
-    let gradient = read_raw(&mut job, "gradient", active.len())?;
+    let gradient = read_raw(&mut job, buffer::GRADIENT, active.len())?;
     note("backward", error(&gradient.concat(), &twin::backward(&twin, &got, &residual).concat()));
     let (mut want, rest) = (raw, vec![[0.0; 4]; grid.storage()]);
     let (mut first, mut second) = (rest.clone(), rest);
     twin::update(&twin, 0, 1, &active, &touched, &gradient, &mut want, &mut first, &mut second);
     // Adam's first step is the sign of a sum that may vanish: its moments tell whether the sum is right.
-    let got = read_raw(&mut job, "moment_first", touched.len())?;
+    let got = read_raw(&mut job, buffer::MOMENT_FIRST, touched.len())?;
     let want: Vec<Raw> = touched.iter().map(|i| first[*i as usize]).collect();
     note("update", error(&got.concat(), &want.concat()));
     Ok(())
 }
 
 /// The vector solver's job of that capture, on one grid.
-fn vector_job<'g>(gpu: &'g Gpu, capture: &Capture, options: &VectorOptions) -> Result<Job<'g>> {
+fn vector_job<'g>(gpu: &'g Gpu, capture: &Capture, options: &VectorOptions) -> Result<OnDevice<'g>> {
     let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
     let model = vector::model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), false)?;
@@ -157,28 +158,28 @@ fn check_vector(
     let model = job.model.clone();
     let twin = Twin { model: &model, grid: &grid };
     let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
-    upload(&mut job.executor, "hat_taps", bytemuck::cast_slice(&hat))?;
+    upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
     let level = *job.plan.finest();
     let mut s = vector::start(&job.plan, &level, &options);
     // After the first iteration there is something to render; momentum it must be given.
     s.extend(vector::iteration(&job.plan, &level, 0));
-    s.set("momentum", MOMENTUM_BETA, 0.5f32.to_bits());
+    s.set(buffer::MOMENTUM, MOMENTUM_BETA, 0.5f32.to_bits());
     job.executor.run(&s)?;
 
     let storage = grid.storage();
     let vectors = |raw: Vec<Raw>| -> Vec<DVec3> { raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect() };
-    let count = read::<u32>(&mut job, "counts", 1)?[0] as usize;
-    let active = read::<u32>(&mut job, "active_voxels", count)?;
+    let count = read::<u32>(&mut job, buffer::COUNTS, 1)?[0] as usize;
+    let active = read::<u32>(&mut job, buffer::ACTIVE_VOXELS, count)?;
     // What lies by slot, by storage index for the twins.
     let spread = |slots: Vec<Raw>| -> Vec<DVec3> {
         let mut all = vec![DVec3::ZERO; storage];
         active.iter().zip(vectors(slots)).for_each(|(i, v)| all[*i as usize] = v);
         all
     };
-    let mut v = spread(read_raw(&mut job, "raw", count)?);
-    let mut before = spread(read_raw(&mut job, "before", count)?);
-    let momentum = read_floats(&mut job, "momentum", MOMENTUM_BETA.max(MOMENTUM_SHARE) as usize + 1)?;
-    let by_slot = read_floats(&mut job, "bounds", 2 * count)?;
+    let mut v = spread(read_raw(&mut job, buffer::RAW, count)?);
+    let mut before = spread(read_raw(&mut job, buffer::BEFORE, count)?);
+    let momentum = read_floats(&mut job, buffer::MOMENTUM, MOMENTUM_BETA.max(MOMENTUM_SHARE) as usize + 1)?;
+    let by_slot = read_floats(&mut job, buffer::BOUNDS, 2 * count)?;
     let mut bounds = vec![[0.0; 2]; storage];
     active.iter().zip(by_slot.chunks(2)).for_each(|(i, b)| bounds[*i as usize] = [b[0], b[1]]);
     job.executor.run(&vector::iteration(&job.plan, &level, 1))?;
@@ -196,7 +197,7 @@ fn check_vector(
     let gradient = twin::gradient_vectors(&twin, &got, &residual);
     let share = momentum[MOMENTUM_SHARE as usize];
     twin::step(&twin, &active, &got, &gradient, &bounds, share, &mut v, &mut before);
-    note("backward", error(&flat(&spread(read_raw(&mut job, "raw", count)?)), &flat(&v)));
+    note("backward", error(&flat(&spread(read_raw(&mut job, buffer::RAW, count)?)), &flat(&v)));
     Ok(())
 }
 
@@ -216,7 +217,7 @@ fn check_surface(
     };
     let mut job = vector_job(gpu, capture, &options)?;
     let grid = job.plan.finest().grid;
-    let (model, level, points) = (job.model.clone(), *job.plan.finest(), job.plan.points);
+    let (model, level, points) = (job.model.clone(), *job.plan.finest(), surface::points_of(&job.plan));
     let twin = Twin { model: &model, grid: &grid };
     // Three by four pixels of a slanted surface, as deep as it takes for no path to lie where a bin ends.
     let columns: Vec<u32> = (0..12u32).map(|i| (4 + i / 4) * LATERAL as u32 + 4 + i % 4).collect();
@@ -236,15 +237,15 @@ fn check_surface(
     let of = |value: fn(&Height) -> f64| heights.iter().map(|h| value(h) as f32).collect::<Vec<_>>();
     let pixels = Pixels { depth: of(|h| h.depth), albedo: of(|h| h.albedo), columns };
     let words: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, *a]).collect();
-    upload(&mut job.executor, "pixels", bytemuck::cast_slice(&pixels.words()))?;
-    upload(&mut job.executor, "pixel_of", bytemuck::cast_slice(&pixels.places(LATERAL * LATERAL)))?;
-    upload(&mut job.executor, "heights", bytemuck::cast_slice(&words))?;
+    upload(&mut job.executor, buffer::PIXELS, bytemuck::cast_slice(&pixels.words()))?;
+    upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(LATERAL * LATERAL)))?;
+    upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&words))?;
     let weights = {
         let placed = Placed { pixels: pixels.len(), most: 2.0, explained: 1.0 };
         surface::weights(&model, &grid, &level, placed, &options)
     };
-    upload(&mut job.executor, "surface_weights", bytemuck::cast_slice(&weights))?;
-    let mut s = zeroed(&job, &["counts", "histograms"]);
+    upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
+    let mut s = zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS]);
     s.extend(surface::start(&level, pixels.len(), points));
     s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0, None));
     job.executor.run(&s)?;
@@ -261,7 +262,7 @@ fn check_surface(
     let (want, _) = twin::residual_weighted(&twin, &twin::forward(&twin, &got), true);
     note("forward", error(&residual, &want));
     let pulls = twin::surface_gather(&twin, &got, &residual);
-    let gradient = read_raw(&mut job, "gradient", got.len())?;
+    let gradient = read_raw(&mut job, buffer::GRADIENT, got.len())?;
     let want: Vec<f64> = pulls.iter().flat_map(|p| [p.vector.x, p.vector.y, p.vector.z]).collect();
     let vectors: Vec<f64> = gradient.iter().flat_map(|g| g[..3].to_vec()).collect();
     note("backward", error(&vectors, &want));

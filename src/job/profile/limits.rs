@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use crate::gpu::{Arena, BufferPlan, DeviceKind, Executor, Gpu, Place, Schedule};
-use crate::solve::upload;
-use crate::transport::kernels::KERNELS;
+use crate::gpu::{Arena, Buffer, BufferPlan, DeviceKind, Executor, Gpu, KernelCode, Place, Schedule};
+use crate::solve::{UPLOAD, upload};
+use crate::transport::kernels::{buffer, kernel};
 use crate::{Error, Result};
 
 /// The most of each per second. A fused multiply-add counts once.
@@ -29,7 +29,7 @@ pub struct DeviceLimits {
 
 /// A kernel that measures one limit.
 struct Probe {
-    kernel: &'static str,
+    kernel: &'static KernelCode,
     /// Loop turns of an invocation, far below what drivers allow.
     turns: u32,
     /// What is measured, per turn of an invocation.
@@ -45,13 +45,16 @@ const GROUPS: u32 = 32_768;
 const ATOMIC_WORDS: u32 = 65_536;
 const TABLE_WORDS: u32 = 2_048;
 
-const FMA: Probe = Probe { kernel: "limit_fma", turns: 1024, per_turn: 32, right: fma_right };
-const SPECIAL: Probe = Probe { kernel: "limit_special", turns: 512, per_turn: 8, right: special_right };
-const LOAD: Probe = Probe { kernel: "limit_load", turns: 512, per_turn: 4, right: load_right };
-const SHARED: Probe = Probe { kernel: "limit_shared_atomic", turns: 512, per_turn: 4, right: shared_right };
-const GLOBAL: Probe = Probe { kernel: "limit_global_atomic", turns: 64, per_turn: 4, right: global_right };
+const FMA: Probe = Probe { kernel: &kernel::LIMIT_FMA, turns: 1024, per_turn: 32, right: fma_right };
+const SPECIAL: Probe =
+    Probe { kernel: &kernel::LIMIT_SPECIAL, turns: 512, per_turn: 8, right: special_right };
+const LOAD: Probe = Probe { kernel: &kernel::LIMIT_LOAD, turns: 512, per_turn: 4, right: load_right };
+const SHARED: Probe =
+    Probe { kernel: &kernel::LIMIT_SHARED_ATOMIC, turns: 512, per_turn: 4, right: shared_right };
+const GLOBAL: Probe =
+    Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC, turns: 64, per_turn: 4, right: global_right };
 const FLOAT: Probe =
-    Probe { kernel: "limit_global_atomic_float", turns: 64, per_turn: 4, right: global_float_right };
+    Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC_FLOAT, turns: 64, per_turn: 4, right: global_float_right };
 
 fn fma_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
     // 16 chains count two per turn from 0..8, four zeros and four ones.
@@ -115,6 +118,10 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
 const RUNS: usize = 4;
 const LONG_ENOUGH: f64 = 0.02;
 
+const FROM: Buffer = Buffer::named("from");
+const TO: Buffer = Buffer::named("to");
+const BACK: Buffer = Buffer::named("back");
+
 struct Bench<'g> {
     gpu: &'g Gpu,
     executor: Executor<'g>,
@@ -129,22 +136,21 @@ impl<'g> Bench<'g> {
         let copied = (gpu.free_memory() / 8).min(most).min(gpu.limits.storage_range) / 4096 * 4096;
         let copied = copied.max(4096);
         let plan = [
-            BufferPlan::new("result", result, Place::Device),
-            BufferPlan::new("table", u64::from(TABLE_WORDS) * 4, Place::Device),
-            BufferPlan::new("from", copied, Place::Device),
-            BufferPlan::new("to", copied, Place::Device),
-            BufferPlan::new("upload", u64::from(TABLE_WORDS) * 4, Place::Upload),
-            BufferPlan::new("back", result, Place::Readback),
+            BufferPlan::new(buffer::RESULT, result, Place::Device),
+            BufferPlan::new(buffer::TABLE, u64::from(TABLE_WORDS) * 4, Place::Device),
+            BufferPlan::new(FROM, copied, Place::Device),
+            BufferPlan::new(TO, copied, Place::Device),
+            BufferPlan::new(UPLOAD, u64::from(TABLE_WORDS) * 4, Place::Upload),
+            BufferPlan::new(BACK, result, Place::Readback),
         ];
         let mut executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
         let words: Vec<u32> = (0..TABLE_WORDS).map(table).collect();
-        upload(&mut executor, "table", bytemuck::cast_slice(&words))?;
+        upload(&mut executor, buffer::TABLE, bytemuck::cast_slice(&words))?;
         Ok(Bench { gpu, executor, copied })
     }
 
-    fn add(&mut self, kernel: &'static str) -> Result<()> {
-        let code = KERNELS.iter().find(|k| k.name == kernel).expect("limit kernels are in the table");
-        self.executor.add_kernel(kernel, code, &[])
+    fn add(&mut self, code: &'static KernelCode) -> Result<()> {
+        self.executor.add_kernel(code, code, &[])
     }
 
     /// Device seconds of a schedule; the host's where the device has no clock.
@@ -185,16 +191,18 @@ impl<'g> Bench<'g> {
         let (x, dispatches) = split(groups);
         let words = x * LANES;
         let mut s = Schedule::default();
-        s.fill("result", u64::from(GROUPS * LANES) * 4, 0);
+        s.fill(buffer::RESULT, u64::from(GROUPS * LANES) * 4, 0);
         s.extend(passes(probe, groups));
-        s.copy("result", "back", u64::from(words) * 4);
+        s.copy(buffer::RESULT, BACK, u64::from(words) * 4);
         self.executor.run(&s)?;
-        let got: &[u32] = bytemuck::cast_slice(self.executor.arena.mapped("back"));
+        let got: &[u32] = bytemuck::cast_slice(self.executor.arena.mapped(BACK));
         let did = [probe.turns, x, dispatches];
         // Words that no invocation owns stay as they were. A prime step meets every lane of some workgroup.
         let owned = if probe.per_turn == 4 && probe.turns == 64 { words.min(ATOMIC_WORDS) } else { words };
         match (0..owned).step_by(61).find(|i| !(probe.right)(got[*i as usize], *i, did)) {
-            Some(i) => Err(self.wrong(&format!("{} gives {:#x} in word {i}", probe.kernel, got[i as usize]))),
+            Some(i) => {
+                Err(self.wrong(&format!("{} gives {:#x} in word {i}", probe.kernel.name, got[i as usize])))
+            }
             None => Ok(()),
         }
     }
@@ -210,19 +218,19 @@ impl<'g> Bench<'g> {
         let bytes = self.copied;
         const PATTERN: u32 = 0x600d_c0de;
         let mut before = Schedule::default();
-        before.fill("from", bytes, PATTERN);
-        before.fill("to", bytes, 0);
+        before.fill(FROM, bytes, PATTERN);
+        before.fill(TO, bytes, 0);
         self.executor.run(&before)?;
         let (copies, seconds) = self.best(1, &|n| {
             let mut s = Schedule::default();
-            (0..n).for_each(|_| s.copy("from", "to", bytes));
+            (0..n).for_each(|_| s.copy(FROM, TO, bytes));
             s
         })?;
         let mut after = Schedule::default();
         let seen = bytes.min(u64::from(GROUPS * LANES) * 4);
-        after.copy("to", "back", seen);
+        after.copy(TO, BACK, seen);
         self.executor.run(&after)?;
-        let back: &[u32] = bytemuck::cast_slice(&self.executor.arena.mapped("back")[..seen as usize]);
+        let back: &[u32] = bytemuck::cast_slice(&self.executor.arena.mapped(BACK)[..seen as usize]);
         if back.iter().any(|w| *w != PATTERN) {
             return Err(self.wrong("a copy does not arrive"));
         }
@@ -230,16 +238,16 @@ impl<'g> Bench<'g> {
     }
 
     fn dispatch(&mut self) -> Result<f64> {
-        self.add("limit_empty")?;
+        self.add(&kernel::LIMIT_EMPTY)?;
         let dispatches = |n: u64| {
             let mut s = Schedule::default();
             for _ in 0..n {
-                s.dispatch("limit_empty", [1, 1, 1]).with([1u32, 0, 0, 0]);
+                s.dispatch(&kernel::LIMIT_EMPTY, [1, 1, 1]).with([1u32, 0, 0, 0]);
             }
             s
         };
         let mut zero = Schedule::default();
-        zero.fill("result", 4, 0);
+        zero.fill(buffer::RESULT, 4, 0);
         self.seconds(&dispatches(1))?;
         let count = 500;
         let mut best = f64::INFINITY;
@@ -248,9 +256,9 @@ impl<'g> Bench<'g> {
             best = best.min(self.seconds(&dispatches(count))?);
         }
         let mut read = Schedule::default();
-        read.copy("result", "back", 4);
+        read.copy(buffer::RESULT, BACK, 4);
         self.executor.run(&read)?;
-        let counted = bytemuck::cast_slice::<u8, u32>(self.executor.arena.mapped("back"))[0];
+        let counted = bytemuck::cast_slice::<u8, u32>(self.executor.arena.mapped(BACK))[0];
         if u64::from(counted) != count {
             return Err(self.wrong(&format!("of {count} dispatches in order {counted} count")));
         }
@@ -295,16 +303,16 @@ mod tests {
             // What is right for other work is wrong for this.
             let off = Probe { turns: probe.turns - 1, ..*probe };
             let mut s = Schedule::default();
-            s.fill("result", u64::from(GROUPS * LANES) * 4, 0);
+            s.fill(buffer::RESULT, u64::from(GROUPS * LANES) * 4, 0);
             s.extend(passes(&off, 4));
-            s.copy("result", "back", 4);
+            s.copy(buffer::RESULT, BACK, 4);
             bench.executor.run(&s).unwrap();
-            let word = bytemuck::cast_slice::<u8, u32>(bench.executor.arena.mapped("back"))[0];
-            assert!((probe.right)(word, 0, [off.turns, 4, 1]), "{}", probe.kernel);
+            let word = bytemuck::cast_slice::<u8, u32>(bench.executor.arena.mapped(BACK))[0];
+            assert!((probe.right)(word, 0, [off.turns, 4, 1]), "{}", probe.kernel.name);
             assert!(
                 !(probe.right)(word, 0, [probe.turns, 4, 1]),
                 "{}: a turn less goes unseen",
-                probe.kernel
+                probe.kernel.name
             );
         }
         assert!(gpu.validation_messages().is_empty(), "{:?}", gpu.validation_messages());

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::super::account::plain;
 use super::super::{Loaded, Request, solving};
-use super::{pass_of, write_json};
+use super::write_json;
 use crate::capture::Capture;
 use crate::gpu::{DeviceKind, Gpu};
-use crate::solve::{Accumulation, Sizes};
+use crate::solve::{Accumulation, Sizes, pass_of};
 use crate::{Kind, Result};
 
 /// One trial.
@@ -68,7 +68,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
             let mut hear = |_: &_| ControlFlow::Continue(());
             let done = solving::solve(&request, loaded, &gpu, grid, None, &mut hear)?.solved;
             let of = |begins: &str| {
-                let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.name.starts_with(begins));
+                let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.report.starts_with(begins));
                 done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()
             };
             best.forward_s = best.forward_s.min(of("forward"));

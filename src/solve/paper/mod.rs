@@ -1,52 +1,22 @@
 //! The solver of "Domain Reduction Strategy for Non-Line-of-Sight Imaging" (ECCV 2024).
 
 use super::checkpoint::Keeper;
-use super::drive::{Beside, Driven, Steps, TracePoint, drive};
-use super::job::{Job, read_volume};
-use super::{Plan, domain, iteration};
+use super::drive::{Beside, Steps, drive};
+use super::on_device::OnDevice;
+use super::result::{Reconstruction, finish};
+use super::{Plan, domain};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Gpu, KernelTime, Schedule};
-use crate::maps::Maps;
-use crate::transport::kernels::{TRACE_LEAST, TRACE_ROW};
+use crate::gpu::Gpu;
 use crate::transport::{Grid, Model};
 
+mod needs;
 mod options;
+pub mod passes;
+mod schedule;
 
 pub use options::{Decay, NoiseTerm, PaperOptions, Preset};
-
-/// Volume of a finished solve.
-#[derive(Debug, Clone, PartialEq)]
-pub struct VolumeMap {
-    pub grid: Grid,
-    /// Albedo, `[(ix * ny + iy) * nz + iz]`, 0 where inactive.
-    pub albedo: Vec<f32>,
-}
-
-/// What a solve yields.
-#[derive(Debug, Clone)]
-pub struct Reconstruction {
-    pub maps: Maps,
-    pub volume: Option<VolumeMap>,
-    pub trace: Vec<TracePoint>,
-    /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
-    pub empty_loss: f64,
-    pub plan: Plan,
-    /// Pair evaluations, forward and backward together counted once.
-    pub pairs: u64,
-    pub solve_seconds: f64,
-    pub device_bytes: u64,
-    /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
-    pub full: bool,
-    /// Lateral voxels of the volume that was reached.
-    pub lateral: usize,
-    /// Iterations of the volume that were done; those behind them in the trace are the surface's.
-    pub volume_iterations: usize,
-    /// The surface explained the data far worse than the volume: the maps are the volume's.
-    pub surface_left: bool,
-    /// Per kernel, if the device was opened with timings.
-    pub kernels: Vec<(&'static str, KernelTime)>,
-}
+pub use schedule::{double, due, initialise, iteration, reduce, restart};
 
 /// The model that `options` make of a capture for `grid`.
 pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
@@ -96,55 +66,25 @@ pub fn reconstruct<'b, 'w: 'b>(
     capture.check()?;
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
-    let mut job = Job::new(gpu, model, plan, memory)?;
+    let mut job = OnDevice::new(gpu, model, plan, memory)?;
     let levels = job.plan.levels.clone();
     let steps = Steps {
         levels: &levels,
-        start: domain::initialise(&job.plan, &job.plan.levels[0]),
+        start: initialise(&job.plan, &job.plan.levels[0]),
         iteration: &|plan, level, i| iteration(plan, level, i as u32, (i % options.restart_every) as u32 + 1),
-        due: &|plan, level, done| domain::due(plan, options, level, done),
+        due: &|plan, level, done| due(plan, options, level, done),
         extract: &domain::extract,
+        passes: &[super::passes::ALL, passes::ALL],
         l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
         of: options.iterations,
         stop_below: None,
     };
     let keeper = Keeper::new(keep, &job, options)?;
     let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
-    finish(job, driven, with_volume)
+    finish(job, driven, with_volume.then_some(albedo_of))
 }
 
-/// What a solve yields, from what its driver left.
-pub(super) fn finish(mut job: Job<'_>, driven: Driven, with_volume: bool) -> Result<Reconstruction> {
-    let volume = if with_volume {
-        let storage = driven.level.grid.storage() as u64;
-        let mut s = Schedule::default();
-        s.copy("raw", "raw_host", job.plan.capacity as u64 * 16);
-        s.copy("mask", "mask_host", storage / 8);
-        job.executor.run(&s)?;
-        Some(read_volume(&job.executor.arena, &driven.level.grid, job.plan.vectors))
-    } else {
-        None
-    };
-    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped("trace"));
-    let done = driven.trace.last().map_or(0, |p| p.iteration);
-    let full = rows[..done].iter().any(|r| r[TRACE_LEAST as usize] != 0);
-    Ok(Reconstruction {
-        maps: driven.maps,
-        volume,
-        trace: driven.trace,
-        empty_loss: empty_loss(&job.model),
-        pairs: driven.pairs,
-        solve_seconds: driven.seconds,
-        device_bytes: job.executor.arena.bytes(),
-        full,
-        surface_left: false,
-        lateral: driven.level.grid.n[0],
-        volume_iterations: done,
-        kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
-        plan: job.plan,
-    })
-}
-
-fn empty_loss(model: &Model) -> f64 {
-    model.measured.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / model.elements as f64
+/// Albedo of a voxel whose raw variables these are: ELU.
+fn albedo_of([a, ..]: [f32; 4]) -> f32 {
+    if a > 0.0 { a } else { a.exp_m1() }
 }

@@ -1,90 +1,95 @@
-//! What a job needs of the device: levels, kernel variants, buffers. Made before anything is allocated.
+//! What a solve needs of the device: levels, passes, buffers. Made before anything is allocated.
+//!
+//! A plan knows no solver. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
 
 use std::collections::BTreeMap;
 
-use super::{NoiseTerm, PaperOptions};
-use crate::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind};
-use crate::transport::{
-    BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Sampling, cells,
-};
+use super::pass::Pass;
+use super::passes;
+use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind};
+use crate::transport::kernels::{buffer, constant};
+use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, cells};
 use crate::{Error, Result};
 
 mod buffers;
-mod kernels;
 mod left_out;
-mod room;
-mod stages;
+mod levels;
 mod tuning;
 
-pub(super) use stages::AMPLE;
+pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
+pub use left_out::{LeftOut, mebibytes};
+pub use levels::{AMPLE, Level};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
-/// One stage of the coarse-to-fine sequence: a lateral resolution, and as many of the pairs as it is solved with.
+/// What a solver's options ask of every plan, as plain data.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Level {
-    pub grid: Grid,
-    /// The first so many.
-    pub pairs: usize,
-    /// Buffer that holds the wall points of these pairs.
-    pub wall: &'static str,
-    /// Buffer that holds its constants.
-    pub scene: &'static str,
-    /// Buffer that tells which bricks a bin can be reached from.
-    pub reachable: &'static str,
+pub struct Demand {
+    pub accumulation: Accumulation,
+    pub sizes: Sizes,
+    /// Leave nothing out.
+    pub general: bool,
+    /// Start at the scan's resolution and double.
+    pub coarse_to_fine: bool,
+    /// Iterations of the volume, and of what follows it.
+    pub iterations: [usize; 2],
+    /// Pixels of the maps side by side in a voxel of the finest grid.
+    pub pixels_per_voxel: usize,
+    pub binning: Binning,
+    pub gradient: Gradient,
+    /// Neighbours of active voxels have state, too: random samples read it.
+    pub has_rim: bool,
+    /// Gaussian of the domain reduction, in voxels, and after how many sigmas it is cut off.
+    pub smooth: [f64; 2],
+    /// Sets of taps that residuals may go back through, beside the pulse's own, and bins that they add to it.
+    pub more_taps: [usize; 2],
 }
 
-const SCENES: [[&str; 3]; 8] = [
-    ["scene_0", "reachable_0", "wall_0"],
-    ["scene_1", "reachable_1", "wall_1"],
-    ["scene_2", "reachable_2", "wall_2"],
-    ["scene_3", "reachable_3", "wall_3"],
-    ["scene_4", "reachable_4", "wall_4"],
-    ["scene_5", "reachable_5", "wall_5"],
-    ["scene_6", "reachable_6", "wall_6"],
-    ["scene_7", "reachable_7", "wall_7"],
-];
+/// What a solver needs of a plan. Its options implement this.
+pub trait Needs {
+    /// The plain part.
+    fn demand(&self) -> Demand;
 
-/// Constants of the surface's levels where its pixels are no voxels.
-const SURFACE_SCENES: [&str; 8] = [
-    "surface_scene_0",
-    "surface_scene_1",
-    "surface_scene_2",
-    "surface_scene_3",
-    "surface_scene_4",
-    "surface_scene_5",
-    "surface_scene_6",
-    "surface_scene_7",
-];
+    /// Voxels that may be active at once, and touched at once, over these levels.
+    fn capacities(&self, levels: &[Level]) -> [usize; 2];
 
-/// Where the points of all pairs are.
-const WALL: &str = "wall";
+    /// Values of the constants that its passes share.
+    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
 
-/// Variants, sizes and buffers of one job.
+    /// Its passes. The plan adds those that all solvers have, and leaves out those it does not need ([`Pass::when`]).
+    fn passes(&self) -> Vec<&'static Pass>;
+
+    /// Its device buffers with their bytes. The plan adds those that all solvers have.
+    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
+
+    /// Two buffers for a number per voxel while the domain changes. The first has room for four numbers of every
+    /// touched voxel, too.
+    fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {
+        [SMOOTH, SMOOTH_SPARE]
+    }
+
+    /// What it does not need, and what that saves.
+    fn left_out(&self, plan: &Plan, out: &mut LeftOut);
+}
+
+/// Levels, passes and buffers of one solve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
+    /// The coarse-to-fine sequence of the volume.
     pub levels: Vec<Level>,
+    /// Levels on the maps' pixels, for what follows the volume; none if nothing does.
+    pub pixel_levels: Vec<Level>,
+    /// The grid whose lateral cells are the maps' pixels.
+    pub maps: Grid,
     pub pairs: usize,
     pub bins: usize,
     /// Metres of path.
     pub bin_width: f64,
-    pub iterations: usize,
-    /// Iterations of the surface after those of the volume.
-    pub surface_iterations: usize,
-    /// What it runs at, with a part of the pairs and then all, on pixels that may be smaller than the finest voxels; none
-    /// without iterations.
-    pub surface: Vec<Level>,
-    /// Points that a pixel of the surface consists of: four, or one if it is small.
-    pub points: usize,
-    /// Residuals of the surface are averaged along time at first.
-    pub blurred: bool,
+    /// Iterations of the volume, and of what follows it.
+    pub iterations: [usize; 2],
     pub accumulation: Accumulation,
-    pub continuous: bool,
-    pub binning: Binning,
+    /// Neighbours of active voxels have state, too.
+    pub has_rim: bool,
     pub gradient: Gradient,
-    pub noise: NoiseTerm,
-    pub initial_albedo: f32,
-    /// The vector solver's kernels and buffers, not the paper's.
-    pub vectors: bool,
     pub geometry: Geometry,
     pub reflectance: Reflectance,
     /// Places among the bins are found in parts: paths are more bins long than fp32 tells apart.
@@ -95,6 +100,9 @@ pub struct Plan {
     pub touching: bool,
     /// Taps of the instrument's pulse; none where paths are taken for sharp.
     pub pulse: usize,
+    /// Sets of taps that residuals may go back through, and words of each.
+    pub tap_sets: usize,
+    pub tap_room: usize,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side, and of the other.
@@ -103,10 +111,16 @@ pub struct Plan {
     pub tuning: Tuning,
     /// Voxels that may be active at once.
     pub capacity: usize,
-    /// Voxels that may be touched at once: active ones and, where samples are random, their neighbours.
+    /// Voxels that may be touched at once: active ones and, where they have state, their neighbours.
     pub touched_capacity: usize,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
+    /// Two buffers for a number per voxel while the domain changes.
+    pub volumes: [Buffer; 2],
+    /// Values of the constants that passes share.
+    pub constants: BTreeMap<Constant, u32>,
+    /// Passes in the order in which they are made.
+    pub passes: Vec<&'static Pass>,
     pub buffers: Vec<BufferPlan>,
     /// Whether each brick of each level can reach a bin.
     pub reachable: Vec<Vec<bool>>,
@@ -116,174 +130,134 @@ pub struct Plan {
     pub left_out: Vec<String>,
 }
 
-/// What a solver asks of a plan.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wanted {
-    pub accumulation: Accumulation,
-    pub coarse_to_fine: bool,
-    pub iterations: usize,
-    pub surface_iterations: usize,
-    /// How many pixels of the surface are as wide as a voxel of the finest grid.
-    pub pixels_per_voxel: usize,
-    /// Points of such a pixel; `None` for as many as its size asks for.
-    pub surface_points: Option<usize>,
-    /// Whether its residuals are averaged along time.
-    pub surface_blur: bool,
-    pub sampling: Sampling,
-    pub binning: Binning,
-    pub gradient: Gradient,
-    pub noise: NoiseTerm,
-    pub initial_albedo: f64,
-    pub smooth_sigma: f64,
-    pub smooth_truncate: f64,
-    pub vectors: bool,
-    pub general: bool,
-    pub sizes: Sizes,
-    /// Share of the finest grid that may be active at once.
-    pub room: Option<f64>,
-    /// Every doubling comes with a reduction.
-    pub reduces: bool,
-}
-
-impl From<&PaperOptions> for Wanted {
-    fn from(o: &PaperOptions) -> Wanted {
-        Wanted {
-            accumulation: o.accumulation,
-            coarse_to_fine: o.coarse_to_fine,
-            iterations: o.iterations,
-            surface_iterations: 0,
-            pixels_per_voxel: 1,
-            surface_points: None,
-            surface_blur: false,
-            sampling: o.sampling,
-            binning: o.binning,
-            gradient: o.gradient,
-            noise: o.noise,
-            initial_albedo: o.initial_albedo,
-            smooth_sigma: o.smooth_sigma,
-            smooth_truncate: o.smooth_truncate,
-            vectors: false,
-            general: o.general,
-            sizes: o.sizes,
-            room: o.room,
-            reduces: o.reduce && o.double_every.is_multiple_of(o.reduce_every),
-        }
-    }
-}
-
 /// lavapipe stops an invocation silently after so many loop turns in all.
 const LOOP_LIMIT: u32 = 65_535;
 
 /// Bins of a histogram and voxels of a column: a kernel may pass over them twice.
 const LONGEST_LOOP: usize = 32_767;
 
-/// Bins of path as wide as which a pixel of the surface is small enough to be one point: paths over it differ by about as many
-/// bins (benches/NOTES.md).
-const SMALL_PIXEL: f64 = 2.0;
-
 /// More additions than these to one fp32 sum may lose 1e-4 of it: equal addends round alike (docs/stability.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
 impl Plan {
     /// Plans a solver for `model` on `grid` (whose lateral cells are the maps' pixels) for a device of such abilities.
+    /// With `with_volume` the volume can be read back.
     ///
-    /// Errors: an accumulation that the device does not offer, sizes beyond 32-bit indices.
+    /// # Errors
+    /// An accumulation that the device does not offer, sizes beyond 32-bit indices.
     pub fn new(
         model: &Model,
         grid: Grid,
         scan: [usize; 2],
-        wanted: impl Into<Wanted>,
+        needs: &dyn Needs,
         device: &Abilities,
         with_volume: bool,
     ) -> Result<Plan> {
-        let options: Wanted = wanted.into();
-        let accumulation = choose(options.accumulation, device.kind, device.accumulations)?;
-        // Kernels count three words of noise for a bin, and two of fixed point for a cell.
-        if (model.pairs() as u64 * model.bins as u64) > 1 << 30 || model.cells() as u64 >= 1 << 31 {
-            return Err(Error::memory(
-                format!("{} pairs of {} bins are beyond 2^30 values", model.pairs(), model.bins),
-                "use a larger --stride or a narrower --gate",
-            ));
-        }
-        // Kernels walk the depth of a column and the bins of a histogram in one loop each.
-        for (what, count, mend) in [
-            ("voxels deep", grid.n[2], "use a larger --depth-pitch or a narrower --gate"),
-            ("bins long", model.bins, "use a narrower --gate, or add bins up before"),
-        ] {
-            if count > LONGEST_LOOP {
-                return Err(Error::memory(
-                    format!("{count} {what}: at most {LONGEST_LOOP} are supported"),
-                    mend,
-                ));
-            }
-        }
+        let demand = needs.demand();
+        let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
+        check_sizes(model, &grid)?;
         let levels =
-            stages::stages(model, grid.coarser(options.pixels_per_voxel), scan, options.coarse_to_fine)?;
-        let surface = if options.surface_iterations > 0 { stages::surface(&levels, grid) } else { vec![] };
-        let small = grid.pitch.x.max(grid.pitch.y) <= SMALL_PIXEL * model.bin_width;
-        let [capacity, touched_capacity] = room::capacities(&levels, &options);
-        let tuning = Tuning::new(model, capacity, accumulation, device, &options.sizes)?;
-        let tiles = match model.wall.geometry {
-            Geometry::Product => {
-                model.wall.scanned.len().div_ceil(tuning.lanes as usize)
-                    * model.wall.others.len().div_ceil(tuning.others_forward as usize)
-            }
-            _ => model.pairs().div_ceil(tuning.lanes as usize),
-        };
-        if tiles > device.limits.groups[0] as usize {
-            return Err(Error::memory(
-                format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
-                "use a larger --stride",
-            ));
-        }
+            levels::of_volume(model, grid.coarser(demand.pixels_per_voxel), scan, demand.coarse_to_fine);
+        let pixel_levels = if demand.iterations[1] > 0 { levels::of_pixels(&levels, grid) } else { vec![] };
+        let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
+        let [capacity, touched_capacity] = needs.capacities(&levels);
+        let tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
+        tuning.check_tiles(model, device)?;
+        let pulse = model.pulse.as_ref().map_or(0, |p| p.weights.len());
+        let [more_sets, more_bins] = demand.more_taps;
+        // Fixed point adds without rounding, and a window is a second level by itself.
+        let fixed = matches!(accumulation, Accumulation::Fixed | Accumulation::Fixed32);
+        let runs = !fixed && tuning.window == 0 && capacity / model.bins > VOXELS_PER_BIN;
+        let touches = |l: &Level| model.touches(&l.grid);
         let mut plan = Plan {
+            touching: demand.general || levels.iter().chain(&pixel_levels).any(touches),
+            reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
+            levels,
+            pixel_levels,
+            maps,
             pairs: model.pairs(),
             bins: model.bins,
             bin_width: model.bin_width,
-            iterations: options.iterations,
-            surface_iterations: options.surface_iterations,
-            surface,
-            points: options.surface_points.unwrap_or(if small { 1 } else { 4 }),
-            blurred: options.surface_blur && options.surface_iterations > 0,
+            iterations: demand.iterations,
             accumulation,
-            continuous: options.sampling == Sampling::Continuous,
-            binning: options.binning,
-            gradient: options.gradient,
-            noise: options.noise,
-            initial_albedo: options.initial_albedo as f32,
-            vectors: options.vectors,
+            has_rim: demand.has_rim,
+            gradient: demand.gradient,
             geometry: model.wall.geometry,
             reflectance: model.reflectance,
             fine: model.is_fine(&grid),
-            runs: false,
-            touching: true,
-            pulse: model.pulse.as_ref().map_or(0, |p| p.weights.len()),
+            runs,
+            pulse,
+            tap_sets: if pulse > 0 || more_sets > 0 { 1 + more_sets } else { 0 },
+            // The same for all pulses but the longest, so that a plan made before one is found holds.
+            tap_room: (pulse + 2 + more_bins).max(256),
             curved: model.wall.normals.is_some(),
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
             tuning,
             capacity,
             touched_capacity,
-            taps: crate::transport::twin::taps(options.smooth_sigma, options.smooth_truncate),
+            taps: crate::transport::twin::taps(demand.smooth[0], demand.smooth[1]),
+            volumes: [SMOOTH, SMOOTH_SPARE],
+            constants: BTreeMap::new(),
+            passes: vec![],
             buffers: vec![],
-            reachable: vec![],
             all_bins: model.elements / model.pairs().max(1),
             left_out: vec![],
-            levels,
         };
-        let reachable = |l: &Level| match options.general {
-            true => vec![true; l.grid.storage() / BRICK_VOXELS],
-            false => model.reachable_bricks(&l.grid),
-        };
-        // Fixed point adds without rounding, and a window is a second level by itself.
-        plan.runs =
-            !plan.fixed_point() && plan.tuning.window == 0 && plan.capacity / model.bins > VOXELS_PER_BIN;
-        plan.touching =
-            options.general || plan.levels.iter().chain(&plan.surface).any(|l| model.touches(&l.grid));
-        plan.reachable = plan.levels.iter().map(reachable).collect();
-        plan.buffers = plan.list_buffers(with_volume);
-        plan.left_out = plan.list_left_out();
+        plan.volumes = needs.volumes(&plan);
+        plan.constants = plan.shared_constants(demand.binning);
+        plan.constants.extend(needs.constants(&plan));
+        let all = passes::ALL.iter().copied().chain(needs.passes());
+        plan.passes = all.filter(|pass| (pass.when)(&plan)).collect();
+        plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
+        let mut left_out = LeftOut::default();
+        plan.list_left_out(&mut left_out);
+        needs.left_out(&plan, &mut left_out);
+        plan.left_out = left_out.lines;
         Ok(plan)
+    }
+
+    /// The value that the plan gives a constant, if it gives one.
+    pub fn constant(&self, constant: Constant) -> Option<u32> {
+        self.constants.get(&constant).copied()
+    }
+
+    /// What the scene is and how the work is cut, for every pass that asks.
+    fn shared_constants(&self, binning: Binning) -> BTreeMap<Constant, u32> {
+        let t = self.tuning;
+        let product = self.geometry == Geometry::Product;
+        BTreeMap::from([
+            (constant::GEOMETRY, self.geometry as u32),
+            (constant::REFLECTANCE, self.reflectance.number()),
+            (constant::CURVED, u32::from(self.curved)),
+            (constant::FINE, u32::from(self.fine)),
+            (constant::TOUCHING, u32::from(self.touching)),
+            (constant::RUNS, u32::from(self.runs)),
+            (constant::PULSE, u32::from(self.pulse > 0)),
+            (constant::SPLIT, u32::from(binning == Binning::Linear)),
+            (constant::EXACT, u32::from(self.gradient == Gradient::Exact)),
+            (constant::LANES, t.lanes),
+            (constant::CHUNK, t.chunk),
+            (constant::WINDOW, t.window),
+            (constant::VOXELS, t.voxels),
+            (constant::SLICES, t.slices),
+            (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
+            (constant::SHARED, u32::from(t.share_arms)),
+            (constant::OTHERS, t.others_backward),
+            (constant::OWNED, u32::from(self.accumulation == Accumulation::Owned)),
+            (constant::FORWARD_SETS, self.forward_sets(self.finest())),
+        ])
+    }
+
+    /// The passes with their modules and constants, for reports.
+    pub fn variants(&self) -> Vec<String> {
+        let name = |pass: &&'static Pass| {
+            let constants: Vec<_> = pass.values(self).iter().map(|(n, v)| format!("{n}={v}")).collect();
+            format!("{}: {} {}", pass.kernel, (pass.code)(self).name, constants.join(" "))
+                .trim_end()
+                .to_string()
+        };
+        self.passes.iter().map(name).collect()
     }
 
     /// Cells of the histograms that `level` uses, with their padding.
@@ -296,8 +270,8 @@ impl Plan {
     }
 
     /// The buffer that gradients gather from.
-    pub fn residual(&self) -> &'static str {
-        if self.pulse > 0 { "spread" } else { "residual" }
+    pub fn residual(&self) -> Buffer {
+        if self.pulse > 0 { buffer::SPREAD } else { buffer::RESIDUAL }
     }
 
     pub fn fixed_point(&self) -> bool {
@@ -319,40 +293,55 @@ impl Plan {
         span > f64::from(self.tuning.window_span)
     }
 
-    /// The grid whose lateral cells are the maps' pixels.
-    pub fn maps_grid(&self) -> &Grid {
-        self.surface.last().map_or(&self.finest().grid, |l| &l.grid)
-    }
-
     /// Pixels of the maps side by side in a voxel of the finest grid.
     pub fn factor(&self) -> usize {
-        self.maps_grid().n[0] / self.finest().grid.n[0]
+        self.maps.n[0] / self.finest().grid.n[0]
     }
 
-    /// Those levels of the surface that are none of the volume's.
-    pub(super) fn surface_only(&self) -> impl Iterator<Item = &Level> {
-        self.surface.iter().filter(|l| !self.levels.contains(l))
+    /// Those levels on the maps' pixels that are none of the volume's.
+    pub(super) fn pixels_only(&self) -> impl Iterator<Item = &Level> {
+        self.pixel_levels.iter().filter(|l| !self.levels.contains(l))
     }
 
-    /// Pixels that the surface may have: all of the maps', as far as there is room for the points of each.
-    pub fn pixels(&self) -> usize {
-        let [x, y, _] = self.maps_grid().n;
-        if self.surface.is_empty() { 0 } else { (x * y).min(self.capacity / self.points) }
-    }
-
-    /// Weights of the noise term.
-    pub fn noise_weights(&self) -> usize {
-        match self.noise {
-            NoiseTerm::Off => 0,
-            NoiseTerm::Bin => self.pairs * self.bins,
-            NoiseTerm::Histogram => self.pairs,
-        }
+    /// Bytes of a buffer; 0 if the plan has none such.
+    pub fn bytes_of(&self, buffer: Buffer) -> u64 {
+        self.buffers.iter().find(|b| b.buffer == buffer).map_or(0, |b| b.bytes)
     }
 
     /// Bytes by buffer name.
     pub fn bytes(&self) -> BTreeMap<String, u64> {
-        self.buffers.iter().map(|b| (b.name.clone(), b.bytes)).collect()
+        self.buffers.iter().map(|b| (b.buffer.to_string(), b.bytes)).collect()
     }
+}
+
+/// Whether each brick of a grid can reach a bin.
+fn reachable(model: &Model, grid: &Grid, general: bool) -> Vec<bool> {
+    match general {
+        true => vec![true; grid.storage() / BRICK_VOXELS],
+        false => model.reachable_bricks(grid),
+    }
+}
+
+/// # Errors
+/// Sizes beyond what kernels index or loop over.
+fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
+    // Kernels count three words of noise for a bin, and two of fixed point for a cell.
+    if (model.pairs() as u64 * model.bins as u64) > 1 << 30 || model.cells() as u64 >= 1 << 31 {
+        return Err(Error::memory(
+            format!("{} pairs of {} bins are beyond 2^30 values", model.pairs(), model.bins),
+            "use a larger --stride or a narrower --gate",
+        ));
+    }
+    // Kernels walk the depth of a column and the bins of a histogram in one loop each.
+    for (what, count, mend) in [
+        ("voxels deep", grid.n[2], "use a larger --depth-pitch or a narrower --gate"),
+        ("bins long", model.bins, "use a narrower --gate, or add bins up before"),
+    ] {
+        if count > LONGEST_LOOP {
+            return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), mend));
+        }
+    }
+    Ok(())
 }
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {

@@ -183,6 +183,25 @@ impl Tuning {
         Ok(t)
     }
 
+    /// # Errors
+    /// More tiles of pairs than a dispatch has workgroups.
+    pub fn check_tiles(&self, model: &Model, device: &Abilities) -> Result<()> {
+        let tiles = match model.wall.geometry {
+            Geometry::Product => {
+                model.wall.scanned.len().div_ceil(self.lanes as usize)
+                    * model.wall.others.len().div_ceil(self.others_forward as usize)
+            }
+            _ => model.pairs().div_ceil(self.lanes as usize),
+        };
+        if tiles > device.limits.groups[0] as usize {
+            return Err(Error::memory(
+                format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
+                "use a larger --stride",
+            ));
+        }
+        Ok(())
+    }
+
     /// Loop turns of an invocation of the forward kernel, at most.
     fn turns(&self, product: bool) -> u32 {
         let (chunk, others) = (self.chunk, self.others_forward);

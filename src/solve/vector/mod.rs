@@ -12,48 +12,26 @@
 
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
-use super::job::{Job, upload};
-use super::paper::finish;
-use super::plan::{AMPLE, Wanted};
-use super::{NoiseTerm, Plan, Reconstruction, domain, surface};
+use super::estimate::{background, expected_noise, variance_per_count};
+use super::on_device::{OnDevice, upload};
+use super::plan::AMPLE;
+use super::result::{Reconstruction, finish};
+use super::{Plan, domain, surface};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
+use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Sampling};
 
-mod estimate;
+mod hat;
+mod needs;
 mod options;
-mod steps;
+pub mod passes;
+mod schedule;
 
-pub use estimate::{background, expected_noise, hat, variance_per_count};
+pub use hat::hat;
 pub use options::VectorOptions;
-pub use steps::{due, iteration, start};
-
-impl From<&VectorOptions> for Wanted {
-    fn from(o: &VectorOptions) -> Wanted {
-        Wanted {
-            accumulation: o.accumulation,
-            coarse_to_fine: o.coarse_to_fine,
-            iterations: o.iterations,
-            surface_iterations: o.surface_iterations,
-            pixels_per_voxel: o.pixels_per_voxel(),
-            surface_points: o.surface_points,
-            surface_blur: o.surface_blur > 0.0,
-            sampling: Sampling::Fixed,
-            binning: Binning::Linear,
-            gradient: Gradient::Exact,
-            noise: NoiseTerm::Off,
-            initial_albedo: 0.0,
-            smooth_sigma: SMOOTH_SIGMA,
-            smooth_truncate: 4.0,
-            vectors: true,
-            general: o.general,
-            sizes: o.sizes,
-            room: o.room,
-            reduces: true,
-        }
-    }
-}
+pub use schedule::{due, iteration, start};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
 const SMOOTH_SIGMA: f64 = 1.0;
@@ -78,10 +56,10 @@ pub fn reconstruct<'b, 'w: 'b>(
     capture.check()?;
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
-    let mut job = Job::new(gpu, model, plan, memory)?;
+    let mut job = OnDevice::new(gpu, model, plan, memory)?;
     let lateral = job.plan.levels[0].grid.pitch.x;
     let hat = hat(HAT_SIGMA * lateral / capture.bin_width, job.plan.bins);
-    upload(&mut job.executor, "hat_taps", bytemuck::cast_slice(&hat))?;
+    upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
     let levels = job.plan.levels.clone();
     let steps = Steps {
         levels: &levels,
@@ -89,6 +67,7 @@ pub fn reconstruct<'b, 'w: 'b>(
         iteration: &|plan, level, i| iteration(plan, level, i as u32),
         due: &|plan, level, done| due(plan, options, level, done),
         extract: &domain::extract,
+        passes: &[super::passes::ALL, passes::ALL],
         l1_weight: &|_| 1.0,
         of: options.iterations + options.surface_iterations,
         stop_below: options.stop.then(|| expected_noise(&job.model)),
@@ -100,7 +79,11 @@ pub fn reconstruct<'b, 'w: 'b>(
     if options.surface_iterations > 0 {
         (driven, surface_left) = surface::refine(gpu, &mut job, options, watch, driven)?;
     }
-    Ok(Reconstruction { volume_iterations, surface_left, ..finish(job, driven, with_volume)? })
+    Ok(Reconstruction {
+        volume_iterations,
+        surface_left,
+        ..finish(job, driven, with_volume.then_some(albedo_of))?
+    })
 }
 
 /// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.
@@ -129,4 +112,9 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
         model.trim(grid);
     }
     model
+}
+
+/// Albedo of a voxel whose vector this is.
+fn albedo_of([x, y, z, _]: [f32; 4]) -> f32 {
+    (x * x + y * y + z * z).sqrt()
 }

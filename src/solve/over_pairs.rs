@@ -1,93 +1,77 @@
-//! One iteration of the paper's solver as data.
+//! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
-use super::{Level, NoiseTerm, Plan};
-use crate::gpu::Schedule;
+use super::pass::Pass;
+use super::passes::{PULSE, PULSE_BACK};
+use super::{Level, Plan};
+use crate::gpu::{Buffer, Schedule};
 use crate::transport::Geometry;
 use crate::transport::kernels::*;
 
-/// Sample, forward, residual, (noise,) backward, update, finish: iteration `iteration` of the solve (from 0),
-/// `step` of the optimiser since its restart (from 1).
-pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Schedule {
-    let mut s = Schedule::default();
-    let push = Push { iteration, step, ..Default::default() };
-    let arguments = |triple: u32| 12 * u64::from(triple);
-    s.indirect("sample", "arguments", arguments(ARGUMENTS_SAMPLE)).bind("scene", level.scene).with(push);
-    s.extend(forward(plan, level, "forward"));
-    s.extend(compare(plan, level, "residual", push, None));
-    if plan.noise != NoiseTerm::Off {
-        s.dispatch("noise", groups(level.pairs, 1)).bind("scene", level.scene).with(push);
-    }
-    s.extend(gather(plan, level, "backward", ARGUMENTS_BACKWARD, 0, plan.residual()));
-    s.indirect("update", "arguments", arguments(ARGUMENTS_UPDATE)).bind("scene", level.scene).with(push);
-    s.dispatch("finish", [1, 1, 1]).bind("scene", level.scene).with(push);
-    s
-}
-
-/// A forward pass by `kernel`, in as many dispatches as its accumulation takes.
-pub(super) fn forward(plan: &Plan, level: &Level, kernel: &'static str) -> Schedule {
+/// A forward pass by `pass`, in as many dispatches as its accumulation takes.
+pub(super) fn forward(plan: &Plan, level: &Level, pass: &Pass) -> Schedule {
     let mut s = Schedule::default();
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     for set in 0..plan.forward_sets(level) {
-        s.indirect(kernel, "arguments", 12 * u64::from(ARGUMENTS_FORWARD + set))
-            .bind("scene", level.scene)
-            .bind("wall", level.wall)
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::WALL, level.wall)
             .with(Push { first: set, flags, ..Default::default() });
     }
     s
 }
 
-/// Takes what a forward pass has rendered in by the kernel `residual`; with a pulse, as the instrument shows it, and what it
+/// Takes what a forward pass has rendered in by the pass `residual`; with a pulse, as the instrument shows it, and what it
 /// misses back to the paths, for [`Plan::residual`]; `through` as [`pulse_back`].
 pub(super) fn compare(
     plan: &Plan,
     level: &Level,
-    residual: &'static str,
+    residual: &Pass,
     push: Push,
     through: Option<u32>,
 ) -> Schedule {
     let mut s = Schedule::default();
     if plan.pulse > 0 {
-        let rendered = s.dispatch("pulse", runs(plan, level)).bind("scene", level.scene);
+        let rendered = s.dispatch(&PULSE, runs(plan, level)).bind(buffer::SCENE, level.scene);
         if !plan.fixed_point() {
-            rendered.bind("source", "histograms");
+            rendered.bind(buffer::SOURCE, buffer::HISTOGRAMS);
         }
     }
     s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-        .bind("scene", level.scene)
+        .bind(buffer::SCENE, level.scene)
         .with(push);
-    s.extend(pulse_back(plan, level, "pulse_back", through));
+    s.extend(pulse_back(plan, level, &PULSE_BACK, through));
     s
 }
 
-/// What `residual` holds, seen from the paths, by the kernel of that name, in `spread`: through the taps that begin at word
+/// What `residual` holds, seen from the paths, by `pass`, in `spread`: through the taps that begin at word
 /// `through` of `pulse_taps`, or the pulse's own; nothing to do without either.
-pub(super) fn pulse_back(plan: &Plan, level: &Level, kernel: &'static str, through: Option<u32>) -> Schedule {
+pub(super) fn pulse_back(plan: &Plan, level: &Level, pass: &Pass, through: Option<u32>) -> Schedule {
     let mut s = Schedule::default();
     if plan.pulse > 0 || through.is_some() {
-        s.dispatch(kernel, runs(plan, level))
-            .bind("scene", level.scene)
-            .bind("source", "residual")
+        s.dispatch(pass, runs(plan, level))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::SOURCE, buffer::RESIDUAL)
             .with(Push { first: through.unwrap_or(0), ..Default::default() });
     }
     s
 }
 
-/// Gathers the buffer `from` over all pairs of `level` by `kernel`, which the triple `arguments` sizes, with `flags` beside
+/// Gathers the buffer `from` over all pairs of `level` by `pass`, which the triple `sized` of the arguments sizes, with `flags` beside
 /// those of the parts.
 pub(super) fn gather(
     plan: &Plan,
     level: &Level,
-    kernel: &'static str,
-    arguments: u32,
+    pass: &Pass,
+    sized: u32,
     flags: u32,
-    from: &'static str,
+    from: Buffer,
 ) -> Schedule {
     let mut s = Schedule::default();
     for chunk in pair_chunks(plan, level) {
-        s.indirect(kernel, "arguments", 12 * u64::from(arguments))
-            .bind("scene", level.scene)
-            .bind("wall", level.wall)
-            .bind("residual", from)
+        s.indirect(pass, buffer::ARGUMENTS, arguments(sized))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::WALL, level.wall)
+            .bind(buffer::RESIDUAL, from)
             .with(Push { flags: chunk.flags | flags, ..chunk });
     }
     s
@@ -125,4 +109,9 @@ pub(super) fn pair_chunks(plan: &Plan, level: &Level) -> Vec<Push> {
 pub(super) fn groups(n: usize, size: u32) -> [u32; 3] {
     let count = n.div_ceil(size as usize) as u32;
     [count.min(GROUPS_X), count.div_ceil(GROUPS_X).max(1), 1]
+}
+
+/// Where a triple of the arguments lies, in bytes.
+pub(super) fn arguments(triple: u32) -> u64 {
+    12 * u64::from(triple)
 }

@@ -1,8 +1,25 @@
-//! The stages of a solve: from a coarse grid and a part of the pairs to the finest and all of them.
+//! The levels of a solve: from a coarse grid and a part of the pairs to the finest and all of them.
 
-use super::{Level, SCENES, SURFACE_SCENES, WALL};
+use crate::gpu::Buffer;
+use crate::transport::kernels::buffer;
 use crate::transport::{Geometry, Grid, Model};
-use crate::{Error, Result};
+
+/// One step of the coarse-to-fine sequence: a lateral resolution, and as many of the pairs as it is solved with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Level {
+    pub grid: Grid,
+    /// The first so many pairs.
+    pub pairs: usize,
+    /// Buffer that holds the wall points of these pairs.
+    pub wall: Buffer,
+    /// Buffer that holds its constants.
+    pub scene: Buffer,
+    /// Buffer that tells which bricks a bin can be reached from.
+    pub reachable: Buffer,
+}
+
+/// Constants of levels on the maps' pixels, where these are no voxels.
+const SURFACE_SCENE: Buffer = Buffer::named("surface_scene");
 
 /// Points side by side that are ample for a grid of as many or twice as many lateral voxels.
 pub const AMPLE: usize = 32;
@@ -12,12 +29,7 @@ const ROWS: usize = 16;
 
 /// By doubling from the scan's resolution (or more, where the final one is no power of two of it). Where pairs are
 /// spread, from [`AMPLE`] if the scan has more, and with a part of the pairs that ends by growing fourfold until it is all.
-pub(super) fn stages(
-    model: &Model,
-    finest: Grid,
-    scan: [usize; 2],
-    coarse_to_fine: bool,
-) -> Result<Vec<Level>> {
+pub(super) fn of_volume(model: &Model, finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Vec<Level> {
     let side = scan[0].max(scan[1]);
     let least = if model.is_spread { side.min(AMPLE) } else { side };
     let mut factor = 1;
@@ -35,36 +47,25 @@ pub(super) fn stages(
             steps.push((finest, pairs));
         }
     }
-    if steps.len() > SCENES.len() {
-        return Err(Error::options(
-            format!(
-                "{} levels from a scan of {} x {} to {} lateral voxels",
-                steps.len(),
-                scan[0],
-                scan[1],
-                finest.n[0]
-            ),
-            "use a smaller --lateral, or --no-coarse-to-fine",
-        ));
-    }
-    let level = |((grid, pairs), [scene, reachable, own]): ((Grid, usize), [&'static str; 3])| Level {
+    let level = |(i, (grid, pairs)): (u8, (Grid, usize))| Level {
         grid,
         pairs,
-        wall: if pairs == model.pairs() { WALL } else { own },
-        scene,
-        reachable,
+        wall: if pairs == model.pairs() { buffer::WALL } else { buffer::WALL.at(i) },
+        scene: buffer::SCENE.at(i),
+        reachable: buffer::REACHABLE.at(i),
     };
-    Ok(steps.into_iter().zip(SCENES).map(level).collect())
+    // Lateral voxels and pairs are 32-bit numbers: there are fewer than 64 levels.
+    (0..).zip(steps).map(level).collect()
 }
 
-/// The surface's: with as many pairs as the finest of `levels` have, on a grid with the maps' pixels.
-pub(super) fn surface(levels: &[Level], maps: Grid) -> Vec<Level> {
+/// Those on the maps' pixels: with as many pairs as the finest of `levels` have.
+pub(super) fn of_pixels(levels: &[Level], maps: Grid) -> Vec<Level> {
     let Some(finest) = levels.last().map(|l| l.grid) else { return vec![] };
     let of_finest = levels.iter().filter(|l| l.grid == finest);
     if finest == maps {
         return of_finest.copied().collect();
     }
-    of_finest.zip(SURFACE_SCENES).map(|(l, scene)| Level { grid: maps, scene, ..*l }).collect()
+    (0..).zip(of_finest).map(|(i, l)| Level { grid: maps, scene: SURFACE_SCENE.at(i), ..*l }).collect()
 }
 
 /// The share of the pairs, 1 in 4 or 16 or ..., that a grid of so many lateral voxels is solved with at first: half as

@@ -1,44 +1,50 @@
-//! A job on the device: its buffers, its kernels, what is uploaded before solving and read after it.
+//! A planned solve on the device: its buffers and kernels, what is uploaded before it and read after it.
+
+use std::ops::Range;
 
 use super::Plan;
+use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
+use super::result::VolumeMap;
 use crate::Result;
-use crate::gpu::{Arena, Command, Executor, Gpu, Schedule};
+use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
-use crate::transport::kernels::SceneData;
+use crate::transport::kernels::{SceneData, TRACE_ROW, buffer};
 use crate::transport::{Grid, Model};
 
-/// A job on the device: buffers filled, kernels made, first domain listed.
-pub struct Job<'g> {
+/// A planned solve on the device: buffers allocated and filled, kernels made.
+pub struct OnDevice<'g> {
     pub plan: Plan,
     pub model: Model,
     pub executor: Executor<'g>,
 }
 
-impl<'g> Job<'g> {
+impl<'g> OnDevice<'g> {
     /// Allocates and uploads. `memory` is a budget in bytes.
     ///
     /// Errors: those of [`Arena::new`] and of the device.
-    pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<Job<'g>> {
+    pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<OnDevice<'g>> {
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
-        plan.add_kernels(&mut executor)?;
-        let mut job = Job { plan, model, executor };
-        job.upload()?;
-        Ok(job)
+        for pass in &plan.passes {
+            executor.add_kernel(*pass, (pass.code)(&plan), &pass.values(&plan))?;
+        }
+        let mut made = OnDevice { plan, model, executor };
+        made.upload()?;
+        Ok(made)
     }
 
     /// Fills the buffers that hold the capture and the constants.
     pub fn upload(&mut self) -> Result<()> {
-        let Job { plan, model, executor } = self;
-        upload(executor, "wall", bytemuck::cast_slice(&model.wall.words()))?;
-        upload(executor, "measured", bytemuck::cast_slice(&model.measured))?;
+        let OnDevice { plan, model, executor } = self;
+        upload(executor, buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
+        upload(executor, buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
-        upload(executor, "taps", bytemuck::cast_slice(&taps))?;
+        upload(executor, buffer::TAPS, bytemuck::cast_slice(&taps))?;
         if let Some(pulse) = &model.pulse {
-            upload(executor, "pulse_taps", bytemuck::cast_slice(&pulse.words()))?;
+            upload(executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
-        for level in plan.levels.iter().chain(plan.surface_only()) {
+        for level in plan.levels.iter().chain(plan.pixels_only()) {
             let scene = model.scene_of(&level.grid, level.pairs);
             let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
             let scene = SceneData { capacity, touched_capacity, ..scene };
@@ -56,13 +62,13 @@ impl<'g> Job<'g> {
 }
 
 /// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.
-pub fn upload(executor: &mut Executor<'_>, buffer: &'static str, bytes: &[u8]) -> Result<()> {
-    let size = executor.arena.mapped("upload").len();
+pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Result<()> {
+    let size = executor.arena.mapped(UPLOAD).len();
     for (i, part) in bytes.chunks(size).enumerate() {
-        executor.arena.mapped_mut("upload")[..part.len()].copy_from_slice(part);
+        executor.arena.mapped_mut(UPLOAD)[..part.len()].copy_from_slice(part);
         let mut s = Schedule::default();
         s.commands.push(Command::Copy {
-            from: "upload",
+            from: UPLOAD,
             from_offset: 0,
             to: buffer,
             to_offset: (i * size) as u64,
@@ -75,7 +81,7 @@ pub fn upload(executor: &mut Executor<'_>, buffer: &'static str, bytes: &[u8]) -
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where surfaces have no direction.
 pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Maps {
-    let columns: &[[f32; 8]] = bytemuck::cast_slice(arena.mapped("columns_host"));
+    let columns: &[[f32; 8]] = bytemuck::cast_slice(arena.mapped(COLUMNS_HOST));
     let columns = &columns[..grid.n[0] * grid.n[1]];
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
     let albedo: Vec<f32> = columns.iter().map(|c| c[0]).collect();
@@ -94,21 +100,23 @@ pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Ma
     }
 }
 
-/// The volume whose mask and active voxels' raw variables or vectors were copied to the host.
-pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, vectors: bool) -> super::VolumeMap {
-    let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped("raw_host"));
-    let mask: &[u32] = bytemuck::cast_slice(arena.mapped("mask_host"));
+/// These rows of the trace, of iterations that are over.
+pub(super) fn trace_rows(device: &OnDevice<'_>, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
+    let all: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(device.executor.arena.mapped(buffer::TRACE));
+    all[rows].to_vec()
+}
+
+/// The volume whose mask and active voxels' state were copied to the host; `albedo` is that of a voxel's state.
+pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
+    let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped(RAW_HOST));
+    let mask: &[u32] = bytemuck::cast_slice(arena.mapped(MASK_HOST));
     let active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
-    let mut albedo = vec![0.0; grid.voxels()];
+    let mut all = vec![0.0; grid.voxels()];
     for (slot, i) in (0..grid.storage()).filter(active).enumerate() {
         let [x, y, z] = grid.voxel(i);
         // A list that is full leaves the rest out.
-        let Some([a, b, c, _]) = raw.get(slot) else { break };
-        albedo[(x * grid.n[1] + y) * grid.n[2] + z] = match (vectors, *a > 0.0) {
-            (true, _) => (a * a + b * b + c * c).sqrt(),
-            (false, true) => *a,
-            (false, false) => a.exp_m1(),
-        };
+        let Some(state) = raw.get(slot) else { break };
+        all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(*state);
     }
-    super::VolumeMap { grid: *grid, albedo }
+    VolumeMap { grid: *grid, albedo: all }
 }

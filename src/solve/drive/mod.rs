@@ -1,0 +1,374 @@
+//! Drives a solver: submits its schedule block by block, reads the trace behind, measures on the way.
+
+use std::collections::VecDeque;
+use std::ops::{ControlFlow, Range};
+
+use super::checkpoint::{self, Checkpoint, Keep, Keeper};
+use super::on_device::{OnDevice, read_maps};
+use super::pass::Pass;
+use super::{Level, Plan};
+use crate::gpu::{DeviceKind, Gpu, Schedule, Ticket};
+use crate::maps::Maps;
+use crate::{Error, Kind, Result};
+
+mod clock;
+mod trace;
+
+use clock::Clock;
+use trace::Reader;
+pub use trace::TracePoint;
+
+/// What a caller hears while the device works.
+#[derive(Debug, Clone)]
+pub struct Progress {
+    pub point: TracePoint,
+    pub iterations: usize,
+    /// The maps after that iteration, if it is one that [`Watch`] asks for.
+    pub maps: Option<Maps>,
+    /// Of a quick solve before the one that was asked for.
+    pub trial: bool,
+}
+
+/// What a caller wants to hear.
+pub struct Watch<'w> {
+    /// Told of every point of the trace; may break off.
+    pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    /// Extract the maps after every Nth iteration. The device is idle then, and neither the extraction nor the time
+    /// spent in `hear` counts. (Between such iterations `hear` runs beside a working device: there is nothing to
+    /// take off.)
+    pub maps_every: Option<usize>,
+    /// And after these iterations.
+    pub maps_at: &'w [usize],
+}
+
+/// What goes on beside a solve.
+pub struct Beside<'b, 'w> {
+    pub watch: &'b mut Watch<'w>,
+    pub keep: Option<Keep<'b>>,
+}
+
+impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
+    fn from(watch: &'b mut Watch<'w>) -> Beside<'b, 'w> {
+        Beside { watch, keep: None }
+    }
+}
+
+/// A solver as its driver sees it.
+pub(super) struct Steps<'s> {
+    /// What it runs at, in turn.
+    pub levels: &'s [Level],
+    /// Before the first iteration.
+    pub start: Schedule,
+    /// Iteration i (from 0) at a level.
+    pub iteration: &'s dyn Fn(&Plan, &Level, usize) -> Schedule,
+    /// What is due after so many iterations, before the next one; may move the level on.
+    pub due: &'s dyn Fn(&Plan, &mut usize, usize) -> Schedule,
+    /// Leaves the level's maps in `columns_host`.
+    pub extract: &'s dyn Fn(&Level) -> Schedule,
+    /// Passes whose faults may show in the trace.
+    pub passes: &'s [&'static [&'static Pass]],
+    /// Weight of the trace's L1 column in the loss at a level.
+    pub l1_weight: &'s dyn Fn(&Level) -> f64,
+    /// Iterations that the whole solve is to have, for those who listen.
+    pub of: usize,
+    /// Stop at the finest level, with all pairs, once the objective's data term is not above this: the rest is noise.
+    pub stop_below: Option<f64>,
+}
+
+/// What driving yields.
+pub(super) struct Driven {
+    pub trace: Vec<TracePoint>,
+    pub maps: Maps,
+    /// The level that the last iteration ran at.
+    pub level: Level,
+    /// Active voxels times pairs, summed over iterations.
+    pub pairs: u64,
+    pub seconds: f64,
+    /// Seconds of device time among them.
+    pub gpu_seconds: f64,
+}
+
+/// Submissions in flight, so that the device never waits for the host.
+const IN_FLIGHT: usize = 2;
+
+/// Runs `steps` up to the iteration `iterations`, from the first or after what was driven `before`.
+///
+/// # Errors
+/// The device's; [`Kind::Cancelled`] if the watch broke off; a loss that is not finite.
+pub(super) fn drive(
+    gpu: &Gpu,
+    device: &mut OnDevice<'_>,
+    iterations: usize,
+    steps: Steps<'_>,
+    watch: &mut Watch<'_>,
+    keeper: Option<Keeper<'_>>,
+    before: Option<Driven>,
+) -> Result<Driven> {
+    let mut run = Run::begin(gpu, device, steps, watch, keeper, before)?;
+    run.iterations = iterations;
+    for i in run.first..iterations {
+        run.keep_state(i)?;
+        run.add(i);
+        if run.block_ends(i + 1) && run.submit(i + 1)? {
+            break;
+        }
+    }
+    run.end()
+}
+
+/// A solve on its way.
+struct Run<'r, 'w, 'k, 'g> {
+    gpu: &'r Gpu,
+    device: &'r mut OnDevice<'g>,
+    steps: Steps<'r>,
+    watch: &'r mut Watch<'w>,
+    keeper: Option<Keeper<'k>>,
+    iterations: usize,
+    clock: Clock,
+    reader: Reader,
+    flights: VecDeque<Flight>,
+    /// What is submitted next, and the iteration that it begins with.
+    block: Schedule,
+    block_from: usize,
+    /// What is due between the iteration before and the next.
+    change: Schedule,
+    /// The first iteration of this run.
+    first: usize,
+    /// Where the next iteration runs, and where the last one did.
+    level: usize,
+    level_before: usize,
+    /// Where the last submitted iteration runs.
+    reached: Level,
+    /// Known only behind: what the last block that was heard of had active.
+    active: usize,
+}
+
+/// A submitted block: its iterations, and the level that all of them run at.
+struct Flight {
+    ticket: Ticket,
+    rows: Range<usize>,
+    level: Level,
+}
+
+impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
+    fn begin(
+        gpu: &'r Gpu,
+        device: &'r mut OnDevice<'g>,
+        steps: Steps<'r>,
+        watch: &'r mut Watch<'w>,
+        keeper: Option<Keeper<'k>>,
+        before: Option<Driven>,
+    ) -> Result<Run<'r, 'w, 'k, 'g>> {
+        let first_level = steps.levels[0];
+        let mut run = Run {
+            clock: Clock::start(device.executor.gpu_seconds()),
+            gpu,
+            device,
+            steps,
+            watch,
+            keeper,
+            iterations: 0,
+            reader: Reader::default(),
+            flights: VecDeque::new(),
+            block: Schedule::default(),
+            block_from: 0,
+            change: Schedule::default(),
+            first: 0,
+            level: 0,
+            level_before: 0,
+            reached: first_level,
+            // The first domain is all there is.
+            active: first_level.grid.voxels(),
+        };
+        match run.keeper.as_mut().and_then(|k| k.keep.from.take()) {
+            Some(state) => run.resume(state)?,
+            None => run.start(before),
+        }
+        run.reached = run.steps.levels[run.level];
+        run.level_before = run.level;
+        Ok(run)
+    }
+
+    /// Begins with the start of the schedule, after what was driven `before`.
+    fn start(&mut self, before: Option<Driven>) {
+        if let Some(Driven { trace, pairs, seconds, gpu_seconds, .. }) = before {
+            if let Some(last) = trace.last() {
+                (self.first, self.active) = (last.iteration, last.active);
+            }
+            self.block_from = self.first;
+            self.reader = Reader { trace, pairs };
+            self.clock.go_on_from([seconds, gpu_seconds]);
+        }
+        self.block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
+        self.block.extend(std::mem::take(&mut self.steps.start));
+    }
+
+    /// Puts a state back and goes on from it.
+    fn resume(&mut self, from: Checkpoint) -> Result<()> {
+        checkpoint::restore(self.device, &from)?;
+        (self.level, self.block_from, self.active) = (from.level, from.first, from.active);
+        self.first = from.iteration;
+        let ticket = self.device.executor.submit(&Schedule::default())?;
+        let levels = self.steps.levels;
+        self.flights.extend(from.pending.iter().map(|[a, b, at]| Flight {
+            ticket,
+            rows: *a..*b,
+            level: levels[*at],
+        }));
+        self.change = (self.steps.due)(&self.device.plan, &mut self.level, self.first);
+        self.device.executor.wait(ticket)?;
+        self.reader = Reader { trace: from.trace, pairs: from.pairs };
+        self.clock = Clock::start(self.device.executor.gpu_seconds());
+        self.clock.go_on_from([from.seconds, from.gpu_seconds]);
+        Ok(())
+    }
+
+    /// Hands the state before iteration `i` to the keeper, if it is due. The block goes on after it: what is read of
+    /// it, and when, is as without a checkpoint.
+    fn keep_state(&mut self, i: usize) -> Result<()> {
+        let Some(keeper) = self.keeper.as_mut().filter(|k| i > self.first && k.is_due(i)) else {
+            return Ok(());
+        };
+        let ticket = self.device.executor.submit(&std::mem::take(&mut self.block))?;
+        self.device.executor.wait(ticket)?;
+        let [seconds, gpu_seconds] = self.clock.now(self.device.executor.gpu_seconds());
+        let pause = self.clock.pause();
+        let _span = self.gpu.span("checkpoint");
+        let levels = self.steps.levels;
+        let number = |l: &Level| levels.iter().position(|k| k == l).unwrap_or(0);
+        let pending = self.flights.iter().map(|f| [f.rows.start, f.rows.end, number(&f.level)]).collect();
+        (keeper.keep.save)(Checkpoint {
+            identity: keeper.identity.clone(),
+            iteration: i,
+            level: self.level_before,
+            first: self.block_from,
+            active: self.active,
+            pending,
+            trace: self.reader.trace.clone(),
+            pairs: self.reader.pairs,
+            seconds,
+            gpu_seconds,
+            buffers: checkpoint::download(self.device)?,
+        })?;
+        self.clock.go_on(pause);
+        Ok(())
+    }
+
+    /// Adds iteration `i` to the block, and finds what is due after it.
+    fn add(&mut self, i: usize) {
+        let here = self.steps.levels[self.level];
+        if !self.change.commands.is_empty() {
+            self.block.stage("domain", &stage_values(&here, i));
+            self.block.extend(std::mem::take(&mut self.change));
+        }
+        self.block.stage("iteration", &stage_values(&here, i));
+        self.block.extend((self.steps.iteration)(&self.device.plan, &here, i));
+        self.level_before = self.level;
+        if i + 1 < self.iterations {
+            self.change = (self.steps.due)(&self.device.plan, &mut self.level, i + 1);
+        }
+    }
+
+    /// Whether the maps are asked for after so many iterations.
+    fn is_measured(&self, done: usize) -> bool {
+        self.watch.maps_every.is_some_and(|n| done.is_multiple_of(n)) || self.watch.maps_at.contains(&done)
+    }
+
+    /// Whether the block ends after so many iterations. A change of the level ends one, so that all rows of a block
+    /// belong to one level.
+    fn block_ends(&self, done: usize) -> bool {
+        let pairs = self.active * self.steps.levels[self.level_before].pairs;
+        done == self.iterations
+            || self.is_measured(done)
+            || !self.change.commands.is_empty()
+            || done - self.block_from >= block_length(self.gpu, pairs)
+    }
+
+    /// Submits the block, whose last iteration is the `done`th, and listens to those before it. Tells whether the
+    /// data are fitted.
+    fn submit(&mut self, done: usize) -> Result<bool> {
+        let ticket = self.device.executor.submit(&std::mem::take(&mut self.block))?;
+        self.reached = self.steps.levels[self.level_before];
+        self.flights.push_back(Flight { ticket, rows: self.block_from..done, level: self.reached });
+        self.block_from = done;
+        let measured = self.is_measured(done);
+        let behind = if measured || done == self.iterations { 0 } else { IN_FLIGHT };
+        // Waits first and listens then, so that with nothing in flight the clock may stand still.
+        let mut back = vec![];
+        while self.flights.len() > behind {
+            let flight = self.flights.pop_front().expect("not empty");
+            self.device.executor.wait(flight.ticket)?;
+            back.push((flight, self.clock.now(self.device.executor.gpu_seconds())));
+        }
+        let pause = self.clock.pause();
+        let gpu_pause = self.device.executor.gpu_seconds();
+        let mut fitted = false;
+        for (flight, seconds) in back {
+            fitted |= self.hear(flight, seconds, measured.then_some(done))?;
+        }
+        if self.flights.is_empty() {
+            self.clock.go_on(pause);
+            self.clock.leave_out_gpu(self.device.executor.gpu_seconds() - gpu_pause);
+        }
+        Ok(fitted)
+    }
+
+    /// Reads what a finished block left in the trace and tells the watch, with the maps if they are asked for after
+    /// its last iteration. Tells whether the data are fitted.
+    fn hear(&mut self, flight: Flight, seconds: [f64; 2], measured: Option<usize>) -> Result<bool> {
+        let (point, objective) = self.read(&flight, seconds)?;
+        self.active = point.active;
+        let maps = match measured {
+            Some(done) if point.iteration == done => Some(self.maps(&flight.level)?),
+            _ => None,
+        };
+        let progress = Progress { point, iterations: self.steps.of, maps, trial: false };
+        if (self.watch.hear)(&progress).is_break() {
+            let what = format!("cancelled after {} iterations", point.iteration);
+            return Err(Error::new(Kind::Cancelled, what, "run it again"));
+        }
+        let at_end = Some(&flight.level) == self.steps.levels.last();
+        Ok(at_end && self.steps.stop_below.is_some_and(|s| objective <= s))
+    }
+
+    fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {
+        let l1_weight = (self.steps.l1_weight)(&flight.level);
+        let passes = self.steps.passes;
+        self.reader.read(self.device, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
+    }
+
+    /// The maps at a level. Waits for the device.
+    fn maps(&mut self, level: &Level) -> Result<Maps> {
+        let mut s = Schedule::default();
+        s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
+        s.extend((self.steps.extract)(level));
+        self.device.executor.run(&s)?;
+        Ok(read_maps(&self.device.executor.arena, &level.grid, self.device.plan.reflectance.has_normals()))
+    }
+
+    /// Waits for what is in flight and takes the result. What was under way when the fit was seen is part of it.
+    fn end(mut self) -> Result<Driven> {
+        for flight in std::mem::take(&mut self.flights) {
+            self.device.executor.wait(flight.ticket)?;
+            let seconds = self.clock.now(self.device.executor.gpu_seconds());
+            self.read(&flight, seconds)?;
+        }
+        let reached = self.reached;
+        let maps = self.maps(&reached)?;
+        let [seconds, gpu_seconds] = self.clock.now(self.device.executor.gpu_seconds());
+        let Reader { trace, pairs } = self.reader;
+        Ok(Driven { trace, maps, level: reached, pairs, seconds, gpu_seconds })
+    }
+}
+
+/// What labels and traces tell of a stage: the next iteration (from 0) and the level it runs at.
+pub(super) fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 3] {
+    [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64), ("pairs", level.pairs as u64)]
+}
+
+/// Iterations of a submission: about a fifth of a second of work, so that progress moves and cancelling is quick, yet
+/// the device never waits for the host.
+fn block_length(gpu: &Gpu, pairs_per_iteration: usize) -> usize {
+    let rate = if gpu.info.kind == DeviceKind::Cpu { 1e8 } else { 3e10 };
+    (0.2 * rate / pairs_per_iteration.max(1) as f64).clamp(1.0, 50.0) as usize
+}

@@ -1,0 +1,111 @@
+//! The device's trace as points, and the faults it tells.
+
+use std::ops::Range;
+
+use crate::solve::Level;
+use crate::solve::on_device::{OnDevice, trace_rows};
+use crate::solve::pass::Pass;
+use crate::transport::kernels::*;
+use crate::{Error, Kind, Result};
+
+/// A point of the trace: the state after an iteration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracePoint {
+    /// Iterations done.
+    pub iteration: usize,
+    /// Seconds since solving began, without those spent on measuring.
+    pub seconds: f64,
+    /// Seconds of device time among them.
+    pub gpu_seconds: f64,
+    pub lateral: usize,
+    /// Pairs that the iteration took; the losses are means over their bins.
+    pub pairs: usize,
+    pub active: usize,
+    /// Active voxels over voxels of the grid at that resolution.
+    pub active_ratio: f64,
+    /// What the solver minimises.
+    pub loss: f64,
+    /// The mean over the bins of the squared difference, without any solver's weights or regularisation.
+    pub data_loss: f64,
+}
+
+/// Reads the trace behind the device.
+#[derive(Default)]
+pub(super) struct Reader {
+    pub trace: Vec<TracePoint>,
+    /// Active voxels times pairs, summed over iterations.
+    pub pairs: u64,
+}
+
+impl Reader {
+    /// Reads the device's trace of some iterations, all run at `level`, and adds a point for the last. Yields it with
+    /// the objective's data term there. `seconds` are those of host and device.
+    ///
+    /// # Errors
+    /// A fault of one of `passes`; a loss that is not finite.
+    pub fn read(
+        &mut self,
+        device: &OnDevice<'_>,
+        iterations: Range<usize>,
+        level: &Level,
+        l1_weight: f64,
+        passes: &[&[&'static Pass]],
+        [seconds, gpu_seconds]: [f64; 2],
+    ) -> Result<(TracePoint, f64)> {
+        let (mut loss, mut data_loss, mut objective) = (0.0, 0.0, 0.0);
+        let mut active = 0;
+        for (i, row) in iterations.clone().zip(trace_rows(device, iterations.clone())) {
+            check_faults(&row, i + 1, passes)?;
+            active = row[TRACE_ACTIVE as usize] as usize;
+            data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
+            objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
+            let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
+            loss = objective + l1_weight * l1;
+            if !loss.is_finite() {
+                return Err(Error::new(
+                    Kind::Options,
+                    format!("the loss is {loss} at iteration {}", i + 1),
+                    "use smaller steps or weights (--learning-rate, --l1, --peak), and check the capture (`thirdbounce info`)",
+                ));
+            }
+            self.pairs += (active * level.pairs) as u64;
+        }
+        let point = TracePoint {
+            iteration: iterations.end,
+            seconds,
+            gpu_seconds,
+            lateral: level.grid.n[0],
+            pairs: level.pairs,
+            active,
+            active_ratio: active as f64 / level.grid.voxels() as f64,
+            loss,
+            data_loss,
+        };
+        self.trace.push(point);
+        Ok((point, objective))
+    }
+}
+
+/// # Errors
+/// A row of the trace with a fault. The error names the iteration (from 1), the first pass in the order of an
+/// iteration, what is not finite there, and what may mend it.
+fn check_faults(
+    row: &[u32; TRACE_ROW as usize],
+    iteration: usize,
+    passes: &[&[&'static Pass]],
+) -> Result<()> {
+    let bits = row[TRACE_FAULTS as usize];
+    let all = passes.iter().copied().flatten().flat_map(|p| p.faults.iter().map(move |f| (p, f)));
+    let Some((pass, fault)) = all.filter(|(_, f)| bits & f.bit != 0).min_by_key(|(_, f)| f.bit) else {
+        return Ok(());
+    };
+    let loss = f32::from_bits(row[TRACE_OBJECTIVE as usize]);
+    let (kernel, what) = (pass.kernel, fault.what);
+    Err(Error::new(
+        Kind::Options,
+        format!(
+            "iteration {iteration}: kernel {kernel}: {what} is beyond single precision or no number; the loss is {loss}"
+        ),
+        fault.mend,
+    ))
+}

@@ -1,0 +1,120 @@
+//! What the paper's solver needs of a plan.
+
+use super::{NoiseTerm, PaperOptions, passes};
+use crate::gpu::{Buffer, Constant};
+use crate::solve::Plan;
+use crate::solve::pass::Pass;
+use crate::solve::plan::{Demand, LeftOut, Level, Needs, SMOOTH, SMOOTH_SPARE, mebibytes};
+use crate::transport::Sampling;
+use crate::transport::kernels::{WORKGROUP, buffer, constant};
+
+/// Bytes that every active voxel has, and every touched one.
+const OF_VOXEL: [u64; 2] = [32, 52];
+
+impl Needs for PaperOptions {
+    fn demand(&self) -> Demand {
+        Demand {
+            accumulation: self.accumulation,
+            sizes: self.sizes,
+            general: self.general,
+            coarse_to_fine: self.coarse_to_fine,
+            iterations: [self.iterations, 0],
+            pixels_per_voxel: 1,
+            binning: self.binning,
+            gradient: self.gradient,
+            has_rim: self.sampling == Sampling::Continuous,
+            smooth: [self.smooth_sigma, self.smooth_truncate],
+            more_taps: [0, 0],
+        }
+    }
+
+    /// A share of the last grid, and all of the first: the solver begins with all of it. A reduction by a wide Gaussian
+    /// leaves up to a tenth of a grid before the last. Of more voxels the brightest are kept.
+    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
+        const SMALL: usize = 1 << 18;
+        let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
+        let reduces = self.reduce && self.double_every.is_multiple_of(self.reduce_every);
+        let active = match self.room {
+            Some(share) => ((share * last as f64).ceil() as usize).clamp(first, last),
+            None if !reduces => last,
+            // From a half on, all of it dense takes no more memory.
+            None => Some(SMALL.max(first).max(last / 10)).filter(|most| *most < last / 2).unwrap_or(last),
+        };
+        [active, if self.sampling == Sampling::Continuous { with_rim(active, last) } else { active }]
+    }
+
+    fn constants(&self, _: &Plan) -> Vec<(Constant, u32)> {
+        let term = match self.noise {
+            NoiseTerm::Off => 0,
+            NoiseTerm::Bin => 1,
+            NoiseTerm::Histogram => 2,
+        };
+        vec![
+            (constant::CONTINUOUS, u32::from(self.sampling == Sampling::Continuous)),
+            (constant::NOISE, term),
+            (constant::PER_HISTOGRAM, u32::from(self.noise == NoiseTerm::Histogram)),
+            (constant::ALBEDO_SPAN, (self.initial_albedo as f32).to_bits()),
+            (constant::SUMMED, WORKGROUP),
+        ]
+    }
+
+    fn passes(&self) -> Vec<&'static Pass> {
+        passes::ALL.to_vec()
+    }
+
+    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
+        let touched = plan.touched_capacity as u64;
+        let masks = plan.finest().grid.storage() as u64 / 8;
+        let mut all = vec![
+            (buffer::NOISE_STATE, self.noise_weights(plan) as u64 * 12),
+            (buffer::MOMENT_FIRST, touched * 16),
+            (buffer::MOMENT_SECOND, touched * 16),
+        ];
+        if plan.has_rim {
+            let rim = [buffer::RIM_MASK, buffer::RIM_RANKS, buffer::RIM_BEFORE, buffer::RIM_RANKS_BEFORE];
+            all.extend(rim.map(|b| (b, masks)));
+        }
+        if plan.volumes == [SMOOTH, SMOOTH_SPARE] {
+            all.push((SMOOTH, touched * 16));
+        }
+        all
+    }
+
+    /// Buffers in which nothing lives between iterations, where they are large enough.
+    fn volumes(&self, plan: &Plan) -> [Buffer; 2] {
+        let large = plan.capacity >= plan.touched_capacity.max(plan.finest().grid.storage() / 4);
+        if large { [buffer::GRADIENT, buffer::SAMPLE_POINTS] } else { [SMOOTH, SMOOTH_SPARE] }
+    }
+
+    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
+        if self.noise == NoiseTerm::Off {
+            let weights = (plan.pairs * plan.bins) as u64;
+            out.add("the noise term: its weights, their moments and its kernel", mebibytes(weights * 12));
+        }
+        plan.left_out_of_room(out, OF_VOXEL);
+        if !plan.has_rim {
+            let voxels = plan.finest().grid.storage();
+            let rim = (with_rim(plan.capacity, voxels) - plan.capacity) as u64;
+            out.add(
+                "random sampling: interpolation, its adjoint, state and masks of the active voxels' neighbours",
+                mebibytes(voxels as u64 / 2 + rim * OF_VOXEL[1]),
+            );
+        }
+    }
+}
+
+impl PaperOptions {
+    /// Weights of the noise term.
+    pub fn noise_weights(&self, plan: &Plan) -> usize {
+        match self.noise {
+            NoiseTerm::Off => 0,
+            NoiseTerm::Bin => plan.pairs * plan.bins,
+            NoiseTerm::Histogram => plan.pairs,
+        }
+    }
+}
+
+/// Voxels touched where so many of `all` may be active: their neighbours, too, which are a third as many or less.
+fn with_rim(active: usize, all: usize) -> usize {
+    (active + active / 2).min(all)
+}

@@ -1,0 +1,85 @@
+//! The passes that only the paper's solver has.
+
+use crate::solve::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::transport::kernels::*;
+
+passes! {
+    /// All of them.
+    pub static ALL;
+
+    /// The first active voxels: all that are not too near and that a bin can be reached from.
+    INITIALISE = Pass { twin: twin!(initialise), ..Pass::of("initialise", |_| &kernel::INITIALISE) };
+
+    /// The first raw variables.
+    INITIALISE_RAW = Pass {
+        twin: twin!(initialise_raw),
+        ..Pass::of("initialise_raw", |_| &kernel::INITIALISE_RAW)
+    };
+
+    /// Draws a point in every active voxel.
+    SAMPLE = Pass {
+        faults: &[Fault {
+            bit: FAULT_SAMPLE,
+            what: "the volume",
+            mend: "use a smaller --learning-rate, --initial-albedo or --roughness",
+        }],
+        twin: twin!(sample),
+        ..Pass::of("sample", |_| &kernel::SAMPLE)
+    };
+
+    /// Learns the weights of the noise term.
+    NOISE = Pass {
+        when: |p| p.constant(constant::NOISE).is_some_and(|term| term != 0),
+        faults: &[Fault {
+            bit: FAULT_NOISE,
+            what: "the noise term",
+            mend: "use a smaller --noise-span or --learning-rate",
+        }],
+        twin: twin!(noise),
+        ..Pass::of("noise", |_| &kernel::NOISE)
+    };
+
+    /// Gathers the gradient of every active voxel.
+    BACKWARD = Pass {
+        pairs: Some(Voxels::Active),
+        faults: &[Fault {
+            bit: FAULT_BACKWARD,
+            what: "the gradient",
+            mend: "use a smaller --peak, or a larger --min-depth where voxels touch the wall",
+        }],
+        twin: twin!(backward),
+        ..Pass::of("backward", |_| &kernel::BACKWARD)
+    };
+
+    /// Adam.
+    UPDATE = Pass {
+        faults: &[Fault {
+            bit: FAULT_UPDATE,
+            what: "the next volume",
+            mend: "use a smaller --learning-rate or --peak, or --step-share 1",
+        }],
+        twin: twin!(update),
+        ..Pass::of("update", |_| &kernel::UPDATE)
+    };
+
+    /// Takes state to its new slots.
+    CARRY = Pass {
+        constants: &[(constant::DOUBLED, Value::Is(0))],
+        twin: twin!(carry),
+        ..Pass::of("carry", |_| &kernel::CARRY)
+    };
+
+    /// The same to twice the lateral resolution, interpolated.
+    CARRY_DOUBLED = Pass {
+        constants: &[(constant::DOUBLED, Value::Is(1))],
+        twin: twin!(carry_doubled),
+        ..Pass::of("carry_doubled", |_| &kernel::CARRY)
+    };
+
+    /// Smooths the albedo of raw variables along x.
+    GAUSSIAN_X = Pass {
+        constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(1)), (constant::LAST, Value::Is(0))],
+        twin: twin!(gaussian),
+        ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
+    };
+}

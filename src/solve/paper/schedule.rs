@@ -1,0 +1,123 @@
+//! The paper's solver as schedules.
+
+use super::PaperOptions;
+use super::passes::*;
+use crate::gpu::{Buffer, Schedule};
+use crate::solve::over_pairs::{arguments, compare, forward, gather, groups};
+use crate::solve::pass::Pass;
+use crate::solve::passes::*;
+use crate::solve::{Level, Plan, domain};
+use crate::transport::kernels::*;
+
+/// Sample, forward, residual, (noise,) backward, update, finish: iteration `iteration` of the solve (from 0),
+/// `step` of the optimiser since its restart (from 1).
+pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Schedule {
+    let mut s = Schedule::default();
+    let push = Push { iteration, step, ..Default::default() };
+    s.indirect(&SAMPLE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
+        .bind(buffer::SCENE, level.scene)
+        .with(push);
+    s.extend(forward(plan, level, &FORWARD));
+    s.extend(compare(plan, level, &RESIDUAL, push, None));
+    if plan.passes.contains(&&NOISE) {
+        s.dispatch(&NOISE, groups(level.pairs, 1)).bind(buffer::SCENE, level.scene).with(push);
+    }
+    s.extend(gather(plan, level, &BACKWARD, ARGUMENTS_BACKWARD, 0, plan.residual()));
+    s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE))
+        .bind(buffer::SCENE, level.scene)
+        .with(push);
+    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(push);
+    s
+}
+
+/// The first volume, the domain of all voxels that are not too near, optimiser at rest, sums at zero.
+pub fn initialise(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    s.fill(buffer::COUNTS, plan.bytes_of(buffer::COUNTS), 0);
+    s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
+    s.fill(buffer::NOISE_STATE, plan.bytes_of(buffer::NOISE_STATE), 0);
+    s.dispatch(&INITIALISE, groups(level.grid.storage() / 32, WORKGROUP))
+        .bind(buffer::SCENE, level.scene)
+        .bind(buffer::REACHABLE, level.reachable);
+    s.extend(domain::compact(plan, level));
+    s.indirect(&INITIALISE_RAW, buffer::ARGUMENTS, TOUCHED).bind(buffer::SCENE, level.scene);
+    s.extend(restart(plan));
+    s
+}
+
+/// Arguments of a kernel with an invocation for every touched voxel.
+const TOUCHED: u64 = 12 * ARGUMENTS_UPDATE as u64;
+
+/// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
+pub fn reduce(plan: &Plan, level: &Level, keep_above: f64) -> Schedule {
+    let mut s = domain::prune(plan, level, &GAUSSIAN_X, keep_above, plan.capacity);
+    s.extend(domain::compact(plan, level));
+    for state in [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
+        s.extend(carry(plan, level, &CARRY, state));
+    }
+    s
+}
+
+/// Takes a part of the state to its new slots by the kernel `how`.
+fn carry(plan: &Plan, level: &Level, how: &Pass, state: Buffer) -> Schedule {
+    let mut s = Schedule::default();
+    let [target, _] = plan.volumes;
+    s.indirect(how, buffer::ARGUMENTS, TOUCHED)
+        .bind(buffer::SCENE, level.scene)
+        .bind(buffer::SOURCE, state)
+        .bind(buffer::TARGET, target);
+    s.copy(target, state, plan.touched_capacity as u64 * 16);
+    s
+}
+
+/// Puts the optimiser at rest.
+pub fn restart(plan: &Plan) -> Schedule {
+    let mut s = Schedule::default();
+    let bytes = plan.touched_capacity as u64 * 16;
+    s.fill(buffer::MOMENT_FIRST, bytes, 0);
+    s.fill(buffer::MOMENT_SECOND, bytes, 0);
+    s
+}
+
+/// From `coarse` to `fine`, which has twice its lateral resolution; the optimiser is at rest after it.
+pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
+    let mut s = domain::remember(plan, coarse);
+    s.extend(split(plan, coarse, fine));
+    s
+}
+
+/// The same from a mask that has been pruned: what it has lost still counts where its neighbours are interpolated.
+fn split(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
+    let mut s = domain::double_mask(coarse, fine);
+    s.extend(domain::compact(plan, fine));
+    s.extend(carry(plan, fine, &CARRY_DOUBLED, buffer::RAW));
+    s.extend(restart(plan));
+    s
+}
+
+/// What is due after `done` iterations, in the paper's order: reduction, then doubling (`level` moves on) or
+/// restart. Empty if nothing is.
+pub fn due(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) -> Schedule {
+    let mut s = Schedule::default();
+    let here = &plan.levels[*level];
+    let next = plan.levels.get(*level + 1).filter(|_| done.is_multiple_of(options.double_every));
+    let reduces = options.reduce && done.is_multiple_of(options.reduce_every);
+    if let Some(fine) = next {
+        // A voxel becomes four: there must be room for them.
+        if reduces || fine.grid.storage() > plan.capacity {
+            s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity / 4));
+            s.extend(split(plan, here, fine));
+        } else {
+            s.extend(double(plan, here, fine));
+        }
+        *level += 1;
+        return s;
+    }
+    if reduces {
+        s.extend(reduce(plan, here, options.keep_above));
+    }
+    if done.is_multiple_of(options.restart_every) {
+        s.extend(restart(plan));
+    }
+    s
+}

@@ -1,0 +1,155 @@
+//! The passes that solvers share: rendering, comparing, the active domain, maps.
+
+use super::pass::{Fault, Pass, Twin, Value, Voxels, passes, twin};
+use super::{Accumulation, Plan};
+use crate::gpu::KernelCode;
+use crate::transport::Geometry;
+use crate::transport::kernels::*;
+
+passes! {
+    /// All of them, in the order in which plans list them.
+    pub static ALL;
+
+    /// Renders the sampled points into the histograms.
+    FORWARD = Pass {
+        pairs: Some(Voxels::Active),
+        faults: &[Fault {
+            bit: FAULT_FORWARD,
+            what: "the rendered histograms",
+            mend: "use a smaller --learning-rate, or a larger --min-depth where voxels touch the wall",
+        }],
+        twin: twin!(forward),
+        ..Pass::of("forward", forward)
+    };
+
+    /// Spreads the rendered histograms as the instrument does.
+    PULSE = Pass { when: |p| p.pulse > 0, twin: twin!(pulse), ..Pass::of("pulse", pulse) };
+
+    /// Compares what is rendered with the measurement.
+    RESIDUAL = Pass {
+        faults: &[Fault {
+            bit: FAULT_RESIDUAL,
+            what: "the difference from the measurement",
+            mend: "use a smaller --peak or --learning-rate, and check the counts (`thirdbounce info`)",
+        }],
+        twin: twin!(residual),
+        ..Pass::of("residual", residual)
+    };
+
+    /// Weights what was rendered, compared with nothing.
+    RESIDUAL_BOUND = Pass {
+        when: |p| p.constant(constant::WEIGHTED) == Some(1),
+        constants: &[(constant::MEASURE, Value::Is(0))],
+        twin: twin!(residual_weighted),
+        ..Pass::of("residual_bound", residual)
+    };
+
+    /// Takes residuals back through the pulse, or through a Gaussian as well.
+    PULSE_BACK = Pass {
+        when: |p| p.tap_sets > 0,
+        constants: &[(constant::BACK, Value::Is(1))],
+        twin: twin!(pulse),
+        ..Pass::of("pulse_back", pulse)
+    };
+
+    /// Closes an iteration: sums the losses and writes the row of the trace.
+    FINISH = Pass { twin: twin!(finish), ..Pass::of("finish", |_| &kernel::FINISH) };
+
+    /// Smooths along y.
+    GAUSSIAN_Y = Pass {
+        constants: &[(constant::AXIS, Value::Is(1)), (constant::FIRST, Value::Is(0)), (constant::LAST, Value::Is(0))],
+        twin: twin!(gaussian),
+        ..Pass::of("gaussian_y", |_| &kernel::GAUSSIAN)
+    };
+
+    /// Smooths along z and finds the maximum.
+    GAUSSIAN_Z = Pass {
+        constants: &[(constant::AXIS, Value::Is(2)), (constant::FIRST, Value::Is(0)), (constant::LAST, Value::Is(1))],
+        twin: twin!(gaussian),
+        ..Pass::of("gaussian_z", |_| &kernel::GAUSSIAN)
+    };
+
+    /// Counts smoothed voxels by brightness.
+    LEVELS_OF = Pass { twin: twin!(levels), ..Pass::of("levels", |_| &kernel::LEVELS) };
+
+    /// Finds the brightness above which voxels fit into the room.
+    ROOM = Pass { twin: twin!(room), ..Pass::of("room", |_| &kernel::ROOM) };
+
+    /// The mask of the voxels that are bright enough.
+    THRESHOLD = Pass { twin: twin!(threshold), ..Pass::of("threshold", |_| &kernel::THRESHOLD) };
+
+    /// Counts the voxels of each brick in a mask.
+    COMPACT_COUNT = Pass { twin: twin!(compact), ..Pass::of("compact_count", |_| &kernel::COMPACT_COUNT) };
+
+    /// Sums these counts over the bricks before.
+    COMPACT_SCAN_ACTIVE = Pass {
+        constants: &[(constant::RIM, Value::Is(0))],
+        twin: twin!(compact),
+        ..Pass::of("compact_scan_active", |_| &kernel::COMPACT_SCAN)
+    };
+
+    /// Lists the active voxels.
+    COMPACT_SCATTER_ACTIVE = Pass {
+        constants: &[(constant::RIM, Value::Is(0))],
+        twin: twin!(compact),
+        ..Pass::of("compact_scatter_active", |_| &kernel::COMPACT_SCATTER)
+    };
+
+    /// The mask of the active voxels' neighbours.
+    RIM = Pass { when: |p| p.has_rim, twin: twin!(rim), ..Pass::of("rim", |_| &kernel::RIM) };
+
+    /// Sums the rim's voxels over the bricks before.
+    COMPACT_SCAN_RIM = Pass {
+        when: |p| p.has_rim,
+        constants: &[(constant::RIM, Value::Is(1))],
+        twin: twin!(compact),
+        ..Pass::of("compact_scan_rim", |_| &kernel::COMPACT_SCAN)
+    };
+
+    /// Lists the rim behind the active voxels.
+    COMPACT_SCATTER_RIM = Pass {
+        when: |p| p.has_rim,
+        constants: &[(constant::RIM, Value::Is(1))],
+        twin: twin!(compact),
+        ..Pass::of("compact_scatter_rim", |_| &kernel::COMPACT_SCATTER)
+    };
+
+    /// The sizes of the indirect dispatches, from the counts.
+    ARGUMENTS = Pass {
+        twin: Twin::None("writes dispatch sizes, which a dispatch that is too small or too large betrays"),
+        ..Pass::of("arguments", |_| &kernel::ARGUMENTS)
+    };
+
+    /// The mask at twice the lateral resolution.
+    DOUBLE_DOMAIN = Pass { twin: twin!(double_domain), ..Pass::of("double_domain", |_| &kernel::DOUBLE_DOMAIN) };
+
+    /// The maps: the brightest voxel of each column.
+    EXTRACT = Pass { twin: twin!(extract), ..Pass::of("extract", |_| &kernel::EXTRACT) };
+}
+
+/// The module that renders, by the kind of pairs and by how contributions are added up.
+pub fn forward(plan: &Plan) -> &'static KernelCode {
+    let product = plan.geometry == Geometry::Product;
+    match (plan.accumulation, product) {
+        (Accumulation::Float, false) => &kernel::FORWARD_FLOAT,
+        (Accumulation::Float, true) => &kernel::FORWARD_PRODUCT_FLOAT,
+        (Accumulation::Fixed, false) => &kernel::FORWARD_FIXED64,
+        (Accumulation::Fixed, true) => &kernel::FORWARD_PRODUCT_FIXED64,
+        (Accumulation::Fixed32, false) => &kernel::FORWARD_FIXED32,
+        (Accumulation::Fixed32, true) => &kernel::FORWARD_PRODUCT_FIXED32,
+        (Accumulation::Cas, false) => &kernel::FORWARD_CAS,
+        (Accumulation::Cas, true) => &kernel::FORWARD_PRODUCT_CAS,
+        (Accumulation::Owned | Accumulation::Auto, false) => &kernel::FORWARD_OWNED,
+        (Accumulation::Owned | Accumulation::Auto, true) => &kernel::FORWARD_PRODUCT_OWNED,
+    }
+}
+
+/// The module that compares.
+pub fn residual(plan: &Plan) -> &'static KernelCode {
+    if plan.fixed_point() { &kernel::RESIDUAL_FIXED } else { &kernel::RESIDUAL }
+}
+
+/// The module that applies a pulse.
+pub fn pulse(plan: &Plan) -> &'static KernelCode {
+    if plan.fixed_point() { &kernel::PULSE_FIXED } else { &kernel::PULSE }
+}

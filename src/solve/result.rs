@@ -1,0 +1,88 @@
+//! What a solve yields.
+
+use super::Plan;
+use super::drive::{Driven, TracePoint};
+use super::on_device::{OnDevice, read_volume, trace_rows};
+use super::plan::{MASK_HOST, RAW_HOST};
+use crate::Result;
+use crate::gpu::{KernelTime, Schedule};
+use crate::maps::Maps;
+use crate::transport::kernels::{TRACE_LEAST, buffer};
+use crate::transport::{Grid, Model};
+
+/// Volume of a finished solve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeMap {
+    pub grid: Grid,
+    /// Albedo, `[(ix * ny + iy) * nz + iz]`, 0 where inactive.
+    pub albedo: Vec<f32>,
+}
+
+/// What a solve yields.
+#[derive(Debug, Clone)]
+pub struct Reconstruction {
+    pub maps: Maps,
+    pub volume: Option<VolumeMap>,
+    pub trace: Vec<TracePoint>,
+    /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
+    pub empty_loss: f64,
+    pub plan: Plan,
+    /// Pair evaluations, forward and backward together counted once.
+    pub pairs: u64,
+    pub solve_seconds: f64,
+    pub device_bytes: u64,
+    /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
+    pub full: bool,
+    /// Lateral voxels of the volume that was reached.
+    pub lateral: usize,
+    /// Iterations of the volume that were done; those behind them in the trace are the surface's.
+    pub volume_iterations: usize,
+    /// The surface explained the data far worse than the volume: the maps are the volume's.
+    pub surface_left: bool,
+    /// Per kernel, if the device was opened with timings.
+    pub kernels: Vec<(&'static str, KernelTime)>,
+}
+
+/// What a solve yields, from what its driver left.
+///
+/// `volume`: how the albedo of a voxel follows from its state, if the volume is read back.
+///
+/// # Errors
+/// The device's.
+pub(super) fn finish(
+    mut job: OnDevice<'_>,
+    driven: Driven,
+    volume: Option<fn([f32; 4]) -> f32>,
+) -> Result<Reconstruction> {
+    let volume = if let Some(albedo) = volume {
+        let storage = driven.level.grid.storage() as u64;
+        let mut s = Schedule::default();
+        s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
+        s.copy(buffer::MASK, MASK_HOST, storage / 8);
+        job.executor.run(&s)?;
+        Some(read_volume(&job.executor.arena, &driven.level.grid, albedo))
+    } else {
+        None
+    };
+    let done = driven.trace.last().map_or(0, |p| p.iteration);
+    let full = trace_rows(&job, 0..done).iter().any(|r| r[TRACE_LEAST as usize] != 0);
+    Ok(Reconstruction {
+        maps: driven.maps,
+        volume,
+        trace: driven.trace,
+        empty_loss: empty_loss(&job.model),
+        pairs: driven.pairs,
+        solve_seconds: driven.seconds,
+        device_bytes: job.executor.arena.bytes(),
+        full,
+        surface_left: false,
+        lateral: driven.level.grid.n[0],
+        volume_iterations: done,
+        kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
+        plan: job.plan,
+    })
+}
+
+fn empty_loss(model: &Model) -> f64 {
+    model.measured.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / model.elements as f64
+}

@@ -1,0 +1,82 @@
+//! What the surface needs of a plan, for the solver that it follows.
+
+use super::blur;
+use crate::gpu::Buffer;
+use crate::solve::plan::{LeftOut, mebibytes};
+use crate::solve::{Plan, VectorOptions};
+use crate::transport::kernels::{SURFACE_WEIGHTS, buffer, constant};
+
+/// A pixel no wider than this many bins of path is rendered as one point: paths over it differ by about as many bins
+/// (benches/NOTES.md).
+const SMALL_PIXEL: f64 = 2.0;
+
+/// What every pixel of the surface has, bytes.
+const OF_PIXEL: [(Buffer, u64); 7] = [
+    (buffer::PIXELS, 16),
+    (buffer::HEIGHTS, 8),
+    (buffer::SLOPES, 8),
+    (buffer::STENCILS, 64),
+    (buffer::HEIGHT_GRADIENT, 16),
+    (buffer::HEIGHT_PULL, 8),
+    (buffer::HEIGHT_MOMENTS, 16),
+];
+
+/// Sets of taps that residuals may go back through, and the bins that the widest adds to a pulse's.
+pub fn more_taps(options: &VectorOptions) -> [usize; 2] {
+    let blurred = options.surface_blur > 0.0 && options.surface_iterations > 0;
+    [if blurred { blur::BLURS } else { 0 }, blur::ADDED]
+}
+
+/// Points that a pixel is rendered as: four, or one if it is small.
+pub fn points_per_pixel(options: &VectorOptions, plan: &Plan) -> usize {
+    options.surface_points.unwrap_or(if is_small(plan) { 1 } else { 4 })
+}
+
+fn is_small(plan: &Plan) -> bool {
+    plan.maps.pitch.truncate().max_element() <= SMALL_PIXEL * plan.bin_width
+}
+
+/// Points of a pixel in a plan that was made for a surface.
+pub fn points_of(plan: &Plan) -> usize {
+    plan.constant(constant::POINTS).unwrap_or(1) as usize
+}
+
+/// Whether a plan has taps for residuals that are averaged along time.
+pub fn is_blurred(plan: &Plan) -> bool {
+    plan.tap_sets > 1
+}
+
+/// Pixels that the surface may have: all of the maps', as far as there is room for the points of each.
+pub fn pixels(plan: &Plan) -> usize {
+    let [x, y, _] = plan.maps.n;
+    if plan.pixel_levels.is_empty() { 0 } else { (x * y).min(plan.capacity / points_of(plan)) }
+}
+
+/// Bytes of a surface with so many pixels, and their numbers by column.
+fn bytes(pixels: u64) -> u64 {
+    pixels * (OF_PIXEL.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4)
+}
+
+/// Its buffers; none without a surface.
+pub fn buffers(plan: &Plan) -> Vec<(Buffer, u64)> {
+    let pixels = pixels(plan) as u64;
+    if pixels == 0 {
+        return vec![];
+    }
+    let columns = (plan.maps.n[0] * plan.maps.n[1]) as u64;
+    let mut all =
+        vec![(buffer::PIXEL_OF, columns * 4), (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4)];
+    all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
+    all
+}
+
+/// What a plan leaves out of it.
+pub fn left_out(plan: &Plan, out: &mut LeftOut) {
+    if plan.iterations[1] == 0 {
+        let [x, y, _] = plan.maps.n;
+        out.add("the surface that the volume's maps begin", mebibytes(bytes((x * y) as u64)));
+    } else if points_of(plan) == 1 {
+        let why = if is_small(plan) { "it is as small as two bins of path" } else { "one was asked for" };
+        out.add(format!("three of a surface pixel's four points: {why}"), "three of four of its pairs");
+    }
+}

@@ -1,0 +1,70 @@
+//! The passes that only the surface has. It is rendered and compared by those that solvers share.
+
+use crate::solve::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::transport::kernels::*;
+
+passes! {
+    /// All of them.
+    pub static ALL;
+
+    /// Finds the neighbours that a pixel's plane goes through.
+    SURFACE_BONDS = Pass {
+        twin: twin!(surface_bonds),
+        ..Pass::of("surface_bonds", |_| &kernel::SURFACE_BONDS)
+    };
+
+    /// The slopes, and the points of every pixel.
+    SURFACE_POINTS = Pass {
+        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: "use a smaller --peak" }],
+        twin: twin!(surface_points),
+        ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
+    };
+
+    /// Gathers the gradient of every point.
+    SURFACE_GATHER = Pass {
+        report: "backward_surface",
+        pairs: Some(Voxels::Active),
+        faults: &[Fault {
+            bit: FAULT_BACKWARD,
+            what: "the surface's gradient",
+            mend: "use a smaller --peak, or a larger --min-depth where it touches the wall",
+        }],
+        twin: twin!(surface_gather),
+        ..Pass::of("surface_gather", |_| &kernel::SURFACE_GATHER)
+    };
+
+    /// The gradient of every pixel, its points together.
+    SURFACE_COMBINE = Pass {
+        twin: twin!(surface_combine),
+        ..Pass::of("surface_combine", |_| &kernel::SURFACE_COMBINE)
+    };
+
+    /// Adds what the prior and the neighbours' slopes ask for.
+    SURFACE_PULL = Pass {
+        twin: twin!(surface_pull),
+        ..Pass::of("surface_pull", |_| &kernel::SURFACE_PULL)
+    };
+
+    /// Adam on depths and albedos.
+    SURFACE_STEP = Pass {
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: "use a smaller --peak" }],
+        twin: twin!(surface_step),
+        ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
+    };
+
+    /// Closes an iteration.
+    SURFACE_FINISH = Pass {
+        constants: &[
+            (constant::ACCELERATED, Value::Is(0)),
+            (constant::SUMMED, Value::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP)),
+        ],
+        twin: twin!(finish),
+        ..Pass::of("surface_finish", |_| &kernel::FINISH)
+    };
+
+    /// Puts the surface into the maps.
+    SURFACE_EXTRACT = Pass {
+        twin: twin!(surface_extract),
+        ..Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT)
+    };
+}

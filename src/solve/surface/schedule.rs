@@ -1,0 +1,87 @@
+//! The surface as schedules.
+
+use super::passes::*;
+use crate::gpu::Schedule;
+use crate::solve::over_pairs::{compare, forward, gather, groups};
+use crate::solve::pass::Pass;
+use crate::solve::passes::{ARGUMENTS, FORWARD, RESIDUAL};
+use crate::solve::plan::COLUMNS_HOST;
+use crate::solve::{Level, Plan};
+use crate::transport::kernels::*;
+
+fn push(count: usize) -> Push {
+    Push { last: count as u32, ..Default::default() }
+}
+
+/// Adam at rest, so many samples for each pixel, slopes from the depths at hand.
+pub fn start(level: &Level, count: usize, points: usize) -> Schedule {
+    let mut s = Schedule::default();
+    s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
+    s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
+    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    s.extend(bonds(level, count));
+    s
+}
+
+pub fn bonds(level: &Level, count: usize) -> Schedule {
+    let mut s = Schedule::default();
+    s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
+    s
+}
+
+/// Slopes and samples of the surface at hand.
+pub fn points(level: &Level, count: usize) -> Schedule {
+    let mut s = Schedule::default();
+    s.dispatch(&SURFACE_POINTS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
+    s
+}
+
+/// Renders the surface at hand and takes it in by the pass `residual`.
+pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through: Option<u32>) -> Schedule {
+    let mut s = points(level, count);
+    s.extend(forward(plan, level, &FORWARD));
+    s.extend(compare(plan, level, residual, Push::default(), through));
+    s
+}
+
+/// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather, combine,
+/// pull, step, finish. Residuals go `through` the taps that begin at that word of `pulse_taps`, or the pulse's own if there is
+/// one.
+pub fn iteration(
+    plan: &Plan,
+    level: &Level,
+    count: usize,
+    i: usize,
+    at: usize,
+    through: Option<u32>,
+) -> Schedule {
+    let scene = level.scene;
+    let mut s = render(plan, level, count, &RESIDUAL, through);
+    let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
+    let from = if through.is_some() { buffer::SPREAD } else { plan.residual() };
+    s.extend(gather(plan, level, &SURFACE_GATHER, ARGUMENTS_BACKWARD, 0, from));
+    s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene).with(push);
+    s
+}
+
+/// The maps with the surface in them, in `columns_host`.
+pub fn extract(level: &Level, count: usize) -> Schedule {
+    let mut s = points(level, count);
+    s.dispatch(&SURFACE_EXTRACT, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
+    let columns = level.grid.n[0] * level.grid.n[1];
+    s.copy(buffer::COLUMNS, COLUMNS_HOST, columns as u64 * 32);
+    s
+}
+
+/// What goes on with more pairs.
+pub fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
+    let mut s = Schedule::default();
+    for index in [SURFACE_BEND, SURFACE_JUMP] {
+        s.set(buffer::SURFACE_WEIGHTS, index, weights[index as usize].to_bits());
+    }
+    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    s
+}

@@ -1,0 +1,92 @@
+//! The weights of the surface's objective, and the lengths of its first steps.
+
+use crate::solve::estimate::expected_noise;
+use crate::solve::plan::AMPLE;
+use crate::solve::{Level, VectorOptions};
+use crate::transport::kernels::*;
+use crate::transport::{Grid, Model};
+
+/// How far a pixel may be off its neighbours' planes, in pixels, and how different its albedo, in the largest one.
+const BEND: f64 = 0.1;
+const JUMP: f64 = 0.2;
+
+/// Amplitude that no model explains, as a share of the data's: where there is no noise the prior still has a say.
+const MISFIT: f64 = 0.05;
+
+/// First steps: depths in bins of path and in pixels, whichever is less, albedos in the largest one.
+const DEPTH_BINS: f64 = 1.0 / 3.0;
+const DEPTH_PIXELS: f64 = 0.25;
+const ALBEDO: f64 = 0.06;
+
+/// Share of its largest from which on a pixel's albedo costs little more ([`VectorOptions::surface_sparsity`]).
+const FAINT: f64 = 0.1;
+
+/// Gaussian that the maps' albedo sees albedos under, in pixels of the first grid, which has what a scan tells apart, but of
+/// one with 32 pixels a side where that is coarser; and in the map's own at least. The kernel walks (4 sigma)² of them, and
+/// lavapipe stops after 65,535.
+const SMOOTH: f64 = 0.5;
+const LEAST_SMOOTH: f64 = 0.7;
+const MOST_SMOOTH: f64 = 60.0;
+
+/// Gaussian over which gradients are averaged at first, in pixels of the same grid, and at most in the map's own.
+const SPREAD: f64 = 0.7;
+const MOST_SPREAD: f64 = 6.0;
+
+/// What a surface begins with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placed {
+    pub pixels: usize,
+    /// The largest albedo.
+    pub most: f64,
+    /// How much of the data its light explains, weighted and squared, in the mean over bins.
+    pub explained: f64,
+}
+
+/// The weighted mean of the squared measurement over the first `pairs`.
+pub fn energy(model: &Model, pairs: usize) -> f64 {
+    let square = |(i, m): (usize, &f32)| model.bin_weight(i % model.bins) * f64::from(*m).powi(2);
+    let sum: f64 = model.measured[..pairs * model.bins].iter().enumerate().map(square).sum();
+    sum / model.elements_of(pairs).max(1) as f64
+}
+
+/// What no surface need explain of the data term, where its light explains so much: photon noise and the model's own misfit.
+fn unexplained(model: &Model, explained: f64) -> f64 {
+    expected_noise(model).max(0.0) + MISFIT * MISFIT * explained
+}
+
+/// The buffer `surface_weights`, after levels of which the first had the grid `first`.
+pub fn weights(
+    model: &Model,
+    first: &Grid,
+    level: &Level,
+    placed: Placed,
+    options: &VectorOptions,
+) -> [f32; SURFACE_WEIGHTS as usize] {
+    // Half of chi² is the objective times this, inverted.
+    let unit = 2.0 * unexplained(model, placed.explained) / model.elements_of(level.pairs).max(1) as f64;
+    let most = placed.most;
+    let sparse = options.surface_sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
+    let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
+    let coarser = coarser(first, &level.grid);
+    let mut all = [0.0; SURFACE_WEIGHTS as usize];
+    for (index, value) in [
+        (SURFACE_BEND, unit / (BEND * BEND)),
+        (SURFACE_JUMP, unit / (JUMP * most).powi(2)),
+        (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
+        (SURFACE_ALBEDO_RATE, ALBEDO * most),
+        (SURFACE_ITERATIONS, options.surface_iterations as f64),
+        (SURFACE_SMOOTH, (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
+        (SURFACE_SPREAD, (SPREAD * coarser).min(MOST_SPREAD)),
+        (SURFACE_SPARSE, sparse),
+        (SURFACE_FAINT, FAINT * most),
+    ] {
+        all[index as usize] = value as f32;
+    }
+    all
+}
+
+/// How many pixels of `maps` are as wide as one of the grid that a solve began with, which has what a scan tells apart; as one
+/// with [`AMPLE`] a side where it is coarser.
+pub fn coarser(first: &Grid, maps: &Grid) -> f64 {
+    (first.pitch.x / maps.pitch.x).min(maps.n[0] as f64 / AMPLE as f64)
+}

@@ -1,0 +1,82 @@
+//! What the vector solver needs of a plan, its surface's part included.
+
+use super::{SMOOTH_SIGMA, VectorOptions, passes};
+use crate::gpu::{Buffer, Constant};
+use crate::solve::pass::Pass;
+use crate::solve::plan::{Demand, LeftOut, Level, Needs, mebibytes};
+use crate::solve::{Plan, surface};
+use crate::transport::kernels::{buffer, constant};
+use crate::transport::{Binning, Gradient};
+
+/// Bytes that every active voxel has; a touched one has none beside.
+const OF_VOXEL: [u64; 2] = [76, 0];
+
+impl Needs for VectorOptions {
+    fn demand(&self) -> Demand {
+        Demand {
+            accumulation: self.accumulation,
+            sizes: self.sizes,
+            general: self.general,
+            coarse_to_fine: self.coarse_to_fine,
+            iterations: [self.iterations, self.surface_iterations],
+            pixels_per_voxel: self.pixels_per_voxel(),
+            binning: Binning::Linear,
+            gradient: Gradient::Exact,
+            has_rim: false,
+            smooth: [SMOOTH_SIGMA, 4.0],
+            more_taps: surface::more_taps(self),
+        }
+    }
+
+    /// A share of the last grid, and half of the first: a first back-projection leaves a tenth of it, surfaces a
+    /// hundredth of the last. Of more voxels the brightest are kept.
+    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
+        const SMALL: usize = 1 << 18;
+        let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
+        let active = match self.room {
+            Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
+            None => SMALL.max(first / 2).max(last / 16).min(last),
+        };
+        [active; 2]
+    }
+
+    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
+        vec![
+            (constant::WEIGHTED, 1),
+            (constant::ACCELERATED, 1),
+            (constant::VECTORS, 1),
+            (constant::SUMMED, plan.tuning.voxels),
+            (constant::POINTS, surface::points_per_pixel(self, plan) as u32),
+        ]
+    }
+
+    fn passes(&self) -> Vec<&'static Pass> {
+        let of_surface = if self.surface_iterations > 0 { surface::passes::ALL } else { &[] };
+        [passes::ALL, of_surface].concat()
+    }
+
+    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
+        let slots = plan.capacity as u64;
+        let mut all = vec![
+            (buffer::BEFORE, slots * 16),
+            (buffer::BOUNDS, slots * 8),
+            (buffer::HAT_TAPS, plan.bins as u64 * 4 + 4),
+            (buffer::AGAINST_PARTIALS, slots.div_ceil(u64::from(plan.tuning.voxels)) * 4),
+        ];
+        all.extend(surface::buffers(plan));
+        all
+    }
+
+    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
+        let [voxels, slots] = [plan.finest().grid.storage(), plan.capacity].map(|v| v as u64);
+        let weights = (plan.pairs * plan.bins) as u64;
+        out.add("the noise term: its weights, their moments and its kernel", mebibytes(weights * 12));
+        surface::left_out(plan, out);
+        out.add("the optimiser's moments: the step comes from a bound", mebibytes(voxels * 32 - slots * 24));
+        plan.left_out_of_room(out, OF_VOXEL);
+        out.add(
+            "random sampling: interpolation, its adjoint, state and masks of the active voxels' neighbours",
+            mebibytes(voxels / 2),
+        );
+    }
+}

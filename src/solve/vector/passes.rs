@@ -1,0 +1,142 @@
+//! The passes that only the vector solver has.
+
+use crate::solve::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::solve::passes;
+use crate::transport::kernels::*;
+
+const BOUND_FAULT: &[Fault] = &[Fault {
+    bit: FAULT_BOUND,
+    what: "the bounds of the steps",
+    mend: "use a smaller --peak or --noise-factor, and check the wall's points and the bins (`thirdbounce info`)",
+}];
+
+passes! {
+    /// All of them.
+    pub static ALL;
+
+    /// Filters the measurement along time.
+    FILTER = Pass { twin: twin!(filter), ..Pass::of("filter", |_| &kernel::FILTER) };
+
+    /// Gathers the filtered measurement in every voxel.
+    BACKPROJECT = Pass {
+        report: "backward_project",
+        pairs: Some(Voxels::Grid),
+        twin: twin!(backproject),
+        ..Pass::of("backproject", |_| &kernel::BACKPROJECT)
+    };
+
+    /// Smooths the back-projection along x.
+    GAUSSIAN_X_VOLUME = Pass {
+        constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(0)), (constant::LAST, Value::Is(0))],
+        twin: twin!(smooth),
+        ..Pass::of("gaussian_x_volume", |_| &kernel::GAUSSIAN)
+    };
+
+    /// Smooths the length of vectors along x.
+    GAUSSIAN_X = Pass {
+        constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(2)), (constant::LAST, Value::Is(0))],
+        twin: twin!(smooth),
+        ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
+    };
+
+    /// Takes vectors and bounds to their new slots.
+    SETTLE = Pass {
+        constants: &[(constant::DOUBLED, Value::Is(0))],
+        twin: twin!(settle),
+        ..Pass::of("settle", |_| &kernel::SETTLE)
+    };
+
+    /// The same to twice the lateral resolution.
+    SETTLE_DOUBLED = Pass {
+        constants: &[(constant::DOUBLED, Value::Is(1))],
+        twin: twin!(settle),
+        ..Pass::of("settle_doubled", |_| &kernel::SETTLE)
+    };
+
+    /// The points of the active voxels: their centres.
+    POINTS = Pass { twin: twin!(points), ..Pass::of("points", |_| &kernel::POINTS) };
+
+    /// The brightness that voxels are expected to have.
+    EXPECT = Pass {
+        constants: &[(constant::DOUBLED, Value::Is(0))],
+        twin: twin!(expect),
+        ..Pass::of("expect", |_| &kernel::EXPECT)
+    };
+
+    /// The same at twice the lateral resolution.
+    EXPECT_DOUBLED = Pass {
+        constants: &[(constant::DOUBLED, Value::Is(1))],
+        twin: twin!(expect),
+        ..Pass::of("expect_doubled", |_| &kernel::EXPECT)
+    };
+
+    /// Renders unit albedo without cosines: a bound of the operator.
+    FORWARD_BOUND = Pass {
+        constants: &[(constant::BOUND, Value::Is(1))],
+        pairs: Some(Voxels::Active),
+        twin: twin!(forward_bound),
+        ..Pass::of("forward_bound", passes::forward)
+    };
+
+    /// Gathers the bound D of every step.
+    BOUND_STEP = Pass {
+        report: "backward_bound_step",
+        constants: &[(constant::WHAT, Value::Is(0))],
+        pairs: Some(Voxels::Active),
+        faults: BOUND_FAULT,
+        twin: twin!(bound),
+        ..Pass::of("bound_step", |_| &kernel::BOUND)
+    };
+
+    /// The photon variance of every bin.
+    VARIANCE = Pass { twin: twin!(variance), ..Pass::of("variance", |_| &kernel::VARIANCE) };
+
+    /// Takes variances back through the squared pulse.
+    PULSE_NOISE = Pass {
+        when: |p| p.pulse > 0,
+        constants: &[(constant::BACK, Value::Is(1)), (constant::SQUARED, Value::Is(1))],
+        twin: twin!(pulse),
+        ..Pass::of("pulse_noise", passes::pulse)
+    };
+
+    /// Gathers the weight lambda of every voxel's group term.
+    BOUND_NOISE = Pass {
+        report: "backward_bound_noise",
+        constants: &[(constant::WHAT, Value::Is(1))],
+        pairs: Some(Voxels::Active),
+        faults: BOUND_FAULT,
+        twin: twin!(bound),
+        ..Pass::of("bound_noise", |_| &kernel::BOUND)
+    };
+
+    /// Extrapolates the iterate, and the roughness there.
+    EXTRAPOLATE = Pass {
+        faults: &[Fault {
+            bit: FAULT_SAMPLE,
+            what: "the volume",
+            mend: "use a smaller --learning-rate, --initial-albedo or --roughness",
+        }],
+        twin: twin!(extrapolate),
+        ..Pass::of("extrapolate", |_| &kernel::EXTRAPOLATE)
+    };
+
+    /// Gathers the gradient and takes the proximal step.
+    STEP = Pass {
+        report: "backward_step",
+        pairs: Some(Voxels::Active),
+        faults: &[
+            Fault {
+                bit: FAULT_BACKWARD,
+                what: "the gradient",
+                mend: "use a smaller --peak, or a larger --min-depth where voxels touch the wall",
+            },
+            Fault {
+                bit: FAULT_UPDATE,
+                what: "the next volume",
+                mend: "use a smaller --learning-rate or --peak, or --step-share 1",
+            },
+        ],
+        twin: twin!(step),
+        ..Pass::of("step", |_| &kernel::STEP)
+    };
+}

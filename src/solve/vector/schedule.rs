@@ -1,0 +1,128 @@
+//! The vector solver as schedules.
+
+use super::VectorOptions;
+use super::passes::*;
+use crate::gpu::Schedule;
+use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, pair_chunks, pulse_back};
+use crate::solve::pass::Pass;
+use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
+use crate::solve::{Level, Plan, domain};
+use crate::transport::kernels::*;
+
+/// Sums at zero, the first domain from a filtered back-projection, nothing in it, its bounds.
+pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
+    let mut s = Schedule::default();
+    for cleared in [buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENTUM, buffer::MASK_BEFORE] {
+        s.fill(cleared, plan.bytes_of(cleared), 0);
+    }
+    s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
+    s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP)).bind(buffer::SCENE, level.scene);
+    for push in pair_chunks(plan, level) {
+        s.dispatch(&BACKPROJECT, groups(level.grid.storage(), WORKGROUP))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::WALL, level.wall)
+            .bind(buffer::TARGET, plan.volumes[1])
+            .with(push);
+    }
+    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME));
+    s.extend(domain::keep(plan, level, options.start_above, plan.capacity));
+    // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
+    s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
+    s.extend(settle(plan, level, &SETTLE));
+    s.extend(bounds(plan, level, None));
+    s
+}
+
+/// One iteration: extrapolate (and roughness), forward, weighted residual, step, finish.
+pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
+    let mut s = Schedule::default();
+    let push = Push { iteration, ..Default::default() };
+    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
+        .bind(buffer::SCENE, level.scene)
+        .with(push);
+    s.extend(forward(plan, level, &FORWARD));
+    s.extend(compare(plan, level, &RESIDUAL, push, None));
+    // The sums begin with the roughness.
+    s.extend(gather(plan, level, &STEP, ARGUMENTS_BACKWARD, BACKWARD_CONTINUE, plan.residual()));
+    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(push);
+    s
+}
+
+/// What is due after `done` iterations: the next level, on a finer grid or with more pairs, or reduction.
+pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) -> Schedule {
+    let mut s = Schedule::default();
+    let here = &plan.levels[*level];
+    let next = plan.levels.get(*level + 1);
+    let doubles = next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.coarse_iterations));
+    // The first growth begins the last iterations, every further one the last third of what is left.
+    let grown = plan.levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
+    let left = options.growth_iterations / 3usize.pow(grown - 1);
+    let growths = plan.levels.len() - 1 - *level;
+    let grows_from = options.iterations.saturating_sub(left.max(growths));
+    let expected = |pass: &'static Pass| (options.bound_power > 0.0).then_some((pass, options.bound_power));
+    let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
+    if let Some(fine) = doubles {
+        // A voxel becomes four.
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity / 4));
+        s.extend(domain::double_mask(here, fine));
+        s.extend(settle(plan, fine, &SETTLE_DOUBLED));
+        s.extend(bounds(plan, fine, expected(&EXPECT_DOUBLED)));
+        *level += 1;
+    } else if let Some(wide) = widens {
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity));
+        s.extend(settle(plan, wide, &SETTLE));
+        s.extend(bounds(plan, wide, expected(&EXPECT)));
+        *level += 1;
+    } else if done.is_multiple_of(options.reduce_every) {
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity));
+        s.extend(settle(plan, here, &SETTLE));
+        if done.is_multiple_of(options.bound_every) {
+            s.extend(bounds(plan, here, expected(&EXPECT)));
+        }
+    }
+    s
+}
+
+/// After a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. `how` is the pass that
+/// moves them.
+fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
+    let mut s = domain::compact(plan, level);
+    let sample = arguments(ARGUMENTS_SAMPLE);
+    s.indirect(how, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
+    let slots = plan.capacity as u64;
+    s.copy(buffer::BEFORE, buffer::RAW, slots * 16);
+    s.copy(buffer::GRADIENT, buffer::BOUNDS, slots * 8);
+    for (index, value) in [(MOMENTUM_T, 1.0f32), (MOMENTUM_BETA, 0.0), (MOMENTUM_OBJECTIVE, f32::INFINITY)] {
+        s.set(buffer::MOMENTUM, index, value.to_bits());
+    }
+    s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
+    s
+}
+
+/// D and lambda of the active voxels, D for voxels as bright as `expected` (the kernel that tells, and the power) or
+/// all alike. What becomes active later has no bound, and stays zero until the next time:
+/// so the bounds of the others hold in between.
+fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedule {
+    let mut s = Schedule::default();
+    let scene = level.scene;
+    let sample = arguments(ARGUMENTS_SAMPLE);
+    if let Some((pass, power)) = expected {
+        s.indirect(pass, buffer::ARGUMENTS, sample)
+            .bind(buffer::SCENE, scene)
+            .bind(buffer::SOURCE, plan.volumes[0])
+            .with(Push { flags: (power as f32).to_bits(), ..Default::default() });
+    }
+    // The largest albedo of the rendering that bounds: one.
+    s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
+    s.extend(forward(plan, level, &FORWARD_BOUND));
+    s.extend(compare(plan, level, &RESIDUAL_BOUND, Push::default(), None));
+    s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
+    s.extend(gather(plan, level, &BOUND_STEP, ARGUMENTS_SAMPLE, 0, plan.residual()));
+    s.dispatch(&VARIANCE, groups(plan.cells_at(level), WORKGROUP)).bind(buffer::SCENE, scene);
+    s.extend(pulse_back(plan, level, &PULSE_NOISE, None));
+    s.extend(gather(plan, level, &BOUND_NOISE, ARGUMENTS_SAMPLE, 0, plan.residual()));
+    if expected.is_some() {
+        s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);
+    }
+    s
+}
