@@ -19,7 +19,7 @@ test: setup
 
 # The long tests: long runs, every injected fault. They write docs/reliability.md.
 soak: setup
-	cargo test --release --locked -- --ignored
+	cargo test --release --locked --test reliability -- --ignored
 
 lint: setup
 	cargo fmt --all --check

@@ -11,10 +11,11 @@ use std::time::Instant;
 use scene::{capture, gpu, median};
 use thirdbounce::gpu::{DeviceKind, Gpu, Schedule};
 use thirdbounce::solve::{
-    Accumulation, OnDevice, PaperOptions, Plan, Preset, VectorOptions, Watch, compact, default_volume,
-    initialise, iteration, paper, vector,
+    Accumulation, OnDevice, PaperOptions, Plan, Preset, VectorOptions, Watch, compact, default_volume, paper,
+    vector,
 };
 use thirdbounce::transport::Grid;
+use thirdbounce::transport::kernels::buffer;
 
 fn main() {
     empty();
@@ -44,8 +45,8 @@ fn empty_on(gpu: &Gpu) {
         let model = paper::model(&capture, &grid, &paper);
         let plan = Plan::new(&model, grid, [32; 2], &paper, &gpu.abilities(), false).expect("a plan");
         let job = OnDevice::new(gpu, model, plan, None).expect("memory");
-        let start = initialise(&job.plan, job.plan.finest());
-        report("paper", job, start, &|plan, i| iteration(plan, plan.finest(), i, 1));
+        let start = paper::initialise(&job.plan, job.plan.finest());
+        report("paper", job, start, &|plan, i| paper::iteration(plan, plan.finest(), i, 1));
         let options = VectorOptions { iterations: 64, ..VectorOptions::default() };
         let model = vector::model(&capture, &grid, &options);
         let plan = Plan::new(&model, grid, [32; 2], &options, &gpu.abilities(), false).expect("a plan");
@@ -58,7 +59,7 @@ fn empty_on(gpu: &Gpu) {
 fn report(solver: &str, mut job: OnDevice<'_>, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
     const COUNT: u32 = 32;
     let level = *job.plan.finest();
-    start.fill(buffer::MASK, job.plan.bytes()["mask"], 0);
+    start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), 0);
     start.extend(compact(&job.plan, &level));
     start.extend(one(&job.plan, 0));
     job.executor.run(&start).expect("the start runs");

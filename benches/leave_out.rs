@@ -12,8 +12,9 @@ use scene::{capture, gpu, median};
 use thirdbounce::capture::{Capture, Gate, Pulse};
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{
-    NoiseTerm, OnDevice, PaperOptions, Plan, Preset, VectorOptions, compact, initialise, iteration, vector,
+    Needs, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, VectorOptions, compact, paper, vector,
 };
+use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Grid, Model, Reflectance, Sampling};
 
 /// Runs of each side; iterations of a run.
@@ -171,23 +172,23 @@ fn vector_side<'g>(
 }
 
 fn paper_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: &PaperOptions) -> Side<'g> {
-    let model = thirdbounce::solve::paper::model(capture, &grid, options);
+    let model = paper::model(capture, &grid, options);
     let plan = plan(&model, grid, options, gpu);
     let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
-    let start = initialise(&job.plan, job.plan.finest());
+    let start = paper::initialise(&job.plan, job.plan.finest());
     job.executor.run(&start).expect("the start runs");
-    let each = iteration(&job.plan, job.plan.finest(), 0, 1);
+    let each = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
     Side { job, each }
 }
 
-fn plan(model: &Model, grid: Grid, options: impl Into<thirdbounce::solve::Wanted>, gpu: &Gpu) -> Plan {
+fn plan(model: &Model, grid: Grid, options: &dyn Needs, gpu: &Gpu) -> Plan {
     // The scan's resolution is as good as the grid's: one level.
     Plan::new(model, grid, [grid.n[0]; 2], options, &gpu.abilities(), false).expect("a plan")
 }
 
 /// All voxels of the storage active, so that both sides of a comparison walk the same list.
 fn everything(job: &OnDevice<'_>, start: &mut Schedule) {
-    start.fill(buffer::MASK, job.plan.bytes()["mask"], u32::MAX);
+    start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), u32::MAX);
     start.extend(compact(&job.plan, job.plan.finest()));
     start
         .indirect(&vector::passes::POINTS, buffer::ARGUMENTS, 0)

@@ -2,10 +2,6 @@
 //!
 //!     cargo bench --bench stability        THIRDBOUNCE_DEVICE names another device
 
-#[path = "../../tests/device/mod.rs"]
-mod device;
-#[path = "../../tests/extreme/mod.rs"]
-mod extreme;
 mod plots;
 mod stiffness;
 mod tables;

@@ -7,13 +7,13 @@ use rand_distr::{Distribution, Poisson};
 use thirdbounce::export::plot::Plot;
 use thirdbounce::export::png;
 use thirdbounce::gpu::Gpu;
-use thirdbounce::solve::{Accumulation, iteration};
+use thirdbounce::solve::{Accumulation, paper};
 use thirdbounce::transport::twin;
 use thirdbounce::transport::{Binning, Geometry, Reflectance};
 
-use crate::device::{options, set_counts, write_samples, zero_histograms};
-use crate::extreme::{Case, cases, passes, passes_of, plain_kernels, read_histograms, solve};
 use crate::tables::LARGEST;
+use fixtures::device::{options, set_counts, write_samples, zero_histograms};
+use fixtures::extreme::{Case, cases, passes, passes_of, plain_kernels, read_histograms, solve};
 
 type Curve = (String, Vec<[f64; 2]>);
 
@@ -93,14 +93,14 @@ fn misplaced(gpu: &Gpu, case: &Case, plain: bool) -> f64 {
     case.model.binning = Binning::Nearest;
     let samples = case.samples(&case.at);
     let want = twin::forward(&case.twin(), &samples);
-    let mut job = crate::device::job(gpu, &case.model, &case.grid, &options(&case.model, &case.grid));
+    let mut job = fixtures::device::job(gpu, &case.model, &case.grid, &options(&case.model, &case.grid));
     if plain {
         plain_kernels(&mut job);
     }
     write_samples(&mut job, &samples);
     set_counts(&mut job, samples.len(), 1.0);
     zero_histograms(&mut job);
-    let mut s = iteration(&job.plan, job.plan.finest(), 0, 1);
+    let mut s = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
     s.commands.retain(|c| c.name() == "forward");
     job.executor.run(&s).expect("a pass runs");
     let got = read_histograms(&mut job);

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use thirdbounce::transport::twin::{self, Sample};
 
-use crate::extreme::{Case, cases, solve};
+use fixtures::extreme::{Case, cases, solve};
 
 /// Condition of the normal operator on albedos, by itself and scaled by the bound D that steps divide by.
 pub struct Condition {

@@ -7,10 +7,10 @@ use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Reflectance};
 
-use crate::device::vectors::run_iteration;
-use crate::device::{ACCUMULATIONS, set_counts, write_samples};
-use crate::extreme::{Case, Passes, cases, passes, passes_of, plain_kernels, solve};
 use crate::stiffness::{condition, iterations_to};
+use fixtures::device::vectors::run_iteration;
+use fixtures::device::{ACCUMULATIONS, set_counts, write_samples};
+use fixtures::extreme::{Case, Passes, cases, passes, passes_of, plain_kernels, solve};
 
 /// The targets, relative to the largest value and to the largest of each histogram.
 pub const LARGEST: f64 = 1e-4;

@@ -1,13 +1,9 @@
 //! Writes the first inputs, the fixtures of the tests, into corpus/TARGET, or into the folder given instead of corpus:
 //! `cargo run --bin corpus [FOLDER]`.
 
-#[path = "../../tests/common/fixtures.rs"]
-mod fixtures;
-#[path = "../../tests/common/readers.rs"]
-mod readers;
-
 use std::path::{Path, PathBuf};
 
+use fixtures::readers;
 use thirdbounce::capture::{Capture, Pulse, read_given, write};
 
 fn main() {

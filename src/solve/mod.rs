@@ -30,7 +30,7 @@ pub use extent::default_volume;
 pub use on_device::{OnDevice, upload};
 pub use paper::{Decay, NoiseTerm, PaperOptions, Preset};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
-pub use plan::{Accumulation, Demand, LeftOut, Level, Needs, Plan, Sizes, Tuning, UPLOAD};
+pub use plan::{Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, Sizes, Tuning, UPLOAD};
 pub use result::{Reconstruction, VolumeMap};
 pub use vector::VectorOptions;
 

@@ -49,7 +49,8 @@ passes! {
         when: |p| p.tap_sets > 0,
         constants: &[(constant::BACK, Value::Is(1))],
         twin: twin!(pulse),
-        ..Pass::of("pulse_back", pulse)
+        // Residuals are fp32 on every accumulation path.
+        ..Pass::of("pulse_back", |_| &kernel::PULSE)
     };
 
     /// Closes an iteration: sums the losses and writes the row of the trace.
@@ -149,7 +150,7 @@ pub fn residual(plan: &Plan) -> &'static KernelCode {
     if plan.fixed_point() { &kernel::RESIDUAL_FIXED } else { &kernel::RESIDUAL }
 }
 
-/// The module that applies a pulse.
-pub fn pulse(plan: &Plan) -> &'static KernelCode {
+/// The module that applies the pulse to what was accumulated.
+fn pulse(plan: &Plan) -> &'static KernelCode {
     if plan.fixed_point() { &kernel::PULSE_FIXED } else { &kernel::PULSE }
 }

@@ -4,7 +4,9 @@
 use std::ops::ControlFlow;
 use std::process::Command;
 
-use thirdbounce::gpu::{Abilities, Accumulations, BufferPlan, DeviceKind, Faults, Limits, Place, check};
+use thirdbounce::gpu::{
+    Abilities, Accumulations, Buffer, BufferPlan, DeviceKind, Faults, Limits, Place, check,
+};
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{Accumulation, Plan, VectorOptions};
@@ -200,7 +202,9 @@ fn bound() -> Row {
         ("2^62 bytes", one(1 << 62)),
         (
             "more than there is",
-            (0..4096).map(|i| BufferPlan::new(&format!("b{i}"), range.min(1 << 30), Place::Device)).collect(),
+            (0..=255)
+                .map(|i| BufferPlan::new(Buffer::named("b").at(i), range.min(1 << 34), Place::Device))
+                .collect(),
         ),
     ];
     for (what, plan) in plans {

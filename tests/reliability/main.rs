@@ -5,15 +5,15 @@
 mod budget;
 mod disk;
 mod injected;
-#[path = "../common/keeping.rs"]
-mod keeping;
 mod killed;
 mod ledger;
 mod options;
 mod order;
 mod resumed;
 mod small;
+mod stability;
 mod valid;
+mod watch;
 
 use ledger::{Row, assert_held};
 

@@ -12,9 +12,9 @@ use thirdbounce::solve::{PaperOptions, VectorOptions};
 use thirdbounce::{Error, Kind};
 
 use super::Share;
-use super::keeping::solve_keeping;
 use super::ledger::{Held, Row, clear, holds};
 use super::small::{bits, files, kinds, loaded, open, paper, solve, solvers, tree, vector};
+use fixtures::keeping::solve_keeping;
 
 pub fn rows(share: Share) -> Vec<Row> {
     vec![same_bits(share), same_files(), wrong_ones(), damaged(share)]

@@ -8,9 +8,9 @@ use thirdbounce::job::{self, Input, Request};
 use thirdbounce::solve::Accumulation;
 
 use super::Share;
-use super::keeping::solve_keeping;
 use super::ledger::{Held, Row, holds};
 use super::small::{files, kinds, open, solve, solvers};
+use fixtures::keeping::solve_keeping;
 
 fn silent(messages: Vec<String>) -> Held {
     holds(messages.is_empty(), || messages.join("\n")).map(|()| None)

@@ -96,7 +96,7 @@ passes! {
         when: |p| p.pulse > 0,
         constants: &[(constant::BACK, Value::Is(1)), (constant::SQUARED, Value::Is(1))],
         twin: twin!(pulse),
-        ..Pass::of("pulse_noise", passes::pulse)
+        ..Pass::of("pulse_noise", |_| &kernel::PULSE)
     };
 
     /// Gathers the weight lambda of every voxel's group term.

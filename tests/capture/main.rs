@@ -1,0 +1,10 @@
+//! Captures: formats, scans, walls, conversions, damaged files.
+
+mod arrays;
+mod convert;
+mod formats;
+mod hostile;
+mod sampling;
+mod schemas;
+mod walls;
+mod ytal;

@@ -1,0 +1,296 @@
+//! Error against run time: traces with figures, a clock that measuring does not move, methods side by side.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use fixtures::device::{assert_valid, gpu};
+use serde_json::Value;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::paper::reconstruct;
+use thirdbounce::solve::{PaperOptions, Preset, Progress, Reconstruction, Watch, default_volume};
+use thirdbounce::transport::Grid;
+
+fn thirdbounce(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_thirdbounce")).args(arguments).output().expect("the binary runs")
+}
+
+#[track_caller]
+fn succeed(arguments: &[&str]) -> String {
+    let output = thirdbounce(arguments);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}\n{said}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A small capture and its truth, simulated once: (folder, capture, truth).
+fn small() -> &'static (tempfile::TempDir, String, String) {
+    static SMALL: OnceLock<(tempfile::TempDir, String, String)> = OnceLock::new();
+    SMALL.get_or_init(|| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let [capture, truth] = ["z.npz", "truth.npz"].map(|n| folder.path().join(n).display().to_string());
+        let scene = ["simulate", "letter-Z", "--scan", "8", "--bin-width", "0.02", "--noise", "0.05"];
+        let files = ["--truth-resolution", "32", "--out", &capture, "--truth", &truth];
+        succeed(&[&scene[..], &files].concat());
+        (folder, capture, truth)
+    })
+}
+
+/// Options that make a run short.
+const SHORT: [&str; 9] =
+    ["--lateral", "16", "--iterations", "30", "--double-every", "15", "--reduce-every", "10", "--quiet"];
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
+}
+
+fn entries(folder: &Path) -> Vec<String> {
+    let name = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().to_string_lossy().into_owned();
+    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).collect();
+    names.sort();
+    names
+}
+
+fn figures(trace: &Value, key: &str) -> Vec<f64> {
+    trace.as_array().unwrap().iter().filter_map(|e| e[key].as_f64()).collect()
+}
+
+#[test]
+fn two_settings_side_by_side() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("deep/compare");
+    let methods = "paper;paper:sampling=fixed,learning-rate=0.5,name=slow & <fixed>,trace-every=14";
+    let all = ["compare", capture, "--truth", truth, "--out", out.to_str().unwrap(), "--method", methods];
+    let text = succeed(&[&all[..], &SHORT, &["--repeats", "2", "--trace-every", "7"]].concat());
+    assert!(text.contains("| paper | 30 |") && text.contains("| slow & <fixed> | 30 |"), "{text}");
+    assert_eq!(
+        entries(&out),
+        ["compare.json", "compare.md", "error_vs_time.png", "error_vs_time.svg", "paper", "slow____fixed_"]
+    );
+    let page = std::fs::read_to_string(out.join("compare.md")).unwrap();
+    assert!(page.contains("| paper | 30 |") && page.contains("ran 2 times"), "{page}");
+    let svg = std::fs::read_to_string(out.join("error_vs_time.svg")).unwrap();
+    assert!(svg.contains(">paper: 30 iterations") && svg.contains(">slow &amp; &lt;fixed&gt;: 30"), "{svg}");
+    let decoder = png::Decoder::new(std::io::BufReader::new(
+        std::fs::File::open(out.join("error_vs_time.png")).unwrap(),
+    ));
+    assert!(decoder.read_info().unwrap().info().width >= 1000);
+
+    let told = json(&out.join("compare.json"));
+    assert_eq!(told["repeats"], 2);
+    let methods = told["methods"].as_array().unwrap();
+    assert_eq!(methods.len(), 2);
+    assert_eq!(methods[1]["settings"]["sampling"], "fixed");
+    assert_eq!(methods[1]["settings"]["learning_rate"], 0.5);
+    assert_eq!(methods[0]["settings"]["learning_rate"], 1.0);
+    let iterations = [&[7.0, 14.0, 21.0, 28.0, 30.0][..], &[14.0, 28.0, 30.0]];
+    for (method, iterations) in methods.iter().zip(iterations) {
+        assert_eq!(figures(&method["trace"], "iteration"), iterations);
+        let last = iterations.len() - 1;
+        let seconds = figures(&method["trace"], "seconds");
+        assert!(seconds.is_sorted() && seconds[0] > 0.0, "{seconds:?}");
+        assert_eq!(method["repeats_s"].as_array().unwrap().len(), 2);
+        assert!(method["seconds"].as_f64().unwrap() >= 0.9 * seconds[last]);
+        for (key, better) in [("residual", -1.0), ("loss", -1.0)] {
+            let values = figures(&method["trace"], key);
+            assert!(
+                values.len() == last + 1 && better * (values[last] - values[0]) > 0.0,
+                "{key} {values:?}"
+            );
+        }
+        // So few steps on so small a scene need not make the figure better.
+        let iou = figures(&method["trace"], "best_iou");
+        assert!(iou.len() == last + 1 && iou.iter().all(|v| (0.1..=1.0).contains(v)), "{iou:?}");
+        let residual = figures(&method["trace"], "residual");
+        assert!(residual.iter().all(|r| (0.0..1.5).contains(r)), "{residual:?}");
+    }
+    // The first method reaches its own end in its own time.
+    let all = &methods[0]["reach"]["all"]["kept_s"];
+    assert_eq!(all, &methods[0]["trace"][4]["seconds"]);
+    let text = succeed(&["evaluate", out.join("paper").to_str().unwrap(), "--truth", truth]);
+    assert!(text.contains("solved in"), "{text}");
+}
+
+#[test]
+fn without_a_method_every_solver_runs() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1"];
+    let text = succeed(&[&all[..], &SHORT].concat());
+    assert!(text.contains("| paper | 30 |") && text.contains("| vector | 90 |"), "{text}");
+    let told = json(&folder.path().join("compare.json"));
+    let residual = figures(&told["methods"][1]["trace"], "residual");
+    assert!(residual.len() == 9 && residual[8] < residual[2], "{residual:?}");
+    let one = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
+    assert!(!one.contains("| paper |") && one.contains("| vector | 90 |"), "{one}");
+}
+
+#[test]
+fn a_trace_with_figures_and_snapshots() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let run = |name: &str, more: &[&str]| {
+        let all = ["reconstruct", capture, "--out", &at(name).display().to_string(), "--deterministic"];
+        succeed(&[&all[..], &["--solver", "paper"], &SHORT, more].concat());
+        json(&at(name).join("report.json"))
+    };
+    let report = run("often", &["--truth", truth, "--trace-every", "4", "--snapshots", "6,20,30"]);
+    let measured: Vec<u64> = report["trace"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|e| e["depth_mae"].is_f64() && e["best_iou"].is_f64() && e["residual"].is_f64())
+        .map(|e| e["iteration"].as_u64().unwrap())
+        .collect();
+    assert_eq!(measured, [4, 8, 12, 16, 20, 24, 28, 30]);
+    for name in ["000006", "000020", "000030"] {
+        let files = entries(&at("often/snapshots").join(name));
+        assert_eq!(
+            files,
+            ["albedo.png", "depth.png", "maps.exr", "maps.npz", "mesh.ply", "normal.png", "points.ply"]
+        );
+    }
+    let maps = |place: &str| std::fs::read(at(place).join("maps.npz")).unwrap();
+    assert!(maps("often/snapshots/000030") == maps("often"), "the last snapshot is the result");
+    assert!(maps("often/snapshots/000020") != maps("often"));
+
+    // Looking does not change what is looked at.
+    let by_default = run("default", &["--truth", truth]);
+    let tens: Vec<_> = figures(&by_default["trace"], "depth_mae");
+    assert_eq!(tens.len(), 3);
+    let at_the_end = run("end", &["--truth", truth, "--trace-every", "0"]);
+    assert_eq!(figures(&at_the_end["trace"], "depth_mae").len(), 1);
+    assert!(maps("often") == maps("end") && maps("often") == maps("default"));
+    let without = run("without", &["--trace-every", "5"]);
+    assert_eq!(figures(&without["trace"], "depth_mae").len(), 0);
+    assert!(figures(&without["trace"], "iteration").contains(&25.0));
+
+    let often = at("often").display().to_string();
+    succeed(&["evaluate", &often, "--truth", truth, "--no-pictures", "--json"]);
+    assert!(!at("often/depth_error.png").exists());
+    let text = succeed(&["evaluate", &often, "--truth", truth]);
+    assert!(at("often/depth_error.png").is_file() && text.contains("depth_error.png"), "{text}");
+}
+
+#[test]
+fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("c").display().to_string();
+    let compare = ["compare", capture, "--out", &out, "--quiet"];
+    let with_truth = ["--truth", truth.as_str()];
+    let cases: &[(&[&str], i32, &str)] = &[
+        (&[], 2, "--truth"),
+        (&["--truth", "/nonexistent/t.npz"], 1, "/nonexistent/t.npz"),
+        (&["--truth", capture], 1, "gt_depth"),
+        (&[&with_truth[..], &["--method", "magic"]].concat(), 1, "--solver magic is not known"),
+        (&[&with_truth[..], &["--method", "paper:colour=red"]].concat(), 1, "--colour"),
+        (&[&with_truth[..], &["--method", "paper:l1=much"]].concat(), 1, "'much' for '--l1"),
+        (&[&with_truth[..], &["--method", "paper;paper:l1=-2"]].concat(), 1, "--l1 is -2"),
+        (&[&with_truth[..], &["--method", "vector:l1=1"]].concat(), 1, "--l1 is no option of the vector"),
+        (&[&with_truth[..], &["--method", "paper:cone=1"]].concat(), 1, "--cone is no option of the paper"),
+        (&[&with_truth[..], &["--method", "paper:sampling=wild"]].concat(), 1, "'wild'"),
+        (&[&with_truth[..], &["--method", "paper:no-reduce=1"]].concat(), 1, "no-reduce"),
+        (&[&with_truth[..], &["--method", ""]].concat(), 1, "--method is empty"),
+        (&[&with_truth[..], &["--repeats", "0"]].concat(), 1, "--repeats is 0"),
+        (&[&with_truth[..], &["--mask-fraction", "2"]].concat(), 1, "--mask-fraction is 2"),
+        (&[&with_truth[..], &["--lateral", "0"]].concat(), 1, "--lateral is 0"),
+    ];
+    for (arguments, code, words) in cases {
+        check_failure(&[&compare[..], arguments].concat(), *code, words);
+    }
+    let reconstruct = ["reconstruct", capture, "--out", &out, "--quiet"];
+    check_failure(
+        &[&reconstruct[..], &["--snapshots", "5,2000"]].concat(),
+        1,
+        "--snapshots names iteration 2000",
+    );
+    check_failure(&[&reconstruct[..], &["--snapshots", "0"]].concat(), 1, "--snapshots names iteration 0");
+    check_failure(&[&reconstruct[..], &["--snapshots", "x"]].concat(), 2, "--snapshots");
+    assert_eq!(entries(folder.path()), Vec::<String>::new(), "something was written");
+}
+
+#[track_caller]
+fn check_failure(arguments: &[&str], code: i32, words: &str) {
+    let output = thirdbounce(arguments);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}\n{text}");
+    assert!(text.contains(words), "{arguments:?}: {words:?} is not in\n{text}");
+    assert_eq!(text.matches("error:").count(), 1, "{arguments:?}\n{text}");
+    assert!(!text.contains("internal error") && output.stdout.is_empty(), "{text}");
+}
+
+/// Runs with maps every so often and a listener that sleeps; (result, seconds asleep, seconds by the wall clock).
+fn sleepy(
+    gpu: &Gpu,
+    capture: &Capture,
+    maps_every: Option<usize>,
+    sleep: impl Fn(&Progress) -> f64,
+) -> (Reconstruction, f64, f64) {
+    let o = PaperOptions { lateral: 16, iterations: 40, ..PaperOptions::preset(Preset::Synthetic) };
+    let o = PaperOptions { coarse_to_fine: false, reduce: false, ..o };
+    let volume = default_volume(capture, o.min_depth).unwrap();
+    let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
+    let mut asleep = 0.0;
+    let mut hear = |progress: &Progress| {
+        let seconds = sleep(progress);
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        asleep += seconds;
+        ControlFlow::Continue(())
+    };
+    let mut watch = Watch { hear: &mut hear, maps_every, maps_at: &[] };
+    let start = Instant::now();
+    let done = reconstruct(gpu, capture, grid, &o, None, false, &mut watch).unwrap();
+    (done, asleep, start.elapsed().as_secs_f64())
+}
+
+#[test]
+fn measuring_does_not_move_the_clock() {
+    let gpu = gpu();
+    let mut scene = Scene::named("letter-l").unwrap();
+    (scene.scan, scene.bin_width) = (8, 0.01);
+    let capture = simulate(&scene, &RenderOptions { noise: 0.05, ..Default::default() }).unwrap().capture;
+    let run = |maps_every, sleep: f64| {
+        sleepy(&gpu, &capture, maps_every, |p| if p.maps.is_some() { sleep } else { 0.0 })
+    };
+    run(None, 0.0); // The first run compiles the kernels.
+    let plain = run(None, 0.0).0;
+
+    // 0.3 s asleep at each of four measured points: the clock shows the work alone.
+    let (done, asleep, wall) = run(Some(10), 0.3);
+    let last = done.trace.last().unwrap();
+    assert!(asleep > 1.1 && wall > asleep, "{asleep} {wall}");
+    assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
+    assert!(last.seconds <= done.solve_seconds && done.trace.is_sorted_by(|a, b| a.seconds <= b.seconds));
+
+    // Every iteration measured: the clock comes to about what it does without. Other work on the machine moves
+    // both, so the bounds are wide where they rest on two runs.
+    let (done, asleep, wall) = run(Some(1), 0.03);
+    assert_eq!(done.trace.len(), 40);
+    assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
+    let fastest = |maps_every| {
+        let times = (0..3).map(|_| run(maps_every, 0.0).0.trace.last().unwrap().seconds);
+        times.fold(f64::INFINITY, f64::min)
+    };
+    let (without, with) = (fastest(None), fastest(Some(1)));
+    assert!((0.3..3.0).contains(&(with / without)), "{with} s with, {without} s without");
+
+    // A listener beside a working device hides none of its work: but for the up to three blocks that are heard of
+    // when the device is done, the clock went on through the naps.
+    let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
+    let beside = done.trace.len() - 3;
+    let stood_still = wall - done.solve_seconds;
+    assert!(beside > 0 && stood_still < asleep - 0.5 * beside as f64 + 0.4, "{stood_still} of {asleep}");
+    let loss = |r: &Reconstruction| r.trace.last().unwrap().data_loss;
+    assert!((loss(&done) / loss(&plain) - 1.0).abs() < 0.1 && loss(&plain) < plain.empty_loss);
+    let point = plain.trace.last().unwrap();
+    assert!(point.data_loss <= point.loss);
+    assert_valid(&gpu);
+}

@@ -1,0 +1,9 @@
+//! The built command, as people run it.
+
+mod calibrate;
+mod commands;
+mod compare;
+mod profile;
+mod pulse;
+mod scans;
+mod tuning;

@@ -1,0 +1,227 @@
+//! The instrument's pulse: simulated, kept, part of the model, found where it is not known.
+
+use fixtures::command;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use fixtures::command::{fail, succeed};
+use fixtures::device::gpu;
+use serde_json::Value;
+use thirdbounce::Kind;
+use thirdbounce::capture::formats::archive::npz_bytes;
+use thirdbounce::capture::formats::array::Array;
+use thirdbounce::capture::{Capture, Gate, Pulse, read, write};
+use thirdbounce::job::{Input, Request, load, run};
+use thirdbounce::measure::metrics;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::{VectorOptions, Watch, default_volume, vector};
+use thirdbounce::transport::{Grid, Volume};
+
+const FWHM: f64 = 0.04;
+
+/// A figure at 16 x 16 points, bins of 1 cm, sharp or through a Gaussian of four bins.
+fn scene(pulse: bool) -> Scene {
+    let pulse = pulse.then(|| Pulse::gaussian(FWHM).unwrap());
+    Scene { scan: 16, bin_width: 0.01, pulse, ..Scene::named("figure").unwrap() }
+}
+
+fn capture(pulse: bool) -> Capture {
+    simulate(&scene(pulse), &RenderOptions { noise: 0.02, ..RenderOptions::default() }).unwrap().capture
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
+}
+
+#[test]
+fn a_simulated_pulse_spreads_the_light_and_keeps_it() {
+    let (sharp, spread) = (capture(false), capture(true));
+    assert!(
+        spread.bins >= sharp.bins
+            && spread.pulse.as_ref().is_some_and(|p| (p.fwhm() / FWHM - 1.0).abs() < 0.01)
+    );
+    let moments = |c: &Capture| {
+        let mean = c.mean_histogram();
+        let total: f64 = mean.iter().sum();
+        let of = |power: i32, centre: f64| {
+            mean.iter().enumerate().map(|(b, v)| v * (b as f64 - centre).powi(power)).sum::<f64>() / total
+        };
+        let centre = of(1, 0.0);
+        [total, centre, of(2, centre)]
+    };
+    let ([all, middle, wide], [all_too, there, wider]) = (moments(&sharp), moments(&spread));
+    assert!((all_too / all - 1.0).abs() < 1e-4 && (there - middle).abs() < 1e-3);
+    let sigma = FWHM / 0.01 / (8.0 * std::f64::consts::LN_2).sqrt();
+    assert!(((wider - wide) / (sigma * sigma) - 1.0).abs() < 0.05, "{wide} {wider}");
+}
+
+#[test]
+fn a_known_pulse_makes_depths_and_normals_better() {
+    let gpu = gpu();
+    let known = capture(true);
+    let unknown = Capture { pulse: None, ..known.clone() };
+    let truth = truth(&scene(true), 64).unwrap();
+    let options = VectorOptions { lateral: 64, iterations: 30, ..VectorOptions::default() };
+    let solve = |capture: &Capture| {
+        let grid =
+            Grid::new(default_volume(capture, options.min_depth).unwrap(), 64, capture.bin_width).unwrap();
+        let mut hear = |_: &thirdbounce::solve::Progress| ControlFlow::Continue(());
+        let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        let done = vector::reconstruct(&gpu, capture, grid, &options, None, false, &mut watch).unwrap();
+        let best = metrics(&done.maps, &truth, 0.3).unwrap().at_best.unwrap();
+        let spread = done.plan.bytes()["spread"];
+        (best.depth_mae.unwrap(), best.normal_error_deg.unwrap(), done.trace.last().unwrap().loss, spread)
+    };
+    let (with, without) = (solve(&known), solve(&unknown));
+    println!("with {with:?} without {without:?}");
+    assert!(with.0 < 0.8 * without.0 && with.1 < 0.8 * without.1 && with.2 < 0.6 * without.2);
+    assert!(without.3 <= 16 && with.3 > 16, "what is not needed is not allocated");
+}
+
+#[test]
+fn a_capture_keeps_its_pulse() {
+    let (_folder, path) = fixtures::captures::place("pulse.npz");
+    let whole = capture(true);
+    write(&whole, &path).unwrap();
+    let back = read(&path).unwrap();
+    assert_eq!(back.pulse, whole.pulse);
+    for part in [
+        back.stride(2).unwrap(),
+        back.subset(9, 1).unwrap(),
+        back.binned(3).unwrap(),
+        back.summed(2).unwrap(),
+        back.gated(Gate::parse("0.5:2").unwrap()).unwrap(),
+    ] {
+        assert_eq!(part.pulse, whole.pulse, "in metres, whatever the bins");
+    }
+    let taps = |n| back.binned(n).unwrap().pulse.unwrap().taps(0.01 * n as f64).unwrap().weights.len();
+    assert!(taps(1) > taps(2) && taps(2) > taps(4));
+    // What formats of others cannot hold is told.
+    let told = |name: &str| write(&whole, &path.with_file_name(name)).unwrap();
+    assert!(told("p.npz").is_empty() && told("p.hdf5")[0].contains("pulse"));
+    assert!(told("p.mat").iter().any(|n| n.contains("pulse")));
+    let text = path.display().to_string();
+    assert!(succeed(&["info", &text]).contains("pulse     0.03"), "{}", succeed(&["info", &text]));
+    assert!(!succeed(&["info", &text, "--pulse", "none"]).contains("pulse     0."));
+    let info: Value = serde_json::from_str(&succeed(&["info", &text, "--pulse", "0.1", "--json"])).unwrap();
+    assert!((info["capture"]["pulse_fwhm_m"].as_f64().unwrap() - 0.1).abs() < 1e-3);
+}
+
+#[test]
+fn a_pulse_that_is_none_is_refused() {
+    let (_folder, path) = fixtures::captures::place("c.npz");
+    let place = |name: &str| path.with_file_name(name);
+    write(&capture(false), &path).unwrap();
+    let text = path.display().to_string();
+    let out = place("out").display().to_string();
+    let pulse = |name: &str, arrays: &[(&'static str, Array)]| {
+        std::fs::write(place(name), npz_bytes(arrays).unwrap()).unwrap();
+        place(name).display().to_string()
+    };
+    let samples = |values: &[f64]| ("pulse", Array::from_f64(&[values.len()], values));
+    let width = |value: f64| ("pulse_delta_t", Array::from_f64(&[], &[value]));
+    let start = |value: f64| ("pulse_t_start", Array::from_f64(&[], &[value]));
+    let cases = [
+        ("0".to_string(), "0 m wide"),
+        ("-0.01".to_string(), "wide"),
+        ("nan".to_string(), "wide"),
+        ("1000".to_string(), "bins around its path"),
+        ("nowhere.npz".to_string(), "cannot be read"),
+        (pulse("none.npz", &[width(0.01)]), "no array pulse"),
+        (pulse("unsaid.npz", &[samples(&[1.0, 2.0])]), "pulse_delta_t"),
+        (pulse("negative.npz", &[samples(&[1.0, -2.0]), width(0.01)]), "sample 1 of the pulse is -2"),
+        (pulse("dark.npz", &[samples(&[0.0, 0.0]), width(0.01)]), "add up to 0"),
+        (pulse("empty.npz", &[samples(&[]), width(0.01)]), "0 samples"),
+        (pulse("long.npz", &[samples(&vec![1.0; 5000]), width(0.01)]), "5000 samples"),
+        (pulse("wide.npz", &[samples(&[1.0]), width(f64::INFINITY)]), "inf m wide"),
+        (pulse("far.npz", &[samples(&[1.0]), width(0.01), start(1e9)]), "bins around its path"),
+    ];
+    for (given, words) in &cases {
+        let given = format!("--pulse={given}");
+        fail(&["reconstruct", &text, "--out", &out, "--lateral", "8", "--quiet", &given], 1, words);
+        assert!(!Path::new(&out).join("report.json").exists());
+    }
+    // In a capture it is refused as it is beside one.
+    let mut bad = capture(true);
+    bad.pulse.as_mut().unwrap().samples[3] = f64::NAN;
+    let e = write(&bad, &place("bad.npz")).unwrap_err();
+    assert!(e.what.contains("sample 3 of the pulse"), "{e}");
+    fail(&["simulate", "plane", "--out", &out, "--pulse", "x"], 1, "cannot be read");
+}
+
+#[test]
+fn trials_are_heard_and_may_be_broken_off() {
+    let (_folder, path) = fixtures::captures::place("c.npz");
+    write(&Capture { pulse: None, ..capture(true) }, &path).unwrap();
+    let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
+    let out = path.with_file_name("out");
+    let request = Request { find_pulse: true, ..Request::new(VectorOptions::default(), &out) };
+    let mut heard = 0;
+    let broken = run(&request, &loaded, &mut |progress| {
+        assert!(progress.trial, "nothing comes before the trials");
+        heard += 1;
+        if heard < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    assert_eq!(broken.unwrap_err().kind, Kind::Cancelled);
+    assert!(heard == 3 && !out.exists());
+    // What cannot be tried is told, and no reason not to solve: here nothing is far enough to be reconstructed at all.
+    let far = VectorOptions { min_depth: 1e3, lateral: 16, iterations: 1, ..VectorOptions::default() };
+    let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
+    let request = Request { volume: Some(volume), find_pulse: true, ..Request::new(far, &out) };
+    let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert!(
+        done.notes[0].contains("pulse is not known") && done.notes[0].contains("no surface"),
+        "{:?}",
+        done.notes
+    );
+}
+
+#[test]
+fn its_width_is_found_and_told() {
+    let (_folder, path) = fixtures::captures::place("c.npz");
+    let place = |name: &str| path.with_file_name(name).display().to_string();
+    let [spread, sharp] = [true, false].map(|pulse| {
+        let file = path.with_file_name(format!("{pulse}.npz"));
+        write(&Capture { pulse: None, ..capture(pulse) }, &file).unwrap();
+        file.display().to_string()
+    });
+    let short = ["--lateral", "64", "--iterations", "15", "--surface-iterations", "10"];
+    let solve = |from: &str, name: &str, more: &[&str]| {
+        let out = place(name);
+        let said = command::thirdbounce(&[&["reconstruct", from, "--out", &out], &short[..], more].concat());
+        assert_eq!(said.status.code(), Some(0), "{}", command::stderr(&said));
+        (json(&Path::new(&out).join("report.json")), command::stderr(&said))
+    };
+    // Not unless it is asked for, or a detector counted.
+    assert!(solve(&spread, "plain", &[]).0["settings"]["pulse_found"].is_null());
+    let state = place("state");
+    let keep = ["--pulse", "auto", "--checkpoint", &state, "--checkpoint-every", "5", "--deterministic"];
+    let (report, said) = solve(&spread, "found", &keep);
+    let found = &report["settings"]["pulse_found"];
+    let fwhm = found["fwhm"].as_f64().unwrap();
+    assert!((fwhm / FWHM - 1.0).abs() < 0.25, "{found}");
+    assert!(said.contains("pulse: of ") && said.contains(&format!("--pulse {fwhm} ")), "{said}");
+    let seconds = found["seconds"].as_f64().unwrap();
+    let trace = report["trace"].as_array().unwrap();
+    assert!(
+        seconds > 0.0 && trace.iter().all(|p| p["seconds"].as_f64().unwrap() > seconds),
+        "it is part of the time"
+    );
+    assert!(report["totals"]["solve_s"].as_f64().unwrap() > seconds);
+    // What is planned before it is found holds, and a run that goes on has the pulse that it began with.
+    let info =
+        succeed(&[&["info", &spread, "--pulse", "auto", "--deterministic", "--json"], &short[..]].concat());
+    let info: Value = serde_json::from_str(&info).unwrap();
+    assert_eq!(info["plan"]["buffers"], report["plan"]["buffers"]);
+    assert!(info["notes"].to_string().contains("finds its width first"));
+    let (resumed, _) = solve(&spread, "resumed", &["--pulse", "auto", "--resume", &state, "--deterministic"]);
+    assert_eq!(resumed["settings"]["pulse_found"], *found);
+    let loss = |r: &Value| r["trace"].as_array().unwrap().last().unwrap()["loss"].clone();
+    assert_eq!(loss(&resumed), loss(&report));
+    let (without, said) = solve(&sharp, "sharp", &["--pulse", "auto"]);
+    assert_eq!(without["settings"]["pulse_found"]["fwhm"], 0.0, "{said}");
+    assert!(
+        said.contains("none explains the data better")
+            && without["plan"]["left_out"].to_string().contains("pulse")
+    );
+}

@@ -1,0 +1,81 @@
+//! The command on every kind of scan.
+
+use fixtures::command::*;
+use serde_json::Value;
+
+#[test]
+fn every_kind_of_pairs_is_simulated_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |pairs: &[&str], words: &[&str]| {
+        let file = folder.path().join(format!("{}.npz", pairs[1])).display().to_string();
+        let usual =
+            ["simulate", "plane", "--out", &file, "--scan", "6", "--bin-width", "0.04", "--noise", "0.2"];
+        let made = succeed(&[&usual[..], pairs].concat());
+        let read = succeed(&["info", &file]);
+        for word in words {
+            assert!(made.contains(word) && read.contains(word), "{word:?} is not in\n{made}\n{read}");
+        }
+        file
+    };
+    told(&["--pairs", "one-laser", "--spot", "0.1,-0.2"], &["6 x 6 = 36 pairs, one laser point", "flat"]);
+    told(&["--pairs", "one-sensor"], &["36 pairs, one sensor point"]);
+    let exhaustive = told(
+        &["--pairs", "exhaustive", "--grid", "3"],
+        &["9 x 36 = 324 pairs, exhaustive: 9 laser points x 36", "6 x 6 side by side"],
+    );
+    told(&["--pairs", "irregular"], &["36 x 1 = 36 pairs, irregular", "side by side"]);
+    let bump = ["--pairs", "confocal", "--wall-shape", "bump", "--reflectance", "lambertian"];
+    told(&bump, &["36 pairs, confocal", "curved", "normals   known"]);
+
+    let json = |more: &[&str]| -> Value {
+        serde_json::from_str(&succeed(&[&["info", "--json"], more].concat())).unwrap()
+    };
+    let thinned = json(&[&exhaustive, "--stride", "2"]);
+    assert_eq!(
+        thinned["capture"]["pair_kind"],
+        serde_json::json!({"exhaustive": {"lasers": 4, "sensors": 9}})
+    );
+    let subset =
+        |seed: &str| json(&[&exhaustive, "--subset", "50", "--seed", seed])["capture"]["total"].clone();
+    assert_eq!(subset("1"), subset("1"));
+    assert_ne!(subset("1"), subset("2"), "another seed draws other pairs");
+    let box_asked = json(&[&exhaustive, "--volume", "-0.2:0.2,-0.1:0.3,0.4:0.8"])["box"].clone();
+    let box_got: Vec<f64> = serde_json::from_value(box_asked).unwrap();
+    for (got, asked) in box_got.iter().zip([-0.2, 0.2, -0.1, 0.3, 0.4, 0.8]) {
+        assert!((got - asked).abs() < 0.041, "{box_got:?}");
+    }
+}
+
+#[test]
+fn what_a_file_lacks_is_told() {
+    use thirdbounce::capture::{read, write};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bump.npz");
+    let file = path.display().to_string();
+    let bump = ["--wall-shape", "bump", "--scan", "16", "--photons", "5000", "--bin-width", "0.04"];
+    succeed(&[&["simulate", "plane", "--out", &file, "--noise", "0.1"], &bump[..]].concat());
+    // Normals unknown, and three pairs without a count.
+    let mut capture = read(&path).unwrap();
+    (capture.laser_normal, capture.sensor_normal) = (None, None);
+    for pair in [0, 20, 255] {
+        capture.histograms[pair * capture.bins..(pair + 1) * capture.bins].fill(0.0);
+    }
+    write(&capture, &path).unwrap();
+    let text = succeed(&["info", &file]);
+    for words in [
+        "253 x 1 = 253 pairs, confocal",
+        "dropped   3 pairs",
+        "as dense as 16 x 16",
+        "normals   estimated from neighbouring points",
+        "note      3 of 256 pairs are left out",
+        "note      wall normals were estimated",
+    ] {
+        assert!(text.contains(words), "{words:?} is not in\n{text}");
+    }
+    let told: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
+    assert_eq!(
+        (&told["capture"]["dropped_pairs"], &told["capture"]["normals_estimated"]),
+        (&3.into(), &true.into())
+    );
+    fail(&["info", &file, "--stride", "2"], 1, "--subset 64");
+}

@@ -1,0 +1,66 @@
+//! Captures and programs of others: what needs real captures, or Python packages.
+//!
+//! A test whose captures or packages are not there is shown as ignored. THIRDBOUNCE_DATA names the folder of captures,
+//! THIRDBOUNCE_PYTHON a Python (else `python3`).
+
+mod native;
+mod opened;
+mod real;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+
+use libtest_mimic::{Arguments, Failed, Trial};
+
+/// Trials of functions that take a path; ignored where there is none.
+macro_rules! trials {
+    ($what:literal, $path:expr, $($name:path),* $(,)?) => {
+        [$(trial(stringify!($name), $what, $path.clone(), $name)),*]
+    };
+}
+
+fn main() -> ExitCode {
+    let data = std::env::var_os("THIRDBOUNCE_DATA").map(PathBuf::from).filter(|folder| folder.is_dir());
+    let python = std::env::var_os("THIRDBOUNCE_PYTHON").map_or("python3".into(), PathBuf::from);
+    let with = |packages: &str| Some(python.clone()).filter(|python| has(python, packages));
+    let mut all = vec![];
+    all.extend(trials![
+        "needs THIRDBOUNCE_DATA",
+        data,
+        native::stanford_statue,
+        native::lct_letters,
+        native::one_array_of_v73,
+        native::ccsocr_statue,
+        native::ytal_files_equal_their_twins,
+        native::a_folder_of_many_captures_is_no_capture,
+        real::real_captures_are_read_and_gated,
+        real::npz_and_ytal_twins_agree,
+        real::real_truth_is_read,
+        real::normals_of_a_captured_wall_agree_with_its_own,
+        real::real_captures_go_from_any_form_to_any,
+        real::real_captures_raise_no_false_doubt,
+        real::captures_of_scenes_tell_no_time_zero,
+    ]);
+    let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
+    all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
+    libtest_mimic::run(&Arguments::from_args(), all).exit_code()
+}
+
+fn trial(name: &str, needs: &'static str, path: Option<PathBuf>, test: fn(&Path)) -> Trial {
+    let is_missing = path.is_none();
+    let run = move || match path {
+        Some(path) => {
+            test(&path);
+            Ok(())
+        }
+        None => Err(Failed::from(needs)),
+    };
+    Trial::test(name.replace(' ', ""), run).with_kind(needs).with_ignored_flag(is_missing)
+}
+
+/// Whether this Python runs and has all of these packages.
+fn has(python: &Path, packages: &str) -> bool {
+    let mut import = Command::new(python);
+    import.args(["-c", &format!("import {packages}")]).stdout(Stdio::null()).stderr(Stdio::null());
+    import.status().is_ok_and(|status| status.success())
+}

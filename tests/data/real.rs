@@ -1,0 +1,146 @@
+//! Real captures, read and put to use.
+
+use std::path::Path;
+
+use fixtures::captures::{angles, assert_error, assert_no_target, place, total};
+use thirdbounce::Kind;
+use thirdbounce::capture::calibrate::time_zero;
+use thirdbounce::capture::{Capture, Given, auto_gate, read, read_given, write};
+use thirdbounce::export::npz;
+
+pub fn real_captures_are_read_and_gated(data: &Path) {
+    let mut seen = 0;
+    for entry in std::fs::read_dir(data).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        if path.extension().is_none_or(|e| e != "npz") || name.starts_with("truth_") {
+            continue;
+        }
+        let c = read(&path).unwrap();
+        seen += 1;
+        assert_eq!(c.is_confocal(), name.contains("_confocal"), "{name}");
+        assert_eq!(c.is_planar(), !name.contains("bumpwall"), "{name}");
+        match auto_gate(&c) {
+            Some(found) => {
+                assert!(name.starts_with("su_"), "{name}: {found:?}");
+                // Their own code zeroes paths below 0.72 m; the letters begin at 1.1 m.
+                assert!((0.5..0.9).contains(&found.gate.from), "{found:?}");
+            }
+            None => assert!(!name.starts_with("su_"), "{name}"),
+        }
+        let [x0, x1, _, _] = c.wall_extent();
+        assert!(x1 - x0 > 0.5 && x1 - x0 < 2.1, "{name}");
+    }
+    assert!(seen > 0);
+}
+
+pub fn npz_and_ytal_twins_agree(data: &Path) {
+    for name in ["z_confocal_32", "spheres_confocal_32", "z_bumpwall_confocal_32"] {
+        let (plain, native) = (
+            read(&data.join(format!("{name}.npz"))).unwrap(),
+            read(&data.join(format!("native/{name}.hdf5"))).unwrap(),
+        );
+        assert!(plain.histograms == native.histograms, "{name}");
+        assert_eq!(
+            (plain.scan, plain.bins, plain.bin_width, plain.t_start),
+            (native.scan, native.bins, native.bin_width, native.t_start)
+        );
+        assert_eq!((&plain.laser, &plain.sensor), (&native.laser, &native.sensor), "{name}");
+        if plain.sensor_normal.is_some() {
+            assert_eq!(plain.sensor_normal, native.sensor_normal, "{name}");
+        }
+    }
+}
+
+pub fn real_truth_is_read(data: &Path) {
+    let truth = npz::read_truth(&data.join("truth_z_confocal_32.npz")).unwrap();
+    assert_eq!((truth.nx, truth.ny, truth.extent), (128, 128, [-0.5, 0.5, -0.5, 0.5]));
+    let depth = (0..truth.depth.len()).find(|&p| truth.mask[p]).map(|p| truth.depth[p]).unwrap();
+    assert!((depth - 0.6).abs() < 1e-3, "{depth}");
+}
+
+pub fn normals_of_a_captured_wall_agree_with_its_own(data: &Path) {
+    let c = read(&data.join("z_bumpwall_confocal_32.npz")).unwrap();
+    let bare = Capture { laser_normal: None, sensor_normal: None, ..c.clone() };
+    let (with, _) = bare.with_normals().unwrap();
+    let (mean, most) = angles(&with.laser_normal.unwrap(), c.laser_normal.as_ref().unwrap());
+    println!("mean {mean:.3}, most {most:.3} degrees");
+    assert!(mean < 1.0 && most < 3.0, "mean {mean:.2}, most {most:.2} degrees");
+    assert_eq!(c.with_normals().unwrap(), (c, None));
+}
+
+pub fn real_captures_go_from_any_form_to_any(data: &Path) {
+    let native = data.join("native");
+    let wall = |size| Given { wall: Some(size), ..Given::default() };
+    let fine = Given { bin_width: Some(0.0015), ..wall(0.8) };
+    let all = [
+        ("stanford_statue64_meas.mat", Given::default()),
+        ("lct_data_s_u.mat", Given::default()),
+        ("ccsocr_statue", wall(2.0)),
+        ("z_v73.mat", fine),
+        ("z_bumpwall_confocal_32.hdf5", Given::default()),
+    ];
+    for (name, given) in all {
+        let c = read_given(&native.join(name), &given).unwrap().capture;
+        for ending in ["npz", "hdf5", "mat"] {
+            let (_folder, path) = place(&format!("made.{ending}"));
+            let back = match write(&c, &path) {
+                Ok(_) if ending == "mat" => {
+                    let [x0, x1, ..] = [c.laser[0].x, c.laser[c.pair_count() - 1].x];
+                    let given =
+                        Given { wall: Some(x1 - x0), bin_width: Some(c.bin_width), ..Given::default() };
+                    read_given(&path, &given).unwrap().capture
+                }
+                Ok(_) => read(&path).unwrap(),
+                Err(e) => {
+                    // Only the Stanford form cannot hold a curved wall.
+                    assert!(ending == "mat" && name.contains("bumpwall"), "{name} as {ending}: {e}");
+                    continue;
+                }
+            };
+            assert!(back.histograms == c.histograms, "{name} as {ending}");
+            assert_eq!((back.scan, back.bins, back.bin_width), (c.scan, c.bins, c.bin_width), "{name}");
+            assert!(
+                back.laser.iter().zip(&c.laser).all(|(a, b)| a.distance(*b) < 1e-6),
+                "{name} as {ending}"
+            );
+        }
+        // Counts to the last one, real numbers to float32.
+        let kept = |small: Capture| {
+            let off = (total(&small) / total(&c) - 1.0).abs();
+            assert!(off == 0.0 || !c.integer_counts && off < 1e-6, "{name}: off by {off}");
+        };
+        kept(c.binned(3).unwrap());
+        kept(c.summed(2).unwrap());
+    }
+}
+
+pub fn real_captures_raise_no_false_doubt(data: &Path) {
+    for name in ["statue_confocal_64", "z_captured_confocal_64", "z_confocal_32", "spheres_confocal_32"] {
+        let c = read(&data.join(format!("{name}.npz"))).unwrap();
+        assert_eq!(c.doubts(), Vec::<String>::new(), "{name}");
+    }
+    // Half the width for the whole is seen where faces are round or walls are not flat; letters are flat.
+    let mut c = read(&data.join("spheres_confocal_32.npz")).unwrap();
+    let [x0, x1, ..] = c.wall_extent();
+    c.set_wall(0.5 * (x1 - x0)).unwrap();
+    assert!(c.doubts().join("").contains("half its width"));
+}
+
+/// No scene but a single small target tells time zero.
+pub fn captures_of_scenes_tell_no_time_zero(data: &Path) {
+    for name in [
+        "z_confocal_16",
+        "z_confocal_32",
+        "z_confocal_64",
+        "spheres_confocal_32",
+        "z_bumpwall_confocal_32",
+        "statue_confocal_64",
+        "su_confocal_64",
+        "z_captured_confocal_64",
+    ] {
+        assert_no_target(&read(&data.join(format!("{name}.npz"))).unwrap(), name);
+    }
+    let apart = read(&data.join("sim_U_nonconfocal_64.npz")).unwrap();
+    assert_error(time_zero(&apart, 40), Kind::Input, &["no confocal scan"]);
+}

@@ -1,0 +1,298 @@
+//! Result files: what stands in them, which way round, and that they appear whole or not at all.
+
+use std::path::Path;
+
+use fixtures::captures::{assert_error, place, ramp};
+use thirdbounce::Kind;
+use thirdbounce::export::volume::Volume;
+use thirdbounce::export::{self, atomic, npz, picture, ply, png as pictures, report, volume};
+use thirdbounce::maps::{Maps, Truth};
+use thirdbounce::measure::Metrics;
+
+/// 4 x 2 pixels; everything dark except (3, 1): the corner of largest x and y; and a dimmer (0, 0).
+fn maps() -> Maps {
+    let mut maps = Maps {
+        nx: 4,
+        ny: 2,
+        extent: [-1.0, 1.0, 0.0, 1.0],
+        albedo: vec![0.0; 8],
+        depth: vec![f32::NAN; 8],
+        normal: vec![[f32::NAN; 3]; 8],
+        mask: Vec::new(),
+        mask_fraction: 0.0,
+    };
+    (maps.albedo[7], maps.depth[7], maps.normal[7]) = (2.0, 1.5, [0.0, 0.6, -0.8]);
+    (maps.albedo[0], maps.depth[0], maps.normal[0]) = (1.0, 0.5, [0.0, 0.0, -1.0]);
+    maps.set_mask(0.25);
+    maps
+}
+
+/// Equal, NaN included.
+fn same(a: &[f32], b: &[f32]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || a.is_nan() && b.is_nan())
+}
+
+#[test]
+fn maps_come_back() {
+    let (_folder, path) = place("maps.npz");
+    npz::write_maps(&path, &maps()).unwrap();
+    let back = npz::read_maps(&path).unwrap();
+    let m = maps();
+    assert!(same(&back.albedo, &m.albedo) && same(&back.depth, &m.depth));
+    assert!(same(back.normal.as_flattened(), m.normal.as_flattened()));
+    assert_eq!(
+        (back.nx, back.ny, back.extent, back.mask, back.mask_fraction),
+        (4, 2, m.extent, m.mask, 0.25)
+    );
+    assert_error(npz::read_truth(&path), Kind::Input, &["maps.npz", "gt_depth", "it holds albedo"]);
+    assert_error(npz::read_maps(path.parent().unwrap()), Kind::Input, &["folder"]);
+    assert_error(npz::read_maps(Path::new("missing.npz")), Kind::Input, &["missing.npz", "cannot be read"]);
+}
+
+#[test]
+fn truth_comes_back() {
+    let (_folder, path) = place("truth.npz");
+    let m = maps();
+    let truth = Truth { nx: 4, ny: 2, extent: m.extent, depth: m.depth, normal: m.normal, mask: m.mask };
+    npz::write_truth(&path, &truth).unwrap();
+    let back = npz::read_truth(&path).unwrap();
+    assert!(same(&back.depth, &truth.depth) && back.mask == truth.mask && back.extent == truth.extent);
+    assert!(same(back.normal.as_flattened(), truth.normal.as_flattened()));
+}
+
+#[test]
+fn volumes_come_back() {
+    let (_folder, path) = place("volume.npz");
+    let mut v = Volume {
+        size: [2, 3, 4],
+        extent: [-1.0, 1.0, -1.0, 1.0, 0.5, 2.0],
+        albedo: (0..24).map(|v| v as f32).collect(),
+        normal: Some((0..24).map(|v| [0.0, v as f32, -1.0]).collect()),
+    };
+    volume::write(&path, &v).unwrap();
+    assert_eq!(volume::read(&path).unwrap(), v);
+    v.normal = None;
+    volume::write(&path, &v).unwrap();
+    assert_eq!(volume::read(&path).unwrap(), v);
+    volume::write(&path.with_extension("h5"), &v).unwrap();
+    let file = rust_hdf5::H5File::open(path.with_extension("h5")).unwrap();
+    let albedo = file.dataset("albedo").unwrap();
+    assert_eq!((albedo.shape(), albedo.read_raw::<f32>().unwrap()), (vec![2, 3, 4], v.albedo.clone()));
+    v.albedo.pop();
+    assert_error(volume::write(&path, &v), Kind::Input, &["23 albedos", "[2, 3, 4]"]);
+}
+
+/// Width, height and pixels of a PNG.
+fn decode(path: &Path) -> (usize, usize, Vec<u8>) {
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut rgb).unwrap();
+    (info.width as usize, info.height as usize, rgb)
+}
+
+#[test]
+fn pictures_have_x_to_the_right_and_y_up() {
+    let (_folder, path) = place("picture.png");
+    let dark = picture::BACKGROUND;
+    let at = |(width, _, rgb): &(usize, usize, Vec<u8>), x: usize, y: usize| -> [u8; 3] {
+        rgb[3 * (y * width + x)..][..3].try_into().unwrap()
+    };
+    pictures::write_albedo(&path, &maps()).unwrap();
+    let p = decode(&path);
+    assert_eq!((p.0, p.1), (512, 256));
+    assert_eq!(at(&p, 511, 0), [255; 3], "the largest x and y: right, top");
+    assert_eq!(at(&p, 400, 100), [255; 3], "its whole square of 128");
+    let dim = at(&p, 0, 255);
+    assert!(dim[0] > 120 && dim[0] < 135, "{dim:?}");
+    assert_eq!((at(&p, 0, 0), at(&p, 511, 255)), ([0; 3], [0; 3]));
+
+    pictures::write_normal(&path, &maps()).unwrap();
+    let p = decode(&path);
+    assert_eq!(at(&p, 511, 0), [128, 204, 230]);
+    assert_eq!((at(&p, 0, 255), at(&p, 0, 0)), ([128, 128, 255], dark));
+
+    pictures::write_depth(&path, &maps()).unwrap();
+    let p = decode(&path);
+    assert!(p.0 > 512 && p.1 == 256);
+    assert_eq!(
+        (at(&p, 511, 0), at(&p, 0, 255), at(&p, 0, 0)),
+        (picture::colour(1.0), picture::colour(0.0), dark)
+    );
+    // The bar: far at the top, near at the bottom, and ink of the labels beside it.
+    assert_eq!((at(&p, 530, 12), at(&p, 530, 243)), (picture::colour(1.0), picture::colour(0.0)));
+    let ink = |rows: std::ops::Range<usize>| {
+        rows.flat_map(|y| (560..p.0).map(move |x| (x, y))).any(|(x, y)| at(&p, x, y) == picture::INK)
+    };
+    assert!(ink(12..26) && ink(228..244) && !ink(100..150));
+}
+
+#[test]
+fn empty_and_large_maps_make_pictures() {
+    let (folder, _) = place("");
+    let mut empty = maps();
+    empty.albedo.fill(0.0);
+    empty.depth.fill(f32::NAN);
+    empty.set_mask(0.2);
+    export::write_maps(folder.path(), &empty).unwrap();
+    assert_eq!(decode(&folder.path().join("depth.png")).0, 512);
+    let n = 700;
+    let large = Maps {
+        nx: n,
+        ny: n,
+        albedo: vec![1.0; n * n],
+        depth: vec![1.0; n * n],
+        normal: vec![[0.0, 0.0, -1.0]; n * n],
+        mask: vec![true; n * n],
+        ..empty
+    };
+    pictures::write_albedo(&folder.path().join("albedo.png"), &large).unwrap();
+    assert_eq!(decode(&folder.path().join("albedo.png")).0, n);
+}
+
+#[test]
+fn exr_has_named_layers() {
+    use exr::meta;
+    use exr::prelude::{AttributeValue, Text, Vec2, read_all_flat_layers_from_file};
+    let (_folder, path) = place("maps.exr");
+    export::exr::write(&path, &maps()).unwrap();
+    let image = read_all_flat_layers_from_file(&path).unwrap();
+    assert_eq!(image.layer_data.len(), 1);
+    let layer = &image.layer_data[0];
+    let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+    assert_eq!(names, ["Y", "albedo.Y", "depth.Z", "normal.X", "normal.Y", "normal.Z"]);
+    assert_eq!(layer.size, Vec2(4, 2));
+    let value = |name: &str, column: usize, row: usize| {
+        let channel = layer.channel_data.list.iter().find(|c| c.name.eq(name)).unwrap();
+        channel.sample_data.values_as_f32().nth(row * 4 + column).unwrap()
+    };
+    assert_eq!((value("albedo.Y", 3, 0), value("depth.Z", 3, 0), value("normal.Y", 3, 0)), (2.0, 1.5, 0.6));
+    assert_eq!((value("Y", 0, 1), value("depth.Z", 0, 1), value("normal.Z", 0, 1)), (1.0, 0.5, -1.0));
+    assert!(value("depth.Z", 0, 0).is_nan());
+    let extent = meta::attribute::FloatRect { min: Vec2(-1.0, 0.0), max: Vec2(1.0, 1.0) };
+    assert_eq!(layer.attributes.other.get(&Text::from("extent")), Some(&AttributeValue::FloatRect(extent)));
+}
+
+#[test]
+fn ply_holds_the_masked_points() {
+    let (_folder, path) = place("points.ply");
+    ply::write(&path, &maps()).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = std::str::from_utf8(&bytes[..end]).unwrap();
+    assert!(header.starts_with("ply\nformat binary_little_endian 1.0\n"));
+    assert!(header.contains("element vertex 2\n") && header.contains("property uchar blue\n"));
+    assert_eq!(bytes.len() - end, 2 * (7 * 4 + 3));
+    let point: Vec<f32> = bytes[end + 31..]
+        .chunks_exact(4)
+        .take(7)
+        .map(|c| f32::from_le_bytes(c.try_into().unwrap()))
+        .collect();
+    // The centre of pixel (3, 1): x 0.5 to 1, y 0.5 to 1.
+    assert_eq!(point, [0.75, 0.75, 1.5, 0.0, 0.6, -0.8, 2.0]);
+    assert_eq!(bytes[bytes.len() - 1], 255);
+}
+
+fn a_report() -> report::Report {
+    let entry = report::TraceEntry {
+        iteration: 10,
+        seconds: 0.5,
+        lateral: 32,
+        active: 7,
+        loss: 0.25,
+        ..Default::default()
+    };
+    let metrics = Metrics { fraction: 0.2, iou: Some(0.8), ..Default::default() };
+    report::Report {
+        version: "0.1.0".into(),
+        device: report::Device { name: "made".into(), driver: "none".into(), kind: "cpu".into() },
+        settings: serde_json::json!({ "iterations": 60, "solver": "vector" }),
+        capture: ramp().summary(),
+        plan: report::Plan {
+            variants: vec!["confocal".into()],
+            buffers: [("voxels".to_string(), 64)].into(),
+            ..Default::default()
+        },
+        trace: vec![entry.clone(), report::TraceEntry { metrics: Some(metrics.clone()), ..entry }],
+        totals: Default::default(),
+        metrics: Some(metrics),
+    }
+}
+
+#[test]
+fn reports_come_back() {
+    let (_folder, path) = place("report.json");
+    let mut r = a_report();
+    report::write(&path, &r).unwrap();
+    assert_eq!(report::read(&path).unwrap(), r);
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    for key in ["version", "device", "settings", "capture", "plan", "trace", "totals", "metrics"] {
+        assert!(json.get(key).is_some(), "{key}");
+    }
+    assert_eq!(json["trace"][1]["iou"], 0.8);
+    assert!(json["trace"][0].get("iou").is_none());
+    assert_eq!(json["plan"]["buffers"]["voxels"], 64);
+    // A diverged run still has a readable report.
+    r.trace[0].loss = f64::NAN;
+    report::write(&path, &r).unwrap();
+    assert!(report::read(&path).unwrap().trace[0].loss.is_nan());
+    std::fs::write(&path, "{}").unwrap();
+    assert_error(report::read(&path), Kind::Input, &["report.json", "no report"]);
+}
+
+#[test]
+fn equal_results_give_equal_bytes() {
+    let files = || {
+        let (folder, _) = place("");
+        let inner = folder.path().join("made/when/missing");
+        let mut paths = export::write_maps(&inner, &maps()).unwrap();
+        paths.push(inner.join("report.json"));
+        report::write(&paths[7], &a_report()).unwrap();
+        assert_eq!(std::fs::read_dir(&inner).unwrap().count(), 8, "nothing else is left");
+        paths.iter().map(|p| std::fs::read(p).unwrap()).collect::<Vec<_>>()
+    };
+    assert!(files() == files());
+}
+
+#[test]
+fn a_failed_write_keeps_the_old_file() {
+    let (folder, path) = place("result");
+    std::fs::write(&path, "old").unwrap();
+    let failed = atomic::replace(&path, |temporary| {
+        std::fs::write(temporary, "half").unwrap();
+        Err(thirdbounce::Error::output("made to fail", "nothing"))
+    });
+    assert_error(failed, Kind::Output, &["made to fail"]);
+    let panicked = std::panic::catch_unwind(|| {
+        atomic::replace(&path, |t| {
+            std::fs::write(t, "half").unwrap();
+            panic!("made to panic")
+        })
+    });
+    assert!(panicked.is_err());
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+    atomic::write(&path, b"new").unwrap();
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
+}
+
+#[test]
+fn impossible_places_are_errors() {
+    let (folder, path) = place("file");
+    std::fs::write(&path, "here").unwrap();
+    assert_error(export::write_maps(&path, &maps()), Kind::Output, &["file", "not a folder"]);
+    assert_error(
+        export::write_maps(&path.join("deeper"), &maps()),
+        Kind::Output,
+        &["deeper", "cannot be written"],
+    );
+    assert_error(atomic::write(folder.path(), b""), Kind::Output, &["is a folder"]);
+    assert_error(atomic::write(Path::new("/"), b""), Kind::Output, &["file name"]);
+    let long = folder.path().join("n".repeat(300));
+    assert_error(atomic::write(&long, b""), Kind::Output, &["cannot be written"]);
+    assert_error(atomic::write(Path::new("/proc/none/file"), b""), Kind::Output, &["/proc/none"]);
+    let mut short = maps();
+    short.mask.pop();
+    assert_error(export::write_maps(folder.path(), &short), Kind::Input, &["mask holds 7 values"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

@@ -1,0 +1,5 @@
+//! What is written, and what is measured on it.
+
+mod files;
+mod measure;
+mod mesh;

@@ -1,0 +1,293 @@
+//! The active domain on the device against brute force: first volume, smoothing, threshold, lists, doubling,
+//! maps.
+
+use fixtures::device::*;
+use thirdbounce::gpu::Schedule;
+use thirdbounce::solve::OnDevice;
+use thirdbounce::solve::{Accumulation, compact, double, extract, initialise, reduce};
+use thirdbounce::transport::Grid;
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::twin::{self, Raw, Twin};
+
+/// Everything that compaction writes, against brute force over `domain`.
+fn assert_lists(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], continuous: bool) {
+    let active = twin::compact(domain);
+    let touched = if continuous { twin::touched(grid, domain) } else { active.clone() };
+    let counts: Vec<u32> = read(job, buffer::COUNTS, COUNTS as usize);
+    assert_eq!(counts[COUNT_ACTIVE as usize] as usize, active.len());
+    assert_eq!(counts[COUNT_TOUCHED as usize] as usize, touched.len());
+    assert_eq!(read::<u32>(job, buffer::ACTIVE_VOXELS, touched.len()), touched);
+    assert_eq!(read::<u32>(job, buffer::RANKS, grid.storage() / 32), ranks_of(domain));
+    if continuous {
+        let rim = twin::rim(grid, domain);
+        assert_eq!(read_mask(job, buffer::RIM_MASK, grid.storage()), rim);
+        let behind: Vec<u32> = ranks_of(&rim).iter().map(|r| r + active.len() as u32).collect();
+        assert_eq!(read::<u32>(job, buffer::RIM_RANKS, grid.storage() / 32), behind);
+    }
+
+    let sets = job.plan.forward_sets(job.plan.finest());
+    let arguments: Vec<[u32; 3]> = read(job, buffer::ARGUMENTS, (ARGUMENTS_FORWARD + sets) as usize);
+    let groups = |n: usize, size: u32| {
+        let g = n.div_ceil(size as usize) as u32;
+        [g.min(GROUPS_X), g.div_ceil(GROUPS_X), 1]
+    };
+    let t = job.plan.tuning;
+    assert_eq!(arguments[ARGUMENTS_SAMPLE as usize], groups(active.len(), WORKGROUP));
+    assert_eq!(arguments[ARGUMENTS_BACKWARD as usize], groups(active.len(), t.voxels));
+    assert_eq!(arguments[ARGUMENTS_UPDATE as usize], groups(touched.len(), WORKGROUP));
+    let tiles = job.plan.pairs.div_ceil(t.lanes as usize) as u32;
+    for set in 0..sets as usize {
+        let want = if job.plan.accumulation == Accumulation::Owned {
+            if set * (t.chunk as usize) < active.len() { [tiles, 1, 1] } else { [0, 0, 1] }
+        } else {
+            let chunks = active.len().div_ceil(t.chunk as usize) as u32;
+            [if chunks == 0 { 0 } else { tiles }, chunks, 1]
+        };
+        assert_eq!(arguments[ARGUMENTS_FORWARD as usize + set], want);
+    }
+}
+
+#[test]
+fn compaction_lists_every_active_voxel_in_brick_order() {
+    let gpu = gpu();
+    let model = model(3, 40, 1);
+    let grid = grid();
+    for accumulation in [Accumulation::Owned, Accumulation::Cas] {
+        let mut o = options(&model, &grid);
+        o.accumulation = accumulation;
+        for share in [0.0, 0.002, 0.1, 0.7, 1.0] {
+            let (_, domain) = state(&model, &grid, share, 2);
+            let mut job = job(&gpu, &model, &grid, &o);
+            write_domain(&mut job, &domain);
+            let schedule = compact(&job.plan, job.plan.finest());
+            job.executor.run(&schedule).unwrap();
+            assert_lists(&mut job, &grid, &domain, true);
+        }
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn compaction_with_fixed_sampling_touches_what_is_active() {
+    let gpu = gpu();
+    let mut model = model(3, 40, 1);
+    model.sampling = thirdbounce::transport::Sampling::Fixed;
+    let grid = grid();
+    let (_, domain) = state(&model, &grid, 0.3, 3);
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    write_domain(&mut job, &domain);
+    let schedule = compact(&job.plan, job.plan.finest());
+    job.executor.run(&schedule).unwrap();
+    assert_lists(&mut job, &grid, &domain, false);
+    assert_valid(&gpu);
+}
+
+/// A state's buffers, in the order that tests give them.
+const STATE: [&str; 3] = ["raw", "moment_first", "moment_second"];
+
+/// Writes a domain and the state of what it touches, all three by storage index; what is touched is returned.
+fn hold(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
+    let touched = write_touched(job, grid, domain);
+    for (buffer, state) in STATE.into_iter().zip(state) {
+        write_state(job, buffer, &touched, state);
+    }
+    touched
+}
+
+/// Moments that tell their voxels apart.
+fn moments(raw: &[Raw], by: f64) -> Vec<Raw> {
+    raw.iter().map(|r| r.map(|v| f64::from((by * v) as f32))).collect()
+}
+
+#[test]
+fn initialise_is_uniform_and_keeps_the_near_space_out() {
+    let gpu = gpu();
+    let model = model(3, 40, 1);
+    let grid = grid();
+    let twin = Twin { model: &model, grid: &grid };
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    let schedule = initialise(&job.plan, job.plan.finest());
+    job.executor.run(&schedule).unwrap();
+    let (raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
+    assert!(model.near_z(&grid) > 0, "the scene has a near space to keep out");
+    let touched = twin::touched(&grid, &domain);
+    let got = read_state(&mut job, buffer::RAW, &touched, grid.storage());
+    assert_eq!(got, twin::carry(&touched, &raw));
+    assert_lists(&mut job, &grid, &domain, true);
+    let mean = raw.iter().map(|r| r[0]).sum::<f64>() / raw.len() as f64;
+    assert!((mean - 0.5).abs() < 4.0 / (12.0 * raw.len() as f64).sqrt(), "{mean}");
+    for buffer in ["moment_first", "moment_second"] {
+        assert!(read_raw(&mut job, buffer, touched.len()).concat().iter().all(|v| *v == 0.0));
+    }
+    let sums: Vec<f32> = read(&mut job, buffer::HISTOGRAMS, model.cells());
+    assert!(sums.iter().all(|v| *v == 0.0));
+    assert_valid(&gpu);
+}
+
+#[test]
+fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
+    let gpu = gpu();
+    let mut model = model(3, 40, 1);
+    let grid = grid();
+    for keep in [0.05, 0.4] {
+        model.keep_above = keep;
+        let twin = Twin { model: &model, grid: &grid };
+        let (mut raw, mut domain) = state(&model, &grid, 0.8, 4);
+        // One bright blob in dim surroundings, its edge in the space that is too near. It outgrows its domain.
+        for (i, r) in raw.iter_mut().enumerate() {
+            let c = grid.voxel(i).map(|v| v as f64);
+            let d2 = (c[0] - 4.0).powi(2) + (c[1] - 7.0).powi(2) + (c[2] - 2.0).powi(2);
+            r[0] = f64::from((5.0 * (-0.2 * d2).exp() + 0.01 * r[0]) as f32);
+            domain[i] &= d2 < 6.0;
+        }
+        let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+        let state = [raw.clone(), moments(&raw, 2.0), moments(&raw, 3.0)];
+        let touched = hold(&mut job, &grid, &domain, &state);
+        let mut schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
+        let split = schedule.commands.iter().position(|c| c.name() == "threshold").unwrap();
+        let after = Schedule { commands: schedule.commands.split_off(split) };
+        job.executor.run(&schedule).unwrap();
+        let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
+        let got: Vec<f32> = read(&mut job, buffer::GRADIENT, grid.storage());
+        assert!(error(got.iter().map(|v| f64::from(*v)), smooth.iter().copied()) < 2e-6);
+        job.executor.run(&after).unwrap();
+        let kept = twin::threshold(&twin, &smooth);
+        let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
+        assert!(share > 0.005 && share < 0.9, "the test prunes something and keeps something: {share}");
+        assert_lists(&mut job, &grid, &kept, true);
+        // What stays keeps its state to the bit, what has not been touched before has none.
+        let now = twin::touched(&grid, &kept);
+        assert!(now.iter().any(|i| !touched.contains(i)) && now.iter().any(|i| touched.contains(i)));
+        for (buffer, state) in STATE.into_iter().zip(&state) {
+            let want = twin::carry(&now, &twin::carry(&touched, state));
+            assert_eq!(read_state(&mut job, buffer, &now, grid.storage()), want, "{buffer}");
+        }
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn a_volume_without_light_is_pruned_to_nothing() {
+    let gpu = gpu();
+    let model = model(3, 40, 1);
+    let grid = grid();
+    let (_, domain) = state(&model, &grid, 1.0, 4);
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    let state = [-0.5, 0.1, 0.1].map(|v| vec![[v, 0.0, 0.0, 0.0]; grid.storage()]);
+    hold(&mut job, &grid, &domain, &state);
+    let schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
+    job.executor.run(&schedule).unwrap();
+    assert_lists(&mut job, &grid, &vec![false; grid.storage()], true);
+    assert_valid(&gpu);
+}
+
+#[test]
+fn taps_are_a_truncated_gaussian_that_sums_to_one() {
+    let taps = twin::taps(3.0, 4.0);
+    assert_eq!(taps.len(), 13, "cut off at 4 sigma");
+    assert!((taps[0] + 2.0 * taps[1..].iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    assert!((taps[3] / taps[0] - (-0.5f64).exp()).abs() < 1e-12);
+}
+
+#[test]
+fn doubling_interpolates_the_volume_and_splits_every_voxel() {
+    let gpu = gpu();
+    let model = model(3, 40, 1);
+    let fine = grid();
+    let coarse = fine.coarser(2);
+    let mut o = options(&model, &fine);
+    o.coarse_to_fine = true;
+    let mut job = job(&gpu, &model, &fine, &o);
+    assert_eq!(job.plan.levels.len(), 2);
+    assert_eq!(job.plan.levels[0].grid, coarse);
+    let (raw, domain) = state(&model, &coarse, 0.3, 5);
+    // Slots are the coarse level's.
+    let coarse_touched = write_touched(&mut job, &coarse, &domain);
+    write_state(&mut job, buffer::RAW, &coarse_touched, &raw);
+    let schedule = double(&job.plan, &job.plan.levels[0], &job.plan.levels[1]);
+    job.executor.run(&schedule).unwrap();
+    let split = twin::double_domain(&coarse, &fine, &domain);
+    assert_eq!(split.iter().filter(|a| **a).count(), 4 * domain.iter().filter(|a| **a).count());
+    assert_eq!(read_mask(&mut job, buffer::MASK, fine.storage()), split);
+    assert_lists(&mut job, &fine, &split, true);
+    let touched = twin::touched(&fine, &split);
+    let kept = twin::carry(&coarse_touched, &raw);
+    let want = twin::carry(&touched, &twin::carry_doubled(&coarse, &fine, &kept));
+    let got = read_state(&mut job, buffer::RAW, &touched, fine.storage());
+    assert!(error(got.concat(), want.concat()) < 1e-6);
+    // What is active now was interpolated from touched voxels alone.
+    let whole = twin::carry_doubled(&coarse, &fine, &raw);
+    let active = twin::compact(&split);
+    assert!(error(twin::carry(&active, &got).concat(), twin::carry(&active, &whole).concat()) < 1e-6);
+    for buffer in ["moment_first", "moment_second"] {
+        assert!(read_raw(&mut job, buffer, touched.len()).concat().iter().all(|v| *v == 0.0));
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn doubling_keeps_a_linear_volume_linear_inside() {
+    let fine = grid();
+    let coarse = fine.coarser(2);
+    let at = |g: &Grid, i: usize| g.position(glam::DVec3::from_array(g.voxel(i).map(|c| c as f64)));
+    let linear = |p: glam::DVec3| [p.x + 2.0 * p.y, p.y, p.z, 3.0 * p.x];
+    let raw: Vec<Raw> = (0..coarse.storage()).map(|i| linear(at(&coarse, i))).collect();
+    let doubled = twin::carry_doubled(&coarse, &fine, &raw);
+    for (i, value) in doubled.iter().enumerate() {
+        let c = fine.voxel(i);
+        if fine.contains(c) && (1..fine.n[0] - 1).contains(&c[0]) && (1..fine.n[1] - 1).contains(&c[1]) {
+            let want = linear(at(&fine, i));
+            assert!((0..4).all(|k| (value[k] - want[k]).abs() < 1e-12));
+        }
+    }
+}
+
+#[test]
+fn extract_finds_the_brightest_voxel_of_every_column() {
+    let gpu = gpu();
+    let model = model(3, 40, 1);
+    let grid = grid();
+    let twin = Twin { model: &model, grid: &grid };
+    let (raw, domain) = state(&model, &grid, 0.08, 6);
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    let touched = write_touched(&mut job, &grid, &domain);
+    write_state(&mut job, buffer::RAW, &touched, &raw);
+    let schedule = extract(job.plan.finest());
+    job.executor.run(&schedule).unwrap();
+    let got: Vec<[f32; 8]> =
+        bytemuck::pod_collect_to_vec(job.executor.arena.mapped(Buffer::named("columns_host")));
+    let want = twin::extract(&twin, &raw, &domain);
+    let (mut found, mut empty) = (0, 0);
+    for (g, w) in got.iter().zip(&want) {
+        let Some(w) = w else {
+            assert_eq!(*g, [0.0; 8]);
+            empty += 1;
+            continue;
+        };
+        found += 1;
+        let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() < 2e-5, "{g:?} {w:?}");
+        close(g[0], w.albedo);
+        close(g[1], w.depth);
+        (0..3).for_each(|k| close(g[4 + k], w.normal[k]));
+    }
+    assert!(found > 50 && empty > 10, "both kinds of column are tried: {found} {empty}");
+    assert_valid(&gpu);
+}
+
+#[test]
+fn fills_and_copies_of_a_schedule_run_in_order() {
+    let gpu = gpu();
+    let model = model(3, 40, 1);
+    let grid = grid();
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    let mut s = Schedule::default();
+    s.fill(buffer::GRADIENT, 64, 1);
+    s.copy(buffer::GRADIENT, buffer::SAMPLE_POINTS, 64);
+    s.fill(buffer::GRADIENT, 32, 2);
+    s.copy(buffer::GRADIENT, buffer::SAMPLE_NORMALS, 64);
+    job.executor.run(&s).unwrap();
+    assert_eq!(read::<u32>(&mut job, buffer::SAMPLE_POINTS, 16), [1; 16]);
+    let want: Vec<u32> = [[2; 8], [1; 8]].concat();
+    assert_eq!(read::<u32>(&mut job, buffer::SAMPLE_NORMALS, 16), want);
+    assert_valid(&gpu);
+}

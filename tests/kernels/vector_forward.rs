@@ -1,0 +1,129 @@
+//! What the vector solver renders, and what is left of the measurement, on every accumulation path, against the float64 twins,
+//! on random input in poisoned buffers.
+
+use fixtures::device::vectors::*;
+use fixtures::device::*;
+use glam::DVec3;
+use thirdbounce::capture::PulseTaps;
+use thirdbounce::solve::{Accumulation, VectorOptions};
+use thirdbounce::transport::kernels::buffer;
+use thirdbounce::transport::twin::{self, Twin, Way};
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
+
+/// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window` bins
+/// if that is not zero; `bounding` renders the bound.
+fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, bounding: bool, window: u32) {
+    let gpu = gpu();
+    let active = twin::compact(&state(model, grid, 0.5, 4).1);
+    let none = vec![DVec3::ZERO; grid.storage()];
+    let drawn = vectors(grid.storage(), 5);
+    let v = if bounding { &none } else { &drawn };
+    let mut model = model.clone();
+    let mut random = Random::new(6);
+    let samples = {
+        let twin = Twin { model: &model, grid };
+        let mut samples = twin::extrapolate(&twin, &active, v, v, 0.0);
+        if bounding {
+            samples.iter_mut().for_each(|s| s.albedo = random.uniform(0.1, 1.0));
+        }
+        away_from_edges(&twin, &samples)
+    };
+    assert!(samples.len() > 500, "{}", samples.len());
+    let accumulated = {
+        let twin = Twin { model: &model, grid };
+        if bounding { twin::forward_bound(&twin, &samples) } else { twin::forward(&twin, &samples) }
+    };
+    assert!(accumulated.iter().any(|v| *v != 0.0));
+    // Measured is about what is rendered.
+    let render = f64::from(model.scene(grid).render_scale);
+    let shown = twin::pulse(&Twin { model: &model, grid }, &accumulated, Way::Spread);
+    model.measured = shown.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
+    let twin = Twin { model: &model, grid };
+    let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
+    let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
+    let o = VectorOptions { accumulation, ..vector_options(grid) };
+    let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
+        (t.window, t.window_span) = (window, u32::MAX);
+        // Below the loop limit even if every voxel moves the window; several chunks at that.
+        t.chunk = if window > 0 { 192 } else { t.chunk };
+    });
+    write_samples(&mut job, &samples);
+    set_counts(&mut job, samples.len(), peak);
+    zero_histograms(&mut job);
+    if bounding {
+        run_start(&mut job, &["forward_bound", "pulse", "residual_bound", "pulse_back"]);
+    } else {
+        run_iteration(&mut job, 0, &["forward", "pulse", "residual", "pulse_back"]);
+    }
+    let residual = job.plan.residual();
+    let what = format!(
+        "{:?} {:?} curved {} pulse {} {accumulation:?} bounding {bounding} window {window}",
+        model.wall.geometry,
+        model.reflectance,
+        model.wall.normals.is_some(),
+        model.pulse.is_some()
+    );
+    assert_eq!(residual == buffer::SPREAD, model.pulse.is_some());
+    assert!(read_padding(&mut job, residual).iter().all(|w| *w == 0), "{what}");
+    let got: Vec<f64> = read_rows::<f32>(&mut job, residual).into_iter().map(f64::from).collect();
+    let e = error(got, want.iter().copied());
+    assert!(e < 3e-5, "{what}: {e}");
+    let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, losses(&model));
+    for k in 0..2 {
+        let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
+        assert!((sum / want.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{what}: {k}");
+    }
+    let bytes = job.plan.bytes_of(buffer::HISTOGRAMS) as usize;
+    assert!(read::<u8>(&mut job, buffer::HISTOGRAMS, bytes).iter().all(|b| *b == 0));
+    assert_valid(&gpu);
+}
+
+#[test]
+fn forward_and_weighted_residual_on_every_accumulation_path() {
+    let (base, grid) = (scene(5, 64, 3), grid());
+    let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
+    for model in [&base, &product] {
+        for accumulation in ACCUMULATIONS {
+            for bounding in [false, true] {
+                check_forward(model, &grid, accumulation, bounding, 0);
+                if accumulation != Accumulation::Owned {
+                    check_forward(model, &grid, accumulation, bounding, 16);
+                    check_forward(model, &grid, accumulation, bounding, 64);
+                }
+            }
+        }
+    }
+}
+
+/// What the instrument shows, on every accumulation path: a pulse with a tail, one that lies before or behind its path, one
+/// as long as the histogram, and one that changes nothing.
+#[test]
+fn forward_and_weighted_residual_through_a_pulse() {
+    let (base, grid) = (scene(5, 61, 3), grid());
+    let long = PulseTaps { before: 30, weights: (0..70).map(|i| f64::from(i % 7 + 1) / 280.0).collect() };
+    let early = PulseTaps { before: 5, weights: vec![0.5, 0.3, 0.2, 0.0, 0.0, 0.0] };
+    let late = PulseTaps { before: 0, weights: vec![0.0, 0.0, 0.0, 0.6, 0.4] };
+    for accumulation in ACCUMULATIONS {
+        let model = Model { pulse: Some(tail()), ..base.clone() };
+        for bounding in [false, true] {
+            check_forward(&model, &grid, accumulation, bounding, 0);
+        }
+    }
+    for pulse in [long, early, late, PulseTaps::identity()] {
+        let model = Model { pulse: Some(pulse), ..base.clone() };
+        check_forward(&model, &grid, Accumulation::Owned, false, 0);
+        check_forward(&model, &grid, Accumulation::Fixed, true, 0);
+    }
+}
+
+#[test]
+fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
+    let (base, grid) = (scene(5, 64, 3), grid());
+    for (geometry, reflectance, curved) in variants() {
+        let model = variant(&base, geometry, reflectance, curved, 7);
+        for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
+            check_forward(&model, &grid, accumulation, false, 0);
+        }
+        check_forward(&model, &grid, Accumulation::Owned, true, 0);
+    }
+}

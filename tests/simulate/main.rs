@@ -1,0 +1,5 @@
+//! The simulator.
+
+mod layouts;
+mod render;
+mod scenes;

@@ -1,0 +1,207 @@
+//! What is left out changes nothing: every variant that a scene can get against the most general one, whole solves of
+//! both solvers; and the plan says what it left out.
+
+use std::ops::ControlFlow;
+
+use fixtures::device::*;
+use glam::{DVec3, dvec3};
+use thirdbounce::capture::{Capture, Gate};
+use thirdbounce::gpu::Gpu;
+use thirdbounce::solve::{
+    Accumulation, PaperOptions, Plan, Preset, Reconstruction, VectorOptions, default_volume, paper, vector,
+};
+use thirdbounce::transport::{Geometry, Grid, Reflectance, Sampling};
+
+/// A capture of a few pairs of that kind off a flat or a curved wall: two points of the hidden scene, by hand.
+fn capture(geometry: Geometry, curved: bool) -> Capture {
+    let mut random = Random::new(91);
+    let mut point = || {
+        let (x, y) = (random.uniform(-0.4, 0.4), random.uniform(-0.4, 0.4));
+        dvec3(x, y, if curved { 0.1 * (x - y * y) } else { 0.0 })
+    };
+    let (laser, sensor): (Vec<DVec3>, Vec<DVec3>) = match geometry {
+        Geometry::Confocal => (0..24).map(|_| point()).map(|p| (p, p)).unzip(),
+        Geometry::TwoPoints => (0..24).map(|_| (point(), point())).unzip(),
+        Geometry::Product => {
+            let [a, b]: [Vec<DVec3>; 2] = [6, 5].map(|n| (0..n).map(|_| point()).collect());
+            a.iter().flat_map(|l| b.iter().map(|s| (*l, *s))).unzip()
+        }
+    };
+    let normal = |p: &DVec3| dvec3(-0.1, 0.2 * p.y, 1.0).normalize();
+    let normals = |points: &[DVec3]| curved.then(|| points.iter().map(normal).collect());
+    let (bins, bin_width) = (96, 0.02);
+    let mut histograms = vec![0.0f32; laser.len() * bins];
+    let hidden = [dvec3(0.1, 0.05, 0.5), dvec3(-0.15, -0.1, 0.6), dvec3(0.0, 0.2, 0.7)];
+    for (pair, (l, s)) in laser.iter().zip(&sensor).enumerate() {
+        for x in hidden {
+            let [a, b] = [l.distance(x), s.distance(x)];
+            histograms[pair * bins + ((a + b) / bin_width) as usize] += (1.0 / (a * b).powi(2)) as f32;
+        }
+    }
+    Capture {
+        name: "few pairs".into(),
+        scan: [laser.len(), 1],
+        laser_normal: normals(&laser),
+        sensor_normal: normals(&sensor),
+        laser,
+        sensor,
+        bins,
+        bin_width,
+        t_start: 0.0,
+        histograms,
+        integer_counts: false,
+        pulse: None,
+    }
+}
+
+fn grid_of(capture: &Capture) -> Grid {
+    Grid::new(default_volume(capture, 0.3).unwrap(), 16, 0.02).unwrap()
+}
+
+fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
+    let o = VectorOptions {
+        lateral: 16,
+        iterations: 8,
+        // Three points are no surface: where its pixels go from there, rounding decides.
+        surface_iterations: 2,
+        coarse_to_fine: false,
+        min_depth: 0.3,
+        reflectance,
+        general,
+        stop: false,
+        accumulation: Accumulation::Fixed,
+        ..Default::default()
+    };
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    vector::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
+}
+
+fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
+    let o = PaperOptions {
+        lateral: 16,
+        iterations: 6,
+        coarse_to_fine: false,
+        min_depth: 0.3,
+        learning_rate: 0.05,
+        // What no bin can tell of feels the L1 term alone.
+        l1: 0.0,
+        sampling: Sampling::Fixed,
+        reflectance,
+        general,
+        accumulation: Accumulation::Fixed,
+        ..PaperOptions::preset(Preset::Synthetic)
+    };
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    paper::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
+}
+
+/// Both solves told the same story: data term point by point, and the volume where both have it.
+fn assert_same(what: &str, short: &Reconstruction, general: &Reconstruction) {
+    assert_eq!(short.trace.len(), general.trace.len());
+    // Bins that no voxel reaches add the same to every point of the general trace.
+    let constant = general.empty_loss - short.empty_loss;
+    assert!(constant >= -1e-6 * general.empty_loss, "{what}");
+    for (a, b) in short.trace.iter().zip(&general.trace) {
+        let e = (a.data_loss + constant - b.data_loss).abs() / general.empty_loss;
+        // Adam's first step is as long for a gradient that is nearly rounding as for any.
+        let stepped = a.iteration > short.volume_iterations + 1;
+        assert!(
+            e < if stepped { 1e-3 } else { 1e-4 },
+            "{what}, iteration {}: {} and {}",
+            a.iteration,
+            a.data_loss + constant,
+            b.data_loss
+        );
+    }
+    let volumes = [short, general].map(|r| &r.volume.as_ref().expect("asked for").albedo);
+    let largest = volumes[1].iter().fold(0.0f32, |a, v| a.max(v.abs()));
+    assert!(largest > 0.0, "{what}: something is there");
+    let mut differ = 0;
+    for (a, b) in volumes[0].iter().zip(volumes[1]) {
+        // Outside reach one side has nothing, the other what it began with.
+        if *a != 0.0 && (a - b).abs() > 2e-3 * largest {
+            differ += 1;
+        }
+    }
+    assert!(differ * 500 <= volumes[0].len(), "{what}: {differ} voxels differ");
+}
+
+#[test]
+fn every_variant_agrees_with_the_general_one() {
+    let gpu = gpu();
+    for (geometry, reflectance, curved) in variants() {
+        let capture = capture(geometry, curved);
+        let what = format!("{geometry:?} {reflectance:?} curved {curved}");
+        let short = solve_vector(&gpu, &capture, reflectance, false);
+        assert_eq!(short.plan.geometry, geometry, "{what}");
+        assert_eq!(short.plan.curved, curved && reflectance == Reflectance::Lambertian, "{what}");
+        let general = solve_vector(&gpu, &capture, reflectance, true);
+        assert_eq!((general.plan.geometry, general.plan.curved), (Geometry::TwoPoints, true));
+        assert_same(&format!("vector, {what}"), &short, &general);
+        let [short, general] = [false, true].map(|g| solve_paper(&gpu, &capture, reflectance, g));
+        assert_same(&format!("paper, {what}"), &short, &general);
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn unreached_bins_and_bricks_change_nothing() {
+    let gpu = gpu();
+    let capture = capture(Geometry::Confocal, false);
+    let gated = capture.gated(Gate { from: 0.0, to: 1.3 }).unwrap();
+    let deep = Grid::new(default_volume(&capture, 0.3).unwrap(), 16, 0.02).unwrap();
+    let o = |general| PaperOptions {
+        lateral: 16,
+        iterations: 6,
+        coarse_to_fine: false,
+        min_depth: 0.3,
+        l1: 0.0,
+        sampling: Sampling::Fixed,
+        learning_rate: 0.05,
+        general,
+        accumulation: Accumulation::Fixed,
+        ..PaperOptions::preset(Preset::Synthetic)
+    };
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    let [short, general] = [false, true].map(|general| {
+        paper::reconstruct(&gpu, &gated, deep, &o(general), None, true, &mut unwatched(&mut hear)).unwrap()
+    });
+    let dark = short.plan.reachable[0].iter().filter(|r| !**r).count();
+    assert!(dark > 0 && general.plan.reachable[0].iter().all(|r| *r));
+    assert!(short.plan.bins < general.plan.bins, "bins before 0.6 m cannot be reached");
+    assert!(short.trace[0].active < general.trace[0].active);
+    assert_same("gate", &short, &general);
+}
+
+#[test]
+fn the_plan_says_what_it_leaves_out_and_leaves_it_unallocated() {
+    let gpu = gpu();
+    let plan = |geometry, reflectance, general| -> Plan {
+        let capture = capture(geometry, false);
+        let grid = grid_of(&capture);
+        let o = VectorOptions { reflectance, general, min_depth: 0.3, lateral: 16, ..Default::default() };
+        let model = vector::model(&capture, &grid, &o);
+        Plan::new(&model, grid, capture.resolution(), &o, &gpu.abilities(), false).unwrap()
+    };
+    let says = |p: &Plan, words: &str| p.left_out.iter().any(|l| l.contains(words));
+    let cosine = plan(Geometry::Confocal, Reflectance::Cosine, false);
+    assert!(
+        says(&cosine, "second distance") && says(&cosine, "wall's normals") && says(&cosine, "gated bins")
+    );
+    assert!(!says(&cosine, "surfaces' normals"));
+    assert!(says(&cosine, "voxels on wall points") && !cosine.touching);
+    let general = plan(Geometry::Confocal, Reflectance::Cosine, true);
+    assert!(
+        !says(&general, "distance") && !says(&general, "wall's normals") && !says(&general, "gated bins")
+    );
+    assert!(!says(&general, "voxels on wall points") && general.touching, "the general one asks");
+    let isotropic = plan(Geometry::Product, Reflectance::Isotropic, false);
+    assert!(says(&isotropic, "surfaces' normals") && says(&isotropic, "every scanned point"));
+    let bytes = |p: &Plan, name: &str| p.bytes()[name];
+    assert!(bytes(&isotropic, "sample_normals") <= 16 && bytes(&cosine, "sample_normals") > 16);
+    assert!(
+        bytes(&general, "wall") == 4 * bytes(&cosine, "wall"),
+        "two points and two normals for one point"
+    );
+    assert!(bytes(&general, "measured") > bytes(&cosine, "measured"));
+}

@@ -1,0 +1,9 @@
+//! Whole solves: what they find, what they leave out, what stays the same.
+
+mod leave_out;
+mod paper;
+mod paper_room;
+mod physics;
+mod places;
+mod subsets;
+mod surface;

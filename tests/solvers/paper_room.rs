@@ -1,0 +1,196 @@
+//! Room for a part of the voxels in the paper's solver: the same result where all fits, the brightest where they do not,
+//! and the memory that it is there for.
+
+use std::ops::ControlFlow;
+
+use fixtures::device::*;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::{
+    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Reconstruction, compact, default_volume,
+    paper,
+};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::twin::{self, Twin};
+use thirdbounce::transport::{Grid, Model, Sampling, Volume};
+
+fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
+    let scene = Scene { scan: 8, bin_width: 0.01, ..Scene::named("letter-l").unwrap() };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.01, ..Default::default() }).unwrap().capture;
+    let volume = default_volume(&capture, o.min_depth).unwrap();
+    let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    paper::reconstruct(gpu, &capture, grid, o, None, true, &mut unwatched(&mut hear)).unwrap()
+}
+
+fn options_of(sampling: Sampling) -> PaperOptions {
+    PaperOptions {
+        lateral: 32,
+        iterations: 70,
+        double_every: 20,
+        restart_every: 20,
+        reduce_every: 10,
+        sampling,
+        smooth_sigma: 1.5,
+        accumulation: Accumulation::Fixed,
+        ..PaperOptions::preset(Preset::Synthetic)
+    }
+}
+
+/// The same bits with room for all and for two fifths of the voxels, of which more are never active.
+#[test]
+fn room_that_is_enough_changes_nothing() {
+    let gpu = gpu();
+    for sampling in [Sampling::Continuous, Sampling::Fixed] {
+        let all = solve(&gpu, &options_of(sampling));
+        let part = solve(&gpu, &PaperOptions { room: Some(0.4), ..options_of(sampling) });
+        let storage = all.plan.finest().grid.storage();
+        assert_eq!([all.plan.capacity, all.plan.touched_capacity], [storage; 2]);
+        assert!(part.plan.touched_capacity < storage && part.device_bytes < all.device_bytes);
+        assert!(!all.full && !part.full);
+        let told = |r: &Reconstruction| -> Vec<_> {
+            let point = |p: &thirdbounce::solve::TracePoint| (p.iteration, p.active, p.loss.to_bits());
+            r.trace.iter().map(point).collect()
+        };
+        let last = |r: &Reconstruction| *told(r).last().unwrap();
+        assert_eq!(last(&part), last(&all), "{sampling:?}");
+        assert_eq!(part.volume, all.volume, "{sampling:?}");
+        assert!(all.volume.unwrap().albedo.iter().filter(|a| **a != 0.0).count() > 100);
+    }
+    assert_valid(&gpu);
+}
+
+/// A whole solve with too little room stays within it, finds the letter still, and says so.
+#[test]
+fn a_solve_beyond_its_room_stays_within_it() {
+    let gpu = gpu();
+    let all = solve(&gpu, &options_of(Sampling::Continuous));
+    let o = PaperOptions { room: Some(0.0625), ..options_of(Sampling::Continuous) };
+    let small = solve(&gpu, &o);
+    let most =
+        |r: &Reconstruction| r.trace.iter().filter(|p| p.lateral == 32).map(|p| p.active).max().unwrap();
+    assert!(small.full && most(&small) <= small.plan.capacity && most(&all) > small.plan.capacity);
+    let brightest = |r: &Reconstruction| {
+        let albedo = &r.maps.albedo;
+        (0..albedo.len()).max_by(|a, b| albedo[*a].total_cmp(&albedo[*b])).unwrap()
+    };
+    // On the same stroke, which runs along y.
+    let [a, b] = [&all, &small].map(brightest).map(|i| [i / 32, i % 32]);
+    assert!(a[0].abs_diff(b[0]) <= 2 && a[1].abs_diff(b[1]) <= 12, "{a:?} {b:?}");
+    assert_valid(&gpu);
+}
+
+/// A job whose coarse level, all of it touched, has more children than there is room for.
+fn crowded<'g>(gpu: &'g Gpu, model: &Model, fine: &Grid) -> (OnDevice<'g>, PaperOptions) {
+    let o = PaperOptions { coarse_to_fine: true, room: Some(0.25), ..options(model, fine) };
+    (job(gpu, model, fine, &o), o)
+}
+
+/// A doubling keeps the brightest whose children there is room for, and interpolates from what it leaves out too.
+#[test]
+fn doubling_keeps_the_brightest_that_there_is_room_for() {
+    let gpu = gpu();
+    let (model, fine) = (model(3, 40, 1), grid());
+    let (mut job, o) = crowded(&gpu, &model, &fine);
+    let coarse = job.plan.levels[0].grid;
+    let room = job.plan.capacity;
+    assert!(room >= coarse.storage() && job.plan.touched_capacity < fine.storage());
+    let twin = Twin { model: &model, grid: &coarse };
+    let (raw, domain) = state(&model, &coarse, 0.9, 5);
+    let touched = write_touched(&mut job, &coarse, &domain);
+    write_state(&mut job, buffer::RAW, &touched, &raw);
+    let mut level = 0;
+    let s = paper::due(&job.plan, &o, &mut level, o.double_every);
+    assert_eq!(level, 1);
+    job.executor.run(&s).unwrap();
+
+    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
+    let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
+    let levels: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
+    let moved: u32 = levels.iter().zip(twin::levels(&twin, &smooth)).map(|(a, b)| a.abs_diff(b)).sum();
+    assert!(moved <= 4, "{moved}");
+    let least = twin::room(&levels, peak, model.keep_above, room / 4);
+    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
+    assert_eq!(f64::from(f32::from_bits(counts[COUNT_LEAST_SMOOTH as usize])), least);
+    let above = twin::threshold(&twin, &smooth);
+    let kept: Vec<bool> = above.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
+    let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
+    assert!(count(&above) > room / 4 && count(&kept) <= room / 4 && count(&kept) > room / 8);
+    let split = twin::double_domain(&coarse, &fine, &kept);
+    let got = read_mask(&mut job, buffer::MASK, fine.storage());
+    let differ = got.iter().zip(&split).filter(|(a, b)| a != b).count();
+    assert!(differ <= 4, "a value may round to the other side: {differ}");
+    assert!(counts[COUNT_ACTIVE as usize] as usize <= room);
+
+    let now = twin::touched(&fine, &got);
+    let before = twin::carry(&touched, &raw);
+    let want = twin::carry(&now, &twin::carry_doubled(&coarse, &fine, &before));
+    assert!(error(read_state(&mut job, buffer::RAW, &now, fine.storage()).concat(), want.concat()) < 1e-6);
+    // The iteration after it tells.
+    let mut s = paper::iteration(&job.plan, job.plan.finest(), 3, 1);
+    s.commands.retain(|c| c.name() == "finish");
+    job.executor.run(&s).unwrap();
+    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
+    assert_eq!(rows[3][TRACE_LEAST as usize], counts[COUNT_LEAST_SMOOTH as usize]);
+    assert_valid(&gpu);
+}
+
+/// What the rim has no room for reads as nothing, and the solve says that something was left out.
+#[test]
+fn a_rim_beyond_its_room_reads_as_nothing() {
+    let gpu = gpu();
+    let (model, grid) = (model(3, 40, 1), grid());
+    let twin = Twin { model: &model, grid: &grid };
+    let (raw, domain) = state(&model, &grid, 0.1, 2);
+    let (active, all) = (twin::compact(&domain), twin::touched(&grid, &domain));
+    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+    write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize]);
+    write_domain(&mut job, &domain);
+    job.plan.touched_capacity = (active.len() + all.len()) / 2;
+    job.upload().unwrap();
+    let listed = &all[..job.plan.touched_capacity];
+    let s = compact(&job.plan, job.plan.finest());
+    job.executor.run(&s).unwrap();
+    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
+    assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());
+    assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is told");
+    assert_eq!(read::<u32>(&mut job, buffer::ACTIVE_VOXELS, listed.len()), listed);
+    write_state(&mut job, buffer::RAW, listed, &raw);
+    let mut s = paper::iteration(&job.plan, job.plan.finest(), 5, 1);
+    s.commands.retain(|c| c.name() == "sample");
+    job.executor.run(&s).unwrap();
+    let want = twin::sample(&twin, 5, &active, &twin::carry(listed, &raw));
+    let whole = twin::sample(&twin, 5, &active, &raw);
+    for (g, w) in read_samples(&mut job, active.len()).iter().zip(&want) {
+        assert!((g.point - w.point).length() < 1e-6 && (g.albedo - w.albedo).abs() < 3e-6, "{g:?} {w:?}");
+    }
+    assert!(want.iter().zip(&whole).any(|(a, b)| (a.albedo - b.albedo).abs() > 1e-2));
+    assert_valid(&gpu);
+}
+
+/// The scene of the paper, which its code takes 1,659 MB for: 32 x 32 confocal points, 128 x 128 x 333 voxels.
+#[test]
+fn the_papers_scene_takes_less_than_150_megabytes() {
+    let gpu = gpu();
+    let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.25), max: glam::dvec3(0.5, 0.5, 1.4) };
+    let grid = Grid::new(volume, 128, (volume.max.z - volume.min.z) / 333.0).unwrap();
+    assert_eq!(grid.n, [128, 128, 333]);
+    for (preset, noise) in [(Preset::Synthetic, [0.0; 2]), (Preset::Captured, [0.05, 0.06])] {
+        let model = Model { noise, ..model(32, 512, 40) };
+        let o = PaperOptions::preset(preset);
+        assert_eq!(o.noise == NoiseTerm::Off, noise == [0.0; 2]);
+        // With the volume that is read back at the end.
+        let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), true).unwrap();
+        let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
+        assert!(bytes < 150_000_000, "{preset:?}: {bytes}");
+        let [first, last] = [plan.levels[0].grid.storage(), plan.finest().grid.storage()];
+        assert!(plan.levels.len() == 3 && plan.capacity >= first && plan.capacity * 11 > last);
+        assert!(plan.touched_capacity > plan.capacity && plan.touched_capacity < last);
+        assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
+        // Where no reduction comes before a doubling there is room for everything.
+        for whole in [PaperOptions { reduce: false, ..o.clone() }, PaperOptions { reduce_every: 30, ..o }] {
+            let plan = Plan::new(&model, grid, [32, 32], &whole, &gpu.abilities(), false).unwrap();
+            assert_eq!([plan.capacity, plan.touched_capacity], [last; 2]);
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! Early iterations take a part of the pairs: which part, what the kernels make of it, and that whole solves go on from
+//! part to all with true figures and the same bits.
+
+use fixtures::device::vectors::*;
+use fixtures::device::*;
+use fixtures::keeping::solve_keeping;
+use glam::{DVec3, dvec3};
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::{Faults, Gpu, GpuOptions, Schedule};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::{
+    Accumulation, Checkpoint, OnDevice, Plan, Reconstruction, VectorOptions, passes, vector,
+};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
+
+/// A model that claims so many pairs without having their histograms.
+fn claimed(geometry: Geometry, scanned: usize, others: usize, is_spread: bool) -> Model {
+    let wall = Wall {
+        geometry,
+        scanned: vec![DVec3::ZERO; scanned],
+        others: vec![DVec3::ZERO; others],
+        normals: None,
+    };
+    Model { elements: wall.pairs() * 64, wall, is_spread, measured: vec![], ..model(2, 64, 1) }
+}
+
+fn grid_of(lateral: usize) -> Grid {
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 0.8) };
+    Grid::new(volume, lateral, 0.05).expect("a grid")
+}
+
+/// Lateral voxels and pairs of every level of the volume, on voxels as wide as so many pixels, and of the surface.
+fn both(
+    gpu: &Gpu,
+    model: &Model,
+    scan: usize,
+    lateral: usize,
+    pixels_per_voxel: Option<usize>,
+) -> [Vec<[usize; 2]>; 2] {
+    let o = VectorOptions { lateral, pixels_per_voxel, ..VectorOptions::default() };
+    let plan = Plan::new(model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
+    let walls = [plan.finest().wall, plan.pixel_levels.last().unwrap().wall];
+    assert_eq!(walls, [buffer::WALL; 2]);
+    [&plan.levels, &plan.pixel_levels].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
+}
+
+fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {
+    let [levels, surface] = both(gpu, model, scan, lateral, Some(1));
+    let finest: Vec<_> = levels.iter().copied().filter(|l| l[0] == lateral).collect();
+    assert_eq!(surface, finest, "the surface takes the pairs of the finest grid");
+    levels
+}
+
+#[test]
+fn a_finer_surface_takes_the_pairs_of_the_finest_volume() {
+    let gpu = gpu();
+    let of = |side: usize, lateral, pixels_per_voxel| {
+        let model = claimed(Geometry::Confocal, side * side, 0, true);
+        both(&gpu, &model, side, lateral, pixels_per_voxel)
+    };
+    let volume = vec![[32, 1024], [64, 1024], [64, 4096]];
+    assert_eq!(of(64, 64, None), [volume.clone(), vec![[64, 1024], [64, 4096]]]);
+    assert_eq!(of(64, 128, None), [volume.clone(), vec![[128, 1024], [128, 4096]]]);
+    assert_eq!(of(64, 192, Some(3)), [volume, vec![[192, 1024], [192, 4096]]]);
+    assert_eq!(of(32, 128, Some(4)), [vec![[32, 1024]], vec![[128, 1024]]]);
+}
+
+#[test]
+fn levels_take_the_pairs_that_their_grid_needs() {
+    let gpu = gpu();
+    let confocal = |side: usize, lateral| {
+        levels(&gpu, &claimed(Geometry::Confocal, side * side, 0, true), side, lateral)
+    };
+    assert_eq!(confocal(64, 64), [[32, 1024], [64, 1024], [64, 4096]]);
+    assert_eq!(confocal(64, 128), [[32, 1024], [64, 1024], [128, 4096]]);
+    assert_eq!(confocal(256, 64), [[32, 1024], [64, 1024], [64, 4096], [64, 16_384], [64, 65_536]]);
+    assert_eq!(confocal(256, 128), [[32, 1024], [64, 1024], [128, 4096], [128, 16_384], [128, 65_536]]);
+    // Half of 96 is more than 32, a fourth is less.
+    assert_eq!(confocal(96, 64), [[32, 2304], [64, 2304], [64, 9216]]);
+    let of =
+        |geometry, scanned, others, scan| levels(&gpu, &claimed(geometry, scanned, others, true), scan, 64);
+    assert_eq!(of(Geometry::TwoPoints, 4096, 4096, 64), [[32, 1024], [64, 1024], [64, 4096]]);
+    assert_eq!(of(Geometry::Product, 4096, 1, 64), [[32, 1024], [64, 1024], [64, 4096]]);
+    // Whole rows of a product, sixteen at least.
+    assert_eq!(
+        of(Geometry::Product, 256, 256, 16),
+        [[16, 4096], [32, 4096], [64, 4096], [64, 16_384], [64, 65_536]]
+    );
+    assert_eq!(of(Geometry::Product, 4096, 4, 64), [[32, 16_384], [64, 16_384]]);
+}
+
+#[test]
+fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
+    let gpu = gpu();
+    for (side, spread) in [(32, true), (16, true), (5, true), (64, false)] {
+        let model = claimed(Geometry::Confocal, side * side, 0, spread);
+        let all = levels(&gpu, &model, side, 64);
+        assert!(all.iter().all(|l| l[1] == side * side), "{all:?}");
+        assert_eq!(all[0][0], if side == 5 { 8 } else { side }, "by doubling from the scan's own resolution");
+    }
+    // Few pairs keep the order of the capture; so do many where all are asked for.
+    let capture = small_capture();
+    let grid = grid_of(16);
+    let spread = |o: &VectorOptions, c: &Capture| vector::model(c, &grid, o).is_spread;
+    let o = VectorOptions::default();
+    assert!(spread(&o, &capture));
+    assert!(!spread(&VectorOptions { all_pairs: true, ..o.clone() }, &capture));
+    assert!(!spread(&VectorOptions { general: true, ..o.clone() }, &capture));
+    assert!(!spread(&o, &capture.stride(2).expect("every other point")));
+}
+
+/// What three iterations at the first level leave of a random domain: bounds, vectors, the rows of the trace.
+fn begun(job: &mut OnDevice<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[f32; 4]>, Vec<u32>) {
+    let (_, domain) = state(model, grid, 0.3, 4);
+    let active = write_domain(job, &domain);
+    let count = active.len();
+    assert!(count > 100, "{count}");
+    [buffer::RAW, buffer::BEFORE]
+        .into_iter()
+        .for_each(|buffer| write_raw(job, buffer, &vec![[0.0; 4]; count]));
+    zero_histograms(job);
+    write_momentum(job, REST);
+    write(job, buffer::COUNTS, &[count as u32, count as u32, 0, f32::INFINITY.to_bits(), 0, 0]);
+    let level = job.plan.levels[0];
+    let mut s = Schedule::default();
+    s.dispatch(&passes::ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    job.executor.run(&s).expect("a dispatch runs");
+    run_start(job, &["points", "forward_bound", "residual_bound", "bound_step", "variance", "bound_noise"]);
+    let mut s = Schedule::default();
+    (0..3).for_each(|i| s.extend(vector::iteration(&job.plan, &level, i)));
+    job.executor.run(&s).expect("the schedule runs");
+    let rows = &job.executor.arena.mapped(buffer::TRACE)[..3 * 4 * TRACE_ROW as usize];
+    let rows = bytemuck::pod_collect_to_vec(rows);
+    (read(job, buffer::BOUNDS, count), read(job, buffer::RAW, count), rows)
+}
+
+#[test]
+fn a_level_of_some_pairs_is_the_scene_of_these_alone() {
+    let gpu = gpu();
+    let grid = grid_of(16);
+    let base = scene(64, 40, 5);
+    for (geometry, reflectance, curved) in [
+        (Geometry::Confocal, Reflectance::Cosine, false),
+        (Geometry::TwoPoints, Reflectance::Lambertian, true),
+        (Geometry::Product, Reflectance::Lambertian, true),
+    ] {
+        let mut model = variant(&base, geometry, reflectance, curved, 3);
+        if geometry == Geometry::Product {
+            // 64 x 64 points.
+            let few = variant(&scene(13, 40, 5), geometry, reflectance, curved, 3);
+            let points = |n: usize, seed: usize| -> Vec<DVec3> {
+                (0..n)
+                    .map(|i| {
+                        few.wall.scanned[(i * seed) % few.wall.scanned.len()] + DVec3::X * 1e-3 * i as f64
+                    })
+                    .collect()
+            };
+            let normals =
+                Some(few.wall.normals.as_ref().unwrap().iter().cycle().take(128).copied().collect());
+            let wall = Wall { geometry, scanned: points(64, 1), others: points(64, 5), normals };
+            let measured = base.measured.clone();
+            model = Model { elements: wall.pairs() * 40, wall, measured, ..few };
+        }
+        model.spread();
+        let o = VectorOptions { accumulation: Accumulation::Owned, reflectance, ..vector_options(&grid) };
+        let mut whole = job(&gpu, &model, &grid, &o);
+        let pairs = whole.plan.levels[0].pairs;
+        assert_eq!(pairs, 1024, "{geometry:?}");
+        let part = Model {
+            elements: model.elements / 4,
+            wall: model.wall.first(pairs),
+            measured: model.measured[..pairs * model.bins].to_vec(),
+            is_spread: false,
+            ..model.clone()
+        };
+        let mut alone = job(&gpu, &part, &grid, &o);
+        assert_eq!(alone.plan.levels.len(), 1);
+        assert!(begun(&mut whole, &model, &grid) == begun(&mut alone, &part, &grid), "{geometry:?}");
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn the_order_of_the_pairs_changes_nothing_but_rounding() {
+    let gpu = gpu();
+    let grid = grid_of(12);
+    for (geometry, reflectance, curved) in variants() {
+        let model = variant(&scene(6, 48, 9), geometry, reflectance, curved, 4);
+        let mut other = model.clone();
+        other.spread();
+        assert!(other.measured != model.measured && other.wall != model.wall, "another order");
+        other.is_spread = false;
+        let o = VectorOptions { reflectance, ..vector_options(&grid) };
+        let [(bounds, raw, _), (other_bounds, other_raw, _)] =
+            [&model, &other].map(|m| begun(&mut job(&gpu, m, &grid, &o), m, &grid));
+        let floats = |v: &[[f32; 4]]| v.iter().flatten().map(|f| f64::from(*f)).collect::<Vec<_>>();
+        let pairs = |v: &[[f32; 2]]| v.iter().map(|f| f64::from(f[0])).collect::<Vec<_>>();
+        let what = format!("{geometry:?} {reflectance:?} curved {curved}");
+        assert!(error(pairs(&other_bounds), pairs(&bounds)) < 1e-4, "{what}");
+        assert!(error(floats(&other_raw), floats(&raw)) < 1e-3, "{what}");
+    }
+}
+
+/// 64 x 64 points, few bins.
+fn small_capture() -> Capture {
+    let scene = Scene { scan: 64, bin_width: 0.05, ..Scene::named("letter-Z").expect("a built-in scene") };
+    simulate(&scene, &RenderOptions { noise: 0.2, ..RenderOptions::default() }).expect("a rendering").capture
+}
+
+fn small_options() -> VectorOptions {
+    VectorOptions {
+        lateral: 16,
+        iterations: 9,
+        surface_iterations: 10,
+        growth_iterations: 4,
+        reduce_every: 3,
+        bound_every: 3,
+        stop: false,
+        accumulation: Accumulation::Fixed,
+        ..VectorOptions::default()
+    }
+}
+
+fn solve(
+    options: &VectorOptions,
+    capture: &Capture,
+    from: Option<Checkpoint>,
+) -> (Reconstruction, Vec<Checkpoint>) {
+    // What is not kept would show.
+    let faults = Faults { poison: Some(0x7fc0_0000), ..Faults::default() };
+    let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
+    let every = usize::from(from.is_none());
+    solve_keeping(&gpu, &options.clone().into(), capture, every, from).expect("a solve of a small scene")
+}
+
+#[test]
+fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
+    let (capture, o) = (small_capture(), small_options());
+    let (done, kept) = solve(&o, &capture, None);
+    let taken = |r: &Reconstruction| r.trace.iter().map(|p| [p.iteration, p.pairs]).collect::<Vec<_>>();
+    // The volume grows after the fifth of nine, the surface for the last two of ten.
+    let early = |p: &[usize; 2]| if matches!(p[0], 1..=5 | 10..=17) { 1024 } else { 4096 };
+    assert!(taken(&done).iter().all(|p| p[1] == early(p)), "{:?}", taken(&done));
+    assert_eq!(taken(&done).last(), Some(&[o.iterations + o.surface_iterations, 4096]));
+    assert!(
+        done.plan
+            .left_out
+            .iter()
+            .any(|l| l.contains("pairs of early iterations: of 4096 they take 1024 on 16"))
+    );
+    // The domain changes between points of the trace only.
+    let mut sum = 0;
+    let mut before = 0;
+    for p in &done.trace {
+        sum += (p.iteration - before) * p.active * p.pairs;
+        before = p.iteration;
+    }
+    assert_eq!(done.pairs, sum as u64);
+
+    let all = VectorOptions { all_pairs: true, ..o.clone() };
+    let (whole, _) = solve(&all, &capture, None);
+    assert!(taken(&whole).iter().all(|p| p[1] == 4096));
+    assert!(!whole.plan.left_out.iter().any(|l| l.contains("early")));
+    let fits = |r: &Reconstruction| r.trace.last().map_or(0.0, |p| p.data_loss) / r.empty_loss;
+    assert!(fits(&done) < 1.3 * fits(&whole) && fits(&done) < 0.2, "{} {}", fits(&done), fits(&whole));
+
+    // From the states about the change of pairs, which comes after the fifth.
+    let bits = |r: &Reconstruction| {
+        let volume =
+            r.volume.as_ref().expect("asked for").albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        (volume, r.pairs, r.trace.iter().map(|p| (p.pairs, p.loss.to_bits())).collect::<Vec<_>>())
+    };
+    assert_eq!(kept.len(), 8);
+    for state in kept.into_iter().filter(|k| (4..=6).contains(&k.iteration)) {
+        let at = state.iteration;
+        let (resumed, _) = solve(&o, &capture, Some(state));
+        assert!(bits(&resumed) == bits(&done), "other bits from iteration {at}");
+    }
+}
