@@ -37,7 +37,7 @@ pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use fit::suggestions;
-pub use inspect::{Inspection, inspect};
+pub use inspect::{Inspection, inspect, schedule};
 pub use places::check_file;
 pub use request::{Request, memory_bytes};
 pub use scene::{Simulated, Simulation, simulate};

@@ -14,6 +14,7 @@ mod options;
 mod profile;
 mod progress;
 mod reconstruct;
+mod schedule;
 mod simulate;
 mod solver;
 mod tables;
@@ -67,6 +68,8 @@ enum Verb {
     Calibrate(calibrate::Args),
     /// Tell where the time of a reconstruction goes: every kernel against the device's limits, idle time, a timeline.
     Profile(Box<profile::Args>),
+    /// Print what a reconstruction would run, dispatch by dispatch: sizes, buffers read -> buffers written.
+    Schedule(Box<schedule::Args>),
     /// List the Vulkan devices.
     Devices(devices::Args),
 }
@@ -120,6 +123,7 @@ fn run() -> Result<()> {
         Verb::Convert(args) => convert::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
         Verb::Profile(args) => profile::run(&args),
+        Verb::Schedule(args) => schedule::run(&args),
         Verb::Devices(args) => devices::run(&args),
     }
 }

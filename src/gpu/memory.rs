@@ -33,9 +33,12 @@ pub struct BufferPlan {
 }
 
 impl BufferPlan {
+    /// The size of a buffer that nothing needs: Vulkan has no empty buffers.
+    pub const LEAST: u64 = 16;
+
+    /// A buffer of at least so many bytes, whole words: copies work in words.
     pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {
-        // Vulkan has no empty buffers, and copies work in words.
-        BufferPlan { buffer, bytes: bytes.max(16).next_multiple_of(4), place }
+        BufferPlan { buffer, bytes: bytes.max(Self::LEAST).next_multiple_of(4), place }
     }
 }
 

@@ -8,7 +8,7 @@ use super::account::box_of;
 use super::{Loaded, Request, SolverOptions, fit, pulse};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
-use crate::solve::{Accumulation, Preset};
+use crate::solve::{Accumulation, Part, Preset};
 use crate::{Error, Kind, Result};
 
 /// A capture, the grid it would be reconstructed on, and what that takes.
@@ -117,6 +117,19 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         }),
         problems,
     })
+}
+
+/// The schedules that [`super::run`] would submit, in order.
+///
+/// # Errors
+/// Options that make no sense, no device, a capture that the solver does not take.
+pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
+    request.solver.check()?;
+    let gpu = request.open()?;
+    let grid = request.grid(&loaded.capture)?;
+    let planned = pulse::to_plan(request, &loaded.capture)?;
+    let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
+    Ok(request.solver.outline(&plan))
 }
 
 /// What most discrete GPUs offer.

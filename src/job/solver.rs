@@ -6,7 +6,7 @@ use super::plain;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
 use crate::solve::{
-    Accumulation, Beside, PaperOptions, Plan, Reconstruction, Sizes, VectorOptions, paper, vector,
+    Accumulation, Beside, PaperOptions, Part, Plan, Reconstruction, Sizes, VectorOptions, paper, vector,
 };
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Result};
@@ -130,6 +130,14 @@ impl SolverOptions {
         };
         let resolution = capture.resolution();
         of_either!(self, o => Plan::new(&model, grid, resolution, o, abilities, with_volume))
+    }
+
+    /// The schedules of a whole solve by such a plan.
+    pub fn outline(&self, plan: &Plan) -> Vec<Part> {
+        match self {
+            SolverOptions::Paper(o) => paper::outline(plan, o),
+            SolverOptions::Vector(o) => vector::outline(plan, o),
+        }
     }
 
     /// Runs the solver.

@@ -79,3 +79,19 @@ fn what_a_file_lacks_is_told() {
     );
     fail(&["info", &file, "--stride", "2"], 1, "--subset 64");
 }
+
+#[test]
+fn the_schedule_is_printed_for_both_solvers() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("c.npz").display().to_string();
+    succeed(&["simulate", "plane", "--out", &file, "--scan", "6", "--bin-width", "0.04", "--noise", "0.2"]);
+    let text = succeed(&["schedule", &file, "--lateral", "16"]);
+    for words in ["volume, before the first iteration", "volume, iterations 1 to", "surface, iterations"] {
+        assert!(text.contains(words), "{words:?} is not in\n{text}");
+    }
+    let text = succeed(&["schedule", &file, "--lateral", "16", "--solver", "paper"]);
+    let iteration: Vec<_> = text.lines().skip_while(|l| !l.starts_with("volume, iterations")).collect();
+    let passes: Vec<_> = iteration[1..].iter().map_while(|l| l.split_whitespace().next()).collect();
+    assert_eq!(passes, ["sample", "forward", "residual", "backward", "update", "finish"]);
+    assert!(iteration[1].contains("raw") && iteration[1].contains("-> counts sample_points"), "{text}");
+}

@@ -56,19 +56,19 @@ impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
 /// A solver as its driver sees it.
 pub(super) struct Steps<'s> {
     /// What it runs at, in turn.
-    pub levels: &'s [Level],
+    pub levels: Vec<Level>,
     /// Before the first iteration.
     pub start: Schedule,
     /// Iteration i (from 0) at a level.
-    pub iteration: &'s dyn Fn(&Plan, &Level, usize) -> Schedule,
+    pub iteration: Box<dyn Fn(&Plan, &Level, usize) -> Schedule + 's>,
     /// What is due after so many iterations, before the next one; may move the level on.
-    pub due: &'s dyn Fn(&Plan, &mut usize, usize) -> Schedule,
+    pub due: Box<dyn Fn(&Plan, &mut usize, usize) -> Schedule + 's>,
     /// Leaves the level's maps in `columns_host`.
-    pub extract: &'s dyn Fn(&Level) -> Schedule,
+    pub extract: Box<dyn Fn(&Level) -> Schedule + 's>,
     /// Passes whose faults may show in the trace.
-    pub passes: &'s [&'static [&'static Pass]],
+    pub passes: [&'static [&'static Pass]; 2],
     /// Weight of the trace's L1 column in the loss at a level.
-    pub l1_weight: &'s dyn Fn(&Level) -> f64,
+    pub l1_weight: Box<dyn Fn(&Level) -> f64 + 's>,
     /// Iterations that the whole solve is to have, for those who listen.
     pub of: usize,
     /// Stop at the finest level, with all pairs, once the objective's data term is not above this: the rest is noise.
@@ -209,7 +209,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         (self.level, self.block_from, self.active) = (from.level, from.first, from.active);
         self.first = from.iteration;
         let ticket = self.device.executor.submit(&Schedule::default())?;
-        let levels = self.steps.levels;
+        let levels = &self.steps.levels;
         self.flights.extend(from.pending.iter().map(|[a, b, at]| Flight {
             ticket,
             rows: *a..*b,
@@ -234,7 +234,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         let [seconds, gpu_seconds] = self.clock.now(self.device.executor.gpu_seconds());
         let pause = self.clock.pause();
         let _span = self.gpu.span("checkpoint");
-        let levels = self.steps.levels;
+        let levels = &self.steps.levels;
         let number = |l: &Level| levels.iter().position(|k| k == l).unwrap_or(0);
         let pending = self.flights.iter().map(|f| [f.rows.start, f.rows.end, number(&f.level)]).collect();
         (keeper.keep.save)(Checkpoint {
@@ -333,7 +333,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
 
     fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {
         let l1_weight = (self.steps.l1_weight)(&flight.level);
-        let passes = self.steps.passes;
+        let passes = &self.steps.passes;
         self.reader.read(self.device, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
     }
 

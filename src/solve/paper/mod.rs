@@ -3,6 +3,7 @@
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
 use super::on_device::OnDevice;
+use super::outline::{self, Part};
 use super::result::{Reconstruction, finish};
 use super::{Plan, domain};
 use crate::Result;
@@ -67,21 +68,32 @@ pub fn reconstruct<'b, 'w: 'b>(
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = OnDevice::new(gpu, model, plan, memory)?;
-    let levels = job.plan.levels.clone();
-    let steps = Steps {
-        levels: &levels,
-        start: initialise(&job.plan, &job.plan.levels[0]),
-        iteration: &|plan, level, i| iteration(plan, level, i as u32, (i % options.restart_every) as u32 + 1),
-        due: &|plan, level, done| due(plan, options, level, done),
-        extract: &domain::extract,
-        passes: &[super::passes::ALL, passes::ALL],
-        l1_weight: &|level| options.l1 / level.grid.voxels() as f64,
-        of: options.iterations,
-        stop_below: None,
-    };
+    let steps = steps(&job.plan, options);
     let keeper = Keeper::new(keep, &job, options)?;
     let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
     finish(job, driven, with_volume.then_some(albedo_of))
+}
+
+/// What the driver runs.
+fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
+    Steps {
+        levels: plan.levels.clone(),
+        start: initialise(plan, &plan.levels[0]),
+        iteration: Box::new(|plan, level, i| {
+            iteration(plan, level, i as u32, (i % options.restart_every) as u32 + 1)
+        }),
+        due: Box::new(|plan, level, done| due(plan, options, level, done)),
+        extract: Box::new(domain::extract),
+        passes: [super::passes::ALL, passes::ALL],
+        l1_weight: Box::new(|level| options.l1 / level.grid.voxels() as f64),
+        of: options.iterations,
+        stop_below: None,
+    }
+}
+
+/// The schedules of a whole solve.
+pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<Part> {
+    outline::of("volume", plan, &steps(plan, options), 0..options.iterations)
 }
 
 /// Albedo of a voxel whose raw variables these are: ELU.

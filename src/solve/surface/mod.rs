@@ -12,7 +12,8 @@ use std::time::Instant;
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::estimate::expected_noise;
 use super::on_device::{OnDevice, trace_rows, upload};
-use super::{Level, Pass, VectorOptions};
+use super::outline::{self, Part};
+use super::{Level, Pass, Plan, VectorOptions};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
@@ -79,32 +80,8 @@ pub(super) fn refine(
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
     let Some(told) = told else { return Ok((Driven { maps, ..driven }, false)) };
-    let count = pixels.len();
-    let steps = Steps {
-        levels: &levels,
-        start: Schedule::default(),
-        iteration: &|plan, level, i| {
-            let blur = first_blur.and_then(|_| blur::number(i - begin, iterations));
-            let through = blur.map(|k| ((k + 1) * room) as u32);
-            iteration(plan, level, count, i, i - begin, through)
-        },
-        due: &|_, level, done| {
-            let mut s = Schedule::default();
-            if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
-                *level = next;
-                s.extend(widen(&levels[*level], &told[*level]));
-            }
-            if (done - begin).is_multiple_of(RENEW) {
-                s.extend(bonds(&levels[*level], count));
-            }
-            s
-        },
-        extract: &|level| extract(level, count),
-        passes: &[super::passes::ALL, passes::ALL],
-        l1_weight: &|_| 1.0,
-        of: begin + iterations,
-        stop_below: None,
-    };
+    let stages = Stages { levels, beginnings, weights: told };
+    let steps = steps(stages, pixels.len(), begin, iterations, first_blur.map(|_| room));
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without what its prior costs.
     let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > WORSE * loss);
@@ -113,6 +90,71 @@ pub(super) fn refine(
     }
     driven.level = volume;
     Ok((driven, left))
+}
+
+/// What a surface runs at, in turn.
+struct Stages {
+    levels: Vec<Level>,
+    /// The iteration of the surface that each begins with.
+    beginnings: Vec<usize>,
+    /// The weights of each.
+    weights: Vec<[f32; SURFACE_WEIGHTS as usize]>,
+}
+
+/// What the driver runs: `iterations` of a surface of `count` pixels, after `begin` of the volume. Residuals go through
+/// a Gaussian at first if `taps`, the words of a set of taps, are given.
+fn steps(
+    stages: Stages,
+    count: usize,
+    begin: usize,
+    iterations: usize,
+    taps: Option<usize>,
+) -> Steps<'static> {
+    let Stages { levels, beginnings, weights } = stages;
+    let all = levels.clone();
+    Steps {
+        levels,
+        start: Schedule::default(),
+        iteration: Box::new(move |plan, level, i| {
+            let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
+            iteration(plan, level, count, i, i - begin, blur.map(|word| word as u32))
+        }),
+        due: Box::new(move |_, level, done| {
+            let mut s = Schedule::default();
+            if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
+                *level = next;
+                s.extend(widen(&all[*level], &weights[*level]));
+            }
+            if (done - begin).is_multiple_of(RENEW) {
+                s.extend(bonds(&all[*level], count));
+            }
+            s
+        }),
+        extract: Box::new(move |level| extract(level, count)),
+        passes: [super::passes::ALL, passes::ALL],
+        l1_weight: Box::new(|_| 1.0),
+        of: begin + iterations,
+        stop_below: None,
+    }
+}
+
+/// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; none if there is to be
+/// no surface.
+pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
+    let (Some(reached), iterations) = (plan.levels.last(), options.surface_iterations) else { return vec![] };
+    if iterations == 0 {
+        return vec![];
+    }
+    let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
+    let weights = vec![[0.0; SURFACE_WEIGHTS as usize]; levels.len()];
+    let (count, begin, first) = (pixels(plan), options.iterations, levels[0]);
+    let taps = is_blurred(plan).then_some(plan.tap_room);
+    let stages = Stages { levels, beginnings, weights };
+    let steps = Steps {
+        start: start(&first, count, points_of(plan)),
+        ..steps(stages, count, begin, iterations, taps)
+    };
+    outline::of("surface", plan, &steps, begin..begin + iterations)
 }
 
 /// Those of `levels` that are run, and the iteration from which each is: where early ones take a part of the pairs, the last

@@ -14,6 +14,7 @@ use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
 use super::estimate::{background, expected_noise, variance_per_count};
 use super::on_device::{OnDevice, upload};
+use super::outline::{self, Part};
 use super::plan::AMPLE;
 use super::result::{Reconstruction, finish};
 use super::{Plan, domain, surface};
@@ -60,18 +61,8 @@ pub fn reconstruct<'b, 'w: 'b>(
     let lateral = job.plan.levels[0].grid.pitch.x;
     let hat = hat(HAT_SIGMA * lateral / capture.bin_width, job.plan.bins);
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
-    let levels = job.plan.levels.clone();
-    let steps = Steps {
-        levels: &levels,
-        start: start(&job.plan, &job.plan.levels[0], options),
-        iteration: &|plan, level, i| iteration(plan, level, i as u32),
-        due: &|plan, level, done| due(plan, options, level, done),
-        extract: &domain::extract,
-        passes: &[super::passes::ALL, passes::ALL],
-        l1_weight: &|_| 1.0,
-        of: options.iterations + options.surface_iterations,
-        stop_below: options.stop.then(|| expected_noise(&job.model)),
-    };
+    let steps =
+        Steps { stop_below: options.stop.then(|| expected_noise(&job.model)), ..steps(&job.plan, options) };
     let keeper = Keeper::new(keep, &job, options)?;
     let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
     let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
@@ -84,6 +75,28 @@ pub fn reconstruct<'b, 'w: 'b>(
         surface_left,
         ..finish(job, driven, with_volume.then_some(albedo_of))?
     })
+}
+
+/// What the driver runs, up to the last iteration.
+fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
+    Steps {
+        levels: plan.levels.clone(),
+        start: start(plan, &plan.levels[0], options),
+        iteration: Box::new(|plan, level, i| iteration(plan, level, i as u32)),
+        due: Box::new(|plan, level, done| due(plan, options, level, done)),
+        extract: Box::new(domain::extract),
+        passes: [super::passes::ALL, passes::ALL],
+        l1_weight: Box::new(|_| 1.0),
+        of: options.iterations + options.surface_iterations,
+        stop_below: None,
+    }
+}
+
+/// The schedules of a whole solve: the volume, then the surface.
+pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
+    let mut parts = outline::of("volume", plan, &steps(plan, options), 0..options.iterations);
+    parts.extend(surface::outline(plan, options));
+    parts
 }
 
 /// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.

@@ -1,0 +1,198 @@
+//! A solve as its schedules: what runs before the first iteration, in one, and between them, before anything is allocated.
+//!
+//! Nothing here is written by hand. The schedules are those that the driver submits, and what a dispatch reads and
+//! writes is what `build.rs` found in its compiled module.
+
+use std::fmt;
+use std::ops::Range;
+
+use super::drive::Steps;
+use super::{Level, Plan};
+use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size};
+use crate::transport::kernels::buffer;
+
+/// A schedule of a solve, and when it runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// What it belongs to: "volume" or "surface".
+    pub of: &'static str,
+    pub when: When,
+    /// Lateral voxels or pixels, and pairs, of the level that it leads to.
+    pub lateral: usize,
+    pub pairs: usize,
+    pub steps: Vec<Step>,
+}
+
+/// When a part runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum When {
+    /// Before the first iteration.
+    Start,
+    /// In each of these iterations (from 1): first and last.
+    Iterations(usize, usize),
+    /// After so many iterations.
+    After(Vec<usize>),
+    /// After the last iteration: the maps.
+    End,
+}
+
+/// A command as people read it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Step {
+    /// The pass, `fill` or `copy`.
+    pub name: String,
+    /// Workgroups or bytes of each command.
+    pub sizes: Vec<String>,
+    /// Buffers, by the names that the plan allocates. Those that a module names but this plan does not use are left out.
+    pub reads: Vec<Buffer>,
+    pub writes: Vec<Buffer>,
+}
+
+/// The parts of one run of the driver over `iterations`. What is due again and again is one part, with all the times.
+pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations: Range<usize>) -> Vec<Part> {
+    let part = |when, level: &Level, schedule: &Schedule| Part {
+        of: what,
+        when,
+        lateral: level.grid.n[0],
+        pairs: level.pairs,
+        steps: steps_of(plan, schedule),
+    };
+    let mut level = 0;
+    let mut all = vec![part(When::Start, &steps.levels[0], &steps.start)];
+    let mut due: Vec<Part> = vec![];
+    for i in iterations.clone() {
+        let here = steps.levels[level];
+        let run = (steps.iteration)(plan, &here, i);
+        let one = part(When::Iterations(i + 1, i + 1), &here, &run);
+        match all.last_mut() {
+            Some(Part { when: When::Iterations(_, last), lateral, pairs, steps, .. })
+                if (*lateral, *pairs, &*steps) == (one.lateral, one.pairs, &one.steps) =>
+            {
+                *last = i + 1;
+            }
+            _ => all.push(one),
+        }
+        if i + 1 == iterations.end {
+            break;
+        }
+        let change = (steps.due)(plan, &mut level, i + 1);
+        if change.commands.is_empty() {
+            continue;
+        }
+        let one = part(When::After(vec![i + 1]), &steps.levels[level], &change);
+        let same = |p: &&mut Part| (p.lateral, p.pairs, &p.steps) == (one.lateral, one.pairs, &one.steps);
+        match due.iter_mut().find(same) {
+            Some(Part { when: When::After(times), .. }) => times.push(i + 1),
+            _ => due.push(one),
+        }
+    }
+    let last = &steps.levels[level];
+    all.extend(due);
+    all.push(part(When::End, last, &(steps.extract)(last)));
+    all
+}
+
+/// The commands of a schedule. Neighbours that differ only in their sizes are one step.
+fn steps_of(plan: &Plan, schedule: &Schedule) -> Vec<Step> {
+    let mut all: Vec<Step> = vec![];
+    for one in schedule.commands.iter().filter_map(|c| step(plan, c)) {
+        match all.last_mut() {
+            Some(s) if (&s.name, &s.reads, &s.writes) == (&one.name, &one.reads, &one.writes) => {
+                s.sizes.extend(one.sizes);
+            }
+            _ => all.push(one),
+        }
+    }
+    all
+}
+
+/// A command with what it reads and writes; `None` for what does nothing on the device.
+fn step(plan: &Plan, command: &Command) -> Option<Step> {
+    let step =
+        |size: String, reads, writes| Step { name: command.name().into(), sizes: vec![size], reads, writes };
+    Some(match command {
+        Command::Dispatch { kernel, size, bind, .. } => {
+            let pass = plan.passes.iter().find(|p| p.kernel == *kernel)?;
+            let code: &KernelCode = (pass.code)(plan);
+            let buffer = |block: Buffer| bind.iter().find(|b| b.0 == block).map_or(block, |b| b.1);
+            // The scene's constants are everyone's.
+            let bound = || code.bindings.iter().filter(|b| !b.uniform && b.block != buffer::SCENE);
+            let used = |b: &Buffer| plan.bytes_of(*b) > BufferPlan::LEAST;
+            let mut reads: Vec<_> =
+                bound().filter(|b| b.reads).map(|b| buffer(b.block)).filter(used).collect();
+            let size = match size {
+                Size::Groups([x, 1, 1]) => format!("{x} groups"),
+                Size::Groups([x, y, z]) => format!("{x} x {y} x {z} groups"),
+                Size::Indirect(from, offset) => {
+                    reads.push(*from);
+                    format!("{from} {}", offset / 12)
+                }
+            };
+            step(size, reads, bound().filter(|b| b.writes).map(|b| buffer(b.block)).filter(used).collect())
+        }
+        Command::Copy { from, to, bytes, .. } => step(amount(*bytes), vec![*from], vec![*to]),
+        Command::Fill { buffer, bytes, .. } => step(amount(*bytes), vec![], vec![*buffer]),
+        Command::Stage(_) => return None,
+    })
+}
+
+/// Bytes for people.
+fn amount(bytes: u64) -> String {
+    match bytes {
+        0..10_000 => format!("{bytes} B"),
+        10_000..10_000_000 => format!("{} kB", bytes / 1000),
+        _ => format!("{} MB", bytes / 1_000_000),
+    }
+}
+
+impl Step {
+    /// The sizes as one text: the first and the last of several.
+    fn size(&self) -> String {
+        match &self.sizes[..] {
+            [one] => one.clone(),
+            [first, .., last] if first == last => format!("{first}, {} times", self.sizes.len()),
+            [first, .., last] => format!("{first} to {}", last.split(' ').next_back().unwrap_or(last)),
+            [] => String::new(),
+        }
+    }
+}
+
+impl fmt::Display for When {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            When::Start => f.write_str("before the first iteration"),
+            When::Iterations(first, last) if first == last => write!(f, "iteration {first}"),
+            When::Iterations(first, last) => write!(f, "iterations {first} to {last}"),
+            When::After(times) if times.len() > 4 => {
+                let (first, second, last) = (times[0], times[1], times[times.len() - 1]);
+                write!(f, "after {first}, {second}, ..., {last} iterations ({} times)", times.len())
+            }
+            When::After(times) => {
+                let times: Vec<_> = times.iter().map(|t| t.to_string()).collect();
+                write!(f, "after {} iterations", times.join(", "))
+            }
+            When::End => f.write_str("after the last iteration"),
+        }
+    }
+}
+
+/// One line for each command.
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Part { of, when, lateral, pairs, steps } = self;
+        writeln!(
+            f,
+            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs): {} commands",
+            steps.iter().map(|s| s.sizes.len()).sum::<usize>()
+        )?;
+        let names = |all: &[Buffer]| all.iter().map(|b| b.to_string()).collect::<Vec<_>>().join(" ");
+        let reads: Vec<_> = steps.iter().map(|s| names(&s.reads)).collect();
+        let width = reads.iter().map(String::len).max().unwrap_or(0).min(76);
+        for (step, reads) in steps.iter().zip(reads) {
+            let line =
+                format!("  {:<23} {:<18} {reads:<width$} -> {}", step.name, step.size(), names(&step.writes));
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,98 @@
+//! The outline of a solve is what runs: every command, as often as it says, and buffers that the plan has.
+
+use std::collections::BTreeMap;
+
+use fixtures::device::unwatched;
+use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::{
+    PaperOptions, Part, Plan, Preset, Reconstruction, VectorOptions, When, default_volume, paper, vector,
+};
+use thirdbounce::transport::Grid;
+
+/// How often the commands of all parts run.
+fn told(parts: &[Part]) -> BTreeMap<String, usize> {
+    let mut all = BTreeMap::new();
+    for part in parts {
+        let times = match &part.when {
+            When::Start | When::End => 1,
+            When::Iterations(first, last) => last + 1 - first,
+            When::After(times) => times.len(),
+        };
+        for step in &part.steps {
+            *all.entry(step.name.clone()).or_insert(0) += times * step.sizes.len();
+        }
+    }
+    all
+}
+
+/// How often the device ran them.
+fn ran(gpu: &Gpu) -> BTreeMap<String, usize> {
+    let recording = gpu.take_recording();
+    recording.device.iter().fold(BTreeMap::new(), |mut all, r| {
+        // Uploads of the capture, and what the surface places itself with, are no part of a schedule.
+        let stage = r.stage.map(|s| recording.stages[s].name);
+        if stage.is_some_and(|name| name != "surface") {
+            *all.entry(r.kernel.to_string()).or_insert(0) += 1;
+        }
+        all
+    })
+}
+
+fn assert_known(plan: &Plan, parts: &[Part]) {
+    for step in parts.iter().flat_map(|p| &p.steps) {
+        for b in step.reads.iter().chain(&step.writes) {
+            assert!(plan.bytes_of(*b) > 0, "{} uses {b}, which the plan lacks", step.name);
+        }
+        assert!(!step.writes.is_empty(), "{} writes nothing", step.name);
+    }
+}
+
+#[test]
+fn the_outline_is_what_runs() {
+    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::default() }).expect("a device");
+    let scene = Scene { scan: 8, bin_width: 0.02, ..Scene::named("letter-L").unwrap() };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
+    let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
+    let check = |done: Reconstruction, parts: Vec<Part>| {
+        assert_known(&done.plan, &parts);
+        assert_eq!(told(&parts), ran(&gpu));
+    };
+    let o = PaperOptions {
+        lateral: 16,
+        iterations: 25,
+        double_every: 10,
+        reduce_every: 4,
+        restart_every: 6,
+        ..PaperOptions::preset(Preset::Captured)
+    };
+    let grid = Grid::new(default_volume(&capture, o.min_depth).unwrap(), o.lateral, 0.02).unwrap();
+    gpu.take_recording();
+    let done = paper::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
+    let parts = paper::outline(&done.plan, &o);
+    assert!(parts.iter().any(|p| matches!(&p.when, When::After(times) if times.len() > 1)));
+    check(done, parts);
+
+    // Without a surface, which takes as many pixels as the maps have.
+    let o = VectorOptions {
+        lateral: 16,
+        iterations: 20,
+        coarse_iterations: 8,
+        surface_iterations: 0,
+        stop: false,
+        ..VectorOptions::default()
+    };
+    let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
+    let parts = vector::outline(&done.plan, &o);
+    check(done, parts);
+
+    let o = VectorOptions { surface_iterations: 12, ..o };
+    let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
+    let parts = vector::outline(&done.plan, &o);
+    assert_known(&done.plan, &parts);
+    let [told, ran] = [told(&parts), ran(&gpu)];
+    for pass in ["surface_points", "surface_gather", "surface_combine", "surface_step", "surface_finish"] {
+        assert!(told[pass] > 0);
+        assert_eq!(told.get(pass), ran.get(pass), "{pass}");
+    }
+}
