@@ -32,7 +32,9 @@ pub use on_device::{OnDevice, upload};
 pub use outline::{Part, Step, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions, Preset};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
-pub use plan::{Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, Sizes, Tuning, UPLOAD};
+pub use plan::{
+    Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, SMOOTH, Sizes, Tuning, UPLOAD,
+};
 pub use result::{Reconstruction, VolumeMap};
 pub use vector::VectorOptions;
 

@@ -2,9 +2,9 @@
 //! maps.
 
 use fixtures::device::*;
-use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::OnDevice;
-use thirdbounce::solve::{Accumulation, compact, double, extract, initialise, reduce};
+use thirdbounce::gpu::{Buffer, Schedule};
+use thirdbounce::solve::paper::{double, initialise, reduce};
+use thirdbounce::solve::{Accumulation, COLUMNS_HOST, OnDevice, compact, extract};
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Twin};
@@ -48,7 +48,7 @@ fn assert_lists(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], continuous
 }
 
 #[test]
-fn compaction_lists_every_active_voxel_in_brick_order() {
+pub fn compaction_lists_every_active_voxel_in_brick_order() {
     let gpu = gpu();
     let model = model(3, 40, 1);
     let grid = grid();
@@ -83,7 +83,7 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
 }
 
 /// A state's buffers, in the order that tests give them.
-const STATE: [&str; 3] = ["raw", "moment_first", "moment_second"];
+const STATE: [Buffer; 3] = [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND];
 
 /// Writes a domain and the state of what it touches, all three by storage index; what is touched is returned.
 fn hold(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
@@ -100,7 +100,7 @@ fn moments(raw: &[Raw], by: f64) -> Vec<Raw> {
 }
 
 #[test]
-fn initialise_is_uniform_and_keeps_the_near_space_out() {
+pub fn initialise_is_uniform_and_keeps_the_near_space_out() {
     let gpu = gpu();
     let model = model(3, 40, 1);
     let grid = grid();
@@ -116,7 +116,7 @@ fn initialise_is_uniform_and_keeps_the_near_space_out() {
     assert_lists(&mut job, &grid, &domain, true);
     let mean = raw.iter().map(|r| r[0]).sum::<f64>() / raw.len() as f64;
     assert!((mean - 0.5).abs() < 4.0 / (12.0 * raw.len() as f64).sqrt(), "{mean}");
-    for buffer in ["moment_first", "moment_second"] {
+    for buffer in [buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         assert!(read_raw(&mut job, buffer, touched.len()).concat().iter().all(|v| *v == 0.0));
     }
     let sums: Vec<f32> = read(&mut job, buffer::HISTOGRAMS, model.cells());
@@ -125,7 +125,7 @@ fn initialise_is_uniform_and_keeps_the_near_space_out() {
 }
 
 #[test]
-fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
+pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
     let gpu = gpu();
     let mut model = model(3, 40, 1);
     let grid = grid();
@@ -190,7 +190,7 @@ fn taps_are_a_truncated_gaussian_that_sums_to_one() {
 }
 
 #[test]
-fn doubling_interpolates_the_volume_and_splits_every_voxel() {
+pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let gpu = gpu();
     let model = model(3, 40, 1);
     let fine = grid();
@@ -219,7 +219,7 @@ fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let whole = twin::carry_doubled(&coarse, &fine, &raw);
     let active = twin::compact(&split);
     assert!(error(twin::carry(&active, &got).concat(), twin::carry(&active, &whole).concat()) < 1e-6);
-    for buffer in ["moment_first", "moment_second"] {
+    for buffer in [buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         assert!(read_raw(&mut job, buffer, touched.len()).concat().iter().all(|v| *v == 0.0));
     }
     assert_valid(&gpu);
@@ -243,7 +243,7 @@ fn doubling_keeps_a_linear_volume_linear_inside() {
 }
 
 #[test]
-fn extract_finds_the_brightest_voxel_of_every_column() {
+pub fn extract_finds_the_brightest_voxel_of_every_column() {
     let gpu = gpu();
     let model = model(3, 40, 1);
     let grid = grid();
@@ -254,8 +254,7 @@ fn extract_finds_the_brightest_voxel_of_every_column() {
     write_state(&mut job, buffer::RAW, &touched, &raw);
     let schedule = extract(job.plan.finest());
     job.executor.run(&schedule).unwrap();
-    let got: Vec<[f32; 8]> =
-        bytemuck::pod_collect_to_vec(job.executor.arena.mapped(Buffer::named("columns_host")));
+    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped(COLUMNS_HOST));
     let want = twin::extract(&twin, &raw, &domain);
     let (mut found, mut empty) = (0, 0);
     for (g, w) in got.iter().zip(&want) {

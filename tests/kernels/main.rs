@@ -1,11 +1,14 @@
 //! Every kernel against its float64 twin, and the twins' gradients against finite differences.
 
+mod domain;
+mod held;
 mod paper;
 mod paper_gradient;
 mod surface;
 mod surface_gather;
 mod surface_gradient;
 mod vector;
+mod vector_domain;
 mod vector_forward;
 mod vector_gradient;
 mod vector_momentum;

@@ -16,7 +16,7 @@ fn run(job: &mut thirdbounce::solve::OnDevice<'_>, names: &[&str], number: u32, 
 }
 
 #[test]
-fn sample() {
+pub fn sample() {
     let gpu = gpu();
     for sampling in [Sampling::Continuous, Sampling::Fixed] {
         let mut model = model(3, 40, 1);
@@ -73,7 +73,7 @@ fn continuous_samples_stay_within_half_a_voxel_and_cover_it() {
 }
 
 #[test]
-fn forward_on_every_accumulation_path() {
+pub fn forward_on_every_accumulation_path() {
     let gpu = gpu();
     for binning in [Binning::Linear, Binning::Nearest] {
         let mut model = model(5, 64, 3);
@@ -121,7 +121,7 @@ fn fixed_exponent(peak: f32, bound: f32, count: u32) -> i32 {
 }
 
 #[test]
-fn residual_with_and_without_noise_term() {
+pub fn residual_with_and_without_noise_term() {
     let gpu = gpu();
     for noise in [NoiseTerm::Off, NoiseTerm::Bin, NoiseTerm::Histogram] {
         for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
@@ -173,7 +173,7 @@ fn residual_with_and_without_noise_term() {
 }
 
 #[test]
-fn noise_learns_as_its_twin() {
+pub fn noise_learns_as_its_twin() {
     let gpu = gpu();
     for noise in [NoiseTerm::Bin, NoiseTerm::Histogram] {
         let mut model = model(4, 70, 7);
@@ -205,7 +205,7 @@ fn noise_learns_as_its_twin() {
 }
 
 #[test]
-fn backward_published_and_exact() {
+pub fn backward_published_and_exact() {
     let gpu = gpu();
     for binning in [Binning::Linear, Binning::Nearest] {
         for gradient in [Gradient::Published, Gradient::Exact] {
@@ -236,7 +236,7 @@ fn backward_published_and_exact() {
 }
 
 #[test]
-fn forward_and_backward_of_every_model_pair_and_wall() {
+pub fn forward_and_backward_of_every_model_pair_and_wall() {
     let gpu = gpu();
     let grid = grid();
     for (geometry, reflectance, curved) in variants() {
@@ -305,7 +305,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
 }
 
 #[test]
-fn update_continuous_and_fixed() {
+pub fn update_continuous_and_fixed() {
     let gpu = gpu();
     // At iteration 4 the learning rate is whole, half of it, next to nothing, nothing.
     let decays = [(0.0, 1.0), (8.0, 0.5), (4.5, 0.0302), (3.0, 0.0)];
@@ -351,7 +351,7 @@ fn update_continuous_and_fixed() {
 }
 
 #[test]
-fn finish_sums_and_resets() {
+pub fn finish_sums_and_resets() {
     let gpu = gpu();
     let model = model(4, 50, 15);
     let grid = grid();

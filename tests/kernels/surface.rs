@@ -37,7 +37,7 @@ fn pitches(grid: &Grid) -> f64 {
 }
 
 #[test]
-fn bonds_and_points() {
+pub fn bonds_and_points() {
     let gpu = gpu();
     let grid = oblong();
     for (reflectance, each) in
@@ -106,7 +106,7 @@ fn bonds_and_points() {
 
 /// Random gradients at the points of a field whose depths have moved since its bonds were found.
 #[test]
-fn combine() {
+pub fn combine() {
     let gpu = gpu();
     let grid = oblong();
     for (reflectance, each) in
@@ -179,7 +179,7 @@ fn combine() {
 }
 
 #[test]
-fn several_steps() {
+pub fn several_steps() {
     let gpu = gpu();
     // By a pixel's own gradient; by those around it, over 1.5 pixels at first and by a Gaussian that leaves the maps.
     [0.0, 1.5, 6.0].into_iter().for_each(|spread| check_steps(&gpu, spread));
@@ -251,7 +251,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
 }
 
 #[test]
-fn extract() {
+pub fn extract() {
     let gpu = gpu();
     let (model, grid) = (scene(3, 40, 1), oblong());
     let twin = Twin { model: &model, grid: &grid };
@@ -290,7 +290,7 @@ fn extract() {
 
 /// The schedule as a whole, with the weights that the stage has: every iteration from what the one before left.
 #[test]
-fn iterations_in_a_row() {
+pub fn iterations_in_a_row() {
     let gpu = gpu();
     let cases = [
         (Geometry::Confocal, Reflectance::Cosine, false, Accumulation::Owned, 4),

@@ -81,7 +81,7 @@ fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, toleranc
 }
 
 #[test]
-fn gather_of_every_model_pair_and_wall() {
+pub fn gather_of_every_model_pair_and_wall() {
     let gpu = gpu();
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&scene(5, 64, 9), geometry, reflectance, curved, 20);

@@ -11,7 +11,7 @@ use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, Told, Twi
 use thirdbounce::transport::{Grid, Model, Reflectance};
 
 #[test]
-fn points_and_extrapolate() {
+pub fn points_and_extrapolate() {
     check_extrapolate(Reflectance::Cosine);
     check_extrapolate(Reflectance::Isotropic);
 }
@@ -238,7 +238,7 @@ fn step_in_slices_and_groups() {
 }
 
 #[test]
-fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
+pub fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
     let gpu = gpu();
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&scene(5, 64, 9), geometry, reflectance, curved, 20);
@@ -326,7 +326,7 @@ fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
 }
 
 #[test]
-fn variance_filter_and_backproject() {
+pub fn variance_filter_and_backproject() {
     let gpu = gpu();
     let mut model = scene(4, 50, 19);
     // A background taken off leaves negative values.

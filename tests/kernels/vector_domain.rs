@@ -4,7 +4,7 @@ use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{OnDevice, Plan, VectorOptions, extract, vector};
+use thirdbounce::solve::{COLUMNS_HOST, OnDevice, Plan, SMOOTH, VectorOptions, extract, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
@@ -28,7 +28,7 @@ fn check_settled(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], v: &[DVec3]
 }
 
 #[test]
-fn reduction_smooths_the_lengths_and_settles() {
+pub fn reduction_smooths_the_lengths_and_settles() {
     let gpu = gpu();
     let (mut model, grid) = (scene(3, 40, 22), grid());
     model.keep_above = 0.6;
@@ -48,9 +48,7 @@ fn reduction_smooths_the_lengths_and_settles() {
     let s = vector::due(&job.plan, &o, &mut level, o.reduce_every);
     job.executor.run(&s).unwrap();
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
-    assert!(
-        error(read_floats(&mut job, Buffer::named("smooth"), grid.storage()), smooth.iter().copied()) < 2e-6
-    );
+    assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 2e-6);
     let kept = twin::threshold(&twin, &smooth);
     let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
     assert!(share > 0.02 && share < 0.9, "{share}");
@@ -68,7 +66,7 @@ fn reduction_smooths_the_lengths_and_settles() {
 
 /// A domain that there is no room for keeps the brightest, and what is listed never exceeds the room.
 #[test]
-fn a_domain_beyond_its_room_keeps_the_brightest() {
+pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let gpu = gpu();
     let (mut model, grid) = (scene(3, 40, 22), grid());
     model.keep_above = 0.05;
@@ -188,7 +186,7 @@ fn check_points(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool]) {
 
 /// Bounds renewed beside a reduction lean on what it smoothed; with a power of zero all voxels count alike.
 #[test]
-fn bounds_weigh_voxels_by_how_bright_they_are() {
+pub fn bounds_weigh_voxels_by_how_bright_they_are() {
     let gpu = gpu();
     let (model, grid) = (scene(4, 40, 31), grid());
     let mut first = None;
@@ -214,7 +212,7 @@ fn bounds_weigh_voxels_by_how_bright_they_are() {
 }
 
 #[test]
-fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
+pub fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     let gpu = gpu();
     let (model, fine) = (scene(3, 40, 25), grid());
     let coarse = fine.coarser(2);
@@ -256,7 +254,7 @@ fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
 }
 
 #[test]
-fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
+pub fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let gpu = gpu();
     let (mut model, grid) = (scene(5, 64, 28), grid());
     model.keep_above = 0.3;
@@ -270,9 +268,7 @@ fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
     let projected = twin::backproject(&twin, &twin::filter(&twin, &half));
     let smooth = twin::smooth(&grid, projected, &job.plan.taps);
-    assert!(
-        error(read_floats(&mut job, Buffer::named("smooth"), grid.storage()), smooth.iter().copied()) < 3e-5
-    );
+    assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 3e-5);
     let mask = read_mask(&mut job, buffer::MASK, grid.storage());
     let want = twin::threshold(&twin, &smooth);
     let differ = mask.iter().zip(&want).filter(|(a, b)| a != b).count();
@@ -303,8 +299,7 @@ fn extract_takes_a_column_from_all_of_its_surface() {
     write_vectors(&mut job, buffer::RAW, &active, &v);
     let s = extract(job.plan.finest());
     job.executor.run(&s).unwrap();
-    let got: Vec<[f32; 8]> =
-        bytemuck::pod_collect_to_vec(job.executor.arena.mapped(Buffer::named("columns_host")));
+    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped(COLUMNS_HOST));
     let brightest = twin::lengths(&v, &domain);
     let (mut found, mut empty, mut together, mut farther) = (0, 0, 0, 0);
     for (i, (g, w)) in got.iter().zip(twin::extract_vectors(&twin, &v, &domain)).enumerate() {
@@ -348,7 +343,7 @@ fn the_papers_scene_takes_150_megabytes() {
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         assert!(bytes < most, "{bytes}");
         let storage = plan.finest().grid.storage();
-        assert_eq!([plan.finest().grid.n[0], plan.maps_grid().n[0]], [128 / pixels_per_voxel, 128]);
+        assert_eq!([plan.finest().grid.n[0], plan.maps.n[0]], [128 / pixels_per_voxel, 128]);
         assert!(plan.capacity * 16 >= storage && plan.capacity < storage);
         assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
         let larger = plan.left_out.iter().any(|l| l.contains("2 of them wide"));

@@ -79,7 +79,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
 }
 
 #[test]
-fn forward_and_weighted_residual_on_every_accumulation_path() {
+pub fn forward_and_weighted_residual_on_every_accumulation_path() {
     let (base, grid) = (scene(5, 64, 3), grid());
     let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
     for model in [&base, &product] {
@@ -98,7 +98,7 @@ fn forward_and_weighted_residual_on_every_accumulation_path() {
 /// What the instrument shows, on every accumulation path: a pulse with a tail, one that lies before or behind its path, one
 /// as long as the histogram, and one that changes nothing.
 #[test]
-fn forward_and_weighted_residual_through_a_pulse() {
+pub fn forward_and_weighted_residual_through_a_pulse() {
     let (base, grid) = (scene(5, 61, 3), grid());
     let long = PulseTaps { before: 30, weights: (0..70).map(|i| f64::from(i % 7 + 1) / 280.0).collect() };
     let early = PulseTaps { before: 5, weights: vec![0.5, 0.3, 0.2, 0.0, 0.0, 0.0] };

@@ -7,7 +7,7 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Momentum};
 
 #[test]
-fn finish_decides_on_the_momentum() {
+pub fn finish_decides_on_the_momentum() {
     let gpu = gpu();
     let (model, grid) = (scene(4, 50, 20), grid());
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
