@@ -150,7 +150,7 @@ fn without_a_direct_peak_there_is_no_gate() {
     assert_eq!(gate(&indirect), None);
     assert_eq!(gate(&|_, _| 1.0), None);
     assert_eq!(gate(&|_, _| 0.0), None);
-    // A peak with nothing behind it may be all there is.
+    // A peak with nothing after it may be the signal.
     assert_eq!(gate(&|_, b| 2000.0 * (-(b as f32) / 5.0).exp()), None);
     // A first surface near the wall, at another path for every pair.
     assert_eq!(gate(&|p, b| if b == p % 12 { 900.0 } else { indirect(p, b) }), None);

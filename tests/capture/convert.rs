@@ -1,4 +1,4 @@
-//! Captures made smaller, written and read again: every count is kept; and what looks wrong is said.
+//! Captures made smaller, written and read again: every count is kept, and doubts are reported.
 
 use fixtures::captures::{assert_error, capture, place, ramp, total};
 use glam::{DVec3, dvec3};
@@ -84,12 +84,12 @@ fn the_stanford_form_comes_back() {
 fn doubts_are_said_and_sound_captures_have_none() {
     let c = one_point(12, dvec3(0.2, 0.1, 0.4));
     assert_eq!(c.doubts(), Vec::<String>::new());
-    // Half the wall's width given for the whole.
+    // Half the wall's width is given as the whole.
     let mut narrow = c.clone();
     narrow.set_wall(0.5).unwrap();
     let doubts = narrow.doubts().join("\n");
     assert!(doubts.contains("half its width") && doubts.contains("--wall"), "{doubts}");
-    // Time zero far too late: the light comes before it left.
+    // Time zero is far too late: light arrives before it left.
     let mut early = c.clone();
     early.laser.fill(dvec3(0.0, 0.0, 0.0));
     early.t_start = -0.8;

@@ -58,7 +58,7 @@ fn the_format_is_read_from_the_contents() {
     let mut behind_user_block = vec![0u8; 512];
     behind_user_block.extend(std::fs::read(path.with_extension("h5")).unwrap());
     std::fs::write(&path, &behind_user_block).unwrap();
-    // Whether the addresses inside fit or not, it is known as HDF5.
+    // It is recognised as HDF5 whether or not its addresses are valid.
     if let Err(e) = read(&path) {
         assert!(e.to_string().contains("HDF5"), "{e}");
     }
@@ -229,7 +229,7 @@ fn unreadable_files_give_errors() {
 
 #[test]
 fn a_zip_bomb_is_refused() {
-    // An honest archive whose directory then claims a terabyte for H.
+    // A good archive, whose directory is changed to claim a terabyte for H.
     let mut bytes = npz_bytes(&arrays()).unwrap();
     let directory = bytes.windows(4).position(|w| w == b"PK\x01\x02").unwrap();
     bytes[directory + 24..directory + 28].copy_from_slice(&0xf000_0000u32.to_le_bytes());
@@ -271,7 +271,7 @@ fn damaged_files_never_panic() {
                 bad[at] = random() as u8;
             }
             std::fs::write(&path, &bad).unwrap();
-            // Some damage does not matter; none may panic or hang.
+            // Some damage is harmless; none may cause a panic or a hang.
             if let Ok(c) = read(&path) {
                 c.check().unwrap();
             }
@@ -317,7 +317,7 @@ fn an_npz_from_another_zip_writer() {
 
 #[test]
 fn per_format_modules_are_public() {
-    // Readers that already know the format may skip the sniffing; the values are then not checked.
+    // A reader may be called directly; the values are then not checked.
     let (_folder, path) = place("made.npz");
     formats::npz::write(&ramp(), &path).unwrap();
     assert_eq!(formats::npz::read(&path).unwrap().histograms, ramp().histograms);

@@ -70,7 +70,7 @@ fn cut_files_are_refused() {
                 survived.push(length);
             }
         }
-        // Padding after the last value may be missing, an array that is not needed too.
+        // Padding after the last value may be missing, and so may an array that is not needed.
         let whole = survived.iter().all(|l| good.len() - l < 700);
         assert!(whole, "{name} of {} bytes opens though cut to {survived:?}", good.len());
     }
@@ -178,7 +178,7 @@ fn bombs_take_no_memory() {
     assert_error(file.numbers("rect_data"), Kind::Input, &["rect_data", "too large"]);
     let file = Matlab5::parse(bomb(72 + 400, [1000, 1000, 1000], 400)).unwrap();
     assert_error(file.counts("rect_data"), Kind::Input, &["rect_data", "400 bytes"]);
-    // Honest zeros, far more than what was claimed: only the claim is inflated.
+    // Real zeros, far more than claimed: only the claim is wrong.
     let file = Matlab5::parse(bomb(72 + 400, [10, 10, 1], 50_000_000)).unwrap();
     assert_eq!(file.counts("rect_data").unwrap().unwrap().values, vec![0.0; 100]);
     // A size that goes beyond a file without compression.
@@ -205,7 +205,7 @@ fn points_at_the_end_of_all_numbers_take_no_time() {
 
 #[test]
 fn structs_without_end() {
-    // A struct whose field is a struct, and so on: listed to a depth, then left alone.
+    // A struct in a struct, and so on: listed to a depth, then left alone.
     let mut inner = matlab_struct("", &[]);
     for _ in 0..5000 {
         inner = matlab_struct("s", &[("f", inner)]);
@@ -239,7 +239,7 @@ fn what_is_no_file() {
         std::os::unix::fs::symlink(at("lct.mat"), at("link")).unwrap();
         assert_eq!(read(&at("link")).unwrap().pair_count(), 6);
     }
-    // Files of a folder that are damaged or foreign do not hide the whole ones.
+    // Damaged or foreign files in a folder do not hide the good ones.
     let several = at("several");
     std::fs::create_dir(&several).unwrap();
     std::fs::write(several.join("broken.mat"), b"MATLAB 5.0 and no more").unwrap();

@@ -62,11 +62,11 @@ fn irregular_points_have_the_spacing_of_their_area() {
     let extent = c.wall_extent();
     let wanted = [-0.025, 0.975, -0.025, 0.475];
     assert!(extent.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{extent:?}");
-    // A scan written as a list is still the lattice that it is.
+    // A scan written as a list is recognised as a lattice.
     let mut c = capture([6, 4], 2, |_, _| 1.0);
     c.scan = [24, 1];
     assert_eq!((c.resolution(), c.spacing().map(|s| (s * 1e9).round())), ([6, 4], Some(1e8)));
-    // With a hole it has the spacing of before; of a few of its points that of these.
+    // With a hole it keeps its spacing; a few of its points have a spacing of their own.
     let holed = c.subset(20, 1).unwrap();
     assert_eq!((holed.resolution(), holed.spacing().map(|s| (s * 1e9).round())), ([6, 4], Some(1e8)));
     let few = capture([64, 64], 1, |_, _| 1.0).subset(1024, 3).unwrap();
@@ -131,18 +131,18 @@ fn pairs_that_were_not_measured_are_left_out_and_told() {
     assert!(notes[0].contains("2 of 64") && notes[0].contains("point"), "{notes:?}");
     assert!(notes[1].contains("1 of 64") && notes[1].contains("histogram"), "{notes:?}");
     assert!(notes[2].contains("1 of 64") && notes[2].contains("single count"), "{notes:?}");
-    // Where the points stand has not changed.
+    // The points have not moved.
     assert_eq!((left.resolution(), left.spacing()), ([8, 8], whole.spacing()));
     assert_eq!(left.wall_extent(), whole.wall_extent());
     assert_eq!(left.sensor[3], whole.sensor[4]);
-    // Few counts, or values that are no counts: a pair without signal may well be honest.
+    // With few counts, or values that are not counts, a pair without signal may be real.
     let mut few = capture([8, 8], 4, |_, _| 5.0);
     few.histograms[..4].fill(0.0);
     assert_eq!(few.clone().without_missing().unwrap(), (few, 0, vec![]));
     let mut real = Capture { integer_counts: false, ..whole.clone() };
     real.histograms[..4].fill(0.0);
     assert_eq!(real.clone().without_missing().unwrap().1, 0);
-    // NaN in part is a fault, infinite points are too.
+    // A histogram with some NaN is an error, and so are infinite points.
     let mut part = whole.clone();
     part.histograms[5] = f32::NAN;
     assert_error(part.without_missing().unwrap().0.check(), Kind::Input, &["pair 1", "bin 1", "NaN"]);

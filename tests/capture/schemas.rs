@@ -1,4 +1,4 @@
-//! Formats without a sample: files built from their schemas, in both axis orders, come back as they were meant.
+//! Formats without a sample: files built from their schemas, in both axis orders, are read as their schema means them.
 
 use std::path::Path;
 
@@ -14,8 +14,7 @@ fn count(t: usize, x: usize, y: usize) -> f64 {
 }
 
 /// Writes arrays as HDF5 of either axis order and as MATLAB v5 of either byte order, plain and compressed, and
-/// hands each file on. What stands in the fixture is MATLAB's order; an HDF5 file written by a C program has it
-/// reversed.
+/// passes each file to `check`. The fixture has MATLAB's order; an HDF5 file written by a C program has it reversed.
 fn every_file(arrays: &[Matrix], check: impl Fn(&Path, &str)) {
     let (_folder, path) = place("made.mat");
     hdf5(&path, arrays);
@@ -36,7 +35,7 @@ fn wall_point(x: usize, y: usize) -> DVec3 {
 }
 
 fn znlos(bounces: usize, confocal: bool) -> Vec<Matrix> {
-    // Camera and laser stand so that every outer leg is a whole number of bins for the middle column only.
+    // Camera and laser are placed so that every outer leg is a whole number of bins for the middle column only.
     let camera = dvec3(0.0, -1.0, 0.0);
     let positions = |name: &str| matrix(name, &[3, GRID[0], GRID[1]], |at| wall_point(at[1], at[2])[at[0]]);
     let normals = |name: &str| matrix(name, &[3, GRID[0], GRID[1]], |at| if at[0] == 1 { -1.0 } else { 0.0 });
@@ -81,7 +80,7 @@ fn znlos(bounces: usize, confocal: bool) -> Vec<Matrix> {
     all
 }
 
-/// Where the bright bin of each pair must lie: the path wall, hidden point, wall.
+/// The bright bin of each pair: that of the path wall, hidden point, wall.
 fn assert_confocal_paths(c: &Capture, what: &str) {
     assert_eq!(c.scan, GRID, "{what}");
     let hidden = dvec3(0.1, 0.05, 0.6);
@@ -168,8 +167,8 @@ fn znlos_exhaustive() {
             let (l, s) = (p / 6, p % 6);
             assert!(c.laser[p].distance(dvec3(0.3 * l as f64, 0.05, 0.0)) < 1e-9);
             assert!(c.sensor[p].distance(dvec3(0.1 * (s / 2) as f64, 0.1 * (s % 2) as f64, 0.0)) < 1e-9);
-            // The legs are short of a bin: counts move by less than one bin and keep their sum, but for what
-            // falls before path 0.
+            // The legs are shorter than a bin: counts move by less than one bin and keep their sum, except those that fall
+            // before path 0.
             let most = c.histograms[p * c.bins..(p + 1) * c.bins].iter().fold(0.0f32, |a, b| a.max(*b));
             let wanted = (8 + 10 * (s / 2) + 100 * (s % 2) + 1000 * l) as f32;
             assert!(most <= wanted && most > wanted - 3.0, "pair {p}: {most}, not {wanted}");

@@ -1,4 +1,4 @@
-//! Curved walls: normals from neighbours, and the volume that a capture can tell of.
+//! Curved walls: normals from neighbours, and the volume that a capture can see.
 
 use fixtures::captures::{angles, assert_error, capture};
 use glam::{DVec3, dvec3};
@@ -95,7 +95,7 @@ fn the_volume_ends_where_the_longest_path_can_come_from() {
         default_volume(&dark, 0.1).unwrap().max.z,
         0.5 * (0.81 - far).sqrt().max((0.71f64.powi(2) - 0.01).sqrt()),
     );
-    // A wall that stands elsewhere carries the volume with it; a bump pushes the near end forward.
+    // The volume moves with the wall; a bump pushes the near end forward.
     let mut moved = base();
     moved.laser.iter_mut().chain(&mut moved.sensor).for_each(|p| p.z += 2.0);
     let volume = default_volume(&moved, 0.1).unwrap();

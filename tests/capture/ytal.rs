@@ -158,10 +158,10 @@ fn ytal_outer_legs_are_removed() {
     let centre: f64 =
         (0..c.bins).map(|b| f64::from(first[b]) * (c.t_start + (b as f64 + 0.5) * c.bin_width)).sum();
     assert!((centre / 4.0 - (2.55 - 2.06)).abs() < 1e-6, "{centre}");
-    // Without devices nobody knows the legs.
+    // Without devices the legs are unknown.
     ytal(&path, 1, &[20, 2, 1], &h, &points, &points, None);
     assert_error(read(&path), Kind::Input, &["laser_xyz", "t_accounts_first_and_last_bounces"]);
-    // Devices so far that nothing is left.
+    // Devices so far away that no bin is left.
     ytal(&path, 1, &[20, 2, 1], &h, &points, &points, Some([0.0, 0.0, -9.0]));
     assert_error(read(&path), Kind::Input, &["leaves no sensible range"]);
 }

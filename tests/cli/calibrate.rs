@@ -56,7 +56,7 @@ fn known_shifts_are_found_to_a_fraction_of_a_bin() {
             let error = found.error / c.bin_width;
             assert!(error > 0.0 && error < 0.5 && off.abs() < 5.0 * error + 0.5, "{off} off, told {error}");
             assert!(found.target.distance(dvec3(0.1, 0.05, 0.5)) < 0.01, "{}", found.target);
-            // The curve has its least value there.
+            // The curve has its minimum there.
             let least = found.curve.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
             assert!((least[0] - found.shift).abs() <= c.bin_width);
         }
@@ -74,7 +74,7 @@ fn what_is_no_target_is_refused() {
     let mut apart = c.clone();
     apart.laser.fill(glam::DVec3::ZERO);
     assert_error(time_zero(&apart, 40), Kind::Input, &["confocal"]);
-    // Peaks without any order.
+    // Peaks in random order.
     let mut mixed = c.clone();
     for (p, h) in mixed.histograms.chunks_exact_mut(c.bins).enumerate() {
         h.fill(0.0);
@@ -90,7 +90,7 @@ fn a_wide_scene_leaves_time_zero_undetermined() {
         let options = RenderOptions { noise: 0.2, ..RenderOptions::default() };
         assert_no_target(&simulate(&scene, &options).unwrap().capture, name);
     }
-    // From a narrow wall even a point says nothing.
+    // From a narrow wall even a point does not determine time zero.
     let mut narrow = target(0.0);
     for (p, h) in narrow.histograms.chunks_exact_mut(400).enumerate() {
         let at = 0.02 * dvec3((p / 16) as f64 / 15.0 - 0.5, (p % 16) as f64 / 15.0 - 0.5, 0.0);

@@ -309,7 +309,7 @@ fn a_failed_run_keeps_an_older_result_whole() {
     let done = reconstruct(&capture, folder.path(), &["--quiet", "--memory", "1M"]);
     assert_eq!(done.status.code(), Some(1));
     assert_eq!(std::fs::read(folder.path().join("report.json")).unwrap(), before);
-    // A peak beyond single precision makes a loss that is not finite: found out while solving.
+    // A peak beyond single precision gives a loss that is not finite, which is found while solving.
     let done = reconstruct(&capture, folder.path(), &["--quiet", "--peak", "1e300"]);
     assert_eq!(done.status.code(), Some(1), "{}", stderr(&done));
     assert!(stderr(&done).contains("the loss is"), "{}", stderr(&done));
@@ -358,7 +358,7 @@ fn an_interrupt_ends_the_run_without_a_result() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // Once it tells of its progress it is solving.
+    // Once it prints progress, it is solving.
     let mut said = std::io::BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
     while !line.contains("iteration ") {

@@ -1,4 +1,4 @@
-//! Error against run time: traces with figures, a clock that measuring does not move, methods side by side.
+//! Error against run time: traces with figures, a clock that ignores measuring, methods side by side.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -103,7 +103,7 @@ fn two_settings_side_by_side() {
                 "{key} {values:?}"
             );
         }
-        // So few steps on so small a scene need not make the figure better.
+        // So few steps on so small a scene may not improve the figure.
         let iou = figures(&method["trace"], "best_iou");
         assert!(iou.len() == last + 1 && iou.iter().all(|v| (0.1..=1.0).contains(v)), "{iou:?}");
         let residual = figures(&method["trace"], "residual");
@@ -161,7 +161,7 @@ fn a_trace_with_figures_and_snapshots() {
     assert!(maps("often/snapshots/000030") == maps("often"), "the last snapshot is the result");
     assert!(maps("often/snapshots/000020") != maps("often"));
 
-    // Looking does not change what is looked at.
+    // Measuring does not change the result.
     let by_default = run("default", &["--truth", truth]);
     let tens: Vec<_> = figures(&by_default["trace"], "depth_mae");
     assert_eq!(tens.len(), 3);
@@ -227,7 +227,7 @@ fn check_failure(arguments: &[&str], code: i32, words: &str) {
     assert!(!text.contains("internal error") && output.stdout.is_empty(), "{text}");
 }
 
-/// Runs with maps every so often and a listener that sleeps; (result, seconds asleep, seconds by the wall clock).
+/// Runs with maps after every Nth iteration and a listener that sleeps; (result, seconds asleep, seconds by the wall clock).
 fn sleepy(
     gpu: &Gpu,
     capture: &Capture,
@@ -263,15 +263,15 @@ fn measuring_does_not_move_the_clock() {
     run(None, 0.0); // The first run compiles the kernels.
     let plain = run(None, 0.0).0;
 
-    // 0.3 s asleep at each of four measured points: the clock shows the work alone.
+    // 0.3 s asleep at each of four measured points: the clock counts only the work.
     let (done, asleep, wall) = run(Some(10), 0.3);
     let last = done.trace.last().unwrap();
     assert!(asleep > 1.1 && wall > asleep, "{asleep} {wall}");
     assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
     assert!(last.seconds <= done.solve_seconds && done.trace.is_sorted_by(|a, b| a.seconds <= b.seconds));
 
-    // Every iteration measured: the clock comes to about what it does without. Other work on the machine moves
-    // both, so the bounds are wide where they rest on two runs.
+    // With every iteration measured the clock shows about the same time. Other work on the machine changes both, so bounds
+    // on two runs are wide.
     let (done, asleep, wall) = run(Some(1), 0.03);
     assert_eq!(done.trace.len(), 40);
     assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
@@ -282,8 +282,8 @@ fn measuring_does_not_move_the_clock() {
     let (without, with) = (fastest(None), fastest(Some(1)));
     assert!((0.3..3.0).contains(&(with / without)), "{with} s with, {without} s without");
 
-    // A listener beside a working device hides none of its work: but for the up to three blocks that are heard of
-    // when the device is done, the clock went on through the naps.
+    // A listener beside a working device hides none of its work. The clock runs on through the naps, except those for
+    // the last blocks (three at most), when the device is done.
     let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
     let beside = done.trace.len() - 3;
     let stood_still = wall - done.solve_seconds;

@@ -1,4 +1,4 @@
-//! `thirdbounce profile`, as people run it: what its files hold, and that what is wrong is said.
+//! `thirdbounce profile`, as people run it: the content of its files, and its errors.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -105,7 +105,7 @@ fn the_profile_holds_every_kernel_with_its_figures() {
             let (pairs, seconds, rate) = (number(k, "pairs"), number(k, "seconds"), number(k, "pairs_per_s"));
             assert!(pairs > 0.0 && (rate * seconds / pairs - 1.0).abs() < 1e-9, "{k}");
             let share = number(k, "share_of_limit");
-            // Every limit is an upper one; a machine shared with others may have been slower when it was measured.
+            // Every limit is an upper bound, but a shared machine may have been slower while it was measured.
             assert!(share > 0.001 && share < 2.0, "{k}");
             assert!(number(&k["counts"], "special") >= 1.0 && number(&k["counts"], "fma") > 8.0, "{k}");
         }
@@ -182,14 +182,14 @@ fn the_timeline_has_two_lanes_whose_events_nest() {
     }
 }
 
-/// Two events of a lane lie apart, or one holds the other.
+/// Two events of a lane are disjoint, or one contains the other.
 fn assert_nested(solver: &str, lane: &[&Value]) {
     let mut spans: Vec<(f64, f64, &str)> = lane
         .iter()
         .map(|e| (number(e, "ts"), number(e, "ts") + number(e, "dur"), e["name"].as_str().unwrap()))
         .collect();
     spans.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    // Nanoseconds are whole; sums of them in doubles are nearly so.
+    // Nanoseconds are whole numbers; their sums in float64 nearly are.
     const SLACK: f64 = 1e-3;
     let mut open: Vec<(f64, f64, &str)> = vec![];
     for span in spans {

@@ -1,4 +1,4 @@
-//! The instrument's pulse: simulated, kept, part of the model, found where it is not known.
+//! The instrument's pulse: simulated, kept by formats, part of the model, estimated if it is unknown.
 
 use fixtures::command;
 use std::ops::ControlFlow;
@@ -96,7 +96,7 @@ fn a_capture_keeps_its_pulse() {
     }
     let taps = |n| back.binned(n).unwrap().pulse.unwrap().taps(0.01 * n as f64).unwrap().weights.len();
     assert!(taps(1) > taps(2) && taps(2) > taps(4));
-    // What formats of others cannot hold is told.
+    // A note says what another format cannot hold.
     let told = |name: &str| write(&whole, &path.with_file_name(name)).unwrap();
     assert!(told("p.npz").is_empty() && told("p.hdf5")[0].contains("pulse"));
     assert!(told("p.mat").iter().any(|n| n.contains("pulse")));
@@ -141,7 +141,7 @@ fn a_pulse_that_is_none_is_refused() {
         fail(&["reconstruct", &text, "--out", &out, "--lateral", "8", "--quiet", &given], 1, words);
         assert!(!Path::new(&out).join("report.json").exists());
     }
-    // In a capture it is refused as it is beside one.
+    // A bad pulse is refused in a capture as it is on the command line.
     let mut bad = capture(true);
     bad.pulse.as_mut().unwrap().samples[3] = f64::NAN;
     let e = write(&bad, &place("bad.npz")).unwrap_err();
@@ -164,7 +164,7 @@ fn trials_are_heard_and_may_be_broken_off() {
     });
     assert_eq!(broken.unwrap_err().kind, Kind::Cancelled);
     assert!(heard == 3 && !out.exists());
-    // What cannot be tried is told, and no reason not to solve: here nothing is far enough to be reconstructed at all.
+    // A trial that cannot run is noted and does not stop the solve: here nothing is far enough to be reconstructed.
     let far = VectorOptions { min_depth: 1e3, lateral: 16, iterations: 1, ..VectorOptions::default() };
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
     let request = Request { volume: Some(volume), find_pulse: true, ..Request::new(far, &out) };
@@ -192,7 +192,7 @@ fn its_width_is_found_and_told() {
         assert_eq!(said.status.code(), Some(0), "{}", command::stderr(&said));
         (json(&Path::new(&out).join("report.json")), command::stderr(&said))
     };
-    // Not unless it is asked for, or a detector counted.
+    // It is estimated only on request, or if a detector counted.
     assert!(solve(&spread, "plain", &[]).0["settings"]["pulse_found"].is_null());
     let state = place("state");
     let keep = ["--pulse", "auto", "--checkpoint", &state, "--checkpoint-every", "5", "--deterministic"];
@@ -208,7 +208,7 @@ fn its_width_is_found_and_told() {
         "it is part of the time"
     );
     assert!(report["totals"]["solve_s"].as_f64().unwrap() > seconds);
-    // What is planned before it is found holds, and a run that goes on has the pulse that it began with.
+    // A plan made before the pulse is found holds, and a resumed run has the pulse that it began with.
     let info =
         succeed(&[&["info", &spread, "--pulse", "auto", "--deterministic", "--json"], &short[..]].concat());
     let info: Value = serde_json::from_str(&info).unwrap();

@@ -54,7 +54,7 @@ fn what_a_file_lacks_is_told() {
     let file = path.display().to_string();
     let bump = ["--wall-shape", "bump", "--scan", "16", "--photons", "5000", "--bin-width", "0.04"];
     succeed(&[&["simulate", "plane", "--out", &file, "--noise", "0.1"], &bump[..]].concat());
-    // Normals unknown, and three pairs without a count.
+    // Unknown normals, and three pairs without counts.
     let mut capture = read(&path).unwrap();
     (capture.laser_normal, capture.sensor_normal) = (None, None);
     for pair in [0, 20, 255] {

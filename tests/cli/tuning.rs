@@ -38,7 +38,7 @@ fn sizes_are_obeyed_found_and_kept() {
         json(&Path::new(&out).join("report.json"))
     };
 
-    // Cut otherwise, with columns: the same but for the order of sums.
+    // Other sizes, with private columns: the same result but for the order of sums.
     let own = solve("own", &["--accumulation", "cas"]);
     let sizes = "lanes=16,chunk=512,window=32,voxels=8,slices=2";
     let other = solve("other", &["--accumulation", "cas", "--sizes", sizes]);
@@ -46,7 +46,7 @@ fn sizes_are_obeyed_found_and_kept() {
     for part in ["WINDOW=32", "LANES=16", "CHUNK=512", "VOXELS=8", "SLICES=2"] {
         assert!(variants(&other).contains(part), "{part} is not in {other}");
     }
-    // A surface's points beside a bin's centre part company after rounding: it ends as well, not the same.
+    // Rounding moves points of a surface that lie near a bin's centre: the result is as good, not the same.
     const VOLUME: u64 = 6;
     let losses = |r: &Value| -> Vec<(u64, f64)> {
         let rows = r["trace"].as_array().unwrap().iter();
@@ -58,7 +58,7 @@ fn sizes_are_obeyed_found_and_kept() {
         assert!(own_row.0 == other_row.0 && own_row.1 > 0.0 && off < tolerance, "{own_row:?} {other_row:?}");
     }
 
-    // What trials find is written down, and what is written down is used.
+    // Trials write what they find to a file, and later runs use it.
     let found = path("tuned.json");
     run(&cache, &[&["profile", &capture, "--tune", "--json", &found], &short[..]].concat());
     let found = json(Path::new(&found));
@@ -72,7 +72,7 @@ fn sizes_are_obeyed_found_and_kept() {
     std::fs::create_dir_all(kept.parent().unwrap()).unwrap();
     std::fs::write(&kept, mine.to_string()).unwrap();
     assert!(variants(&solve("kept", &[])).contains("VOXELS=24"));
-    // Not for the same bits on every run, not over what is asked for, not from a damaged file.
+    // But not with --deterministic, not over --sizes, not from a damaged file.
     assert!(!variants(&solve("fixed", &["--deterministic"])).contains("VOXELS=24"));
     assert!(variants(&solve("asked", &["--sizes", "voxels=40"])).contains("VOXELS=40"));
     std::fs::write(&kept, "{").unwrap();
@@ -106,7 +106,7 @@ fn sizes_that_no_device_takes_are_refused() {
     }
 }
 
-/// A domain that there is no room for keeps its brightest voxels, and the run says so.
+/// A domain without room for all keeps its brightest voxels, and the run says so.
 #[test]
 fn a_room_too_small_is_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
-//! Captures and programs of others: what needs real captures, or Python packages.
+//! Tests with real captures, and with other programs.
 //!
-//! A test whose captures or packages are not there is shown as ignored. THIRDBOUNCE_DATA names the folder of captures,
+//! A test whose captures or Python packages are missing is shown as ignored. THIRDBOUNCE_DATA names the folder of captures,
 //! THIRDBOUNCE_PYTHON a Python (else `python3`).
 
 mod native;

@@ -43,7 +43,7 @@ pub fn stanford_statue(data: &Path) {
             assert!(notes.contains(said), "{notes} does not say {said}");
         }
     }
-    // The folder of the two alone, and the second file named.
+    // A folder of these two files, and the second file by name.
     let two = tempfile::tempdir().unwrap();
     for (name, to) in
         [("stanford_statue64_meas.mat", "meas_10min.mat"), ("stanford_statue64_tof.mat", "tof.mat")]
@@ -97,7 +97,7 @@ pub fn ytal_files_equal_their_twins(data: &Path) {
 }
 
 pub fn a_folder_of_many_captures_is_no_capture(data: &Path) {
-    // Its one pair of meas and tofgrid is found all the same.
+    // Its one pair of meas and tofgrid is still found.
     let opened = read_given(&data.join("native"), &Given::default()).unwrap();
     assert!(opened.notes.iter().any(|n| n.contains("Stanford")));
     assert_error(read(data), Kind::Input, &["folder"]);

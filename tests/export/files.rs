@@ -1,4 +1,4 @@
-//! Result files: what stands in them, which way round, and that they appear whole or not at all.
+//! Result files: their content, their orientation, and that they appear whole or not at all.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What is written, and what is measured on it.
+//! Result files, and metrics of results.
 
 mod files;
 mod measure;

@@ -66,7 +66,7 @@ fn figures_by_hand() {
     // Missing: 4 pixels of error 1.
     close(m.depth_mae_whole, (4.0 + 0.6) / 8.0);
     close(m.depth_rmse_whole.map(|v| v * v), (4.0 + 0.12) / 8.0);
-    // Angles 0, 90 and acos 0.8; the pixel without a normal says nothing.
+    // Angles 0, 90 and acos 0.8; the pixel without a normal does not count.
     close(m.normal_error_deg, (90.0 + 0.8f64.acos().to_degrees()) / 3.0);
     close(m.normal_mae, (2.0 + 0.8) / 9.0);
 }
@@ -163,7 +163,7 @@ fn masks_and_percentiles() {
 
 #[test]
 fn a_method_whose_far_half_is_dim_is_measured_on_both_halves() {
-    // The near half is bright and right, the far half dim and 0.2 m off: at 0.3 it is not even looked at.
+    // The near half is bright and right, the far half dim and 0.2 m off: at 0.3 it is not in the mask.
     let real = truth(8, |x, _| (2..6).contains(&x), 1.0);
     let mut found = maps(8, |x, _| (2..6).contains(&x), 1.0);
     for pixel in 4 * 8..6 * 8 {

@@ -1,4 +1,4 @@
-//! The surface mesh: closed where points are, facing the wall, near the truth; a simulated figure's too.
+//! The surface mesh: closed where points are, facing the wall, near the truth; also for a simulated figure.
 
 use fixtures::device;
 use std::collections::BTreeMap;

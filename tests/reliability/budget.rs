@@ -1,5 +1,5 @@
-//! Memory budgets and the limits of 32-bit indices and of bindings: refused before anything is allocated, with advice
-//! that is true.
+//! Memory budgets, 32-bit indices and the size of bindings: a job beyond a limit is refused before anything is allocated,
+//! and the advice of the error works.
 
 use std::ops::ControlFlow;
 use std::process::Command;
@@ -20,7 +20,7 @@ pub fn rows() -> Vec<Row> {
     vec![honoured(), advice(), claimed(), bound()]
 }
 
-/// Budgets around what a job needs: within, or refused; never more than allowed.
+/// Budgets around the need of a job: it stays within, or it is refused.
 fn honoured() -> Row {
     let mut row =
         Row::new("--memory from 1 MiB to 64 MiB: taken by the device no more than that, or refused");
@@ -57,7 +57,7 @@ fn honoured() -> Row {
     row
 }
 
-/// Each option that an error suggests, alone, makes the run fit.
+/// Each option that an error suggests makes the run fit by itself.
 fn advice() -> Row {
     let mut row = Row::new("each option that a refusal suggests makes the run fit");
     let capture = files().capture().display().to_string();
@@ -128,7 +128,7 @@ const USUAL: Limits = Limits {
     subgroup: 32,
 };
 
-/// A model that claims so many pairs and bins without having their histograms.
+/// A model with that many pairs and bins, but without their histograms.
 fn model(pairs: usize, bins: usize) -> Model {
     Model {
         elements: pairs * bins,
@@ -141,7 +141,7 @@ fn model(pairs: usize, bins: usize) -> Model {
     }
 }
 
-/// Shapes at and beyond the limits of 32-bit indices, claimed and not made.
+/// Shapes at and beyond the limits of 32-bit indices; nothing is allocated.
 fn claimed() -> Row {
     let mut row = Row::new("captures and grids at the limits of 32-bit indices and of one binding, claimed");
     let options = VectorOptions { general: true, coarse_to_fine: false, ..vector(Accumulation::Fixed) };
@@ -190,7 +190,7 @@ fn claimed() -> Row {
     row
 }
 
-/// Sums beyond 64 bits' half, single buffers beyond a binding, on the real device without allocating.
+/// Sums beyond 2^63 and buffers beyond a binding, on the real device, without allocating.
 fn bound() -> Row {
     let mut row = Row::new("plans beyond the device's memory or its largest binding");
     let gpu = open(Faults::default(), false);

@@ -1,5 +1,4 @@
-//! Every file that is written, on a full disk, in a folder that may not be written to, and where it cannot be moved to
-//! its place: in turn.
+//! Every file that a run writes fails in turn: on a full disk, in a read-only folder, and when it is moved to its place.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -84,7 +83,7 @@ pub fn rows(share: Share) -> Vec<Row> {
     rows
 }
 
-/// `work` with each of its files going wrong in each way.
+/// Runs `work` once for each of its files and each way to fail.
 fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize) -> Row {
     let out = tempfile::tempdir().expect("a folder");
     inject(None);
@@ -107,7 +106,7 @@ fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize)
             let left = leftovers(out.path());
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
             if *whole {
-                // Files of their own (volume, checkpoint) may be new; the result is one thing.
+                // The volume and the checkpoint are files of their own and may be new. The result is all or nothing.
                 let result = |t: &std::collections::BTreeMap<_, Vec<u8>>| {
                     let inside =
                         |(p, _): &(&std::path::PathBuf, &Vec<u8>)| p.starts_with(out.path().join("result"));
@@ -125,7 +124,7 @@ fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize)
     row
 }
 
-/// The command where files may not grow beyond a size: the system's own error, in every writer.
+/// The command with a limit on the size of files: every writer meets the system's own error.
 #[cfg(target_os = "linux")]
 fn small_disk(share: Share) -> Row {
     use std::process::Command;

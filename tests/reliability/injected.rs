@@ -1,4 +1,4 @@
-//! Every call of the device that may fail, failing in turn.
+//! Every device call that may fail fails in turn.
 
 use thirdbounce::gpu::{Faults, Point};
 use thirdbounce::solve::Accumulation;
@@ -25,7 +25,7 @@ pub fn rows(share: Share) -> Vec<Row> {
     let mut rows = vec![];
     let capture = loaded().capture;
     for (s, (name, solver)) in solvers(Accumulation::Fixed).into_iter().enumerate() {
-        // Counts how often each call comes, and is what the others are held against.
+        // Counts how often each call comes. The other runs are compared with this one.
         let gpu = open(failing(Point::Allocation, u64::MAX), true);
         let sound = bits(&solve(&gpu, &solver, &capture, None).expect("a solve without faults"));
         for (p, point) in Point::ALL.into_iter().enumerate() {
@@ -43,7 +43,7 @@ pub fn rows(share: Share) -> Vec<Row> {
                     let kind = if lost { Kind::Device } else { Kind::Memory };
                     holds(error.kind == kind, || format!("{:?}: {error}", error.kind))?;
                     holds(gpu.allocated() == 0, || format!("{} bytes stay allocated", gpu.allocated()))?;
-                    // A lost device stays lost; otherwise the very same one must do.
+                    // A lost device stays lost. Otherwise the same device must work again.
                     let again = if lost {
                         let second = solve(&gpu, &solver, &capture, None);
                         holds(second.is_err_and(|e| e.what.contains("lost")), || "it came back".into())?;
@@ -66,7 +66,7 @@ pub fn rows(share: Share) -> Vec<Row> {
     rows
 }
 
-/// The first of the same in whole runs with files: an older result stays as it was.
+/// The first failure of each kind in whole runs with files: an older result stays as it was.
 fn whole_runs(share: Share) -> Row {
     let mut row = Row::new("a whole run over an older result, any of these");
     let out = tempfile::tempdir().expect("a folder");

@@ -12,7 +12,7 @@ use thirdbounce::solve::Accumulation;
 use super::ledger::{Held, Row, clear, holds};
 use super::small::{files, leftovers, loaded, open, solve, solvers};
 
-/// `times`: how often each is tried.
+/// Each case is tried `times` times.
 pub fn rows(times: usize) -> Vec<Row> {
     vec![killed(times), interrupted(times), cancelled(), rivals(times)]
 }
@@ -26,13 +26,13 @@ fn command(out: &Path, more: &[&str]) -> Command {
     command
 }
 
-/// Ends with success, soon.
+/// Asserts that the process ends with success, and soon.
 fn succeed(mut command: Command) -> Result<(), String> {
     let output = command.output().map_err(|e| e.to_string())?;
     holds(output.status.success(), || String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// Every file of a result but the report, which tells of time.
+/// Every file of a result except the report, which holds times.
 fn result(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let all = super::small::tree(out).into_iter().chain(super::small::tree(&out.with_extension("hdf5")));
     all.map(|(p, b)| (p.file_name().unwrap_or_default().to_string_lossy().into_owned(), b))
@@ -40,7 +40,7 @@ fn result(out: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Kill at a share of the run's time; then resume, or begin anew where nothing was kept.
+/// Kills a run at a share of its time, then resumes it, or begins anew if nothing was kept.
 fn killed(times: usize) -> Row {
     let mut row =
         Row::new("kill -9 at any time of a run with checkpoints, then --resume: the bits of an unbroken run");
@@ -83,7 +83,7 @@ fn end(mut child: Child, signal: &str) -> Option<i32> {
     child.wait().ok().and_then(|s| s.code())
 }
 
-/// Ctrl-C at a share of the run's time: an end soon, and no result or a whole one.
+/// Ctrl-C at a share of the run's time: it ends soon, with no result or a whole one.
 fn interrupted(times: usize) -> Row {
     let mut row = Row::new("Ctrl-C at any time: no result, or a whole one");
     let folder = tempfile::tempdir().expect("a folder");
@@ -95,7 +95,7 @@ fn interrupted(times: usize) -> Row {
             let start = Instant::now();
             let code = end(child, "-INT");
             holds(start.elapsed() < Duration::from_secs(20), || "it went on".into())?;
-            // None: before it listened, the system ended it.
+            // None: the system ended it before it listened.
             holds(matches!(code, None | Some(0 | 130)), || format!("code {code:?}"))?;
             let left = leftovers(folder.path());
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
@@ -107,14 +107,14 @@ fn interrupted(times: usize) -> Row {
     row
 }
 
-/// A caller that breaks off at each point of the trace in turn.
+/// A caller breaks off at each point of the trace in turn.
 fn cancelled() -> Row {
     let mut row = Row::new("cancelled by the caller at each point of the trace in turn");
     let capture = loaded().capture;
     for (name, solver) in solvers(Accumulation::Fixed) {
         let gpu = open(Faults::default(), false);
         let points = solve(&gpu, &solver, &capture, None).expect("a solve").trace.len();
-        // What is in flight when the last points are read is not asked about any more.
+        // The caller is not asked again about points that are read at the very end.
         for at in 0..points.saturating_sub(2).max(1) {
             let case = || -> Held {
                 let error = solve(&gpu, &solver, &capture, Some(at)).err().ok_or("it was not cancelled")?;
@@ -132,7 +132,7 @@ fn cancelled() -> Row {
     row
 }
 
-/// Processes with other options that write one folder: in the end it holds the whole result of one of them.
+/// Several processes with different options write one folder: in the end it holds the whole result of one of them.
 fn rivals(times: usize) -> Row {
     let mut row = Row::new("three processes write one folder at once: the whole result of one of them");
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! What was tried, what held, what was said.
+//! The record of cases: what was tried, what held, which errors were given.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -6,18 +6,18 @@ use std::sync::Mutex;
 
 use thirdbounce::Error;
 
-/// Cases of a kind.
+/// All cases of one kind.
 #[derive(Debug, Default)]
 pub struct Row {
     pub case: String,
     pub tried: usize,
     pub held: usize,
-    /// Errors as the user reads them, what is wrong and how to mend it, and how often.
+    /// Errors as the user reads them (what is wrong, how to mend it), and how often each came.
     pub errors: BTreeMap<(String, String), usize>,
     pub failures: Vec<String>,
 }
 
-/// What came of a case that held: nothing went wrong, or this was said.
+/// The outcome of a case that held: nothing went wrong, or this error was given.
 pub type Held = Result<Option<(String, String)>, String>;
 
 impl Row {
@@ -39,7 +39,7 @@ impl Row {
     }
 }
 
-/// A clear error, or why it is none.
+/// The error as text if it is clear, or why it is not.
 pub fn clear(error: &Error) -> Held {
     if error.what.trim().len() < 8 || error.mend.trim().len() < 8 {
         return Err(format!("the error says too little: {error}"));
@@ -67,7 +67,7 @@ const HEAD: &str = "# Reliability\n\n\
     nothing half-written, nothing left allocated, and the next solve in the same process as good as ever. *Errors* counts \
     the different ones that were said; the most frequent stands beside it with its fix.\n";
 
-/// Puts what came of an area into docs/reliability.md, in place of what stood there of it.
+/// Replaces the section of an area in docs/reliability.md.
 pub fn write(area: &str, rows: &[Row]) {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _one = ONE_AT_A_TIME.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -103,13 +103,13 @@ fn section(rows: &[Row]) -> String {
     text
 }
 
-/// Tried and held of a line of a table.
+/// The numbers tried and held in a line of a table.
 fn counts(line: &str) -> Option<[usize; 2]> {
     let mut cells = line.split('|').skip(2).map(|c| c.trim().parse().ok());
     Some([cells.next()??, cells.next()??])
 }
 
-/// A line for a table: no breaks, no bars, no folders that change from run to run.
+/// Text for a line of a table: no line breaks, no bars, no folder names that change from run to run.
 fn plain(text: &str) -> String {
     let folder = std::env::temp_dir().display().to_string();
     let words = text.split_whitespace().map(|word| match word.find(&folder) {

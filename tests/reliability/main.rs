@@ -1,6 +1,6 @@
-//! An engine that never takes its process down: faults of device, memory and disk, killed and cancelled runs, options
-//! that make no sense. Each area runs a sample of its cases here and all of them under `make soak`, where
-//! docs/reliability.md is written from what happened.
+//! The engine never takes its process down: faults of device, memory and disk, killed and cancelled runs, options that make
+//! no sense. Each area runs a sample of its cases here, and all of them under `make soak`, which writes the outcome to
+//! docs/reliability.md.
 
 mod budget;
 mod disk;
@@ -17,12 +17,12 @@ mod watch;
 
 use ledger::{Row, assert_held};
 
-/// Which of the cases run: every so-manieth.
+/// The share of the cases that run: every Nth.
 #[derive(Clone, Copy)]
 pub struct Share(pub usize);
 
 impl Share {
-    /// Whether case `i` is among them; `salt` moves the choice, so that areas do not all take their first.
+    /// Whether case `i` runs. `salt` shifts the choice, so that areas do not all take their first case.
     pub fn takes(self, i: usize, salt: usize) -> bool {
         (i + salt).is_multiple_of(self.0)
     }
@@ -68,7 +68,7 @@ fn the_validation_layer_has_nothing_to_say() {
     assert_held(&valid::rows(Share(7)));
 }
 
-/// Runs all cases of an area and puts them into the page.
+/// Asserts that all cases of an area held, and writes them to the page.
 fn all_of(area: &str, rows: &[Row]) {
     ledger::write(area, rows);
     assert_held(rows);

@@ -1,4 +1,4 @@
-//! Every option of every verb, as clap lists them, at values that make no sense.
+//! Every option of every verb, as clap lists them, with values that make no sense.
 
 #[allow(dead_code, unused_imports)]
 #[path = "../../src/cli/mod.rs"]
@@ -14,9 +14,9 @@ use super::Share;
 use super::ledger::{Held, Row, holds};
 use super::small::{files, leftovers, tree};
 
-/// Even a wrong value that means work ends within this.
+/// A run with a wrong value ends within this time, even if the value means work.
 const LIMIT: Duration = Duration::from_secs(90);
-/// The demo is always of its own size: some minutes where others use the machine too.
+/// The demo has a fixed size: it takes minutes on a machine that is shared.
 const DEMO_LIMIT: Duration = Duration::from_secs(600);
 
 const NUMBERS: [&str; 9] =
@@ -27,12 +27,12 @@ const WORDS: [&str; 6] = ["", "nonsense", ":", ",,,", "\u{e9}\u{1f980}", "1:0,1:
 enum Takes {
     Number,
     Path,
-    /// Either may stand in it.
+    /// A number or a path.
     Text,
     Word,
 }
 
-/// Arguments that make a verb's run short and whole, its positionals first. `{}` is the case's own folder.
+/// Arguments that make a run of the verb short and complete, positional ones first. `{}` is the case's own folder.
 fn base(verb: &str) -> Vec<String> {
     let (capture, truth) = (files().capture().display().to_string(), files().truth().display().to_string());
     let result = result().display().to_string();
@@ -104,7 +104,7 @@ struct Case {
     kind: Takes,
 }
 
-/// All cases; an option without a place in a base gets its own.
+/// All cases. An option that no base has is added to it.
 fn cases() -> Vec<Case> {
     let mut all = vec![];
     let paths = paths();
@@ -185,7 +185,7 @@ pub fn rows(share: Share) -> Vec<Row> {
         all.iter().enumerate().filter(|(i, _)| share.takes(*i, 0)).map(|(_, c)| c).collect();
     let next = Mutex::new(chosen.into_iter());
     let rows: Mutex<BTreeMap<String, Row>> = Mutex::default();
-    // Made before the workers race for them.
+    // Made once, before the workers start.
     result();
     std::thread::scope(|scope| {
         for _ in 0..2 {

@@ -1,4 +1,4 @@
-//! What may differ from run to run without changing a result: what memory holds at first, the order of workgroups.
+//! Two things that may differ between runs change no result: the first content of memory and the order of workgroups.
 
 use thirdbounce::gpu::Faults;
 use thirdbounce::job::SolverOptions;
@@ -69,7 +69,7 @@ fn with(solver: &SolverOptions, accumulation: Accumulation) -> SolverOptions {
     }
 }
 
-/// The same loss to a thousandth all along: fp32 sums in another order, fed back through a dozen iterations.
+/// The loss agrees to a thousandth throughout: fp32 sums in another order, fed back through a dozen iterations.
 fn near(a: &Reconstruction, b: &Reconstruction) -> Result<(), String> {
     holds(a.trace.len() == b.trace.len(), || "traces of other lengths".into())?;
     for (p, q) in a.trace.iter().zip(&b.trace) {

@@ -1,4 +1,4 @@
-//! Checkpoints: the same bits from wherever a solve is taken up, and one clear error for every wrong one.
+//! Checkpoints: a solve that goes on from any of them gives the same bits, and every wrong one gives one clear error.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub fn rows(share: Share) -> Vec<Row> {
     vec![same_bits(share), same_files(), wrong_ones(), damaged(share)]
 }
 
-/// Solvers in which everything changes that a state holds.
+/// Solvers with options that change every part of a state.
 fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
     let fixed = Accumulation::Fixed;
     let published = PaperOptions { noise: thirdbounce::solve::NoiseTerm::Off, ..paper(fixed) };
@@ -35,7 +35,7 @@ fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
     ]
 }
 
-/// From the state after every iteration, on a device with poisoned memory: what is not kept would show.
+/// Goes on from the state after every iteration, on a device with poisoned memory: state that is missed would show.
 fn same_bits(share: Share) -> Row {
     let mut row =
         Row::new("resumed after each iteration in turn: the bits of an unbroken run, trace and volume too");
@@ -43,7 +43,7 @@ fn same_bits(share: Share) -> Row {
     let mut i = 0;
     for (k, (kind, capture)) in kinds().into_iter().enumerate().filter(|(k, _)| [0, 3, 4].contains(k)) {
         for (name, solver) in all_sorts() {
-            // Every solver on confocal pairs, the two chief ones on the others.
+            // All solver settings on confocal pairs, the two main ones on the others.
             if k > 0 && name.contains(',') {
                 continue;
             }
@@ -72,7 +72,7 @@ fn same_bits(share: Share) -> Row {
     row
 }
 
-/// Whole runs: the same files, snapshots from before the checkpoint among them, and the figures along the trace.
+/// Whole runs give the same files, including snapshots from before the checkpoint, and the same figures along the trace.
 fn same_files() -> Row {
     let mut row = Row::new("a whole run resumed, with truth and snapshots: the same files, the same figures");
     for (name, solver) in solvers(Accumulation::Fixed) {
@@ -147,7 +147,7 @@ fn wrong_ones() -> Row {
     let finer = solver.with_lateral(24);
     case("another lateral", &finer, &capture, state.clone(), "lateral");
     let mut brighter = capture.clone();
-    // A bin that is used: the brightest, so that the scale changes with it.
+    // The brightest bin, so that the scale changes with it.
     let peak = brighter.histograms.iter_mut().max_by(|a, b| a.total_cmp(b)).expect("bins");
     *peak *= 1.01;
     case("another capture", &solver, &brighter, state.clone(), "another capture");
@@ -168,7 +168,7 @@ fn wrong_ones() -> Row {
     row
 }
 
-/// Files that are cut, changed or something else.
+/// Files that are cut short, changed, or of another kind.
 fn damaged(share: Share) -> Row {
     let mut row = Row::new("a checkpoint file that is cut off, damaged or none");
     let (_, state) = a_state();

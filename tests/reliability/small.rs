@@ -15,7 +15,7 @@ use thirdbounce::solve::{
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Result, export};
 
-/// Files that many cases read.
+/// Files that many cases share.
 pub struct Files {
     folder: tempfile::TempDir,
 }
@@ -72,7 +72,7 @@ pub fn kinds() -> Vec<(&'static str, Capture)> {
     ]
 }
 
-/// Both solvers with every kind of step in a dozen iterations, doubling among them.
+/// Both solvers, with every kind of step, doubling included, in a dozen iterations.
 pub fn solvers(accumulation: Accumulation) -> [(&'static str, SolverOptions); 2] {
     [("paper", paper(accumulation).into()), ("vector", vector(accumulation).into())]
 }
@@ -108,7 +108,7 @@ pub fn open(faults: Faults, validation: bool) -> Gpu {
         .expect("a Vulkan device and the validation layer: `make setup` installs both")
 }
 
-/// A solve; `cancel` breaks it off at so-manieth point of the trace.
+/// A solve; `cancel` breaks it off at that point of the trace.
 pub fn solve(
     gpu: &Gpu,
     solver: &SolverOptions,
@@ -125,7 +125,7 @@ pub fn solve(
     solver.solve(gpu, capture, grid, None, true, &mut watch)
 }
 
-/// Every bit of a result that does not tell of time.
+/// Every bit of a result except times.
 pub fn bits(done: &Reconstruction) -> Vec<u64> {
     let floats = |v: &[f32]| v.iter().map(|f| u64::from(f.to_bits())).collect::<Vec<_>>();
     let mut all = floats(&done.maps.albedo);
@@ -161,7 +161,7 @@ pub fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     all
 }
 
-/// Names below a folder, folders too, that a write left half-done.
+/// Files and folders below a folder that an unfinished write left behind.
 pub fn leftovers(folder: &Path) -> Vec<PathBuf> {
     let mut all = vec![];
     let mut folders = vec![folder.to_path_buf()];

@@ -1,5 +1,5 @@
-//! Stiff and extreme cases (METHOD, section 7) against the float64 twins: passes, then ten iterations. Whole solves and
-//! figures: `cargo bench --bench stability`; long ones: `make soak`.
+//! Stiff and extreme cases against the float64 twins: single passes, then ten iterations. `cargo bench --bench stability`
+//! has whole solves and figures, `make soak` long runs.
 
 use fixtures::device::{ACCUMULATIONS, assert_valid, gpu};
 use fixtures::extreme::{Case, cases, passes, solve};
@@ -44,7 +44,7 @@ fn every_path_on_the_stiffest() {
     assert_valid(&gpu);
 }
 
-/// What narrow and crowded bins ask of the kernels, for the other kinds of pairs, walls and surfaces.
+/// Narrow and crowded bins with the other kinds of pairs, walls and surfaces.
 #[test]
 fn exact_places_and_runs_of_every_kind_of_pair() {
     let gpu = gpu();
@@ -62,7 +62,7 @@ fn exact_places_and_runs_of_every_kind_of_pair() {
     assert_valid(&gpu);
 }
 
-/// The kernels of ordinary scenes are those that leave all this out.
+/// Ordinary scenes get kernels without the code for extreme ones.
 #[test]
 fn ordinary_scenes_pay_nothing() {
     let gpu = gpu();
@@ -80,7 +80,7 @@ fn ten_iterations() {
     let gpu = gpu();
     for case in cases::all() {
         let got = solve::on_device(&gpu, &case, Accumulation::Owned, 10);
-        // Where the device has the voxels: their centres in fp32 are other places than those in float64.
+        // The voxels' centres as the device has them: in fp32 they differ from those in float64.
         let want = solve::by_twin(&case, &got.points, 10, false);
         let [v, objective] = solve::state_apart(&got, &want);
         assert!(v < LARGEST && objective < LARGEST, "{}: {v:.1e}, objective {objective:.1e}", case.name);
@@ -88,7 +88,7 @@ fn ten_iterations() {
     assert_valid(&gpu);
 }
 
-/// The same scene in a wall of another size gives the same vectors: of 1 mm and of 100 m.
+/// The same scene on a wall of 1 mm and of 100 m gives the same vectors.
 #[test]
 fn walls_of_any_size_give_the_same_volume() {
     let gpu = gpu();

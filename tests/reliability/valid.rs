@@ -1,4 +1,4 @@
-//! Whole solves, profiles and checks under the validation layer with its synchronisation checks: not one message.
+//! The validation layer with synchronisation checks has no message for whole solves, profiles and checks.
 
 use std::ops::ControlFlow;
 
@@ -69,7 +69,7 @@ pub fn rows(share: Share) -> Vec<Row> {
     vec![solves, runs, verbs(share), ways()]
 }
 
-/// What `profile` and `profile --check` do.
+/// The work of `profile` and `profile --check`.
 fn verbs(share: Share) -> Row {
     let mut row = Row::new("profile, profile --check");
     let loaded = super::small::loaded();
@@ -94,7 +94,7 @@ fn verbs(share: Share) -> Row {
     row
 }
 
-/// Cancelled solves, checkpoints, poisoned and shuffled ones; and that the layer is there and would speak.
+/// Solves that are cancelled, resumed, poisoned, shuffled. And the layer is present and does report a planted mistake.
 fn ways() -> Row {
     let mut row = Row::new("cancelled, kept and resumed, poisoned, shuffled");
     let capture = super::small::loaded().capture;

@@ -1,4 +1,4 @@
-//! What is not finite is found on the device and told as one error; what is out of proportion stays bounded.
+//! A value that is not finite is found on the device and reported as one error. Values out of proportion stay bounded.
 
 use fixtures::device;
 use std::ops::ControlFlow;
@@ -15,12 +15,12 @@ use thirdbounce::solve::{
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Grid, Reflectance};
 
-/// The lowest bit: the first kernel in the order of a schedule.
+/// The lowest bit: the first kernel in schedule order that found a fault.
 fn first(faults: u32) -> u32 {
     faults & faults.wrapping_neg()
 }
 
-/// A NaN put into a buffer before the third iteration is found in the third, by the kernel that reads it.
+/// A NaN written before the third iteration is found in the third, by the kernel that reads it.
 #[test]
 fn a_nan_is_found_where_it_is_read() {
     let gpu = gpu();
@@ -122,7 +122,7 @@ fn vector_options() -> VectorOptions {
     VectorOptions { lateral: 12, iterations: 30, ..VectorOptions::default() }
 }
 
-/// What, where, how to mend.
+/// The error says what, where and how to mend it.
 #[test]
 fn a_user_is_told_iteration_kernel_and_mend() {
     let gpu = gpu();
@@ -136,7 +136,7 @@ fn a_user_is_told_iteration_kernel_and_mend() {
     let failed = by_paper(&gpu, &capture, grid, &PaperOptions { peak: 1e25, ..paper_options() }).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel residual"), "{failed}");
     assert!(failed.mend.contains("--peak"), "{failed}");
-    // Its variances are the first that are squared.
+    // The variances are the first values that are squared.
     let failed =
         by_vector(&gpu, &capture, grid, &VectorOptions { peak: 1e25, ..vector_options() }).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel bound") && failed.mend.contains("--peak"), "{failed}");
@@ -163,8 +163,7 @@ fn captures_that_are_no_numbers_are_refused_by_the_solvers() {
     assert!(failed.what.contains("no signal") && failed.kind == Kind::Input, "{failed}");
 }
 
-/// Neither a step nor a weight ten times too large or too small makes a loss that is not finite or far above that of
-/// an empty volume.
+/// Steps and weights ten times too large or too small still give a finite loss, not far above that of an empty volume.
 #[test]
 fn steps_and_weights_ten_times_off_stay_bounded() {
     let gpu = gpu();
@@ -179,7 +178,7 @@ fn steps_and_weights_ten_times_off_stay_bounded() {
             let done = by_paper(&gpu, &capture, grid, &o).unwrap_or_else(|e| panic!("{times}: {e}"));
             assert!(done.trace.iter().all(|p| p.loss.is_finite()));
             let end = done.trace.last().unwrap().data_loss;
-            // A rate of 10 overshoots, and comes back.
+            // A rate of 10 overshoots and recovers.
             assert!(end < 10.0 * done.empty_loss, "{times}, rate {}: {end}", o.learning_rate);
         }
         let base = vector_options();
@@ -209,7 +208,7 @@ fn scaled(capture: &Capture, scale: f64) -> Capture {
     }
 }
 
-/// The paper's solver has lengths of its own in step and epsilon: they count in widths of the volume.
+/// Step and epsilon of the paper's solver are lengths of its own, in widths of the volume.
 #[test]
 fn the_papers_solver_knows_no_scale() {
     let gpu = gpu();
@@ -224,11 +223,11 @@ fn the_papers_solver_knows_no_scale() {
         losses.push(done.trace.last().unwrap().data_loss / done.empty_loss);
     }
     assert!(losses[0] < 0.7, "{losses:?}");
-    // The wall is a metre only about, and Adam's first steps take the signs of gradients.
+    // The wall is about a metre wide, and Adam's first steps follow the signs of gradients.
     assert!(losses.iter().all(|l| (l / losses[0] - 1.0).abs() < 0.1), "{losses:?}");
 }
 
-/// Ten thousand iterations of both solvers: bounded, and no worse than after a few.
+/// Ten thousand iterations of both solvers stay bounded and are no worse than a few.
 #[test]
 #[ignore = "long: make soak"]
 fn ten_thousand_iterations() {
@@ -244,7 +243,7 @@ fn ten_thousand_iterations() {
         assert!(rows.iter().all(|r| r[TRACE_FAULTS as usize] == 0 && at(r).is_finite()));
         assert!(at(&rows[9_999]) <= 1.001 * at(&rows[100]), "{}", case.name);
         let largest = rows.iter().map(at).enumerate().fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
-        // The first steps, of a quarter of the bound, may overshoot before they grow shorter.
+        // The first steps take a quarter of the bound and may overshoot before they grow shorter.
         assert!(
             largest.1 <= 10.0 * at(&rows[0]) && largest.0 < 20,
             "{}: {largest:?} of {}",

@@ -1,5 +1,5 @@
-//! What is left out changes nothing: every variant that a scene can get against the most general one, whole solves of
-//! both solvers; and the plan says what it left out.
+//! Leaving work out changes no result: every variant that a scene can get is compared with the most general one in whole
+//! solves of both solvers. The plan says what it left out.
 
 use std::ops::ControlFlow;
 
@@ -12,7 +12,7 @@ use thirdbounce::solve::{
 };
 use thirdbounce::transport::{Geometry, Grid, Reflectance, Sampling};
 
-/// A capture of a few pairs of that kind off a flat or a curved wall: two points of the hidden scene, by hand.
+/// A capture of a few pairs of that kind off a flat or a curved wall. Its hidden scene is two points, rendered by hand.
 fn capture(geometry: Geometry, curved: bool) -> Capture {
     let mut random = Random::new(91);
     let mut point = || {
@@ -62,7 +62,7 @@ fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general:
     let o = VectorOptions {
         lateral: 16,
         iterations: 8,
-        // Three points are no surface: where its pixels go from there, rounding decides.
+        // Three points are no surface: rounding decides where its pixels go.
         surface_iterations: 2,
         coarse_to_fine: false,
         min_depth: 0.3,
@@ -83,7 +83,7 @@ fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: 
         coarse_to_fine: false,
         min_depth: 0.3,
         learning_rate: 0.05,
-        // What no bin can tell of feels the L1 term alone.
+        // Voxels that no bin sees feel the L1 term alone.
         l1: 0.0,
         sampling: Sampling::Fixed,
         reflectance,
@@ -95,15 +95,15 @@ fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: 
     paper::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
 }
 
-/// Both solves told the same story: data term point by point, and the volume where both have it.
+/// Both solves agree: in the data term at every point, and in the volume where both have one.
 fn assert_same(what: &str, short: &Reconstruction, general: &Reconstruction) {
     assert_eq!(short.trace.len(), general.trace.len());
-    // Bins that no voxel reaches add the same to every point of the general trace.
+    // Bins that no voxel reaches add a constant to every point of the general trace.
     let constant = general.empty_loss - short.empty_loss;
     assert!(constant >= -1e-6 * general.empty_loss, "{what}");
     for (a, b) in short.trace.iter().zip(&general.trace) {
         let e = (a.data_loss + constant - b.data_loss).abs() / general.empty_loss;
-        // Adam's first step is as long for a gradient that is nearly rounding as for any.
+        // Adam's first step is as long for a gradient of mere rounding as for any other.
         let stepped = a.iteration > short.volume_iterations + 1;
         assert!(
             e < if stepped { 1e-3 } else { 1e-4 },
@@ -118,7 +118,7 @@ fn assert_same(what: &str, short: &Reconstruction, general: &Reconstruction) {
     assert!(largest > 0.0, "{what}: something is there");
     let mut differ = 0;
     for (a, b) in volumes[0].iter().zip(volumes[1]) {
-        // Outside reach one side has nothing, the other what it began with.
+        // Out of reach, one side has nothing, the other its first value.
         if *a != 0.0 && (a - b).abs() > 2e-3 * largest {
             differ += 1;
         }

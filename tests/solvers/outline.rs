@@ -1,4 +1,4 @@
-//! The outline of a solve is what runs: every command, as often as it says, and buffers that the plan has.
+//! The outline of a solve lists exactly the commands that run, and only buffers of the plan.
 
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ fn told(parts: &[Part]) -> BTreeMap<String, usize> {
 fn ran(gpu: &Gpu) -> BTreeMap<String, usize> {
     let recording = gpu.take_recording();
     recording.device.iter().fold(BTreeMap::new(), |mut all, r| {
-        // Uploads of the capture, and what the surface places itself with, are no part of a schedule.
+        // Uploads of the capture and the placing of the surface are not part of a schedule.
         let stage = r.stage.map(|s| recording.stages[s].name);
         if stage.is_some_and(|name| name != "surface") {
             *all.entry(r.kernel.to_string()).or_insert(0) += 1;
@@ -73,7 +73,7 @@ fn the_outline_is_what_runs() {
     assert!(parts.iter().any(|p| matches!(&p.when, When::After(times) if times.len() > 1)));
     check(done, parts);
 
-    // Without a surface, which takes as many pixels as the maps have.
+    // First without a surface, whose number of pixels depends on the maps.
     let o = VectorOptions {
         lateral: 16,
         iterations: 20,

@@ -1,4 +1,4 @@
-//! The paper's solver as a whole: its published defaults, its order of events, its results.
+//! The paper's solver as a whole: published defaults, order of events, results.
 
 use std::ops::ControlFlow;
 
@@ -130,11 +130,11 @@ fn a_simulated_letter_end_to_end() {
     let (scene, capture) = letter(16);
     let truth = truth(&scene, 64).unwrap();
     let result = run(&gpu, &capture, &small(160));
-    // A flat object's edge lies where its albedo falls to a half.
+    // The edge of a flat object is where its albedo falls to a half.
     let m = metrics(&result.maps, &truth, 0.5).unwrap();
     assert!(m.iou.unwrap() > 0.75, "{m:?}");
     assert!(m.depth_mae.unwrap() < 0.003, "{m:?}");
-    // Mirrored truths score far worse: the axes are right.
+    // The axes are right: mirrored truths score far worse.
     for flip in [(true, false), (false, true)] {
         let mut other = truth.clone();
         for i in 0..truth.mask.len() {
@@ -212,7 +212,7 @@ fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
     assert!(bits(&solve(Accumulation::Fixed, 4)) != bits(&fixed), "the seed matters");
     let loss = fixed.trace.last().unwrap().loss;
     for accumulation in [Accumulation::Float, Accumulation::Cas, Accumulation::Owned] {
-        // Rounding grows along the way; the result is as good.
+        // Rounding errors grow with iterations; the result is as good.
         let other = solve(accumulation, 3).trace.last().unwrap().loss;
         assert!((other / loss - 1.0).abs() < 0.05, "{accumulation:?}: {other} {loss}");
     }
@@ -251,7 +251,7 @@ fn what_cannot_run_is_refused_in_words() {
     let model = paper::model(&capture, &deep, &o);
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
     assert!(error.what.contains("40000 voxels deep"), "{error}");
-    // Few workgroups make long chunks, none too long; too few for the pairs are refused.
+    // Few workgroups make long chunks, but none too long. Too few for the pairs are refused.
     let mut few = gpu.abilities();
     few.limits.groups = [2, 3, 1];
     let cas = PaperOptions { accumulation: Accumulation::Cas, ..o.clone() };

@@ -1,5 +1,5 @@
-//! Room for a part of the voxels in the paper's solver: the same result where all fits, the brightest where they do not,
-//! and the memory that it is there for.
+//! Room for a part of the voxels in the paper's solver: the same result if all fit, the brightest if they do not, and the
+//! memory that it saves.
 
 use std::ops::ControlFlow;
 
@@ -37,7 +37,7 @@ fn options_of(sampling: Sampling) -> PaperOptions {
     }
 }
 
-/// The same bits with room for all and for two fifths of the voxels, of which more are never active.
+/// The same bits with room for all voxels and for two fifths of them, as no more are ever active.
 #[test]
 fn room_that_is_enough_changes_nothing() {
     let gpu = gpu();
@@ -60,7 +60,7 @@ fn room_that_is_enough_changes_nothing() {
     assert_valid(&gpu);
 }
 
-/// A whole solve with too little room stays within it, finds the letter still, and says so.
+/// A whole solve with too little room stays within it, still finds the letter, and says that voxels were left out.
 #[test]
 fn a_solve_beyond_its_room_stays_within_it() {
     let gpu = gpu();
@@ -80,13 +80,13 @@ fn a_solve_beyond_its_room_stays_within_it() {
     assert_valid(&gpu);
 }
 
-/// A job whose coarse level, all of it touched, has more children than there is room for.
+/// A job with all of its coarse level touched: there is not room for all children.
 fn crowded<'g>(gpu: &'g Gpu, model: &Model, fine: &Grid) -> (OnDevice<'g>, PaperOptions) {
     let o = PaperOptions { coarse_to_fine: true, room: Some(0.25), ..options(model, fine) };
     (job(gpu, model, fine, &o), o)
 }
 
-/// A doubling keeps the brightest whose children there is room for, and interpolates from what it leaves out too.
+/// A doubling keeps the brightest voxels whose children fit, and interpolates from those it leaves out, too.
 #[test]
 fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let gpu = gpu();
@@ -126,7 +126,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let before = twin::carry(&touched, &raw);
     let want = twin::carry(&now, &twin::carry_doubled(&coarse, &fine, &before));
     assert!(error(read_state(&mut job, buffer::RAW, &now, fine.storage()).concat(), want.concat()) < 1e-6);
-    // The iteration after it tells.
+    // The next iteration reports it.
     let mut s = paper::iteration(&job.plan, job.plan.finest(), 3, 1);
     s.commands.retain(|c| c.name() == "finish");
     job.executor.run(&s).unwrap();
@@ -135,7 +135,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     assert_valid(&gpu);
 }
 
-/// What the rim has no room for reads as nothing, and the solve says that something was left out.
+/// Rim voxels without room read as zero, and the solve says that something was left out.
 #[test]
 fn a_rim_beyond_its_room_reads_as_nothing() {
     let gpu = gpu();
@@ -168,7 +168,7 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     assert_valid(&gpu);
 }
 
-/// The scene of the paper, which its code takes 1,659 MB for: 32 x 32 confocal points, 128 x 128 x 333 voxels.
+/// The paper's scene: 32 x 32 confocal points, 128 x 128 x 333 voxels. The paper's code takes 1,659 MB for it.
 #[test]
 fn the_papers_scene_takes_less_than_150_megabytes() {
     let gpu = gpu();
@@ -187,7 +187,7 @@ fn the_papers_scene_takes_less_than_150_megabytes() {
         assert!(plan.levels.len() == 3 && plan.capacity >= first && plan.capacity * 11 > last);
         assert!(plan.touched_capacity > plan.capacity && plan.touched_capacity < last);
         assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
-        // Where no reduction comes before a doubling there is room for everything.
+        // Without a reduction before the doubling there is room for everything.
         for whole in [PaperOptions { reduce: false, ..o.clone() }, PaperOptions { reduce_every: 30, ..o }] {
             let plan = Plan::new(&model, grid, [32, 32], &whole, &gpu.abilities(), false).unwrap();
             assert_eq!([plan.capacity, plan.touched_capacity], [last; 2]);

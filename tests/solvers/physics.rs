@@ -1,4 +1,4 @@
-//! What light does, seen through the kernels and the whole solver: bins, energy, symmetry, shifts.
+//! Physical laws in the kernels and in whole solves: bins, energy, symmetry, shifts.
 
 use std::ops::ControlFlow;
 
@@ -44,7 +44,7 @@ fn a_voxel_at_a_known_distance_peaks_in_the_right_bin() {
             let row = &h[pair * m.bins..(pair + 1) * m.bins];
             let peak = (0..m.bins).max_by(|a, b| row[*a].total_cmp(&row[*b])).unwrap();
             assert_eq!(peak, bin, "bin b holds paths from t0 + b width up to t0 + (b + 1) width");
-            // The centroid of a linear split is the path itself, to rounding.
+            // The centroid of a linear split is the path itself, up to rounding.
             if binning == Binning::Linear {
                 let sum: f64 = row.iter().sum();
                 let centre: f64 =
@@ -141,7 +141,7 @@ fn iterations_on_the_device_follow_the_twins() {
     assert_valid(&gpu);
 }
 
-/// A small solve without anything random: fixed sampling from an empty volume.
+/// A small solve without randomness: fixed sampling from an empty volume.
 fn solve(gpu: &Gpu, capture: &Capture, lateral: usize, iterations: usize) -> Maps {
     let o = PaperOptions {
         lateral,
@@ -221,7 +221,7 @@ fn a_mirrored_scene_gives_the_mirrored_result() {
             angles.push((m[1] * n[1] + m[2] * n[2] - m[0] * n[0]).min(1.0).acos().to_degrees());
         }
     }
-    // Adam at its full rate turns rounding into signs where a normal's slope is nothing: hence the mean.
+    // Where a normal's slope is zero, Adam at its full rate follows the sign of rounding errors: hence the mean.
     assert!(angles.iter().sum::<f32>() / (angles.len() as f32) < 3.0, "{angles:?}");
     let (c, d) = (centroid(&a), centroid(&b));
     assert!(c.x > 0.08 && d.x < -0.08 && c.y < -0.05, "the plate is where it was put: {c} {d}");

@@ -1,5 +1,5 @@
-//! Where contributions lie among the bins: on edges and centres, beyond both ends, and never in what is no bin; and what
-//! a voxel on a wall point gives.
+//! The bins that contributions go to: at edges and centres, beyond both ends, never into padding. And voxels on a wall
+//! point.
 
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
@@ -13,13 +13,13 @@ const BINS: usize = 40;
 const WIDTH: f64 = 1.0 / 64.0;
 const START: f64 = 0.75;
 
-/// Paths in bins from the start of the first: ends, edges and centres of bins, and far beyond.
+/// Paths, in bins from the start of the first one: at ends, edges and centres of bins, and far beyond.
 const POSITIONS: [f64; 22] = [
     -1e9, -20.0, -2.0, -1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 7.0, 7.5, 39.0, 39.5, 39.75, 40.0,
     40.25, 40.5, 41.0, 60.0, 1e6,
 ];
 
-/// Three pairs that see a sample straight ahead at the same distance, all of it exact in fp32.
+/// Three pairs that see a sample straight ahead at the same distance. All numbers are exact in fp32.
 fn scene(geometry: Geometry, binning: Binning) -> Model {
     let origin = |n: usize| vec![DVec3::ZERO; n];
     let wall = match geometry {
@@ -43,7 +43,7 @@ fn scene(geometry: Geometry, binning: Binning) -> Model {
 }
 
 fn ahead(position: f64) -> Sample {
-    // Nothing is nearer than this by the plan; what lies before the first bin by more than that is behind the wall.
+    // The plan allows nothing nearer than this. A place farther before the first bin lies behind the wall.
     let z = 0.5 * (START + position * WIDTH);
     Sample {
         point: dvec3(0.0, 0.0, z.abs().max(0.125)),
@@ -111,7 +111,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
 
         write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         let mut s = Schedule::default();
-        // Without the last flag the gradient is left as it was gathered.
+        // Without the last flag the gradient stays as it was gathered.
         s.dispatch(&paper::passes::BACKWARD, [1, 1, 1])
             .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: model.pairs() as u32, ..Default::default() });

@@ -1,5 +1,5 @@
-//! Early iterations take a part of the pairs: which part, what the kernels make of it, and that whole solves go on from
-//! part to all with true figures and the same bits.
+//! Early iterations take a part of the pairs: which part, what the kernels compute from it, and how whole solves go on from
+//! a part to all pairs, with correct figures and the same bits.
 
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -14,7 +14,7 @@ use thirdbounce::solve::{
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 
-/// A model that claims so many pairs without having their histograms.
+/// A model with that many pairs, but without their histograms.
 fn claimed(geometry: Geometry, scanned: usize, others: usize, is_spread: bool) -> Model {
     let wall = Wall {
         geometry,
@@ -30,7 +30,7 @@ fn grid_of(lateral: usize) -> Grid {
     Grid::new(volume, lateral, 0.05).expect("a grid")
 }
 
-/// Lateral voxels and pairs of every level of the volume, on voxels as wide as so many pixels, and of the surface.
+/// Lateral voxels and pairs of every level of the volume and of the surface.
 fn both(
     gpu: &Gpu,
     model: &Model,
@@ -99,7 +99,7 @@ fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
         assert!(all.iter().all(|l| l[1] == side * side), "{all:?}");
         assert_eq!(all[0][0], if side == 5 { 8 } else { side }, "by doubling from the scan's own resolution");
     }
-    // Few pairs keep the order of the capture; so do many where all are asked for.
+    // Few pairs keep the order of the capture. So do many pairs if all are asked for from the start.
     let capture = small_capture();
     let grid = grid_of(16);
     let spread = |o: &VectorOptions, c: &Capture| vector::model(c, &grid, o).is_spread;
@@ -110,7 +110,7 @@ fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
     assert!(!spread(&o, &capture.stride(2).expect("every other point")));
 }
 
-/// What three iterations at the first level leave of a random domain: bounds, vectors, the rows of the trace.
+/// Bounds, vectors and rows of the trace after three iterations at the first level, from a random domain.
 fn begun(job: &mut OnDevice<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[f32; 4]>, Vec<u32>) {
     let (_, domain) = state(model, grid, 0.3, 4);
     let active = write_domain(job, &domain);
@@ -227,7 +227,7 @@ fn solve(
     capture: &Capture,
     from: Option<Checkpoint>,
 ) -> (Reconstruction, Vec<Checkpoint>) {
-    // What is not kept would show.
+    // State that a checkpoint misses would show.
     let faults = Faults { poison: Some(0x7fc0_0000), ..Faults::default() };
     let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
     let every = usize::from(from.is_none());
@@ -265,7 +265,7 @@ fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
     let fits = |r: &Reconstruction| r.trace.last().map_or(0.0, |p| p.data_loss) / r.empty_loss;
     assert!(fits(&done) < 1.3 * fits(&whole) && fits(&done) < 0.2, "{} {}", fits(&done), fits(&whole));
 
-    // From the states about the change of pairs, which comes after the fifth.
+    // From the states around the change of pairs, which comes after the fifth iteration.
     let bits = |r: &Reconstruction| {
         let volume =
             r.volume.as_ref().expect("asked for").albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

@@ -1,4 +1,4 @@
-//! The surface after the volume in whole solves: which pixels it has, what it gains, and what it leaves as it is.
+//! The surface stage in whole solves: which pixels it takes, what it improves, what it leaves unchanged.
 
 use std::ops::ControlFlow;
 
@@ -37,7 +37,7 @@ fn pixels_are_the_bright_ones_with_a_depth() {
     assert_eq!(pixels.depth, [0.5, 0.8, 0.9]);
     assert_eq!(pixels.albedo, [1.0, 2.0, 0.8]);
     assert_eq!(Pixels::of(&few, 7).columns, pixels.columns, "whatever the scale");
-    // Room for two: the brightest, in the order of the maps.
+    // Room for two: the brightest two, in the order of the maps.
     let two = Pixels::of(&all, 2);
     assert_eq!((two.columns.as_slice(), two.len()), ([0, 5].as_slice(), 2));
     assert_eq!(two.albedo, [1.0, 2.0]);
@@ -70,7 +70,7 @@ fn finer_maps_bridge_no_edges() {
     assert!(near(&edge[..4], [1.0, sloping[0], sloping[1], 3.0, 0.0, 0.0]), "{edge:?}");
     assert!(edge[4] == 3.0 || edge[4] == 6.0, "no mean of both sides: {edge:?}");
     assert_eq!(edge[5], 6.0);
-    // What is dark and nowhere has no share in what is beside it, and stays nowhere.
+    // A dark pixel without depth does not count for its neighbours, and keeps no depth.
     let other = row(&fine.depth, 3);
     assert!(
         near(&other[..5], [1.0, sloping[0], sloping[1], 3.0, 3.0, 0.0]) && other[5].is_nan(),
@@ -121,13 +121,13 @@ fn run(gpu: &Gpu, capture: &Capture, o: &VectorOptions) -> Reconstruction {
     solve(gpu, capture, o, &mut unwatched(&mut |_| ControlFlow::Continue(())))
 }
 
-/// The maps' bits, NaN and all.
+/// The bits of the maps, including NaN.
 fn bits(maps: &Maps) -> Vec<u32> {
     let all = maps.albedo.iter().chain(&maps.depth).chain(maps.normal.iter().flatten());
     all.map(|v| v.to_bits()).collect()
 }
 
-/// Mean errors of depth, metres, and of normals, degrees, over such pixels.
+/// Mean errors of depth (metres) and normals (degrees) over the pixels that `of` accepts.
 fn errors(maps: &Maps, truth: &Truth, pixels: &[usize]) -> [f64; 2] {
     let mean = |of: &dyn Fn(usize) -> f64| pixels.iter().map(|p| of(*p)).sum::<f64>() / pixels.len() as f64;
     let normal = |n: [f32; 3]| DVec3::from_array(n.map(f64::from));
@@ -137,14 +137,14 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[usize]) -> [f64; 2] {
     ]
 }
 
-/// Of the pixels that are both true and found.
+/// Over the pixels that are in the truth and found.
 fn share_found(maps: &Maps, truth: &Truth) -> f64 {
     let count = |of: &dyn Fn(usize) -> bool| (0..truth.mask.len()).filter(|p| of(*p)).count() as f64;
     count(&|p| truth.mask[p] && maps.mask[p]) / count(&|p| truth.mask[p] || maps.mask[p])
 }
 
-/// On what it is for, a surface that curves, over the pixels that the volume has found already. Measured: errors of depths and
-/// of normals fall to a half (a figure's to 0.4 and 0.6).
+/// On a curved surface, over the pixels that the volume has found. Measured: errors of depths and normals are halved (those
+/// of a figure fall to 0.4 and 0.6).
 #[test]
 fn the_surface_lowers_the_errors_of_depth_and_normals() {
     let gpu = gpu();
@@ -159,7 +159,7 @@ fn the_surface_lowers_the_errors_of_depth_and_normals() {
     assert!(is > was, "IoU {was} to {is}");
     let last = |r: &Reconstruction| r.trace.last().map(|p| p.iteration);
     assert_eq!([last(&before), last(&after)], [Some(30), Some(70)]);
-    // What the stage minimises, among its own iterations.
+    // The stage's objective falls over its own iterations.
     let losses: Vec<f64> = after.trace.iter().filter(|p| p.iteration > 30).map(|p| p.loss).collect();
     assert!(losses.len() > 1 && losses[losses.len() - 1] < losses[0], "{losses:?}");
     assert_valid(&gpu);
@@ -208,7 +208,7 @@ fn fixed_point_gives_the_same_bits_twice() {
     assert_valid(&gpu);
 }
 
-/// Histograms that hold one count each, earlier than anything in the grid can have sent it: there is no surface to refine.
+/// Every histogram holds one count that is earlier than light from anywhere in the grid: there is no surface to refine.
 #[test]
 fn where_nothing_is_found_nothing_is_refined() {
     let gpu = gpu();
@@ -243,7 +243,7 @@ fn without_iterations_the_maps_are_those_that_the_stage_begins_with() {
     assert_eq!(bits(&seen), bits(&before.maps));
     assert_ne!(bits(&seen), bits(&after.maps));
     assert_eq!(after.volume, before.volume, "the volume is not the stage's");
-    // What is not among the stage's pixels stays, bit by bit.
+    // Pixels that the stage does not take stay the same, bit by bit.
     let pixels = Pixels::of(&seen, usize::MAX).columns;
     assert!(pixels.len() > 20 && pixels.len() < seen.albedo.len());
     for c in (0..seen.albedo.len()).filter(|c| !pixels.contains(&(*c as u32))) {
@@ -254,7 +254,7 @@ fn without_iterations_the_maps_are_those_that_the_stage_begins_with() {
     assert_valid(&gpu);
 }
 
-/// The same scene in another unit: the same surface, be the wall a millimetre wide or a hundred metres.
+/// The same scene in another unit gives the same surface, whether the wall is a millimetre or a hundred metres wide.
 #[test]
 fn surfaces_on_walls_of_any_size() {
     let gpu = gpu();
@@ -284,7 +284,7 @@ fn surfaces_on_walls_of_any_size() {
         };
         let sum = pixels.iter().map(off).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
         let [depth, normal] = sum.map(|s| s / pixels.len() as f64);
-        // On the mean: whether a path falls on this or that side of a bin's centre is a matter of rounding, and moves a pixel.
+        // In the mean: rounding decides on which side of a bin's centre a path falls, and that moves a pixel.
         assert!(
             depth < 6e-4 && normal < 1e-2,
             "wall of {scale} m: {depth:.1e} m of a metre's, normals {normal:.1e}"
@@ -293,7 +293,7 @@ fn surfaces_on_walls_of_any_size() {
     assert_valid(&gpu);
 }
 
-/// Where early iterations take a part of the pairs, the surface does, too, and ends with all of them.
+/// If early iterations take a part of the pairs, so does the surface, and it ends with all of them.
 #[test]
 fn a_large_scans_surface_ends_with_all_pairs() {
     let gpu = gpu();
@@ -315,7 +315,7 @@ fn a_large_scans_surface_ends_with_all_pairs() {
     assert_valid(&gpu);
 }
 
-/// Pixels finer than voxels: a volume of half the resolution, and maps as good as those of a whole one.
+/// Pixels finer than voxels: a volume of half the resolution gives maps as good as one of full resolution.
 #[test]
 fn pixels_may_be_finer_than_voxels() {
     let gpu = gpu();
@@ -329,7 +329,7 @@ fn pixels_may_be_finer_than_voxels() {
     let lateral = |iteration: usize| half.trace.iter().find(|p| p.iteration == iteration).map(|p| p.lateral);
     assert_eq!([lateral(30), lateral(70)], [Some(16), Some(32)]);
     assert!(half.device_bytes < whole.device_bytes && half.pairs < whole.pairs);
-    // Measured: half the depth error of the volume's maps, and no more than those of the whole one's surface.
+    // Measured: half the depth error of the volume's maps, and no more than the surface after a volume of full resolution.
     let begun = alone.maps.finer(2);
     let all = [&whole.maps, &half.maps, &begun];
     let hit = |p: &usize| truth.mask[*p] && all.iter().all(|m| m.mask[*p]);
