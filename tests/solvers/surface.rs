@@ -127,7 +127,7 @@ fn bits(maps: &Maps) -> Vec<u32> {
     all.map(|v| v.to_bits()).collect()
 }
 
-/// Mean errors of depth (metres) and normals (degrees) over the pixels that `of` accepts.
+/// Mean errors of depth (metres) and normals (degrees) over these pixels.
 fn errors(maps: &Maps, truth: &Truth, pixels: &[usize]) -> [f64; 2] {
     let mean = |of: &dyn Fn(usize) -> f64| pixels.iter().map(|p| of(*p)).sum::<f64>() / pixels.len() as f64;
     let normal = |n: [f32; 3]| DVec3::from_array(n.map(f64::from));
@@ -137,7 +137,7 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[usize]) -> [f64; 2] {
     ]
 }
 
-/// Over the pixels that are in the truth and found.
+/// Intersection over union of the true and the found mask.
 fn share_found(maps: &Maps, truth: &Truth) -> f64 {
     let count = |of: &dyn Fn(usize) -> bool| (0..truth.mask.len()).filter(|p| of(*p)).count() as f64;
     count(&|p| truth.mask[p] && maps.mask[p]) / count(&|p| truth.mask[p] || maps.mask[p])
