@@ -80,8 +80,8 @@ fn main() {
         vector(&confocal, Cosine, false),
         vector(&confocal, Lambertian, false),
     );
-    let pulse = Some(Pulse::gaussian(4.0 * confocal.bin_width).expect("a width"));
-    let pulsed = Capture { pulse, ..confocal.clone() };
+    let mut pulsed = confocal.clone();
+    pulsed.pulse = Some(Pulse::gaussian(4.0 * confocal.bin_width).expect("a width"));
     compare(
         "the instrument's pulse",
         "confocal, a Gaussian of four bins",
@@ -132,23 +132,21 @@ fn spread(base: &Capture, kept: impl Fn(usize, usize) -> bool) -> Capture {
         (0..points.len()).filter(|o| kept(points.len(), *o)).flat_map(combine).collect();
     let bins = base.bins;
     let shift = DVec3::new(0.001, 0.002, 0.0);
-    Capture {
-        scan: [pairs.len() / points.len(), points.len()],
-        laser: pairs.iter().map(|p| points[p.0] + shift).collect(),
-        sensor: pairs.iter().map(|p| points[p.1]).collect(),
-        histograms: pairs
-            .iter()
-            .flat_map(|p| &base.histograms[p.1 * bins..(p.1 + 1) * bins])
-            .copied()
-            .collect(),
-        ..base.clone()
-    }
+    let mut made = base.clone();
+    made.scan = [pairs.len() / points.len(), points.len()];
+    made.laser = pairs.iter().map(|p| points[p.0] + shift).collect();
+    made.sensor = pairs.iter().map(|p| points[p.1]).collect();
+    let histogram = |p: &(usize, usize)| &base.histograms[p.1 * bins..(p.1 + 1) * bins];
+    made.histograms = pairs.iter().flat_map(histogram).copied().collect();
+    made
 }
 
 /// The same capture with normals that are not (0, 0, 1).
 fn tilted(base: &Capture) -> Capture {
     let normals = vec![DVec3::new(0.1, 0.0, 1.0).normalize(); base.laser.len()];
-    Capture { laser_normal: Some(normals.clone()), sensor_normal: Some(normals), ..base.clone() }
+    let mut made = base.clone();
+    (made.laser_normal, made.sensor_normal) = (Some(normals.clone()), Some(normals));
+    made
 }
 
 fn vector_side<'g>(

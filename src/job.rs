@@ -55,6 +55,8 @@ pub struct Input {
     pub bounce: Option<capture::Bounce>,
     /// File with the times of flight to the wall, of formats that keep them in a second file.
     pub time_of_flight: Option<PathBuf>,
+    /// How the scan is turned over, where the file does not say which way it lies on the wall.
+    pub turn: capture::Turn,
     /// Keep every so-manieth scan point in x and in y; `None` keeps all.
     pub stride: Option<usize>,
     /// Keep so many pairs, drawn at random after the stride; `None` keeps all.
@@ -79,6 +81,7 @@ impl Input {
             bin_width: self.bin_width,
             bounce: self.bounce,
             time_of_flight: self.time_of_flight.clone(),
+            turn: self.turn,
         }
     }
 }

@@ -21,20 +21,10 @@ pub fn capture(side: usize) -> Capture {
     let at = |i: usize| (i as f64 + 0.5) / side as f64 - 0.5;
     let points: Vec<_> = (0..side * side).map(|i| dvec3(at(i / side), at(i % side), 0.0)).collect();
     let bins = 512;
-    Capture {
-        name: "bench".into(),
-        scan: [side, side],
-        laser: points.clone(),
-        sensor: points,
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width: 0.006,
-        t_start: 0.0,
-        histograms: (0..side * side * bins).map(|i| (i * 7919 % 101) as f32).collect(),
-        integer_counts: true,
-        pulse: None,
-    }
+    let histograms = (0..side * side * bins).map(|i| (i * 7919 % 101) as f32).collect();
+    let mut made = Capture::new([side, side], points.clone(), points, bins, 0.006, histograms);
+    made.integer_counts = true;
+    made
 }
 
 /// About `active` voxels at 0.5 to 1 m.

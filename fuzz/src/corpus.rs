@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use fixtures::readers;
-use thirdbounce::capture::{Capture, Pulse, read_given, write};
+use thirdbounce::capture::{Pulse, read_given, write};
 
 fn main() {
     let here = || Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
@@ -23,15 +23,15 @@ fn main() {
             put(target, &file);
         }
         // The same capture as our own formats write it.
-        let capture = read_given(&opened, &given).expect("a whole fixture").capture;
+        let mut capture = read_given(&opened, &given).expect("a whole fixture").capture;
         for (target, ending) in [("npz", "npz"), ("ytal", "h5")] {
             let path = scratch.join(format!("from_{name}.{ending}"));
             write(&capture, &path).expect("it is written");
             put(target, &path);
         }
         let path = scratch.join(format!("from_{name}_pulse.npz"));
-        let pulse = Some(Pulse::gaussian(3.0 * capture.bin_width).expect("a width"));
-        write(&Capture { pulse, ..capture }, &path).expect("it is written");
+        capture.pulse = Some(Pulse::gaussian(3.0 * capture.bin_width).expect("a width"));
+        write(&capture, &path).expect("it is written");
         put("npz", &path);
     }
     std::fs::remove_dir_all(&scratch).expect("the folder goes");

@@ -31,9 +31,9 @@ pub fn open(bytes: &[u8], name: &str, given: &Given) {
 }
 
 pub fn wall() -> Given {
-    Given { wall: Some(1.0), ..Given::default() }
+    Given::default().with_wall(1.0)
 }
 
 pub fn wall_and_bins() -> Given {
-    Given { bin_width: Some(0.01), ..wall() }
+    wall().with_bin_width(0.01)
 }

@@ -18,12 +18,14 @@ pub mod pulse;
 pub mod scan;
 mod sum;
 pub mod summary;
+mod turn;
 
 pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};
 pub use pulse::{Pulse, PulseTaps, Way};
 pub use summary::Summary;
+pub use turn::Turn;
 
 use glam::DVec3;
 
@@ -31,7 +33,11 @@ use glam::DVec3;
 pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
 
 /// Transient histograms of pairs of wall points, all arrays of one length `P` (pairs).
+///
+/// [`Capture::new`] takes what every capture has; the other fields are set afterwards. Nothing is checked before
+/// [`Capture::check`].
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Capture {
     /// A short name for people: the file's stem or the scene's name.
     pub name: String,
@@ -41,9 +47,9 @@ pub struct Capture {
     pub laser: Vec<DVec3>,
     /// Sensor points, one per pair, in metres.
     pub sensor: Vec<DVec3>,
-    /// Unit wall normals at the laser points, if known.
+    /// Unit wall normals at the laser points, one per pair, if known.
     pub laser_normal: Option<Vec<DVec3>>,
-    /// Unit wall normals at the sensor points, if known.
+    /// Unit wall normals at the sensor points, one per pair, if known.
     pub sensor_normal: Option<Vec<DVec3>>,
     /// Number of bins T.
     pub bins: usize,
@@ -51,7 +57,7 @@ pub struct Capture {
     pub bin_width: f64,
     /// Leading edge of bin 0 in metres of path.
     pub t_start: f64,
-    /// Counts, `[pair * bins + bin]`.
+    /// Counts, `[pair * bins + bin]`, P * T of them.
     pub histograms: Vec<f32>,
     /// Whether the source held integers (photon counts).
     pub integer_counts: bool,
@@ -60,6 +66,37 @@ pub struct Capture {
 }
 
 impl Capture {
+    /// A capture without a name whose bins begin at path 0, without normals or pulse, whose counts are real numbers.
+    ///
+    /// - `scan`: points along x and along y, [X, Y]; X * Y = P pairs. A list of pairs is [P, 1].
+    /// - `laser`, `sensor`: wall points of pair `ix * Y + iy`, in metres; P of each.
+    /// - `bins`: number of bins T of every histogram.
+    /// - `bin_width`: metres of path, that is seconds times 299 792 458.
+    /// - `histograms`: counts `[pair * bins + bin]`; P * T of them.
+    pub fn new(
+        scan: [usize; 2],
+        laser: Vec<DVec3>,
+        sensor: Vec<DVec3>,
+        bins: usize,
+        bin_width: f64,
+        histograms: Vec<f32>,
+    ) -> Capture {
+        Capture {
+            name: String::new(),
+            scan,
+            laser,
+            sensor,
+            laser_normal: None,
+            sensor_normal: None,
+            bins,
+            bin_width,
+            t_start: 0.0,
+            histograms,
+            integer_counts: false,
+            pulse: None,
+        }
+    }
+
     /// The same pairs with other bins; `histograms` holds `bins` for each.
     fn with_bins(&self, bins: usize, bin_width: f64, t_start: f64, histograms: Vec<f32>) -> Capture {
         Capture {

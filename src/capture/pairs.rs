@@ -194,20 +194,8 @@ mod tests {
     use glam::dvec3;
 
     fn capture(pairs: &[(DVec3, DVec3)]) -> Capture {
-        Capture {
-            name: "pairs".into(),
-            scan: [pairs.len(), 1],
-            laser: pairs.iter().map(|p| p.0).collect(),
-            sensor: pairs.iter().map(|p| p.1).collect(),
-            laser_normal: None,
-            sensor_normal: None,
-            bins: 1,
-            bin_width: 0.01,
-            t_start: 0.0,
-            histograms: vec![1.0; pairs.len()],
-            integer_counts: false,
-            pulse: None,
-        }
+        let (laser, sensor) = pairs.iter().copied().unzip();
+        Capture::new([pairs.len(), 1], laser, sensor, 1, 0.01, vec![1.0; pairs.len()])
     }
 
     fn grid(n: usize, shift: f64) -> Vec<DVec3> {

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 
 /// Samples of a pulse over path length, of any common scale.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Pulse {
     /// Not negative, not all zero.
     pub samples: Vec<f64>,
@@ -55,6 +56,12 @@ const LINEAR: f64 = 1.0 / 12.0;
 const BIN: f64 = 1.0 / 12.0;
 
 impl Pulse {
+    /// A pulse of these samples, each `width` metres of path wide; the first begins `start` metres behind the path. The
+    /// values are checked when the pulse is used ([`Pulse::taps`]).
+    pub fn new(samples: Vec<f64>, width: f64, start: f64) -> Pulse {
+        Pulse { samples, width, start }
+    }
+
     /// A Gaussian whose full width at half maximum is `fwhm` metres of path.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ use super::{Capture, METRES_PER_PICOSECOND, PairKind, Pulse};
 
 /// A capture in figures. Lengths are metres of path unless said otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Summary {
     pub name: String,
     /// Scan points along x and y.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use thirdbounce::capture::{Bounce, Gate, Given, Pulse};
+use thirdbounce::capture::{Bounce, Gate, Given, Pulse, Turn};
 use thirdbounce::job::{self, GivenPulse, Loaded, Request, SolverOptions};
 use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
@@ -46,6 +46,13 @@ pub struct CaptureArgs {
     /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
     #[arg(long, value_name = "FILE", help_heading = "Capture")]
     pub tof: Option<PathBuf>,
+    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files that do
+    /// not say which way the scan lies on the wall
+    #[arg(long, value_name = "x|y|xy", help_heading = "Capture")]
+    pub flip: Option<String>,
+    /// Turn the scan by 90, 180 or 270 degrees, counter-clockwise as seen in the pictures (+x to the right, y up), after --flip
+    #[arg(long, value_name = "DEGREES", help_heading = "Capture")]
+    pub rotate: Option<u32>,
 }
 
 /// What a capture file may not say, for verbs that take no solver.
@@ -63,16 +70,23 @@ pub struct UnsaidArgs {
     /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
     #[arg(long, value_name = "FILE", help_heading = "Capture")]
     pub tof: Option<PathBuf>,
+    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files that do
+    /// not say which way the scan lies on the wall
+    #[arg(long, value_name = "x|y|xy", help_heading = "Capture")]
+    pub flip: Option<String>,
+    /// Turn the scan by 90, 180 or 270 degrees, counter-clockwise as seen in the pictures (+x to the right, y up), after --flip
+    #[arg(long, value_name = "DEGREES", help_heading = "Capture")]
+    pub rotate: Option<u32>,
 }
 
 impl UnsaidArgs {
     pub fn given(&self) -> Result<Given> {
-        Ok(Given {
-            wall: self.wall,
-            bin_width: self.bin_width,
-            bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
-            time_of_flight: self.tof.clone(),
-        })
+        Ok(Given::default()
+            .with_wall(self.wall)
+            .with_bin_width(self.bin_width)
+            .with_bounce(self.bounce.as_deref().map(Bounce::parse).transpose()?)
+            .with_time_of_flight(self.tof.clone())
+            .with_turn(Turn::parse(self.flip.as_deref(), self.rotate)?))
     }
 }
 
@@ -84,6 +98,7 @@ impl CaptureArgs {
             bin_width: self.bin_width,
             bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
             time_of_flight: self.tof.clone(),
+            turn: Turn::parse(self.flip.as_deref(), self.rotate)?,
             stride: self.stride,
             subset: self.subset,
             subset_seed: solver.seed(),

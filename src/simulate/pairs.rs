@@ -110,24 +110,16 @@ impl Pairs {
 
     /// Whether the sensor is the scanned side, as [`Capture::scanned_points`] tells it.
     pub fn sensor_scans(&self) -> bool {
-        !self.capture().laser_scans()
+        !self.capture(0, 1.0, vec![]).laser_scans()
     }
 
-    /// A capture of these pairs without a bin.
-    fn capture(&self) -> Capture {
+    /// A capture of these pairs.
+    pub(super) fn capture(&self, bins: usize, bin_width: f64, histograms: Vec<f32>) -> Capture {
+        let (laser, sensor) = (self.laser.clone(), self.sensor.clone());
         Capture {
-            name: String::new(),
-            scan: self.scan,
-            laser: self.laser.clone(),
-            sensor: self.sensor.clone(),
             laser_normal: self.laser_normal.clone(),
             sensor_normal: self.sensor_normal.clone(),
-            bins: 0,
-            bin_width: 1.0,
-            t_start: 0.0,
-            histograms: Vec::new(),
-            integer_counts: false,
-            pulse: None,
+            ..Capture::new(self.scan, laser, sensor, bins, bin_width, histograms)
         }
     }
 

@@ -240,17 +240,8 @@ impl Renderer<'_> {
     fn capture(&self, histograms: Vec<f32>) -> Capture {
         Capture {
             name: self.scene.name.clone(),
-            scan: self.pairs.scan,
-            laser: self.pairs.laser.clone(),
-            sensor: self.pairs.sensor.clone(),
-            laser_normal: self.pairs.laser_normal.clone(),
-            sensor_normal: self.pairs.sensor_normal.clone(),
-            bins: self.bins,
-            bin_width: self.scene.bin_width,
             t_start: self.scene.t_start,
-            histograms,
-            integer_counts: false,
-            pulse: None,
+            ..self.pairs.capture(self.bins, self.scene.bin_width, histograms)
         }
     }
 }

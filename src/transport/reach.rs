@@ -112,20 +112,8 @@ mod tests {
     use crate::transport::Reflectance;
 
     fn model(points: Vec<DVec3>, min_depth: f64) -> Model {
-        let capture = Capture {
-            name: "points".into(),
-            scan: [points.len(), 1],
-            laser: points.clone(),
-            sensor: points.clone(),
-            laser_normal: None,
-            sensor_normal: None,
-            bins: 4,
-            bin_width: 0.1,
-            t_start: 0.0,
-            histograms: vec![1.0; 4 * points.len()],
-            integer_counts: false,
-            pulse: None,
-        };
+        let n = points.len();
+        let capture = Capture::new([n, 1], points.clone(), points, 4, 0.1, vec![1.0; 4 * n]);
         Model { min_depth, ..Model::new(&capture, Reflectance::Cosine, 1.0, false) }
     }
 

@@ -62,7 +62,7 @@ fn the_stanford_form_comes_back() {
     assert!(notes.join("").contains("--wall 1 --bin-width 0.01"), "{notes:?}");
     let bytes = std::fs::read(&path).unwrap();
     assert!(bytes.starts_with(b"MATLAB 7.3 MAT-file") && bytes[124..128] == *b"\x00\x02IM");
-    let given = Given { wall: Some(1.0), bin_width: Some(0.01), ..Given::default() };
+    let given = Given::default().with_wall(1.0).with_bin_width(0.01);
     let back = read_given(&path, &given).unwrap().capture;
     assert_eq!((back.scan, back.bins, back.integer_counts), (c.scan, c.bins, true));
     assert!(back.histograms == c.histograms);

@@ -10,7 +10,9 @@ use thirdbounce::capture::{Capture, PairKind, read, read_with_notes, write};
 /// A confocal capture of the given points, as a list.
 fn list(points: Vec<DVec3>) -> Capture {
     let scan = [points.len(), 1];
-    Capture { laser: points.clone(), sensor: points, ..capture(scan, 4, |p, b| (p + b) as f32) }
+    let mut made = capture(scan, 4, |p, b| (p + b) as f32);
+    (made.laser, made.sensor) = (points.clone(), points);
+    made
 }
 
 /// Points that form no lattice, spread over [0, width] x [0, height].
@@ -25,11 +27,10 @@ fn scattered(count: usize, width: f64, height: f64) -> Vec<DVec3> {
 /// Every laser point with every sensor point.
 fn exhaustive(lasers: &[DVec3], sensors: &[DVec3]) -> Capture {
     let scan = [lasers.len(), sensors.len()];
-    Capture {
-        laser: lasers.iter().flat_map(|&l| std::iter::repeat_n(l, sensors.len())).collect(),
-        sensor: sensors.repeat(lasers.len()),
-        ..capture(scan, 3, |p, b| (3 * p + b) as f32)
-    }
+    let mut made = capture(scan, 3, |p, b| (3 * p + b) as f32);
+    made.laser = lasers.iter().flat_map(|&l| std::iter::repeat_n(l, sensors.len())).collect();
+    made.sensor = sensors.repeat(lasers.len());
+    made
 }
 
 fn grid(nx: usize, ny: usize, shift: f64) -> Vec<DVec3> {
@@ -139,7 +140,8 @@ fn pairs_that_were_not_measured_are_left_out_and_told() {
     let mut few = capture([8, 8], 4, |_, _| 5.0);
     few.histograms[..4].fill(0.0);
     assert_eq!(few.clone().without_missing().unwrap(), (few, 0, vec![]));
-    let mut real = Capture { integer_counts: false, ..whole.clone() };
+    let mut real = whole.clone();
+    real.integer_counts = false;
     real.histograms[..4].fill(0.0);
     assert_eq!(real.clone().without_missing().unwrap().1, 0);
     // A histogram with some NaN is an error, and so are infinite points.

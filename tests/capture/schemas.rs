@@ -1,12 +1,12 @@
 //! Formats without a sample: files built from their schemas, in both axis orders, are read as their schema means them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fixtures::captures::{assert_error, place};
 use fixtures::files::{Matrix, Stored, hdf5, matlab5, matlab5_struct, matrix, scalar, vector};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Bounce, Capture, Given, read, read_given};
+use thirdbounce::capture::{Bounce, Capture, Given, Turn, read, read_given};
 
 /// Counts of (t, x, y): all different, so that every axis that is mixed up shows.
 fn count(t: usize, x: usize, y: usize) -> f64 {
@@ -117,7 +117,7 @@ fn znlos_confocal_in_both_axis_orders() {
                 "{notes}"
             );
             let with = |bounce| {
-                let given = Given { bounce: Some(bounce), ..Given::default() };
+                let given = Given::default().with_bounce(bounce);
                 read_given(path, &given).map(|o| o.capture.histograms.iter().sum::<f32>())
             };
             let all = with(Bounce::All).unwrap();
@@ -195,7 +195,7 @@ fn znlos_that_does_not_fit() {
     arrays[0] = matrix("data", &[2, 99, 4, 3, 2], |_| 1.0);
     hdf5(&path, &arrays);
     assert_error(read(&path), Kind::Input, &["[2, 3, 4, 99, 2]", "t = 100"]);
-    let given = Given { bin_width: Some(0.1), ..Given::default() };
+    let given = Given::default().with_bin_width(0.1);
     assert_error(read_given(&path, &given), Kind::Options, &["--bin-width"]);
 }
 
@@ -265,16 +265,16 @@ fn general_nlos_folder_in_both_axis_orders() {
 
 #[test]
 fn phasor_field_2019() {
-    // One camera point, three laser points, devices 1 m before the wall.
+    // Two camera points, three laser points, devices 1 m before the wall.
     let fields = |prefix: &str| {
         let name = |n: &str| format!("{prefix}{n}");
         vec![
-            matrix(&name("data"), &[60, 1, 3], |a| if a[0] == 20 + a[2] { 50.0 } else { 0.0 }),
+            matrix(&name("data"), &[3, 2, 60], |a| if a[2] == 20 + a[0] + 5 * a[1] { 50.0 } else { 0.0 }),
             matrix(&name("laserPos"), &[3, 3], |a| if a[1] == 0 { 0.1 * a[0] as f64 } else { 0.0 }),
-            matrix(&name("cameraPos"), &[1, 3], |a| if a[1] == 1 { 0.2 } else { 0.0 }),
+            matrix(&name("cameraPos"), &[2, 3], |a| if a[1] == 1 { 0.2 * a[0] as f64 } else { 0.0 }),
             matrix(&name("laserNorm"), &[3, 3], |a| if a[1] == 2 { 1.0 } else { 0.0 }),
             vector(&name("laserOrigin"), &[0.0, 0.0, 1.0]),
-            vector(&name("cameraOrigin"), &[0.0, 0.2, 1.0]),
+            vector(&name("cameraOrigin"), &[0.0, 0.0, 1.0]),
             scalar(&name("deltat"), 0.2),
             scalar(&name("t0"), 0.0),
             scalar(&name("t"), 60.0),
@@ -282,20 +282,18 @@ fn phasor_field_2019() {
     };
     let check = |path: &Path, what: &str| {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
-        assert_eq!(c.scan, [3, 1], "{what}");
-        assert!(
-            c.laser[2].distance(dvec3(0.2, 0.0, 0.0)) < 1e-9
-                && c.sensor[2].distance(dvec3(0.0, 0.2, 0.0)) < 1e-9
-        );
-        // Legs of 1 m each are ten bins of 0.2 m; the second laser's is 1.005 m.
-        let first: Vec<f32> = c.histograms[..c.bins].to_vec();
-        let at = first.iter().position(|v| *v > 0.0).unwrap();
-        assert!(
-            (c.t_start + at as f64 * c.bin_width - 2.0).abs() < 1e-6,
-            "{what}: bin {at} from {}",
-            c.t_start
-        );
-        assert!((c.histograms.iter().sum::<f32>() - 150.0).abs() < 1e-3);
+        assert_eq!(c.scan, [3, 2], "{what}");
+        for (pair, histogram) in c.histograms.chunks_exact(c.bins).enumerate() {
+            let (l, s) = (pair / 2, pair % 2);
+            let (laser, sensor) = (dvec3(0.1 * l as f64, 0.0, 0.0), dvec3(0.0, 0.2 * s as f64, 0.0));
+            assert!(c.laser[pair].distance(laser) < 1e-9 && c.sensor[pair].distance(sensor) < 1e-9, "{what}");
+            // The middle of the bright bin without the legs, which are apart by parts of a bin.
+            let legs = 1f64.hypot(0.1 * l as f64) + 1f64.hypot(0.2 * s as f64);
+            let bright = 0.2 * ((20 + l + 5 * s) as f64 + 0.5) - legs;
+            let moment = |b: usize| f64::from(histogram[b]) * (c.t_start + (b as f64 + 0.5) * c.bin_width);
+            let middle = (0..c.bins).map(moment).sum::<f64>() / 50.0;
+            assert!((middle - bright).abs() < 1e-5, "{what}: pair {pair} at {middle}, not {bright}");
+        }
     };
     let (_folder, path) = place("pf.mat");
     for stored in [Stored::Plain, Stored::Compressed] {
@@ -304,6 +302,11 @@ fn phasor_field_2019() {
     }
     hdf5(&path, &fields("dataset/"));
     check(&path, "group of v7.3");
+    // Another program's order, which HDF5 does not reverse.
+    let mut other = fields("dataset/");
+    other[0] = other[0].reversed();
+    hdf5(&path, &other);
+    check(&path, "group of another program");
 }
 
 #[test]
@@ -333,58 +336,74 @@ fn nlos_dirac_as_y_tal_reads_it() {
     assert_error(read(&path), Kind::Input, &["offset_laser", "where the devices are"]);
     hdf5(&path, &arrays(1.5, 4));
     assert_error(read(&path), Kind::Input, &["data_t", "[4, 2]"]);
-    let given = Given { bin_width: Some(0.02), ..Given::default() };
+    let given = Given::default().with_bin_width(0.02);
     assert_error(read_given(&path, &given), Kind::Options, &["--bin-width", "NLOS-Dirac"]);
 }
 
 #[test]
-fn phasor_field_2020() {
+fn phasor_field_2020_has_d1_down_and_d2_to_the_left() {
     let arrays = |at: [f64; 2]| {
         [
-            matrix("rect_data", &[BINS, 3, 2], |a| count(a[0], a[1], a[2])).of_counts(),
+            scanned("rect_data"),
             scalar("ts", 4e-12),
-            scalar("sampling_spacing", 0.01),
+            scalar("sampling_spacing", 0.5),
             matrix("SPAD_index", &[1, 2], |a| at[a[1]]),
         ]
     };
-    every_file(&arrays([2.0, 1.0]), |path, what| {
+    every_file(&arrays([1.0, 3.0]), |path, what| {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!((c.scan, c.bins), ([3, 2], BINS));
-        assert!(c.laser[5].distance(dvec3(0.005, 0.0, 0.0)) < 1e-12, "{}", c.laser[5]);
-        assert!(c.sensor.iter().all(|s| s.distance(dvec3(-0.005, -0.01, 0.0)) < 1e-12), "{}", c.sensor[0]);
-        assert_eq!(f64::from(c.histograms[5 * BINS + 7]), count(7, 2, 1), "{what}");
+        assert_axes(&c, 0, |ix, iy| [1 - iy, 2 - ix], what);
+        // The first of d1 is the upper row, the last of d2 the left column.
+        assert!(c.sensor.iter().all(|s| s.distance(dvec3(-0.5, 0.25, 0.0)) < 1e-12), "{}", c.sensor[0]);
         assert!((c.bin_width - 4.0 * 299_792_458e-12).abs() < 1e-12);
     });
-    every_file(&arrays([4.0, 1.0]), |path, _| {
-        assert_error(read(path), Kind::Input, &["SPAD_index", "(4, 1)", "3 x 2"]);
+    every_file(&arrays([3.0, 1.0]), |path, _| {
+        assert_error(read(path), Kind::Input, &["SPAD_index", "(3, 1)", "2 x 3"]);
+    });
+}
+
+/// Counts of (d1, d2, t), all different.
+fn scanned(name: &str) -> Matrix {
+    matrix(name, &[2, 3, BINS], |a| count(a[2], a[0], a[1])).of_counts()
+}
+
+/// Every pair of a scan over a 1 m wall must have the counts, from bin `late` on, of the place (d1, d2) that `from` tells.
+fn assert_axes(c: &Capture, late: usize, from: impl Fn(usize, usize) -> [usize; 2], what: &str) {
+    let [nx, ny] = c.scan;
+    for (ix, iy) in (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))) {
+        let pair = ix * ny + iy;
+        let [d1, d2] = from(ix, iy);
+        assert_eq!(f64::from(c.histograms[pair * c.bins + 5]), count(5 + late, d1, d2), "{what}: {ix}, {iy}");
+        let middle = |i: usize, n: usize| 0.5 * (i as f64 - 0.5 * (n - 1) as f64);
+        assert!(c.laser[pair].distance(dvec3(middle(ix, nx), middle(iy, ny), 0.0)) < 1e-12, "{what}");
+    }
+}
+
+#[test]
+fn lct_of_every_storage_has_d1_to_the_left_and_d2_down() {
+    every_file(&[scanned("rect_data"), scalar("width", 0.5)], |path, what| {
+        let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert_eq!((c.scan, c.bins, c.integer_counts), ([2, 3], BINS, true));
+        assert_axes(&c, 0, |ix, iy| [1 - ix, 2 - iy], what);
     });
 }
 
 #[test]
-fn lct_and_stanford_of_every_storage() {
-    let lct =
-        [matrix("rect_data", &[2, 3, BINS], |a| count(a[2], a[1], a[0])).of_counts(), scalar("width", 0.5)];
-    every_file(&lct, |path, what| {
-        let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
-        assert_eq!((c.scan, c.bins, c.integer_counts), ([3, 2], BINS, true));
-        assert!(c.laser[0].distance(dvec3(-0.5, -0.25, 0.0)) < 1e-12, "{}", c.laser[0]);
-        // Row 0 is the top.
-        assert_eq!(f64::from(c.histograms[BINS + 5]), count(5, 0, 0), "{what}");
-        assert_eq!(f64::from(c.histograms[5]), count(5, 0, 1), "{what}");
+fn stanford_of_every_storage_has_d1_up_and_d2_to_the_left() {
+    let stanford = |tof: f64| [scanned("meas"), matrix("tofgrid", &[2, 3], move |a| tof * a[0] as f64)];
+    // 100 ps are three bins.
+    every_file(&stanford(0.0), |path, what| {
+        let c = read_given(path, &Given::default().with_wall(1.0)).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert_eq!((c.capture.scan, c.capture.bins), ([3, 2], BINS));
+        assert_axes(&c.capture, 0, |ix, iy| [iy, 2 - ix], what);
     });
-    let stanford = |tof: f64| {
-        [
-            matrix("meas", &[2, 3, BINS], |a| count(a[2], a[1], a[0])),
-            matrix("tofgrid", &[2, 3], move |a| tof * a[0] as f64),
-        ]
-    };
     every_file(&stanford(100.0), |path, what| {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
-        // Row 0 is the top, whose time of flight is 0; 100 ps are three bins.
-        assert_eq!((c.scan, c.bins), ([3, 2], BINS));
-        assert_eq!(f64::from(c.histograms[BINS + 5]), count(5, 0, 0), "{what}");
-        assert_eq!(f64::from(c.histograms[5]), count(8, 0, 1), "{what}");
-        assert_eq!(c.histograms[BINS - 1], 0.0);
+        // d1 of 0 is the lower row, whose time of flight is 0.
+        assert_eq!(f64::from(c.histograms[5]), count(5, 0, 2), "{what}");
+        assert_eq!(f64::from(c.histograms[BINS + 5]), count(8, 1, 2), "{what}");
+        assert_eq!(c.histograms[2 * BINS - 1], 0.0);
     });
     for wrong in [-1.0, 1e9, f64::INFINITY] {
         every_file(&stanford(wrong), |path, _| assert_error(read(path), Kind::Input, &["tofgrid", "ps"]));
@@ -396,17 +415,31 @@ fn lct_and_stanford_of_every_storage() {
 }
 
 #[test]
+fn one_array_has_rows_from_the_top_unless_it_is_turned() {
+    every_file(&[scanned("counts")], |path, what| {
+        let given = Given::default().with_wall(1.0).with_bin_width(0.01);
+        let c = read_given(path, &given).unwrap().capture;
+        assert_axes(&c, 0, |ix, iy| [1 - iy, ix], what);
+        let opened = read_given(path, &given.with_turn(Turn::parse(Some("x"), Some(90)).unwrap())).unwrap();
+        assert!(opened.notes.iter().any(|n| n.contains("--flip x") && n.contains("--rotate 90")));
+        // Mirrored, columns run from the right; a quarter counter-clockwise then has them run down.
+        assert_eq!(opened.capture.scan, [2, 3]);
+        assert_axes(&opened.capture, 0, |ix, iy| [ix, 2 - iy], what);
+    });
+}
+
+#[test]
 fn what_is_no_capture_says_what_it_holds() {
     let strange = [scalar("a", 1.0), vector("b", &[1.0, 2.0])];
     every_file(&strange, |path, _| assert_error(read(path), Kind::Input, &["no known format", "a, b"]));
-    let bounce = Given { bounce: Some(Bounce::All), ..Given::default() };
+    let bounce = Given::default().with_bounce(Bounce::All);
     let lct = [matrix("rect_data", &[2, 3, BINS], |a| count(a[2], a[1], a[0])), scalar("width", 0.5)];
     every_file(&lct, |path, _| {
         assert_error(read_given(path, &bounce), Kind::Options, &["--bounce"]);
-        let tof = Given { time_of_flight: Some("tof.mat".into()), ..Given::default() };
+        let tof = Given::default().with_time_of_flight(PathBuf::from("tof.mat"));
         assert_error(read_given(path, &tof), Kind::Options, &["--tof"]);
         for width in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let given = Given { bin_width: Some(width), ..Given::default() };
+            let given = Given::default().with_bin_width(width);
             assert_error(read_given(path, &given), Kind::Options, &["--bin-width"]);
         }
     });

@@ -9,7 +9,8 @@ use thirdbounce::solve::default_volume;
 
 /// A capture with the points of these pairs, which keeps the true normals beside it.
 fn bare(pairs: Pairs) -> (Capture, [Option<Vec<DVec3>>; 2]) {
-    let made = Capture { laser: pairs.laser, sensor: pairs.sensor, ..capture(pairs.scan, 4, |_, _| 1.0) };
+    let mut made = capture(pairs.scan, 4, |_, _| 1.0);
+    (made.laser, made.sensor) = (pairs.laser, pairs.sensor);
     (made, [pairs.laser_normal, pairs.sensor_normal])
 }
 

@@ -4,6 +4,7 @@ use fixtures::command;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use fixtures::captures::changed;
 use fixtures::command::{fail, succeed};
 use fixtures::device::gpu;
 use serde_json::Value;
@@ -59,7 +60,7 @@ fn a_simulated_pulse_spreads_the_light_and_keeps_it() {
 fn a_known_pulse_makes_depths_and_normals_better() {
     let gpu = gpu();
     let known = capture(true);
-    let unknown = Capture { pulse: None, ..known.clone() };
+    let unknown = changed(&known, |c| c.pulse = None);
     let truth = truth(&scene(true), 64).unwrap();
     let options = VectorOptions { lateral: 64, iterations: 30, ..VectorOptions::default() };
     let solve = |capture: &Capture| {
@@ -152,7 +153,7 @@ fn a_pulse_that_is_none_is_refused() {
 #[test]
 fn trials_are_heard_and_may_be_broken_off() {
     let (_folder, path) = fixtures::captures::place("c.npz");
-    write(&Capture { pulse: None, ..capture(true) }, &path).unwrap();
+    write(&changed(&capture(true), |c| c.pulse = None), &path).unwrap();
     let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
     let out = path.with_file_name("out");
     let request = Request { find_pulse: true, ..Request::new(VectorOptions::default(), &out) };
@@ -182,7 +183,7 @@ fn its_width_is_found_and_told() {
     let place = |name: &str| path.with_file_name(name).display().to_string();
     let [spread, sharp] = [true, false].map(|pulse| {
         let file = path.with_file_name(format!("{pulse}.npz"));
-        write(&Capture { pulse: None, ..capture(pulse) }, &file).unwrap();
+        write(&changed(&capture(pulse), |c| c.pulse = None), &file).unwrap();
         file.display().to_string()
     });
     let short = ["--lateral", "64", "--iterations", "15", "--surface-iterations", "10"];

@@ -121,8 +121,8 @@ def check_captures(folder):
     assert raw.startswith(b"MATLAB 7.3 MAT-file") and raw[124:128] == b"\0\2IM"
     assert raw[512:520] == b"\x89HDF\r\n\x1a\n"
     with h5py.File(folder / "made.mat") as file:
-        # (t, x, rows from the top) here, (y, x, t) in MATLAB.
-        assert same(file["meas"][:], counts[:, :, ::-1])
+        # (t, d2, d1) here, (d1, d2, t) in MATLAB: d1 runs up, d2 to the left.
+        assert same(file["meas"][:], counts[:, ::-1, :])
         assert file["meas"].attrs["MATLAB_class"] == b"single"
         assert file["tofgrid"].shape == counts.shape[1:] and not file["tofgrid"][:].any()
     try:

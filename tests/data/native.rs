@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fixtures::captures::assert_error;
+use fixtures::captures::{assert_error, changed};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Given, read, read_given};
 
@@ -20,12 +20,14 @@ fn assert_twins(native: &Capture, plain: &Capture, what: &str) {
 
 /// Four neighbouring bins as one.
 fn by_fours(capture: Capture) -> Capture {
-    let histograms = capture.histograms.chunks_exact(4).map(|b| b.iter().sum()).collect();
-    Capture { bins: capture.bins / 4, bin_width: 4.0 * capture.bin_width, histograms, ..capture }
+    changed(&capture, |c| {
+        c.histograms = c.histograms.chunks_exact(4).map(|b| b.iter().sum()).collect();
+        (c.bins, c.bin_width) = (c.bins / 4, 4.0 * c.bin_width);
+    })
 }
 
 fn wall(size: f64) -> Given {
-    Given { wall: Some(size), ..Given::default() }
+    Given::default().with_wall(size)
 }
 
 fn open(path: &Path, given: &Given) -> Capture {
@@ -55,7 +57,7 @@ pub fn stanford_statue(data: &Path) {
     std::fs::rename(two.path().join("tof.mat"), two.path().join("times.mat")).unwrap();
     let meas = two.path().join("meas_10min.mat");
     assert_error(read(&meas), Kind::Input, &["meas_10min.mat", "tofgrid", "--tof"]);
-    let given = Given { time_of_flight: Some(two.path().join("times.mat")), ..wall(1.0) };
+    let given = wall(1.0).with_time_of_flight(two.path().join("times.mat"));
     let narrow = open(&meas, &given);
     assert!((narrow.laser[0].x + 0.5).abs() < 1e-12);
 }
@@ -72,7 +74,7 @@ pub fn one_array_of_v73(data: &Path) {
     let path = data.join("native/z_v73.mat");
     assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "--wall"]);
     assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "--bin-width"]);
-    let given = Given { bin_width: Some(5.0 * 299_792_458e-12), ..wall(0.8) };
+    let given = wall(0.8).with_bin_width(5.0 * 299_792_458e-12);
     assert_twins(&by_fours(open(&path, &given)), &plain, "Z");
 }
 

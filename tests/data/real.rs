@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fixtures::captures::{angles, assert_error, assert_no_target, place, total};
+use fixtures::captures::{angles, assert_error, assert_no_target, changed, place, total};
 use thirdbounce::Kind;
 use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::capture::{Capture, Given, auto_gate, read, read_given, write};
@@ -61,7 +61,7 @@ pub fn real_truth_is_read(data: &Path) {
 
 pub fn normals_of_a_captured_wall_agree_with_its_own(data: &Path) {
     let c = read(&data.join("z_bumpwall_confocal_32.npz")).unwrap();
-    let bare = Capture { laser_normal: None, sensor_normal: None, ..c.clone() };
+    let bare = changed(&c, |c| (c.laser_normal, c.sensor_normal) = (None, None));
     let (with, _) = bare.with_normals().unwrap();
     let (mean, most) = angles(&with.laser_normal.unwrap(), c.laser_normal.as_ref().unwrap());
     println!("mean {mean:.3}, most {most:.3} degrees");
@@ -71,8 +71,8 @@ pub fn normals_of_a_captured_wall_agree_with_its_own(data: &Path) {
 
 pub fn real_captures_go_from_any_form_to_any(data: &Path) {
     let native = data.join("native");
-    let wall = |size| Given { wall: Some(size), ..Given::default() };
-    let fine = Given { bin_width: Some(0.0015), ..wall(0.8) };
+    let wall = |size: f64| Given::default().with_wall(size);
+    let fine = wall(0.8).with_bin_width(0.0015);
     let all = [
         ("stanford_statue64_meas.mat", Given::default()),
         ("lct_data_s_u.mat", Given::default()),
@@ -87,8 +87,7 @@ pub fn real_captures_go_from_any_form_to_any(data: &Path) {
             let back = match write(&c, &path) {
                 Ok(_) if ending == "mat" => {
                     let [x0, x1, ..] = [c.laser[0].x, c.laser[c.pair_count() - 1].x];
-                    let given =
-                        Given { wall: Some(x1 - x0), bin_width: Some(c.bin_width), ..Given::default() };
+                    let given = wall(x1 - x0).with_bin_width(c.bin_width);
                     read_given(&path, &given).unwrap().capture
                 }
                 Ok(_) => read(&path).unwrap(),

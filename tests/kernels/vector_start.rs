@@ -1,6 +1,7 @@
 //! What the vector solver takes from a capture before its first iteration: background, variance, the filter's hat,
 //! and a domain that keeps every true surface.
 
+use fixtures::captures::changed;
 use fixtures::device::*;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
@@ -15,27 +16,22 @@ use thirdbounce::transport::kernels::buffer;
 fn counts(peak: f64, dark: f64, at: f64, seed: u64) -> Capture {
     let mut random = Pcg64::seed_from_u64(seed);
     let (scan, bins) = ([16, 16], 256);
-    let wall = (0..256).map(|i| glam::dvec3(f64::from(i / 16), f64::from(i % 16), 0.0) / 16.0).collect();
+    let wall: Vec<_> =
+        (0..256).map(|i| glam::dvec3(f64::from(i / 16), f64::from(i % 16), 0.0) / 16.0).collect();
     let mean = |bin: usize| dark + peak * (-0.5 * ((bin as f64 - at) / 12.0).powi(2)).exp();
     let mut draw = |i: usize| match Poisson::new(mean(i % bins)) {
         Ok(counts) => counts.sample(&mut random) as f32,
         Err(_) => 0.0,
     };
     let histograms = (0..256 * bins).map(&mut draw).collect();
-    Capture {
-        name: "counts".into(),
-        scan,
-        laser: Vec::clone(&wall),
-        sensor: wall,
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width: 0.01,
-        t_start: 0.0,
-        histograms,
-        integer_counts: true,
-        pulse: None,
-    }
+    let mut made = Capture::new(scan, wall.clone(), wall, bins, 0.01, histograms);
+    made.integer_counts = true;
+    made
+}
+
+/// The same pairs with these values, which are no photon counts.
+fn values(capture: &Capture, histograms: Vec<f32>) -> Capture {
+    changed(capture, |c| (c.integer_counts, c.histograms) = (false, histograms))
 }
 
 #[test]
@@ -53,7 +49,7 @@ fn there_is_no_background_where_the_signal_ends_the_histogram() {
     for at in [245.0, 250.0, 255.0] {
         assert_eq!(background(&counts(60.0, 1.0, at, 5)), 0.0, "{at}");
     }
-    let one_bin = Capture { bins: 1, histograms: vec![7.0; 256], ..counts(60.0, 1.0, 90.0, 6) };
+    let one_bin = changed(&counts(60.0, 1.0, 90.0, 6), |c| (c.bins, c.histograms) = (1, vec![7.0; 256]));
     assert_eq!(background(&one_bin), 0.0);
 }
 
@@ -62,17 +58,15 @@ fn variance_per_count_is_the_scale_of_scaled_photons() {
     let photons = counts(200.0, 20.0, 120.0, 7);
     assert_eq!(variance_per_count(&photons), 1.0, "photons");
     for factor in [1.0, 0.037, 512.0] {
-        let histograms = photons.histograms.iter().map(|h| h * factor).collect();
-        let scaled = Capture { integer_counts: false, histograms, ..photons.clone() };
+        let scaled = values(&photons, photons.histograms.iter().map(|h| h * factor).collect());
         let found = variance_per_count(&scaled) / f64::from(factor);
         assert!((found - 1.0).abs() < 0.2, "{factor}: {found}");
     }
     // Without noise there is next to none, and from nothing nothing is taken.
     let smooth = |i: usize| 100.0 + 50.0 * (i as f32 / 40.0).sin();
-    let histograms = (0..photons.histograms.len()).map(|i| smooth(i % 256)).collect();
-    let silent = Capture { integer_counts: false, histograms, ..photons.clone() };
+    let silent = values(&photons, (0..photons.histograms.len()).map(|i| smooth(i % 256)).collect());
     assert!(variance_per_count(&silent) < 1e-3);
-    let empty = Capture { histograms: vec![0.0; photons.histograms.len()], ..silent };
+    let empty = values(&silent, vec![0.0; photons.histograms.len()]);
     assert_eq!(variance_per_count(&empty), 0.0);
 }
 

@@ -3,6 +3,7 @@
 use fixtures::device;
 use std::ops::ControlFlow;
 
+use fixtures::captures::scaled;
 use fixtures::device::{assert_valid, gpu, options, state, unwatched, write, write_mask, write_raw};
 use fixtures::extreme::{cases, solve};
 use thirdbounce::Kind;
@@ -194,18 +195,6 @@ fn steps_and_weights_ten_times_off_stay_bounded() {
         }
     }
     assert_valid(&gpu);
-}
-
-/// All lengths times `scale`.
-fn scaled(capture: &Capture, scale: f64) -> Capture {
-    let times = |points: &[glam::DVec3]| points.iter().map(|p| *p * scale).collect();
-    Capture {
-        laser: times(&capture.laser),
-        sensor: times(&capture.sensor),
-        bin_width: capture.bin_width * scale,
-        t_start: capture.t_start * scale,
-        ..capture.clone()
-    }
 }
 
 /// Step and epsilon of the paper's solver are lengths of its own, in widths of the volume.

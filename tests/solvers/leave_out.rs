@@ -38,20 +38,10 @@ fn capture(geometry: Geometry, curved: bool) -> Capture {
             histograms[pair * bins + ((a + b) / bin_width) as usize] += (1.0 / (a * b).powi(2)) as f32;
         }
     }
-    Capture {
-        name: "few pairs".into(),
-        scan: [laser.len(), 1],
-        laser_normal: normals(&laser),
-        sensor_normal: normals(&sensor),
-        laser,
-        sensor,
-        bins,
-        bin_width,
-        t_start: 0.0,
-        histograms,
-        integer_counts: false,
-        pulse: None,
-    }
+    let facing = (normals(&laser), normals(&sensor));
+    let mut made = Capture::new([laser.len(), 1], laser, sensor, bins, bin_width, histograms);
+    (made.laser_normal, made.sensor_normal) = facing;
+    made
 }
 
 fn grid_of(capture: &Capture) -> Grid {

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use fixtures::captures::scaled;
 use fixtures::device::*;
 use glam::DVec3;
 use thirdbounce::capture::Capture;
@@ -260,14 +261,7 @@ fn surfaces_on_walls_of_any_size() {
     let gpu = gpu();
     let (capture, _) = scene("sphere");
     let solved = |scale: f64| {
-        let scaled = |points: &[DVec3]| points.iter().map(|p| *p * scale).collect();
-        let capture = Capture {
-            laser: scaled(&capture.laser),
-            sensor: scaled(&capture.sensor),
-            bin_width: scale * capture.bin_width,
-            t_start: scale * capture.t_start,
-            ..capture.clone()
-        };
+        let capture = scaled(&capture, scale);
         let o = VectorOptions { min_depth: 0.2 * scale, accumulation: Accumulation::Fixed, ..options(20) };
         run(&gpu, &capture, &o).maps
     };

@@ -3,6 +3,8 @@
 //! `data_t` [T, X, Y]; `xg`, `yg` [X, Y] wall points in metres; `da` [T] paths in metres, of which the step counts;
 //! `offset_laser`: not 0 if the legs from laser to wall and back were taken off. No publication of the format was
 //! found: this is as y-tal (format.py) reads it, bin 0 at path 0. Where y-tal guesses the devices, it is refused.
+//!
+//! Axes: the file has the points' coordinates, which are kept.
 
 use glam::DVec3;
 
@@ -48,18 +50,7 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     }
     notes.push("NLOS-Dirac HDF5 is read as y-tal does: confocal, a flat wall, bin 0 at path 0".into());
     let points: Vec<DVec3> = x.iter().zip(&y).map(|(x, y)| DVec3::new(*x, *y, 0.0)).collect();
-    Ok(frame::in_order(Capture {
-        name: String::new(),
-        scan: [nx, ny],
-        laser: points.clone(),
-        sensor: points,
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width: second - first,
-        t_start: 0.0,
-        integer_counts: counts.whole(),
-        pulse: None,
-        histograms: transpose(&counts.values, bins, nx * ny),
-    }))
+    let histograms = transpose(&counts.values, bins, nx * ny);
+    let capture = Capture::new([nx, ny], points.clone(), points, bins, second - first, histograms);
+    Ok(frame::in_order(Capture { integer_counts: counts.whole(), ..capture }))
 }

@@ -18,41 +18,65 @@ pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
     (0..nx).flat_map(|ix| (0..ny).map(move |iy| DVec3::new(at(ix, nx), at(iy, ny), 0.0))).collect()
 }
 
-/// A confocal scan of a flat wall from counts [T, X, rows from the top], as pictures in MATLAB, (row, column, t),
-/// come out of its files.
+/// A direction over the wall, as our pictures show it: +x to the right, +y up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Run {
+    Right,
+    Left,
+    Up,
+    Down,
+}
+
+/// Where the two axes of a scan run that MATLAB stores as (d1, d2, t). One runs along x, the other along y.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Axes {
+    pub d1: Run,
+    pub d2: Run,
+}
+
+impl Axes {
+    /// The scan (X, Y) of `n1` by `n2` stored places.
+    fn scan(self, [n1, n2]: [usize; 2]) -> [usize; 2] {
+        if self.d1_along_x() { [n1, n2] } else { [n2, n1] }
+    }
+
+    /// The pair (`ix * Y + iy`) of every stored place, d1 fastest, as an HDF5 or MATLAB file has them.
+    pub fn pairs(self, [n1, n2]: [usize; 2]) -> Vec<usize> {
+        let along = |run, i, n| if matches!(run, Run::Right | Run::Up) { i } else { n - 1 - i };
+        let pair = |i1, i2| {
+            let (a, b) = (along(self.d1, i1, n1), along(self.d2, i2, n2));
+            if self.d1_along_x() { a * n2 + b } else { b * n1 + a }
+        };
+        (0..n2).flat_map(|i2| (0..n1).map(move |i1| (i1, i2))).map(|(i1, i2)| pair(i1, i2)).collect()
+    }
+
+    fn d1_along_x(self) -> bool {
+        matches!(self.d1, Run::Right | Run::Left)
+    }
+}
+
+/// A confocal scan of a flat wall from counts (d1, d2, t) of MATLAB, which come out of its files as [T, d2, d1].
 ///
 /// # Errors
 /// `Kind::Input` if the counts have another number of axes than three.
-pub fn pictures(name: &str, counts: Counts, wall: f64, bin_width: f64) -> Result<Capture> {
-    let [bins, nx, ny] = counts.shape[..] else {
+pub fn scanned(name: &str, counts: Counts, axes: Axes, wall: f64, bin_width: f64) -> Result<Capture> {
+    let [bins, n2, n1] = counts.shape[..] else {
         return Err(Error::input(
-            format!("{name} has {} axes, not three (rows, columns, bins)", counts.shape.len()),
-            format!("store {name} in MATLAB as (y, x, t)"),
+            format!("{name} has {} axes, not three (two of the scan, and the bins)", counts.shape.len()),
+            format!("store {name} in MATLAB as an array of two scan axes and, last, the bins"),
         ));
     };
-    let pairs = nx * ny;
+    let pairs = axes.pairs([n1, n2]);
     let mut histograms = vec![0.0; counts.values.len()];
-    for (bin, picture) in counts.values.chunks_exact(pairs).enumerate() {
-        for (at, value) in picture.iter().enumerate() {
-            let (ix, row) = (at / ny, at % ny);
-            histograms[(ix * ny + ny - 1 - row) * bins + bin] = *value;
+    for (bin, places) in counts.values.chunks_exact(pairs.len()).enumerate() {
+        for (pair, value) in pairs.iter().zip(places) {
+            histograms[pair * bins + bin] = *value;
         }
     }
-    let points = lattice([nx, ny], wall);
-    Ok(Capture {
-        name: String::new(),
-        scan: [nx, ny],
-        laser: points.clone(),
-        sensor: points,
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width,
-        t_start: 0.0,
-        integer_counts: counts.whole(),
-        pulse: None,
-        histograms,
-    })
+    let scan = axes.scan([n1, n2]);
+    let points = lattice(scan, wall);
+    let integer_counts = counts.whole();
+    Ok(Capture { integer_counts, ..Capture::new(scan, points.clone(), points, bins, bin_width, histograms) })
 }
 
 /// The capture with its pairs in the order of ours, ix along +x and iy along +y, where the scan is a lattice in

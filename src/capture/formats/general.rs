@@ -3,6 +3,9 @@
 //! `laserpoints` and `detectpoints` (N, M, 3) in metres, in `setup.mat`, and `data` (N, M, T) in a second file,
 //! bins of 32 ps. In MATLAB's axis order, or as other programs write them to HDF5; which one is told by the axis
 //! of length 3.
+//!
+//! Axes: the file has the points' coordinates, which are kept. The front view of their `show_result.py` has y up and x
+//! to the left: our pictures show it mirrored, unless `--flip x` is given.
 
 use glam::DVec3;
 
@@ -56,21 +59,9 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     } else {
         histograms = counts.values;
     }
-    let capture = Capture {
-        name: String::new(),
-        scan: [n, m],
-        laser: points([n, m], matlab, &lasers.1),
-        sensor: points([n, m], matlab, &sensors.1),
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width,
-        t_start: 0.0,
-        histograms,
-        integer_counts,
-        pulse: None,
-    };
-    Ok(frame::in_order(capture))
+    let [laser, sensor] = [&lasers.1, &sensors.1].map(|values| points([n, m], matlab, values));
+    let capture = Capture::new([n, m], laser, sensor, bins, bin_width, histograms);
+    Ok(frame::in_order(Capture { integer_counts, ..capture }))
 }
 
 /// Wall points `[i * M + j]`.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::capture::Turn;
 use crate::error::{Error, Result};
 
 /// Which bounces of a rendered capture count.
@@ -31,8 +32,9 @@ impl Bounce {
     }
 }
 
-/// What the user says about a capture beyond what its file does.
+/// What the user says about a capture that its file does not; nothing by default.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Given {
     /// Distance in metres of the outermost scan points along the longer side.
     pub wall: Option<f64>,
@@ -42,9 +44,36 @@ pub struct Given {
     pub bounce: Option<Bounce>,
     /// The file with the times of flight to the wall, of formats that keep them in a second file.
     pub time_of_flight: Option<PathBuf>,
+    /// How the scan is turned over, for files that do not say which way it lies on the wall.
+    pub turn: Turn,
 }
 
 impl Given {
+    /// With the wall's size in metres, between the outermost scan points along the longer side.
+    pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {
+        Given { wall: size.into(), ..self }
+    }
+
+    /// With the bin width in metres of path.
+    pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {
+        Given { bin_width: width.into(), ..self }
+    }
+
+    /// With the bounces that count.
+    pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {
+        Given { bounce: bounce.into(), ..self }
+    }
+
+    /// With the file that holds the times of flight to the wall.
+    pub fn with_time_of_flight(self, file: impl Into<Option<PathBuf>>) -> Given {
+        Given { time_of_flight: file.into(), ..self }
+    }
+
+    /// With a scan that is turned over.
+    pub fn with_turn(self, turn: Turn) -> Given {
+        Given { turn, ..self }
+    }
+
     /// The wall's size, which the file does not say.
     ///
     /// # Errors

@@ -1,16 +1,20 @@
 //! Captures of the light-cone transform (O'Toole, Lindell, Wetzstein 2018), MATLAB v5 or v7.3.
 //!
-//! `rect_data` (y, x, t) counts, rows from the top; `width` is **half** the wall in metres, that is the distance
-//! of the outermost points from the middle. Bins of 4 ps are not in the file. The direct light is: their code
-//! zeroes the first 600 bins, here the automatic gate leaves it out.
+//! `rect_data` (d1, d2, t) counts; `width` is **half** the wall in metres, that is the distance of the outermost
+//! points from the middle. Bins of 4 ps are not in the file. The direct light is: their code zeroes the first 600
+//! bins, here the automatic gate leaves it out.
+//!
+//! Axes: d1 runs to the left and d2 down. The front view of their `cnlos_reconstruction.m` has d2 as rows from the top
+//! and d1 as columns from the right; so the letters S and U and the word EXIT are readable.
 
-use super::frame;
+use super::frame::{self, Axes, Run};
 use super::given::Given;
 use super::variables::Variables;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 
 const PICOSECONDS: f64 = 4.0;
+const AXES: Axes = Axes { d1: Run::Left, d2: Run::Down };
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -29,5 +33,5 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         2.0 * half
     ));
     let bin_width = given.bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
-    frame::pictures("rect_data", file.counts("rect_data")?, 2.0 * half, bin_width)
+    frame::scanned("rect_data", file.counts("rect_data")?, AXES, 2.0 * half, bin_width)
 }

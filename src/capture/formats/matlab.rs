@@ -1,11 +1,17 @@
 //! A MATLAB file with nothing but one array of counts (y, x, t), rows from the top: a confocal scan of a flat
 //! wall. Neither the wall's size nor the bin width is in it.
+//!
+//! Axes: nobody can know; `--flip` and `--rotate` turn the scan over. Rows from the top and columns from the left are
+//! as the f-k migration of the ABP publication (Zhang and others) shows its `tof_data`.
 
-use super::frame;
+use super::frame::{self, Axes, Run};
 use super::given::Given;
 use super::variables::Variables;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
+
+/// Rows from the top, columns from the left.
+const AXES: Axes = Axes { d1: Run::Down, d2: Run::Right };
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -36,5 +42,5 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         "{name} is taken as {} bins over {} columns and {} rows from the top, laser and sensor at one point, t = 0 at the wall",
         shape[0], shape[1], shape[2]
     ));
-    frame::pictures(name, file.counts(name)?, wall, bin_width)
+    frame::scanned(name, file.counts(name)?, AXES, wall, bin_width)
 }

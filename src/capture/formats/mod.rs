@@ -49,6 +49,7 @@ enum Contents {
 
 /// A capture as it was read.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Opened {
     pub capture: Capture,
     /// Pairs of the file that were left out because they were not measured.
@@ -96,7 +97,8 @@ pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
         let (capture, dropped, missing) = capture.without_missing()?;
         notes.extend(missing);
         capture.check()?;
-        Ok(Opened { capture, dropped, notes })
+        notes.extend(given.turn.note());
+        Ok(Opened { capture: capture.turned(given.turn), dropped, notes })
     };
     read().map_err(|e: Error| e.at(place))
 }

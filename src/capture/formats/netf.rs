@@ -4,6 +4,9 @@
 //! `laserGridPositions` of one or as many points, `deltaT` (metres, or seconds where it is below a millionth),
 //! `hiddenVolumePosition`. A confocal file counts the way **one way**: bin b is at the distance b · deltaT, twice
 //! that in path. Here everything is path.
+//!
+//! Axes: the file has the points' coordinates, which are kept but for the turn of the wall to +z. Pair (i, j) has the
+//! point i * J + j, as in the loop of the script that prepares their files.
 
 use glam::DVec3;
 
@@ -48,26 +51,11 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
             2.0 * metres
         ));
     }
-    let capture = Capture {
-        name: String::new(),
-        scan: [ni, nj],
-        laser,
-        sensor: points,
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width: if confocal { 2.0 * metres } else { metres },
-        t_start: 0.0,
-        histograms: (0..pairs)
-            .flat_map(|p| {
-                let at = (p % nj * ni + p / nj) * bins;
-                &counts.values[at..at + bins]
-            })
-            .copied()
-            .collect(),
-        integer_counts,
-        pulse: None,
-    };
+    let bin_width = if confocal { 2.0 * metres } else { metres };
+    let place = |p: usize| (p % nj * ni + p / nj) * bins;
+    let histograms = (0..pairs).flat_map(|p| &counts.values[place(p)..place(p) + bins]).copied().collect();
+    let capture =
+        Capture { integer_counts, ..Capture::new([ni, nj], laser, points, bins, bin_width, histograms) };
     let towards = file.point("hiddenVolumePosition")?;
     Ok(frame::in_order(frame::facing_z(capture, towards, notes)?))
 }

@@ -58,19 +58,14 @@ pub fn read(path: &Path) -> Result<Capture> {
         return Err(Error::input("delta_t is missing", WANTED));
     };
     let t_start = npz.scalar("t_start")?.unwrap_or(0.0);
+    let histograms = transpose(&h.to_f32(), bins, pairs);
     Ok(Capture {
-        name: String::new(),
-        scan,
-        laser: laser.0,
-        sensor: sensor.0,
         laser_normal: laser.1,
         sensor_normal: sensor.1,
-        bins,
-        bin_width,
         t_start,
         integer_counts: h.element.is_integer(),
         pulse: Pulse::read_from(&mut npz)?,
-        histograms: transpose(&h.to_f32(), bins, pairs),
+        ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
 }
 

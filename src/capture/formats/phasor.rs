@@ -1,21 +1,28 @@
 //! The two layouts of the phasor-field publications, MATLAB v5 or v7.3.
 //!
-//! 2019 (Liu and others, *Phasor-field virtual wave optics*): a struct `dataset` with `data` (t, camera points,
-//! laser points), `deltat` and `t0` in metres of path, `laserPos`, `cameraPos` (n, 3), optional `laserNorm`,
-//! `cameraNorm` (n, 3 or one), and the devices `laserOrigin`, `cameraOrigin`. The paths include the legs from and
-//! to the devices, which are removed. The wall is turned to face +z.
+//! 2019 (Liu and others, *Phasor-field virtual wave optics*): a struct `dataset` with `data` (laser points, camera
+//! points, t) in MATLAB's order, which y-tal (format.py) meets reversed, or in the reversed one; `deltat` and `t0` in
+//! metres of path, `laserPos`, `cameraPos` (n, 3), optional `laserNorm`, `cameraNorm` (n, 3 or one), and the devices
+//! `laserOrigin`, `cameraOrigin`. The paths include the legs from and to the devices, which are removed. The wall is
+//! turned to face +z. Axes: the file has the points' coordinates, which are kept but for that turn.
 //!
-//! 2020 (Liu, Bauer, Velten, *Phasor field diffraction*): `rect_data` (t, x, y) without outer legs, `ts` seconds
-//! per bin, `sampling_spacing` in metres, `SPAD_index` (x, y) of the one sensor point in the scan, counted from 1
-//! as MATLAB does. Laser points i stand at (i − n/2) spacings.
+//! 2020 (Liu, Bauer, Velten, *Phasor field diffraction*): `rect_data` (d1, d2, t) without outer legs, `ts` seconds
+//! per bin, `sampling_spacing` in metres, `SPAD_index` (d1, d2) of the one sensor point in the scan, counted from 1
+//! as MATLAB does. Axes: d1 runs down and d2 to the left. Their code shows `fliplr` of the volume by `imagesc`: d1 as
+//! rows from the top, d2 as columns from the right. The middle of the scan is the origin.
 
 use glam::DVec3;
 
+use super::array::transpose;
+use super::frame::{Axes, Run};
 use super::variables::Variables;
 use super::{frame, legs, per_pair, unit};
 use crate::capture::Capture;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
+
+/// Rows from the top, columns from the right.
+const AXES: Axes = Axes { d1: Run::Down, d2: Run::Left };
 
 /// The place of a pair's point in its list, from the pair and the number of camera points.
 type Place = fn(usize, usize) -> usize;
@@ -52,21 +59,24 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let counts = file.counts("dataset/data")?;
     let integer_counts = counts.whole();
     let (l, s) = (laser.len(), camera.len());
-    // MATLAB drops a last axis of length 1.
-    let bins = match counts.shape[..] {
-        [a, b, bins] if [a, b] == [l, s] => bins,
-        [a, bins] if l == 1 && a == s => bins,
+    let pairs = l * s;
+    let (bins, histograms) = match counts.shape[..] {
+        [bins, a, b] if [a, b] == [s, l] => {
+            let by_camera = transpose(&counts.values, bins, pairs);
+            let place = |p: usize| (p % s * l + p / s) * bins;
+            (bins, (0..pairs).flat_map(|p| &by_camera[place(p)..place(p) + bins]).copied().collect())
+        }
+        [a, b, bins] if [a, b] == [l, s] => (bins, counts.values),
         _ => {
             return Err(Error::input(
                 format!(
                     "dataset/data has shape {:?} (MATLAB's reversed) for {l} laser and {s} camera points",
                     counts.shape
                 ),
-                "data is (t, camera points, laser points)",
+                "data is (laser points, camera points, t) in MATLAB",
             ));
         }
     };
-    let pairs = l * s;
     let spread = |what: &str, given: Option<Vec<DVec3>>, count: usize, of: Place| {
         let Some(given) = given else { return Ok(None) };
         let list = per_pair(&format!("dataset/{what}"), given, count)?;
@@ -74,25 +84,15 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     };
     let (of_laser, of_camera): (Place, Place) = (|p, s| p / s, |p, s| p % s);
     let normals = |given: Option<Vec<DVec3>>| given.map(|n| n.into_iter().map(unit).collect());
+    let scan = if l == 1 { [s, 1] } else { [l, s] };
+    let laser = spread("laserPos", Some(laser), l, of_laser)?.unwrap_or_default();
+    let sensor = spread("cameraPos", Some(camera), s, of_camera)?.unwrap_or_default();
     let capture = Capture {
-        name: String::new(),
-        scan: if s == 1 {
-            [l, 1]
-        } else if l == 1 {
-            [s, 1]
-        } else {
-            [l, s]
-        },
         laser_normal: spread("laserNorm", normals(vectors("laserNorm")?), l, of_laser)?,
         sensor_normal: spread("cameraNorm", normals(vectors("cameraNorm")?), s, of_camera)?,
-        laser: spread("laserPos", Some(laser), l, of_laser)?.unwrap_or_default(),
-        sensor: spread("cameraPos", Some(camera), s, of_camera)?.unwrap_or_default(),
-        bins,
-        bin_width: number("deltat")?,
         t_start: number("t0")?,
-        histograms: counts.values,
         integer_counts,
-        pulse: None,
+        ..Capture::new(scan, laser, sensor, bins, number("deltat")?, histograms)
     };
     let device = |name: &str| -> Result<DVec3> {
         let name = format!("dataset/{name}");
@@ -116,47 +116,29 @@ pub fn read_2020(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let (seconds, spacing) = (number("ts")?, number("sampling_spacing")?);
     let (shape, index) = file.numbers("SPAD_index")?.ok_or_else(|| file.missing("SPAD_index"))?;
     let counts = file.counts("rect_data")?;
-    let integer_counts = counts.whole();
-    let [ny, nx, bins] = counts.shape[..] else {
+    let [_, n2, n1] = counts.shape[..] else {
         return Err(Error::input(
             format!("rect_data has {} axes, not three", counts.shape.len()),
-            "rect_data is (t, x, y) in MATLAB",
+            "rect_data is (d1, d2, t) in MATLAB: two axes of the scan, then the bins",
         ));
     };
-    let [x, y] = index[..] else {
+    let [at1, at2] = index[..] else {
         return Err(Error::input(
             format!("SPAD_index has shape {shape:?}"),
             "SPAD_index is the place of the sensor point in the scan, two numbers",
         ));
     };
     let within = |v: f64, n: usize| v.fract() == 0.0 && v >= 1.0 && v <= n as f64;
-    if !(within(x, nx) && within(y, ny)) {
+    if !(within(at1, n1) && within(at2, n2)) {
         return Err(Error::input(
-            format!("SPAD_index is ({x}, {y}) in a scan of {nx} x {ny}"),
-            "SPAD_index counts from 1 along x and y, within the scan",
+            format!("SPAD_index is ({at1}, {at2}) in a scan of {n1} x {n2}"),
+            "SPAD_index counts from 1 along both axes of the scan, within it",
         ));
     }
-    let at = |ix: usize, iy: usize| {
-        DVec3::new(ix as f64 - 0.5 * nx as f64, iy as f64 - 0.5 * ny as f64, 0.0) * spacing
-    };
-    let places = || (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy)));
-    let spad = at(x as usize - 1, y as usize - 1);
-    notes.push(format!("the one sensor point is ({}, {}) of the scan, counted from 1", x, y));
-    Ok(Capture {
-        name: String::new(),
-        scan: [nx, ny],
-        laser: places().map(|(ix, iy)| at(ix, iy)).collect(),
-        sensor: vec![spad; nx * ny],
-        laser_normal: None,
-        sensor_normal: None,
-        bins,
-        bin_width: seconds * 1e12 * METRES_PER_PICOSECOND,
-        t_start: 0.0,
-        histograms: places()
-            .flat_map(|(ix, iy)| &counts.values[(iy * nx + ix) * bins..(iy * nx + ix + 1) * bins])
-            .copied()
-            .collect(),
-        integer_counts,
-        pulse: None,
-    })
+    let spad = AXES.pairs([n1, n2])[(at2 as usize - 1) * n1 + at1 as usize - 1];
+    notes.push(format!("the one sensor point is ({at1}, {at2}) of the scan, counted from 1"));
+    let wall = spacing * (n1.max(n2).max(2) - 1) as f64;
+    let bin_width = seconds * 1e12 * METRES_PER_PICOSECOND;
+    let scanned = frame::scanned("rect_data", counts, AXES, wall, bin_width)?;
+    Ok(Capture { sensor: vec![scanned.sensor[spad]; n1 * n2], ..scanned })
 }

@@ -1,16 +1,18 @@
 //! Captures of the f-k migration data set (Lindell, Wetzstein, O'Toole 2019), MATLAB v7.3 or v5.
 //!
-//! `meas` (y, x, t) counts, rows from the top, bins of 32 ps; `tofgrid` (y, x), in a second file as a rule, the
-//! time in picoseconds from the laser's pulse to the wall point and back to the sensor. Every histogram is
-//! shifted by floor(tofgrid / bin) whole bins and, as in the published code, 512 bins are kept (all bins if no
-//! histogram is shifted). Their scans are 2 m wide; the file does not say it. Bins that a gated detector did not
-//! record stay zero.
+//! `meas` (d1, d2, t) counts, bins of 32 ps; `tofgrid` (d1, d2), in a second file as a rule, the time in
+//! picoseconds from the laser's pulse to the wall point and back to the sensor. Every histogram is shifted by
+//! floor(tofgrid / bin) whole bins and, as in the published code, 512 bins are kept (all bins if no histogram is
+//! shifted). Their scans are 2 m wide; the file does not say it. Bins that a gated detector did not record stay zero.
+//!
+//! Axes: d1 runs up and d2 to the left. The front view of their `cnlos_reconstruction.m` has d1 as rows from the bottom
+//! and d2 as columns from the right.
 
 use std::path::Path;
 
 use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
 
-use super::frame;
+use super::frame::{self, Axes, Run};
 use super::given::Given;
 use super::set::Set;
 use crate::capture::METRES_PER_PICOSECOND;
@@ -20,6 +22,7 @@ use crate::export::atomic;
 
 const PICOSECONDS: f64 = 32.0;
 const WALL: f64 = 2.0;
+const AXES: Axes = Axes { d1: Run::Up, d2: Run::Left };
 /// Bins that the published code keeps.
 const KEPT: usize = 512;
 
@@ -54,7 +57,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     if counts.shape.len() != 3 || counts.shape[1..] != tof_shape[..] {
         return Err(Error::input(
             format!("meas has shape {:?} and tofgrid {tof_shape:?}, which do not go together", counts.shape),
-            "meas is (y, x, t) in MATLAB and tofgrid (y, x), of the same scan",
+            "meas is (d1, d2, t) in MATLAB and tofgrid (d1, d2), of the same scan",
         ));
     }
     let bin_width = given.bin_width("a Stanford f-k capture", Some(PICOSECONDS), notes)?;
@@ -67,10 +70,10 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
             WALL
         }
     };
-    let ny = counts.shape[2];
-    let capture = frame::pictures("meas", counts, wall, bin_width)?;
-    // [X, rows] as the counts: to pairs.
-    let per_pair: Vec<f64> = (0..tof.len()).map(|p| tof[(p / ny) * ny + ny - 1 - p % ny]).collect();
+    let pairs = AXES.pairs([counts.shape[2], counts.shape[1]]);
+    let capture = frame::scanned("meas", counts, AXES, wall, bin_width)?;
+    let mut per_pair = vec![0.0; tof.len()];
+    pairs.iter().zip(&tof).for_each(|(pair, time)| per_pair[*pair] = *time);
     rectified(capture, &per_pair, notes)
 }
 
@@ -146,15 +149,14 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
             "write it as .npz or .hdf5, which hold any capture",
         ));
     }
-    let mut meas = vec![0.0f32; capture.histograms.len()];
-    for (at, histogram) in capture.histograms.chunks_exact(capture.bins).enumerate() {
-        let (ix, row) = (at / ny, ny - 1 - at % ny);
-        for (bin, value) in histogram.iter().enumerate() {
-            meas[(bin * nx + ix) * ny + row] = *value;
+    let (mut meas, bins) = (vec![0.0f32; capture.histograms.len()], capture.bins);
+    for (place, pair) in AXES.pairs([ny, nx]).into_iter().enumerate() {
+        for (bin, value) in capture.histograms[pair * bins..(pair + 1) * bins].iter().enumerate() {
+            meas[bin * nx * ny + place] = *value;
         }
     }
     atomic::replace(path, |temporary| {
-        write_file(temporary, [capture.bins, nx, ny], &meas).map_err(|e| {
+        write_file(temporary, [bins, nx, ny], &meas).map_err(|e| {
             Error::output(format!("{}: cannot be written: {e}", path.display()), "check path and disk")
         })
     })?;

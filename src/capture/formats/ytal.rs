@@ -10,6 +10,9 @@
 //! Layouts 1 and 3 pair the laser points with the sensor points one by one when there are as many (confocal),
 //! or share a single one. Layouts 2 and 4 hold every combination: the scan becomes (laser points, sensor
 //! points), pair `l * S + s`, unless one side is a single point.
+//!
+//! Axes: the file has the points' coordinates, which are kept. y-tal's frame is right-handed (x right, y up, z away from
+//! the wall, for who looks at the wall): our pictures mirror what is seen from the wall, unless `--flip x` is given.
 
 use std::path::Path;
 
@@ -91,19 +94,14 @@ pub fn read(source: &Variables) -> Result<Capture> {
     };
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
     let sensor = spread("sensor_grid_xyz", Side::Sensor, sensor)?;
+    let bin_width = source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?;
+    let histograms = transpose(&h.values, shape[0], pairs);
     let capture = Capture {
-        name: String::new(),
-        scan,
         laser_normal: normals("laser_grid_normals", Side::Laser)?,
         sensor_normal: normals("sensor_grid_normals", Side::Sensor)?,
-        laser,
-        sensor,
-        bins: shape[0],
-        bin_width: source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?,
         t_start: source.number("t_start")?.unwrap_or(0.0),
-        histograms: transpose(&h.values, shape[0], pairs),
         integer_counts,
-        pulse: None,
+        ..Capture::new(scan, laser, sensor, shape[0], bin_width, histograms)
     };
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);

@@ -6,6 +6,9 @@
 //! `{camera,laser}GridNormals`; the devices `cameraPosition` and `laserPosition`; `deltaT` and `t0` in metres of
 //! path, `t` the number of bins. The paths include the legs from laser and to camera, which are removed for each
 //! point. `hiddenVolumePosition` tells on which side of the wall the scene is; the wall is turned to face +z.
+//!
+//! Axes: the file has the points' coordinates, which are kept but for that turn. They are right-handed: our pictures
+//! mirror what is seen from the wall, unless `--flip x` is given.
 
 use glam::DVec3;
 
@@ -82,18 +85,11 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         normals.map(|n| (0..pairs).map(|p| unit(n[of(p)])).collect::<Vec<_>>())
     };
     let capture = Capture {
-        name: String::new(),
-        scan,
         laser_normal: spread(laser_places.normals, &|p| if confocal { p } else { p / s }),
         sensor_normal: spread(sensor_places.normals, &|p| if confocal { p } else { p % s }),
-        laser,
-        sensor,
-        bins: axes.size[1],
-        bin_width: number("deltaT")?,
         t_start: file.number("t0")?.unwrap_or(0.0),
-        histograms,
         integer_counts,
-        pulse: None,
+        ..Capture::new(scan, laser, sensor, axes.size[1], number("deltaT")?, histograms)
     };
     // What was not measured is left out later: the rest must be sound.
     capture.clone().without_missing()?.0.check()?;
