@@ -1,6 +1,6 @@
 //! Scans of any shape: rectangles, rows, lists, random subsets, pairs that were not measured.
 
-use fixtures::captures::{assert_error, capture, place};
+use fixtures::captures::{as_written, assert_error, capture, place};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::formats::archive::npz_bytes;
@@ -190,7 +190,7 @@ fn exhaustive_captures_come_back_as_they_were() {
         for c in [&c, &random, &shuffled] {
             let (_folder, path) = place(&format!("made.{ending}"));
             write(c, &path).unwrap();
-            assert!(&read(&path).unwrap() == c, "{ending}, scan {:?}", c.scan);
+            assert!(read(&path).unwrap() == as_written(c, ending), "{ending}, scan {:?}", c.scan);
         }
     }
     // Stored compactly: each point once.

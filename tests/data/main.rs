@@ -6,6 +6,7 @@
 mod native;
 mod opened;
 mod real;
+mod ytal;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
+    all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
     libtest_mimic::run(&Arguments::from_args(), all).exit_code()
 }
 

@@ -18,7 +18,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use rust_hdf5::types::HBool;
-use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
+use rust_hdf5::{H5File, Hdf5Error};
 
 use super::array::transpose;
 use super::variables::Variables;
@@ -152,18 +152,34 @@ fn vectors(source: &Variables, name: &str) -> Result<Option<(Vec<usize>, Vec<DVe
     Ok(Some((shape, vectors)))
 }
 
-/// Writes a capture with the inner path only and unknown devices: an exhaustive one whose pairs stand laser
-/// point by laser point in layout 2 (T, Lx, Ly, Sx, Sy), any other in layout 1 (T, X, Y), where a side of a
-/// single point is stored as [1, 1, 3]. The file appears whole or not at all.
+/// Writes a capture with the inner path only. The devices are left out: y-tal takes an empty `laser_xyz` for a position
+/// and its back-projection fails. The normals of a flat wall are stated. An exhaustive one whose pairs stand laser
+/// point by laser point, or one with a single sensor point, in layout 2 (T, Lx, Ly, Sx, Sy), any other in layout 1
+/// (T, X, Y). A side of a single point is stored as [1, 1, 3]. The file appears whole or not at all.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
 pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     capture.check()?;
+    let faced = facing(capture);
+    let capture = faced.as_ref().unwrap_or(capture);
     atomic::replace(path, |temporary| {
         write_file(capture, temporary).map_err(|e| {
             Error::output(format!("{}: cannot be written: {e}", path.display()), "check path and disk")
         })
+    })
+}
+
+/// The capture with the normals that y-tal's solvers ask for, where they are known without being said: those of a flat
+/// wall. `None` if there is nothing to add.
+fn facing(capture: &Capture) -> Option<Capture> {
+    let missing = capture.laser_normal.is_none() || capture.sensor_normal.is_none();
+    (missing && capture.is_planar()).then(|| {
+        let all = || Some(vec![DVec3::Z; capture.pair_count()]);
+        let mut faced = capture.clone();
+        faced.laser_normal = faced.laser_normal.or_else(all);
+        faced.sensor_normal = faced.sensor_normal.or_else(all);
+        faced
     })
 }
 
@@ -186,13 +202,20 @@ fn stored(capture: &Capture) -> ([Option<Vectors>; 4], Vec<usize>) {
         return (all, shape);
     }
     let side = |values: &Vec<DVec3>| compact(values, capture.scan, &[1, 1, 3]);
-    let all = [
-        Some(side(&capture.laser)),
-        Some(side(&capture.sensor)),
-        capture.laser_normal.as_ref().map(side),
-        capture.sensor_normal.as_ref().map(side),
-    ];
-    (all, capture.scan.to_vec())
+    let (laser, sensor) = (side(&capture.laser), side(&capture.sensor));
+    // As many normals as points: y-tal takes both by one index.
+    let facing = |normals: &Option<Vec<DVec3>>, points: &Vectors| {
+        let count = points.1.len() / 3;
+        normals.as_ref().map(|n| (points.0.clone(), n[..count].iter().flat_map(|v| v.to_array()).collect()))
+    };
+    let normals = [facing(&capture.laser_normal, &laser), facing(&capture.sensor_normal, &sensor)];
+    let [laser_normal, sensor_normal] = normals;
+    let mut places = capture.scan.to_vec();
+    if sensor.0 == [1, 1, 3] && laser.0 != [1, 1, 3] {
+        // y-tal takes the scan of layout 1 for the sensor's.
+        places.extend([1, 1]);
+    }
+    ([Some(laser), Some(sensor), laser_normal, sensor_normal], places)
 }
 
 fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Error> {
@@ -223,15 +246,9 @@ fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Err
     }
     let names = ["laser_grid_xyz", "sensor_grid_xyz", "laser_grid_normals", "sensor_grid_normals"];
     for (name, vectors) in names.into_iter().zip(vectors) {
-        match vectors {
-            None => file.new_dataset::<f64>().null().create(name).map(|_| ())?,
-            Some((shape, values)) => {
-                file.new_dataset::<f64>().shape(shape).create(name)?.write_raw(&values)?
-            }
+        if let Some((shape, values)) = vectors {
+            file.new_dataset::<f64>().shape(shape).create(name)?.write_raw(&values)?;
         }
-    }
-    for unknown in ["laser_xyz", "sensor_xyz", "volume_format"] {
-        file.new_dataset::<f64>().null().create(unknown)?;
     }
     // H_format T_Sx_Sy or T_Lx_Ly_Sx_Sy; grid format X_Y_3.
     let format = if places.len() == 4 { 2 } else { 1 };
@@ -244,11 +261,8 @@ fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Err
         .scalar()
         .create("t_accounts_first_and_last_bounces")?
         .write_raw(&[HBool::from(false)])?;
-    let info = format!("name: {:?}\nsource: thirdbounce\n", capture.name);
-    file.new_dataset::<u8>()
-        .datatype(DatatypeMessage::fixed_string(info.len() as u32))
-        .scalar()
-        .create("scene_info")?
-        .write_raw_bytes(info.as_bytes())?;
+    // y-tal hands this to its YAML reader, which takes text of any length and refuses text of a fixed one.
+    let info = format!("name: {}\nsource: thirdbounce\n", serde_json::Value::from(capture.name.as_str()));
+    file.write_vlen_strings("scene_info", &[&info])?;
     file.close()
 }
