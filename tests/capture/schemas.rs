@@ -429,6 +429,19 @@ fn one_array_has_rows_from_the_top_unless_it_is_turned() {
 }
 
 #[test]
+fn ccsocr_has_its_horizontal_axis_to_the_left() {
+    let points = |name: &str| matrix(name, &[6, 3], |a| [0, a[0] / 2, a[0] % 2][a[1]] as f64);
+    let arrays =
+        [matrix("sub_Sig", &[6, BINS], |a| count(a[1], a[0] % 2, a[0] / 2)), points("C_i"), points("C_d")];
+    every_file(&arrays, |path, what| {
+        let given = Given::default().with_wall(1.0);
+        let c = read_given(path, &given).unwrap_or_else(|e| panic!("{what}: {e}")).capture;
+        assert_eq!((c.scan, c.bins), ([3, 2], BINS));
+        assert_axes(&c, 0, |ix, iy| [iy, 2 - ix], what);
+    });
+}
+
+#[test]
 fn what_is_no_capture_says_what_it_holds() {
     let strange = [scalar("a", 1.0), vector("b", &[1.0, 2.0])];
     every_file(&strange, |path, _| assert_error(read(path), Kind::Input, &["no known format", "a, b"]));

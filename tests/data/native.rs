@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fixtures::captures::{assert_error, changed};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Capture, Given, read, read_given};
+use thirdbounce::capture::{Capture, Given, Turn, read, read_given};
 
 /// Same counts at the same wall points; bins as wide to a thousandth (the twins take c = 3e8).
 fn assert_twins(native: &Capture, plain: &Capture, what: &str) {
@@ -79,7 +79,9 @@ pub fn one_array_of_v73(data: &Path) {
 }
 
 pub fn ccsocr_statue(data: &Path) {
-    let plain = read(&data.join("statue_confocal_64.npz")).unwrap();
+    // The plain twin has the horizontal axis to the right; CC-SOCR draws it to the left.
+    let mirrored = Turn::parse(Some("x"), None).unwrap();
+    let plain = read(&data.join("statue_confocal_64.npz")).unwrap().turned(mirrored);
     let folder = data.join("native/ccsocr_statue");
     assert_error(read(&folder), Kind::Options, &["CC-SOCR", "--wall"]);
     for path in [folder.clone(), folder.join("sub_Sig.mat"), folder.join("C_d.mat"), folder.join("C_i.mat")] {

@@ -1,6 +1,9 @@
 //! Captures of CC-SOCR (Liu, Wang, Li and others 2021/2023), three MATLAB v5 files: `C_i` and `C_d` (P, 3), the
 //! laser and sensor points as whole numbers (depth, horizontal, vertical), and `sub_Sig` (P, T), the counts of
 //! each pair in bins of 32 ps. The length of one step is not in the files.
+//!
+//! Axes: horizontal runs to the left and vertical up, as in the view "from the relay surface" that their `main.m` and
+//! `three.m` draw. So their figure 4 is readable, and the statue holds its disc on the left as in its photograph.
 
 use glam::DVec3;
 
@@ -27,7 +30,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
                 format!("{name} is (P, 3): depth, horizontal, vertical"),
             ));
         };
-        Ok((0..pairs).map(|p| DVec3::new(values[pairs + p], values[2 * pairs + p], values[p])).collect())
+        Ok((0..pairs).map(|p| DVec3::new(-values[pairs + p], values[2 * pairs + p], values[p])).collect())
     };
     let (mut laser, mut sensor) = (points("C_i")?, points("C_d")?);
     let file = set.holding("sub_Sig")?.ok_or_else(|| missing("sub_Sig"))?;
