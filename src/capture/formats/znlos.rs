@@ -10,6 +10,8 @@
 //! Axes: the file has the points' coordinates, which are kept but for that turn. They are right-handed: our pictures
 //! mirror what is seen from the wall, unless `--flip x` is given.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::given::{Bounce, Given};
@@ -31,25 +33,7 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
     let axes = Axes::of(&counts.shape, [&sensors, lasers.as_ref().unwrap_or(&sensors)], bins)?;
     let confocal = axes.size.len() == 5;
     let integer_counts = counts.whole();
-    let (chosen, bounces) = (given.bounce.unwrap_or(Bounce::Nth(3)), axes.size[2]);
-    let kept = match chosen {
-        Bounce::All => 0..bounces,
-        _ if bounces == 1 => 0..1,
-        Bounce::Nth(n) if n < bounces + 2 => n - 2..n - 1,
-        Bounce::Nth(n) => {
-            return Err(Error::options(
-                format!("--bounce {n}, but the file holds the bounces 2 to {}", bounces + 1),
-                "give a bounce that it holds, or all",
-            ));
-        }
-    };
-    notes.push(match (bounces, chosen) {
-        (1, _) => "data holds a single bounce, or the sum of all".into(),
-        (_, Bounce::All) => format!("the sum of the bounces 2 to {} is taken", bounces + 1),
-        (_, Bounce::Nth(n)) => {
-            format!("of the bounces 2 to {} only the {n}. is taken (--bounce all sums them)", bounces + 1)
-        }
-    });
+    let kept = kept_bounces(given.bounce, axes.size[2], notes)?;
     let histograms = axes.gather(&counts, kept);
     let sensor_places = sensors.ordered(axes.reversed);
     let (laser_places, scan, laser, sensor);
@@ -106,6 +90,30 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
     // The pairs of an exhaustive capture stand laser point by laser point.
     let lattice = confocal || scan[0] != laser_places.points.len() || s == 1;
     Ok(if lattice { frame::in_order(capture) } else { capture })
+}
+
+/// The places of the bounces that count, of `bounces` from the second on; the third unless another is given.
+fn kept_bounces(given: Option<Bounce>, bounces: usize, notes: &mut Vec<String>) -> Result<Range<usize>> {
+    let chosen = given.unwrap_or(Bounce::Nth(3));
+    let kept = match chosen {
+        Bounce::All => 0..bounces,
+        _ if bounces == 1 => 0..1,
+        Bounce::Nth(n) if n < bounces + 2 => n - 2..n - 1,
+        Bounce::Nth(n) => {
+            return Err(Error::options(
+                format!("--bounce {n}, but the file holds the bounces 2 to {}", bounces + 1),
+                "give a bounce that it holds, or all",
+            ));
+        }
+    };
+    notes.push(match (bounces, chosen) {
+        (1, _) => "data holds a single bounce, or the sum of all".into(),
+        (_, Bounce::All) => format!("the sum of the bounces 2 to {} is taken", bounces + 1),
+        (_, Bounce::Nth(n)) => {
+            format!("of the bounces 2 to {} only the {n}. is taken (--bounce all sums them)", bounces + 1)
+        }
+    });
+    Ok(kept)
 }
 
 /// The points of one side as the file has them.
@@ -229,7 +237,7 @@ impl Axes {
     }
 
     /// Histograms pair by pair, laser points slowest, summed over colours and the kept bounces.
-    fn gather(&self, counts: &Counts, kept: std::ops::Range<usize>) -> Vec<f32> {
+    fn gather(&self, counts: &Counts, kept: Range<usize>) -> Vec<f32> {
         let axes = self.size.len();
         // Steps in the file per axis of the format.
         let mut step = vec![1usize; axes];
