@@ -41,13 +41,13 @@ fn empty_on(gpu: &Gpu) {
     for side in [8, 32] {
         let capture = capture(side);
         let grid = scene::grid(20_480);
-        let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+        let paper = PaperOptions::preset(Preset::Synthetic).with(|o| o.iterations = 64);
         let model = paper::model(&capture, &grid, &paper);
         let plan = Plan::new(&model, grid, [32; 2], &paper, &gpu.abilities(), false).expect("a plan");
         let job = OnDevice::new(gpu, model, plan, None).expect("memory");
         let start = paper::initialise(&job.plan, job.plan.finest());
         report("paper", job, start, &|plan, i| paper::iteration(plan, plan.finest(), i, 1));
-        let options = VectorOptions { iterations: 64, ..VectorOptions::default() };
+        let options = VectorOptions::default().with(|o| o.iterations = 64);
         let model = vector::model(&capture, &grid, &options);
         let plan = Plan::new(&model, grid, [32; 2], &options, &gpu.abilities(), false).expect("a plan");
         let job = OnDevice::new(gpu, model, plan, None).expect("memory");
@@ -98,8 +98,15 @@ fn stamps() {
     let capture = capture(32);
     let volume = default_volume(&capture, 0.5).expect("it has a signal");
     let grid = Grid::new(volume, 32, 0.04).expect("a plain grid");
-    let options = VectorOptions { lateral: 32, iterations: 8, stop: false, ..VectorOptions::default() };
-    let options = VectorOptions { accumulation: Accumulation::Auto, min_depth: 0.5, ..options };
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = 32;
+        o.iterations = 8;
+        o.stop = false;
+    });
+    let options = options.with(|o| {
+        o.accumulation = Accumulation::Auto;
+        o.domain.min_depth = 0.5;
+    });
     let mut seconds: [Vec<f64>; 2] = [vec![], vec![]];
     for run in 0..18 {
         // Who is first changes, so that a drift of the machine hits both.

@@ -37,7 +37,10 @@ fn main() {
     let one_laser = spread(&confocal, |_, n| n == 0);
     let exhaustive = spread(&capture(4), |_, _| true);
     let vector = |capture: &Capture, reflectance, general| {
-        let options = VectorOptions { reflectance, general, ..VectorOptions::default() };
+        let options = VectorOptions::default().with(|o| {
+            o.reflectance = reflectance;
+            o.general = general;
+        });
         vector_side(&gpu, capture, grid, options, |_| ())
     };
 
@@ -88,17 +91,17 @@ fn main() {
         vector(&confocal, Cosine, false),
         vector(&pulsed, Cosine, false),
     );
-    let paper = PaperOptions { iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+    let paper = PaperOptions::preset(Preset::Synthetic).with(|o| o.iterations = 64);
     compare(
         "noise term",
         "confocal, paper's solver",
         paper_side(&gpu, &confocal, grid, &paper),
-        paper_side(&gpu, &confocal, grid, &PaperOptions { noise: NoiseTerm::Bin, ..paper.clone() }),
+        paper_side(&gpu, &confocal, grid, &paper.clone().with(|o| o.noise.term = NoiseTerm::Bin)),
     );
     compare(
         "random sampling",
         "confocal, paper's solver",
-        paper_side(&gpu, &confocal, grid, &PaperOptions { sampling: Sampling::Fixed, ..paper.clone() }),
+        paper_side(&gpu, &confocal, grid, &paper.clone().with(|o| o.sampling = Sampling::Fixed)),
         paper_side(&gpu, &confocal, grid, &paper),
     );
     // Bins from 1.8 m on see only what is deeper than 0.55 m or so, far off the axis.
@@ -107,7 +110,7 @@ fn main() {
         "unreached bricks and bins",
         "confocal, paper's solver, gate from 1.8 m",
         paper_side(&gpu, &gated, grid, &paper),
-        paper_side(&gpu, &gated, grid, &PaperOptions { general: true, ..paper.clone() }),
+        paper_side(&gpu, &gated, grid, &paper.clone().with(|o| o.general = true)),
     );
     compare(
         "bins outside the gate",
@@ -162,7 +165,7 @@ fn vector_side<'g>(
     let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
     // Every voxel active: the back-projection is asked to keep all that is above nothing.
     let mut start =
-        vector::start(&job.plan, job.plan.finest(), &VectorOptions { start_above: 0.0, ..options });
+        vector::start(&job.plan, job.plan.finest(), &options.with(|o| o.domain.start_above = 0.0));
     everything(&job, &mut start);
     job.executor.run(&start).expect("the start runs");
     let each = vector::iteration(&job.plan, job.plan.finest(), 0);

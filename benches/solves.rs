@@ -25,21 +25,26 @@ fn solves(c: &mut Criterion) {
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(5));
     let mut hear = |_: &_| ControlFlow::Continue(());
     group.bench_function("vector, 20 iterations and 20 of the surface", |b| {
-        let o = VectorOptions {
-            lateral,
-            iterations: 20,
-            coarse_iterations: 10,
-            surface_iterations: 20,
-            ..VectorOptions::default()
-        };
+        let o = VectorOptions::default().with(|o| {
+            o.lateral = lateral;
+            o.iterations = 20;
+            o.domain.coarse_iterations = 10;
+            o.surface.iterations = 20;
+        });
         b.iter(|| {
             let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
             vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut watch).expect("it solves")
         });
     });
     group.bench_function("paper, 20 iterations", |b| {
-        let o = PaperOptions { lateral, iterations: 20, ..PaperOptions::preset(Preset::Synthetic) };
-        let o = PaperOptions { double_every: 10, reduce_every: 5, ..o };
+        let o = PaperOptions::preset(Preset::Synthetic).with(|o| {
+            o.lateral = lateral;
+            o.iterations = 20;
+        });
+        let o = o.with(|o| {
+            o.domain.double_every = 10;
+            o.domain.reduce_every = 5;
+        });
         b.iter(|| {
             let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
             paper::reconstruct(&gpu, &capture, grid, &o, None, false, &mut watch).expect("it solves")

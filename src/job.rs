@@ -17,7 +17,6 @@ pub mod profile;
 pub mod pulse;
 mod request;
 mod scene;
-mod solver;
 mod solving;
 
 use std::ops::ControlFlow;
@@ -32,6 +31,7 @@ use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
 use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
 
+pub use crate::solve::{SolverOptions, check_solver, reflectance};
 pub use account::plain;
 pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
@@ -41,7 +41,6 @@ pub use inspect::{Inspection, inspect, schedule};
 pub use places::check_file;
 pub use request::{Request, memory_bytes};
 pub use scene::{Simulated, Simulation, simulate};
-pub use solver::{SolverOptions, check_solver, reflectance};
 
 /// Which capture, and what of it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -266,7 +265,7 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
         notes.push(format!(
             "{} iterations end at {reached} lateral voxels, not at {wanted}: give more --iterations, a smaller \
              --double-every or --no-coarse-to-fine",
-            request.solver.iterations()
+            request.solver.common().iterations[0]
         ));
     }
     if solved.surface_left {

@@ -13,8 +13,8 @@
 //!
 //! # fn main() -> thirdbounce::Result<()> {
 //! let capture = capture::read(Path::new("capture.npz"))?;
-//! let options = VectorOptions { lateral: 64, ..Default::default() };
-//! let volume = default_volume(&capture, options.min_depth)?;
+//! let options = VectorOptions::default().with(|o| o.lateral = 64);
+//! let volume = default_volume(&capture, options.domain.min_depth)?;
 //! let grid = transport::Grid::new(volume, options.lateral, capture.bin_width)?;
 //! let gpu = gpu::Gpu::open(&gpu::GpuOptions::default())?;
 //! let mut hear = |p: &thirdbounce::solve::Progress| {

@@ -46,7 +46,10 @@ pub fn job(
     accumulation: Accumulation,
     tune: impl FnOnce(&mut Tuning),
 ) -> thirdbounce::Result<OnDevice<'_>> {
-    let options = PaperOptions { accumulation, iterations: 64, ..PaperOptions::preset(Preset::Synthetic) };
+    let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.accumulation = accumulation;
+        o.iterations = 64;
+    });
     let model = Model::new(&capture(side), Reflectance::Cosine, 10.0, false);
     // The scan's resolution is as good as the grid's: one level.
     let grid = grid(active);

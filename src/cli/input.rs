@@ -118,7 +118,7 @@ impl CaptureArgs {
     /// solver's turn, which takes paths for sharp.
     pub fn finds_pulse(&self, preset: Preset, solver: &SolverOptions) -> bool {
         match (self.pulse.as_deref(), solver) {
-            (None, SolverOptions::Vector(o)) => preset == Preset::Captured && o.surface_iterations > 0,
+            (None, SolverOptions::Vector(o)) => preset == Preset::Captured && o.surface.iterations > 0,
             (given, _) => given == Some("auto"),
         }
     }

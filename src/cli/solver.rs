@@ -3,11 +3,12 @@
 use clap::Args;
 use thirdbounce::capture::Capture;
 use thirdbounce::job::{self, SolverOptions};
-use thirdbounce::solve::{PaperOptions, Preset, VectorOptions, assume_reflectance};
+use thirdbounce::solve::assume_reflectance;
+use thirdbounce::solve::option::{Preset, Suit, Value};
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Error, Result};
 
-use super::options::{PaperArgs, VectorArgs, word};
+use super::options::{Given, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
@@ -18,16 +19,14 @@ pub struct SolverArgs {
     /// the capture shows [default: cosine]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     model: Option<String>,
-    /// Leave nothing out that this scene does not need: the most general kernels, to compare with
-    #[arg(long, help_heading = "Solver")]
-    general: bool,
-    /// The published parameters to start from [default: captured if all counts are whole, else synthetic]
+    /// The published parameters to start from [default: captured if all counts are whole numbers, else synthetic]
     #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
     pub preset: Option<Preset>,
+    /// The same bits on every run of the same seed and device: fixed-point accumulation
+    #[arg(long, conflicts_with = "accumulation", help_heading = "Solver")]
+    deterministic: bool,
     #[command(flatten)]
-    paper: PaperArgs,
-    #[command(flatten)]
-    vector: VectorArgs,
+    given: Given,
 }
 
 impl SolverArgs {
@@ -41,20 +40,23 @@ impl SolverArgs {
                 .filter(|m| *m != "auto")
                 .map_or(Ok(()), |m| job::reflectance(m).map(drop))?;
         }
-        // The rest does not depend on the preset in what is allowed.
-        self.options(base, Preset::Synthetic, true, Reflectance::Cosine).check()
+        // The ranges do not depend on the scene.
+        self.options(base, &Suit::USUAL).check()
     }
 
     /// The seed that was given, else 0.
     pub fn seed(&self) -> u64 {
-        self.paper.seed.map_or(0, u64::from)
+        match self.given.get("seed") {
+            Some(Value::Count(seed)) => *seed as u64,
+            _ => 0,
+        }
     }
 
     /// Refuses options that only another solver has: to ignore them would mislead.
     pub fn check_fit(&self) -> Result<()> {
         let name = self.solver.as_deref().unwrap_or(SolverOptions::DEFAULT);
-        let other = if name == "vector" { self.paper.own() } else { self.vector.own() };
-        other.map_or(Ok(()), |option| {
+        let options = SolverOptions::suited_to(name, &Suit::USUAL);
+        options.and_then(|options| self.given.foreign(&options)).map_or(Ok(()), |option| {
             Err(Error::options(
                 format!("--{option} is no option of the {name} solver"),
                 "leave it out, or choose the other --solver (`thirdbounce reconstruct --help` lists both)",
@@ -85,35 +87,28 @@ impl SolverArgs {
             Some(name) => job::reflectance(name).unwrap_or(Reflectance::Cosine),
             None => Reflectance::Cosine,
         };
-        (preset, notes, self.options(base, preset, capture.is_confocal(), reflectance))
+        let suit = Suit { preset, confocal: capture.is_confocal(), reflectance };
+        (preset, notes, self.options(base, &suit))
     }
 
     fn model<'a>(&'a self, base: Option<&'a SolverArgs>) -> Option<&'a str> {
         self.model.as_deref().or(base.and_then(|b| b.model.as_deref()))
     }
 
-    /// These options over those of `base` over the preset. Every solver has its arm here.
-    fn options(
-        &self,
-        base: Option<&SolverArgs>,
-        preset: Preset,
-        confocal: bool,
-        reflectance: Reflectance,
-    ) -> SolverOptions {
-        let name = self
-            .solver
-            .as_deref()
-            .or(base.and_then(|b| b.solver.as_deref()))
-            .unwrap_or(SolverOptions::DEFAULT);
-        let general = self.general || base.is_some_and(|b| b.general);
-        // `check` has let through these two only.
-        if name == "vector" {
-            let start = VectorOptions { general, ..VectorOptions::default() }.suited(confocal, reflectance);
-            let start = base.map_or(start.clone(), |b| b.vector.over(&b.paper, start));
-            return self.vector.over(&self.paper, start).into();
+    /// These options over those of `base` over the defaults for such scenes.
+    fn options(&self, base: Option<&SolverArgs>, suit: &Suit) -> SolverOptions {
+        let named = self.solver.as_deref().or(base.and_then(|b| b.solver.as_deref()));
+        // `check` has let through known names only.
+        let start = named.and_then(|name| SolverOptions::suited_to(name, suit));
+        let mut options = start
+            .or_else(|| SolverOptions::suited_to(SolverOptions::DEFAULT, suit))
+            .expect("the default solver");
+        for args in base.into_iter().chain([self]) {
+            args.given.over(&mut options);
+            if args.deterministic {
+                options.set("accumulation", &Value::Word("fixed".into()));
+            }
         }
-        let start = PaperOptions { general, ..PaperOptions::preset(preset) }.suited(confocal, reflectance);
-        let start = base.map_or(start.clone(), |b| b.paper.over(start));
-        self.paper.over(start).into()
+        options
     }
 }

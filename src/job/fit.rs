@@ -21,12 +21,12 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
 /// Options as they would be given, any one of which makes the job fit. Of each the least change that was tried.
 pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<String> {
     let fits = |request: &Request, loaded: &Loaded| fits_on(request, loaded, gpu);
-    let lateral = request.solver.lateral();
+    let lateral = request.solver.common().lateral;
     let smaller = (1..10).map(|k| lateral >> k).take_while(|n| *n >= 4);
     let smaller = smaller
         .map(|n| Request { solver: request.solver.with_lateral(n), ..request.clone() })
         .find(|request| fits(request, loaded))
-        .map(|request| format!("--lateral {}", request.solver.lateral()));
+        .map(|request| format!("--lateral {}", request.solver.common().lateral));
     let stride = loaded.input.stride.unwrap_or(1);
     // Loaded anew, as a user would: the stride comes before the gate, which may then be found elsewhere.
     let thinner = [2, 3, 4, 6, 8, 12, 16].map(|k| stride.saturating_mul(k)).into_iter().find(|stride| {

@@ -129,7 +129,7 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     let grid = request.grid(&loaded.capture)?;
     let planned = pulse::to_plan(request, &loaded.capture)?;
     let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
-    Ok(request.solver.outline(&plan))
+    Ok(request.solver.solver().outline(&plan))
 }
 
 /// What most discrete GPUs offer.

@@ -130,7 +130,7 @@ pub fn profile(
     let mut recording = gpu.take_recording();
     let prepare_s = complete(&mut recording, began, loaded.seconds);
     let near = |g: &crate::transport::Grid| {
-        let layers = ((request.solver.min_depth() - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
+        let layers = ((request.solver.common().min_depth - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
         g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
     };
     let voxels = solved

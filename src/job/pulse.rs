@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{Request, SolverOptions};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Pulse};
 use crate::gpu::Gpu;
-use crate::solve::{Progress, VectorOptions, Watch, default_volume};
+use crate::solve::{Progress, Suit, VectorOptions, Watch, default_volume};
 use crate::{Error, Kind, Result};
 
 /// What was found.
@@ -157,21 +157,27 @@ fn trial_of<'a>(
 ) -> Result<Misfit<'a>> {
     let options = match &request.solver {
         SolverOptions::Vector(o) => o.clone(),
-        SolverOptions::Paper(o) => VectorOptions { min_depth: o.min_depth, ..VectorOptions::default() }
-            .suited(capture.is_confocal(), o.reflectance),
+        other => {
+            let suit = Suit {
+                confocal: capture.is_confocal(),
+                reflectance: other.common().reflectance,
+                ..Suit::USUAL
+            };
+            VectorOptions::suited_to(&suit).with(|o| o.domain.min_depth = other.common().min_depth)
+        }
     };
-    let options = VectorOptions {
-        lateral: options.lateral.min(LATERAL),
-        iterations: ITERATIONS,
-        surface_iterations: SURFACE_ITERATIONS,
-        pixels_per_voxel: (options.lateral >= LATERAL).then_some(2),
-        surface_points: None,
-        surface_blur: 0.0,
-        surface_sparsity: 0.0,
-        room: None,
-        ..options
-    };
-    let volume = request.volume.map_or_else(|| default_volume(capture, options.min_depth), Ok)?;
+    let fine = options.lateral >= LATERAL;
+    let options = options.with(|o| {
+        o.lateral = o.lateral.min(LATERAL);
+        o.iterations = ITERATIONS;
+        o.surface.iterations = SURFACE_ITERATIONS;
+        o.surface.pixels_per_voxel = fine.then_some(2);
+        o.surface.points = None;
+        o.surface.blur = 0.0;
+        o.surface.sparsity = 0.0;
+        o.domain.room = None;
+    });
+    let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
     let trial = Request { volume: Some(volume), memory: request.memory, ..Request::new(options, "") };
     let mut thin = capture.subset(PAIRS.min(capture.pair_count()), 0)?;
     let grid = trial.grid(&thin)?;

@@ -93,14 +93,17 @@ impl Request {
     pub fn grid(&self, capture: &Capture) -> Result<Grid> {
         let volume = match self.volume {
             Some(volume) => volume,
-            None => default_volume(capture, self.solver.min_depth())?,
+            None => default_volume(capture, self.solver.common().min_depth)?,
         };
         let pitch = self.depth_pitch.unwrap_or(capture.bin_width);
-        let grid = Grid::new(volume, self.solver.lateral(), pitch)?;
-        if volume.max.z <= self.solver.min_depth() {
+        let grid = Grid::new(volume, self.solver.common().lateral, pitch)?;
+        if volume.max.z <= self.solver.common().min_depth {
             return Err(Error::options(
                 format!("--volume ends at a depth of {} m", volume.max.z),
-                format!("nothing nearer than --min-depth, {} m, is reconstructed", self.solver.min_depth()),
+                format!(
+                    "nothing nearer than --min-depth, {} m, is reconstructed",
+                    self.solver.common().min_depth
+                ),
             ));
         }
         if grid.origin.z > volume.max.z {

@@ -12,6 +12,7 @@ mod drive;
 mod estimate;
 mod extent;
 mod on_device;
+pub mod option;
 mod outline;
 mod over_pairs;
 pub mod paper;
@@ -19,6 +20,7 @@ mod pass;
 pub mod passes;
 mod plan;
 mod result;
+mod solvers;
 pub mod surface;
 pub mod vector;
 
@@ -29,13 +31,16 @@ pub use drive::{Beside, Progress, TracePoint, Watch};
 pub use estimate::{background, expected_noise, variance_per_count};
 pub use extent::default_volume;
 pub use on_device::{OnDevice, upload};
+pub use option::{Preset, Suit};
 pub use outline::{Part, Step, When};
-pub use paper::{Decay, NoiseTerm, PaperOptions, Preset};
+pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, SMOOTH, Sizes, Tuning, UPLOAD,
 };
 pub use result::{Reconstruction, VolumeMap};
+pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
+pub use surface::SurfaceOptions;
 pub use vector::VectorOptions;
 
 /// The passes of all solvers: those that they share, then one list for each.

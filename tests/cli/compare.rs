@@ -234,9 +234,15 @@ fn sleepy(
     maps_every: Option<usize>,
     sleep: impl Fn(&Progress) -> f64,
 ) -> (Reconstruction, f64, f64) {
-    let o = PaperOptions { lateral: 16, iterations: 40, ..PaperOptions::preset(Preset::Synthetic) };
-    let o = PaperOptions { coarse_to_fine: false, reduce: false, ..o };
-    let volume = default_volume(capture, o.min_depth).unwrap();
+    let o = PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 16;
+        o.iterations = 40;
+    });
+    let o = o.with(|o| {
+        o.domain.coarse_to_fine = false;
+        o.domain.reduce = false;
+    });
+    let volume = default_volume(capture, o.domain.min_depth).unwrap();
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
     let mut asleep = 0.0;
     let mut hear = |progress: &Progress| {

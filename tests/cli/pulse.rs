@@ -62,10 +62,14 @@ fn a_known_pulse_makes_depths_and_normals_better() {
     let known = capture(true);
     let unknown = changed(&known, |c| c.pulse = None);
     let truth = truth(&scene(true), 64).unwrap();
-    let options = VectorOptions { lateral: 64, iterations: 30, ..VectorOptions::default() };
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = 64;
+        o.iterations = 30;
+    });
     let solve = |capture: &Capture| {
         let grid =
-            Grid::new(default_volume(capture, options.min_depth).unwrap(), 64, capture.bin_width).unwrap();
+            Grid::new(default_volume(capture, options.domain.min_depth).unwrap(), 64, capture.bin_width)
+                .unwrap();
         let mut hear = |_: &thirdbounce::solve::Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
         let done = vector::reconstruct(&gpu, capture, grid, &options, None, false, &mut watch).unwrap();
@@ -166,7 +170,11 @@ fn trials_are_heard_and_may_be_broken_off() {
     assert_eq!(broken.unwrap_err().kind, Kind::Cancelled);
     assert!(heard == 3 && !out.exists());
     // A trial that cannot run is noted and does not stop the solve: here nothing is far enough to be reconstructed.
-    let far = VectorOptions { min_depth: 1e3, lateral: 16, iterations: 1, ..VectorOptions::default() };
+    let far = VectorOptions::default().with(|o| {
+        o.domain.min_depth = 1e3;
+        o.lateral = 16;
+        o.iterations = 1;
+    });
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
     let request = Request { volume: Some(volume), find_pulse: true, ..Request::new(far, &out) };
     let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();

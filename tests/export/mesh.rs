@@ -175,8 +175,11 @@ fn a_reconstructed_figure_is_met_to_less_than_a_voxel() {
     let scene = Scene { scan: 16, ..Scene::named("figure").unwrap() };
     let capture =
         simulate(&scene, &RenderOptions { noise: 0.05, ..RenderOptions::default() }).unwrap().capture;
-    let options = VectorOptions { lateral: 64, iterations: 40, ..VectorOptions::default() };
-    let volume = default_volume(&capture, options.min_depth).unwrap();
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = 64;
+        o.iterations = 40;
+    });
+    let volume = default_volume(&capture, options.domain.min_depth).unwrap();
     let grid = Grid::new(volume, options.lateral, capture.bin_width).unwrap();
     let voxel = grid.pitch.x;
     let mut go = |_: &_| ControlFlow::Continue(());

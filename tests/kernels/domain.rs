@@ -196,7 +196,7 @@ pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let fine = grid();
     let coarse = fine.coarser(2);
     let mut o = options(&model, &fine);
-    o.coarse_to_fine = true;
+    o.domain.coarse_to_fine = true;
     let mut job = job(&gpu, &model, &fine, &o);
     assert_eq!(job.plan.levels.len(), 2);
     assert_eq!(job.plan.levels[0].grid, coarse);

@@ -132,7 +132,7 @@ pub fn residual_with_and_without_noise_term() {
             }
             let twin = Twin { model: &model, grid: &grid };
             let mut o = options(&model, &grid);
-            o.noise = noise;
+            o.noise.term = noise;
             o.accumulation = accumulation;
             let mut job = job(&gpu, &model, &grid, &o);
             let elements = model.pairs() * model.bins;
@@ -181,7 +181,7 @@ pub fn noise_learns_as_its_twin() {
         let grid = grid();
         let twin = Twin { model: &model, grid: &grid };
         let mut o = options(&model, &grid);
-        o.noise = noise;
+        o.noise.term = noise;
         let mut job = job(&gpu, &model, &grid, &o);
         let mut random = Random::new(8);
         let residual: Vec<f64> =

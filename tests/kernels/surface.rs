@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3, dvec2, dvec3};
 use thirdbounce::capture::{PulseTaps, Way};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::solve::surface::{self, Placed, blur};
-use thirdbounce::solve::{Accumulation, COLUMNS_HOST, VectorOptions};
+use thirdbounce::solve::{Accumulation, COLUMNS_HOST};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bond, Height, Pull, Raw, SurfaceWeights, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
@@ -324,15 +324,14 @@ fn check_iterations(
     let model = measured(&model, &grid, &field, 63);
     let twin = Twin { model: &model, grid: &grid };
     // Of the iterations the first go by blurred residuals.
-    let o = VectorOptions {
-        accumulation,
-        surface_blur: 0.5,
-        surface_sparsity: 0.05,
-        ..surface_options(&grid, each)
-    };
+    let o = surface_options(&grid, each).with(|o| {
+        o.accumulation = accumulation;
+        o.surface.blur = 0.5;
+        o.surface.sparsity = 0.05;
+    });
     let mut job = job(gpu, &model, &grid, &o);
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };
-    let mut words = surface::weights(&model, &grid, job.plan.finest(), placed, &o);
+    let mut words = surface::weights(&model, &grid, job.plan.finest(), placed, &o.surface);
     words[SURFACE_SPREAD as usize] = 1.25;
     let mut weights = SurfaceWeights::from(words);
     assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);

@@ -4,7 +4,7 @@ use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{COLUMNS_HOST, OnDevice, Plan, SMOOTH, VectorOptions, extract, vector};
+use thirdbounce::solve::{COLUMNS_HOST, OnDevice, Plan, SMOOTH, extract, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
@@ -36,7 +36,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     let domain = state(&model, &grid, 0.4, 23).1;
     let v = within(vectors(grid.storage(), 24), &domain);
     let bounds: Vec<[f64; 2]> = v.iter().map(|v| [v.x, v.y]).collect();
-    let o = VectorOptions { keep_above: 0.6, ..vector_options(&grid) };
+    let o = vector_options(&grid).with(|o| o.domain.keep_above = 0.6);
     let mut job = job(&gpu, &model, &grid, &o);
     let active = write_domain(&mut job, &domain);
     write_vectors(&mut job, buffer::RAW, &active, &v);
@@ -45,7 +45,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     let momentum = Momentum { t: 7.0, beta: 0.8, objective: 3.0, restarts: 2.0, share: 0.5 };
     write_momentum(&mut job, momentum);
     let mut level = 0;
-    let s = vector::due(&job.plan, &o, &mut level, o.reduce_every);
+    let s = vector::due(&job.plan, &o, &mut level, o.domain.reduce_every);
     job.executor.run(&s).unwrap();
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
     assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 2e-6);
@@ -60,7 +60,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     let stays = |i: &u32| domain[*i as usize];
     assert!(stayed.iter().any(stays) && !stayed.iter().all(stays));
     assert!(stayed.iter().all(|i| got[*i as usize] == bounds[*i as usize]));
-    assert!(vector::due(&job.plan, &o, &mut level, o.reduce_every + 1).commands.is_empty());
+    assert!(vector::due(&job.plan, &o, &mut level, o.domain.reduce_every + 1).commands.is_empty());
     assert_valid(&gpu);
 }
 
@@ -72,7 +72,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     model.keep_above = 0.05;
     let domain = state(&model, &grid, 0.5, 23).1;
     let v = within(vectors(grid.storage(), 24), &domain);
-    let o = VectorOptions { keep_above: 0.05, ..vector_options(&grid) };
+    let o = vector_options(&grid).with(|o| o.domain.keep_above = 0.05);
     let mut job = job(&gpu, &model, &grid, &o);
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
     let twin = Twin { model: &model, grid: &grid };
@@ -88,7 +88,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
         set_counts(&mut job, active.len(), 0.0);
         write_momentum(&mut job, REST);
         job.plan.capacity = room;
-        let s = vector::due(&job.plan, &o, &mut 0, o.reduce_every);
+        let s = vector::due(&job.plan, &o, &mut 0, o.domain.reduce_every);
         let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
         let [before, after] =
             [&s.commands[..split], &s.commands[split..]].map(|c| Schedule { commands: c.to_vec() });
@@ -191,12 +191,15 @@ pub fn bounds_weigh_voxels_by_how_bright_they_are() {
     let (model, grid) = (scene(4, 40, 31), grid());
     let mut first = None;
     for power in [0.0, 0.5, 1.5] {
-        let o = VectorOptions { keep_above: 0.3, bound_power: power, ..vector_options(&grid) };
+        let o = vector_options(&grid).with(|o| {
+            o.domain.keep_above = 0.3;
+            o.bound_power = power;
+        });
         let mut job = job(&gpu, &model, &grid, &o);
         let domain = state(&model, &grid, 0.6, 32).1;
         let v = within(vectors(grid.storage(), 33), &domain);
         let active = hold(&mut job, &domain, &v);
-        let s = vector::due(&job.plan, &o, &mut 0, o.bound_every * o.reduce_every);
+        let s = vector::due(&job.plan, &o, &mut 0, o.bound_every * o.domain.reduce_every);
         job.executor.run(&s).unwrap();
         let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
         let mask = read_mask(&mut job, buffer::MASK, grid.storage());
@@ -216,15 +219,18 @@ pub fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     let gpu = gpu();
     let (model, fine) = (scene(3, 40, 25), grid());
     let coarse = fine.coarser(2);
-    let o =
-        VectorOptions { coarse_to_fine: true, keep_above: 0.5, bound_power: 1.5, ..vector_options(&fine) };
+    let o = vector_options(&fine).with(|o| {
+        o.domain.coarse_to_fine = true;
+        o.domain.keep_above = 0.5;
+        o.bound_power = 1.5;
+    });
     let mut job = job(&gpu, &model, &fine, &o);
     assert_eq!(job.plan.levels.len(), 2);
     let domain = state(&model, &coarse, 0.6, 26).1;
     let v = within(vectors(coarse.storage(), 27), &domain);
     hold(&mut job, &domain, &v);
     let mut level = 0;
-    let s = vector::due(&job.plan, &o, &mut level, o.coarse_iterations);
+    let s = vector::due(&job.plan, &o, &mut level, o.domain.coarse_iterations);
     assert_eq!(level, 1);
     job.executor.run(&s).unwrap();
 
@@ -259,7 +265,7 @@ pub fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let (mut model, grid) = (scene(5, 64, 28), grid());
     model.keep_above = 0.3;
     let twin = Twin { model: &model, grid: &grid };
-    let o = VectorOptions { start_above: 0.3, ..vector_options(&grid) };
+    let o = vector_options(&grid).with(|o| o.domain.start_above = 0.3);
     let mut job = job(&gpu, &model, &grid, &o);
     let hat = vector::hat(2.0, model.bins);
     write(&mut job, buffer::HAT_TAPS, &hat);
@@ -332,13 +338,12 @@ fn the_papers_scene_takes_150_megabytes() {
     assert_eq!(grid.n, [128, 128, 333]);
     // With voxels as small as the paper's, and as large as two pixels of the surface.
     for (pixels_per_voxel, most) in [(1, 100_000_000), (2, 60_000_000)] {
-        let o = VectorOptions {
-            coarse_to_fine: true,
-            room: None,
-            pixels_per_voxel: Some(pixels_per_voxel),
-            surface_iterations: 60,
-            ..vector_options(&grid)
-        };
+        let o = vector_options(&grid).with(|o| {
+            o.domain.coarse_to_fine = true;
+            o.domain.room = None;
+            o.surface.pixels_per_voxel = Some(pixels_per_voxel);
+            o.surface.iterations = 60;
+        });
         let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), false).unwrap();
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         assert!(bytes < most, "{bytes}");

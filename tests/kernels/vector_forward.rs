@@ -5,7 +5,7 @@ use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::DVec3;
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::solve::{Accumulation, VectorOptions};
+use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
@@ -41,7 +41,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let twin = Twin { model: &model, grid };
     let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
     let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
-    let o = VectorOptions { accumulation, ..vector_options(grid) };
+    let o = vector_options(grid).with(|o| o.accumulation = accumulation);
     let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
         // Below the loop limit even if every voxel moves the window; several chunks at that.

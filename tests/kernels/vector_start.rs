@@ -74,7 +74,7 @@ fn variance_per_count_is_the_scale_of_scaled_photons() {
 fn the_model_carries_the_noise_in_its_own_units() {
     let capture = counts(500.0, 4.0, 90.0, 8);
     // General, so that no bin goes.
-    let o = VectorOptions { general: true, ..VectorOptions::default() };
+    let o = VectorOptions::default().with(|o| o.general = true);
     let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), 16, capture.bin_width).unwrap();
     let model = vector::model(&capture, &grid, &o);
     let scale = 1.0 / model.counts_per_unit;
@@ -86,7 +86,7 @@ fn the_model_carries_the_noise_in_its_own_units() {
     }
     let dark: f64 = model.measured.chunks(256).map(|h| f64::from(h[250])).sum::<f64>() / 256.0;
     assert!(dark.abs() < 0.15 * 4.0 * scale, "the background is gone: {dark}");
-    let kept = VectorOptions { background: false, ..o };
+    let kept = o.with(|o| o.background = false);
     let kept = vector::model(&capture, &grid, &kept);
     assert!(kept.measured.iter().all(|m| *m >= 0.0) && kept.variance[1] == 0.0);
 }
@@ -122,8 +122,11 @@ fn nothing_true_is_pruned_by_the_start() {
         }
         let options = RenderOptions { noise: 0.02, ..Default::default() };
         let capture = simulate(&scene, &options).unwrap().capture;
-        let o = VectorOptions { lateral: 32, coarse_to_fine: false, ..Default::default() };
-        let volume = default_volume(&capture, o.min_depth).unwrap();
+        let o = VectorOptions::default().with(|o| {
+            o.lateral = 32;
+            o.domain.coarse_to_fine = false;
+        });
+        let volume = default_volume(&capture, o.domain.min_depth).unwrap();
         let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
         let model = vector::model(&capture, &grid, &o);
         let mut job = job(&gpu, &model, &grid, &o);

@@ -9,7 +9,7 @@ use thirdbounce::gpu::{
 };
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Plan, VectorOptions};
+use thirdbounce::solve::{Accumulation, Plan};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind};
 
@@ -29,7 +29,10 @@ fn honoured() -> Row {
     let mut ran = 0;
     for mebibytes in [1u64, 2, 4, 6, 8, 9, 10, 12, 16, 24, 32, 64] {
         for lateral in [12, 32] {
-            let options = VectorOptions { lateral, iterations: 1, ..vector(Accumulation::Fixed) };
+            let options = vector(Accumulation::Fixed).with(|o| {
+                o.lateral = lateral;
+                o.iterations = 1;
+            });
             let request = Request::new(options, "");
             let case = || -> Held {
                 let grid = request.grid(&loaded.capture).map_err(|e| e.to_string())?;
@@ -144,7 +147,10 @@ fn model(pairs: usize, bins: usize) -> Model {
 /// Shapes at and beyond the limits of 32-bit indices; nothing is allocated.
 fn claimed() -> Row {
     let mut row = Row::new("captures and grids at the limits of 32-bit indices and of one binding, claimed");
-    let options = VectorOptions { general: true, coarse_to_fine: false, ..vector(Accumulation::Fixed) };
+    let options = vector(Accumulation::Fixed).with(|o| {
+        o.general = true;
+        o.domain.coarse_to_fine = false;
+    });
     let grid = |lateral: usize, deep: f64| {
         let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.3), max: glam::dvec3(0.5, 0.5, 0.3 + deep) };
         Grid::new(volume, lateral, 0.001)

@@ -8,7 +8,6 @@ use thirdbounce::gpu::Faults;
 use thirdbounce::job::checkpoint::{Kept, read, write};
 use thirdbounce::job::{self, Input, Request, SolverOptions};
 use thirdbounce::solve::{Accumulation, Checkpoint};
-use thirdbounce::solve::{PaperOptions, VectorOptions};
 use thirdbounce::{Error, Kind};
 
 use super::Share;
@@ -23,9 +22,12 @@ pub fn rows(share: Share) -> Vec<Row> {
 /// Solvers with options that change every part of a state.
 fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
     let fixed = Accumulation::Fixed;
-    let published = PaperOptions { noise: thirdbounce::solve::NoiseTerm::Off, ..paper(fixed) };
-    let narrow = PaperOptions { room: Some(0.5), ..paper(fixed) };
-    let stops = VectorOptions { stop: true, iterations: 40, ..vector(fixed) };
+    let published = paper(fixed).with(|o| o.noise.term = thirdbounce::solve::NoiseTerm::Off);
+    let narrow = paper(fixed).with(|o| o.domain.room = Some(0.5));
+    let stops = vector(fixed).with(|o| {
+        o.stop = true;
+        o.iterations = 40;
+    });
     vec![
         ("paper, noise term", paper(fixed).into()),
         ("paper", published.into()),
@@ -141,7 +143,7 @@ fn wrong_ones() -> Row {
         row.add(what, refused(resumed, Kind::Options, word));
     };
     let SolverOptions::Vector(options) = &solver else { unreachable!("as made above") };
-    let longer = VectorOptions { iterations: 99, ..options.clone() }.into();
+    let longer = options.clone().with(|o| o.iterations = 99).into();
     case("other iterations", &longer, &capture, state.clone(), "iterations");
     case("another solver", &paper(Accumulation::Fixed).into(), &capture, state.clone(), "checkpoint");
     let finer = solver.with_lateral(24);

@@ -78,29 +78,27 @@ pub fn solvers(accumulation: Accumulation) -> [(&'static str, SolverOptions); 2]
 }
 
 pub fn paper(accumulation: Accumulation) -> PaperOptions {
-    PaperOptions {
-        lateral: 12,
-        iterations: 12,
-        double_every: 5,
-        restart_every: 3,
-        reduce_every: 4,
-        noise: NoiseTerm::Bin,
-        accumulation,
-        ..PaperOptions::preset(Preset::Synthetic)
-    }
+    PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 12;
+        o.iterations = 12;
+        o.domain.double_every = 5;
+        o.restart_every = 3;
+        o.domain.reduce_every = 4;
+        o.noise.term = NoiseTerm::Bin;
+        o.accumulation = accumulation;
+    })
 }
 
 pub fn vector(accumulation: Accumulation) -> VectorOptions {
-    VectorOptions {
-        lateral: 12,
-        iterations: 12,
-        coarse_iterations: 5,
-        reduce_every: 3,
-        bound_every: 6,
-        stop: false,
-        accumulation,
-        ..VectorOptions::default()
-    }
+    VectorOptions::default().with(|o| {
+        o.lateral = 12;
+        o.iterations = 12;
+        o.domain.coarse_iterations = 5;
+        o.domain.reduce_every = 3;
+        o.bound_every = 6;
+        o.stop = false;
+        o.accumulation = accumulation;
+    })
 }
 
 pub fn open(faults: Faults, validation: bool) -> Gpu {

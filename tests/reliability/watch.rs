@@ -116,11 +116,17 @@ fn by_vector(
 }
 
 fn paper_options() -> PaperOptions {
-    PaperOptions { lateral: 12, iterations: 30, ..PaperOptions::preset(Preset::Synthetic) }
+    PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 12;
+        o.iterations = 30;
+    })
 }
 
 fn vector_options() -> VectorOptions {
-    VectorOptions { lateral: 12, iterations: 30, ..VectorOptions::default() }
+    VectorOptions::default().with(|o| {
+        o.lateral = 12;
+        o.iterations = 30;
+    })
 }
 
 /// The error says what, where and how to mend it.
@@ -129,17 +135,16 @@ fn a_user_is_told_iteration_kernel_and_mend() {
     let gpu = gpu();
     let capture = letter();
     let grid = grid_of(&capture);
-    let o = PaperOptions { learning_rate: 1e38, ..paper_options() };
+    let o = paper_options().with(|o| o.learning_rate = 1e38);
     let failed = by_paper(&gpu, &capture, grid, &o).unwrap_err();
     assert_eq!(failed.kind, Kind::Options);
     assert!(failed.what.contains("iteration ") && failed.what.contains("kernel "), "{failed}");
     assert!(failed.mend.contains("--learning-rate"), "{failed}");
-    let failed = by_paper(&gpu, &capture, grid, &PaperOptions { peak: 1e25, ..paper_options() }).unwrap_err();
+    let failed = by_paper(&gpu, &capture, grid, &paper_options().with(|o| o.peak = 1e25)).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel residual"), "{failed}");
     assert!(failed.mend.contains("--peak"), "{failed}");
     // The variances are the first values that are squared.
-    let failed =
-        by_vector(&gpu, &capture, grid, &VectorOptions { peak: 1e25, ..vector_options() }).unwrap_err();
+    let failed = by_vector(&gpu, &capture, grid, &vector_options().with(|o| o.peak = 1e25)).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel bound") && failed.mend.contains("--peak"), "{failed}");
 }
 
@@ -173,8 +178,8 @@ fn steps_and_weights_ten_times_off_stay_bounded() {
     let base = paper_options();
     for times in [0.1, 10.0] {
         for o in [
-            PaperOptions { learning_rate: base.learning_rate * times, ..base.clone() },
-            PaperOptions { l1: base.l1 * times, ..base.clone() },
+            base.clone().with(|o| o.learning_rate = base.learning_rate * times),
+            base.clone().with(|o| o.l1 = base.l1 * times),
         ] {
             let done = by_paper(&gpu, &capture, grid, &o).unwrap_or_else(|e| panic!("{times}: {e}"));
             assert!(done.trace.iter().all(|p| p.loss.is_finite()));
@@ -184,9 +189,9 @@ fn steps_and_weights_ten_times_off_stay_bounded() {
         }
         let base = vector_options();
         for o in [
-            VectorOptions { noise_factor: base.noise_factor * times, ..base.clone() },
-            VectorOptions { roughness: base.roughness * times, ..base.clone() },
-            VectorOptions { step_share: (base.step_share * times).min(1.0), ..base.clone() },
+            base.clone().with(|o| o.noise_factor = base.noise_factor * times),
+            base.clone().with(|o| o.roughness = base.roughness * times),
+            base.clone().with(|o| o.step_share = (base.step_share * times).min(1.0)),
         ] {
             let done = by_vector(&gpu, &capture, grid, &o).unwrap_or_else(|e| panic!("{times}: {e}"));
             assert!(done.trace.iter().all(|p| p.loss.is_finite()));
@@ -205,8 +210,11 @@ fn the_papers_solver_knows_no_scale() {
     let mut losses = vec![];
     for scale in [1.0, 1e-3, 100.0] {
         let capture = scaled(&metre, scale);
-        let o = PaperOptions { min_depth: 0.2 * scale, accumulation: Accumulation::Fixed, ..paper_options() };
-        let volume = default_volume(&capture, o.min_depth).unwrap();
+        let o = paper_options().with(|o| {
+            o.domain.min_depth = 0.2 * scale;
+            o.accumulation = Accumulation::Fixed;
+        });
+        let volume = default_volume(&capture, o.domain.min_depth).unwrap();
         let grid = Grid::new(volume, 12, capture.bin_width).unwrap();
         let done = by_paper(&gpu, &capture, grid, &o).unwrap_or_else(|e| panic!("{scale}: {e}"));
         losses.push(done.trace.last().unwrap().data_loss / done.empty_loss);
@@ -241,7 +249,7 @@ fn ten_thousand_iterations() {
         );
     }
     let capture = letter();
-    let o = PaperOptions { iterations: 10_000, ..paper_options() };
+    let o = paper_options().with(|o| o.iterations = 10_000);
     let done = by_paper(&gpu, &capture, grid_of(&capture), &o).unwrap();
     let largest = done.trace.iter().skip(1).fold(0.0f64, |a, p| a.max(p.loss));
     assert!(largest < 10.0 * done.empty_loss);

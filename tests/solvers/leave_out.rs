@@ -49,38 +49,36 @@ fn grid_of(capture: &Capture) -> Grid {
 }
 
 fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
-    let o = VectorOptions {
-        lateral: 16,
-        iterations: 8,
+    let o = VectorOptions::default().with(|o| {
+        o.lateral = 16;
+        o.iterations = 8;
         // Three points are no surface: rounding decides where its pixels go.
-        surface_iterations: 2,
-        coarse_to_fine: false,
-        min_depth: 0.3,
-        reflectance,
-        general,
-        stop: false,
-        accumulation: Accumulation::Fixed,
-        ..Default::default()
-    };
+        o.surface.iterations = 2;
+        o.domain.coarse_to_fine = false;
+        o.domain.min_depth = 0.3;
+        o.reflectance = reflectance;
+        o.general = general;
+        o.stop = false;
+        o.accumulation = Accumulation::Fixed;
+    });
     let mut hear = |_: &_| ControlFlow::Continue(());
     vector::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
 }
 
 fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
-    let o = PaperOptions {
-        lateral: 16,
-        iterations: 6,
-        coarse_to_fine: false,
-        min_depth: 0.3,
-        learning_rate: 0.05,
+    let o = PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 16;
+        o.iterations = 6;
+        o.domain.coarse_to_fine = false;
+        o.domain.min_depth = 0.3;
+        o.learning_rate = 0.05;
         // Voxels that no bin sees feel the L1 term alone.
-        l1: 0.0,
-        sampling: Sampling::Fixed,
-        reflectance,
-        general,
-        accumulation: Accumulation::Fixed,
-        ..PaperOptions::preset(Preset::Synthetic)
-    };
+        o.l1 = 0.0;
+        o.sampling = Sampling::Fixed;
+        o.reflectance = reflectance;
+        o.general = general;
+        o.accumulation = Accumulation::Fixed;
+    });
     let mut hear = |_: &_| ControlFlow::Continue(());
     paper::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
 }
@@ -140,17 +138,18 @@ fn unreached_bins_and_bricks_change_nothing() {
     let capture = capture(Geometry::Confocal, false);
     let gated = capture.gated(Gate { from: 0.0, to: 1.3 }).unwrap();
     let deep = Grid::new(default_volume(&capture, 0.3).unwrap(), 16, 0.02).unwrap();
-    let o = |general| PaperOptions {
-        lateral: 16,
-        iterations: 6,
-        coarse_to_fine: false,
-        min_depth: 0.3,
-        l1: 0.0,
-        sampling: Sampling::Fixed,
-        learning_rate: 0.05,
-        general,
-        accumulation: Accumulation::Fixed,
-        ..PaperOptions::preset(Preset::Synthetic)
+    let o = |general| {
+        PaperOptions::preset(Preset::Synthetic).with(|o| {
+            o.lateral = 16;
+            o.iterations = 6;
+            o.domain.coarse_to_fine = false;
+            o.domain.min_depth = 0.3;
+            o.l1 = 0.0;
+            o.sampling = Sampling::Fixed;
+            o.learning_rate = 0.05;
+            o.general = general;
+            o.accumulation = Accumulation::Fixed;
+        })
     };
     let mut hear = |_: &_| ControlFlow::Continue(());
     let [short, general] = [false, true].map(|general| {
@@ -169,7 +168,12 @@ fn the_plan_says_what_it_leaves_out_and_leaves_it_unallocated() {
     let plan = |geometry, reflectance, general| -> Plan {
         let capture = capture(geometry, false);
         let grid = grid_of(&capture);
-        let o = VectorOptions { reflectance, general, min_depth: 0.3, lateral: 16, ..Default::default() };
+        let o = VectorOptions::default().with(|o| {
+            o.reflectance = reflectance;
+            o.general = general;
+            o.domain.min_depth = 0.3;
+            o.lateral = 16;
+        });
         let model = vector::model(&capture, &grid, &o);
         Plan::new(&model, grid, capture.resolution(), &o, &gpu.abilities(), false).unwrap()
     };

@@ -58,15 +58,14 @@ fn the_outline_is_what_runs() {
         assert_known(&done.plan, &parts);
         assert_eq!(told(&parts), ran(&gpu));
     };
-    let o = PaperOptions {
-        lateral: 16,
-        iterations: 25,
-        double_every: 10,
-        reduce_every: 4,
-        restart_every: 6,
-        ..PaperOptions::preset(Preset::Captured)
-    };
-    let grid = Grid::new(default_volume(&capture, o.min_depth).unwrap(), o.lateral, 0.02).unwrap();
+    let o = PaperOptions::preset(Preset::Captured).with(|o| {
+        o.lateral = 16;
+        o.iterations = 25;
+        o.domain.double_every = 10;
+        o.domain.reduce_every = 4;
+        o.restart_every = 6;
+    });
+    let grid = Grid::new(default_volume(&capture, o.domain.min_depth).unwrap(), o.lateral, 0.02).unwrap();
     gpu.take_recording();
     let done = paper::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
     let parts = paper::outline(&done.plan, &o);
@@ -74,19 +73,18 @@ fn the_outline_is_what_runs() {
     check(done, parts);
 
     // First without a surface, whose number of pixels depends on the maps.
-    let o = VectorOptions {
-        lateral: 16,
-        iterations: 20,
-        coarse_iterations: 8,
-        surface_iterations: 0,
-        stop: false,
-        ..VectorOptions::default()
-    };
+    let o = VectorOptions::default().with(|o| {
+        o.lateral = 16;
+        o.iterations = 20;
+        o.domain.coarse_iterations = 8;
+        o.surface.iterations = 0;
+        o.stop = false;
+    });
     let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
     let parts = vector::outline(&done.plan, &o);
     check(done, parts);
 
-    let o = VectorOptions { surface_iterations: 12, ..o };
+    let o = o.with(|o| o.surface.iterations = 12);
     let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
     let parts = vector::outline(&done.plan, &o);
     assert_known(&done.plan, &parts);

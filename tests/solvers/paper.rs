@@ -17,19 +17,25 @@ use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
 #[test]
 fn published_defaults() {
     let o = PaperOptions::preset(Preset::Synthetic);
-    assert_eq!((o.lateral, o.iterations, o.coarse_to_fine, o.reduce), (128, 1000, true, true));
-    assert_eq!((o.double_every, o.restart_every, o.reduce_every), (100, 100, 50));
-    assert_eq!((o.keep_above, o.smooth_sigma, o.smooth_truncate, o.min_depth), (0.05, 3.0, 4.0, 0.2));
+    assert_eq!((o.lateral, o.iterations, o.domain.coarse_to_fine, o.domain.reduce), (128, 1000, true, true));
+    assert_eq!((o.domain.double_every, o.restart_every, o.domain.reduce_every), (100, 100, 50));
+    assert_eq!(
+        (o.domain.keep_above, o.domain.smooth_sigma, o.domain.smooth_truncate, o.domain.min_depth),
+        (0.05, 3.0, 4.0, 0.2)
+    );
     assert_eq!(o.learning_rate_decay, Decay::None);
     assert_eq!((o.learning_rate, o.beta1, o.beta2, o.epsilon), (1.0, 0.9, 0.999, 1e-8));
-    assert_eq!((o.l1, o.noise, o.peak, o.initial_albedo), (0.001, NoiseTerm::Off, 10.0, 1.0));
+    assert_eq!((o.l1, o.noise.term, o.peak, o.initial_albedo), (0.001, NoiseTerm::Off, 10.0, 1.0));
     assert_eq!(
         (o.sampling, o.binning, o.gradient),
         (Sampling::Continuous, Binning::Nearest, Gradient::Published)
     );
     let c = PaperOptions::preset(Preset::Captured);
-    assert_eq!((c.l1, c.noise, c.noise_base, c.noise_span), (0.8, NoiseTerm::Bin, 0.05, 0.06));
-    let rest = PaperOptions { l1: o.l1, noise: o.noise, ..c };
+    assert_eq!((c.l1, c.noise.term, c.noise.base, c.noise.span), (0.8, NoiseTerm::Bin, 0.05, 0.06));
+    let rest = c.with(|new| {
+        new.l1 = o.l1;
+        new.noise = o.noise.clone();
+    });
     assert_eq!(rest, o, "the sets differ in nothing else");
 }
 
@@ -41,15 +47,15 @@ fn options_that_make_no_sense_are_named() {
     let bad: [(&str, Spoil); 11] = [
         ("--lateral", |o| o.lateral = 0),
         ("--iterations", |o| o.iterations = 0),
-        ("--double-every", |o| o.double_every = 0),
+        ("--double-every", |o| o.domain.double_every = 0),
         ("--learning-rate", |o| o.learning_rate = f64::NAN),
         ("--l1", |o| o.l1 = -1.0),
-        ("--keep-above", |o| o.keep_above = 1.0),
-        ("--smooth-sigma", |o| o.smooth_sigma = 1e9),
+        ("--keep-above", |o| o.domain.keep_above = 1.0),
+        ("--smooth-sigma", |o| o.domain.smooth_sigma = 1e9),
         ("--beta1", |o| o.beta1 = 1.5),
         ("--peak", |o| o.peak = f64::INFINITY),
-        ("--min-depth", |o| o.min_depth = f64::NAN),
-        ("--room", |o| o.room = Some(0.0)),
+        ("--min-depth", |o| o.domain.min_depth = f64::NAN),
+        ("--room", |o| o.domain.room = Some(0.0)),
     ];
     for (name, spoil) in bad {
         let mut o = good();
@@ -67,11 +73,14 @@ fn letter(scan: usize) -> (Scene, thirdbounce::capture::Capture) {
 }
 
 fn small(iterations: usize) -> PaperOptions {
-    PaperOptions { lateral: 32, iterations, ..PaperOptions::preset(Preset::Synthetic) }
+    PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 32;
+        o.iterations = iterations;
+    })
 }
 
 fn grid(capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Grid {
-    Grid::new(default_volume(capture, o.min_depth).unwrap(), o.lateral, capture.bin_width).unwrap()
+    Grid::new(default_volume(capture, o.domain.min_depth).unwrap(), o.lateral, capture.bin_width).unwrap()
 }
 
 fn run(gpu: &Gpu, capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Reconstruction {
@@ -118,7 +127,10 @@ fn the_order_of_events_is_the_papers() {
         }
     }
     assert_eq!(level, 2);
-    let o = PaperOptions { coarse_to_fine: false, reduce: false, ..o };
+    let o = o.with(|o| {
+        o.domain.coarse_to_fine = false;
+        o.domain.reduce = false;
+    });
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     assert_eq!(plan.levels.len(), 1);
     assert!(paper::due(&plan, &o, &mut 0, 50).commands.is_empty());
@@ -185,8 +197,14 @@ fn the_noise_term_finds_the_letter_through_dark_counts() {
     for noise in [NoiseTerm::Bin, NoiseTerm::Histogram] {
         // The published weight of the L1 term is for 32 x 32 points on a wall of 2 m; it prunes this scan of
         // 16 x 16 on 1 m to nothing.
-        let o = PaperOptions { noise, l1: 0.02, ..PaperOptions::preset(Preset::Captured) };
-        let o = PaperOptions { lateral: 32, iterations: 120, ..o };
+        let o = PaperOptions::preset(Preset::Captured).with(|o| {
+            o.noise.term = noise;
+            o.l1 = 0.02;
+        });
+        let o = o.with(|o| {
+            o.lateral = 32;
+            o.iterations = 120;
+        });
         let m = metrics(&run(&gpu, &capture, &o).maps, &truth(&scene, 64).unwrap(), 0.5).unwrap();
         assert!(m.iou.unwrap() > 0.6 && m.depth_mae.unwrap() < 0.02, "{noise:?} {m:?}");
     }
@@ -198,7 +216,12 @@ fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
     let gpu = gpu();
     let (_, capture) = letter(8);
     let solve = |accumulation, seed| {
-        let o = PaperOptions { accumulation, seed, lateral: 16, double_every: 30, ..small(60) };
+        let o = small(60).with(|o| {
+            o.accumulation = accumulation;
+            o.seed = seed;
+            o.lateral = 16;
+            o.domain.double_every = 30;
+        });
         run(&gpu, &capture, &o)
     };
     let bits = |r: &Reconstruction| r.maps.albedo.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -254,13 +277,13 @@ fn what_cannot_run_is_refused_in_words() {
     // Few workgroups make long chunks, but none too long. Too few for the pairs are refused.
     let mut few = gpu.abilities();
     few.limits.groups = [2, 3, 1];
-    let cas = PaperOptions { accumulation: Accumulation::Cas, ..o.clone() };
+    let cas = o.clone().with(|o| o.accumulation = Accumulation::Cas);
     let error = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap_err();
     assert!(error.what.contains("64 pairs"), "{error}");
     few.limits.groups = [8, 3, 1];
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
     assert!(3 * plan.tuning.chunk as usize >= plan.finest().grid.storage());
-    let error = refused(&capture, &PaperOptions { learning_rate: 1e30, ..small(40) }, None);
+    let error = refused(&capture, &small(40).with(|o| o.learning_rate = 1e30), None);
     assert!(error.what.contains("loss"), "{error}");
     assert_valid(&gpu);
 }

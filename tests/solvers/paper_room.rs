@@ -17,24 +17,23 @@ use thirdbounce::transport::{Grid, Model, Sampling, Volume};
 fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
     let scene = Scene { scan: 8, bin_width: 0.01, ..Scene::named("letter-l").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.01, ..Default::default() }).unwrap().capture;
-    let volume = default_volume(&capture, o.min_depth).unwrap();
+    let volume = default_volume(&capture, o.domain.min_depth).unwrap();
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
     paper::reconstruct(gpu, &capture, grid, o, None, true, &mut unwatched(&mut hear)).unwrap()
 }
 
 fn options_of(sampling: Sampling) -> PaperOptions {
-    PaperOptions {
-        lateral: 32,
-        iterations: 70,
-        double_every: 20,
-        restart_every: 20,
-        reduce_every: 10,
-        sampling,
-        smooth_sigma: 1.5,
-        accumulation: Accumulation::Fixed,
-        ..PaperOptions::preset(Preset::Synthetic)
-    }
+    PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 32;
+        o.iterations = 70;
+        o.domain.double_every = 20;
+        o.restart_every = 20;
+        o.domain.reduce_every = 10;
+        o.sampling = sampling;
+        o.domain.smooth_sigma = 1.5;
+        o.accumulation = Accumulation::Fixed;
+    })
 }
 
 /// The same bits with room for all voxels and for two fifths of them, as no more are ever active.
@@ -43,7 +42,7 @@ fn room_that_is_enough_changes_nothing() {
     let gpu = gpu();
     for sampling in [Sampling::Continuous, Sampling::Fixed] {
         let all = solve(&gpu, &options_of(sampling));
-        let part = solve(&gpu, &PaperOptions { room: Some(0.4), ..options_of(sampling) });
+        let part = solve(&gpu, &options_of(sampling).with(|o| o.domain.room = Some(0.4)));
         let storage = all.plan.finest().grid.storage();
         assert_eq!([all.plan.capacity, all.plan.touched_capacity], [storage; 2]);
         assert!(part.plan.touched_capacity < storage && part.device_bytes < all.device_bytes);
@@ -65,7 +64,7 @@ fn room_that_is_enough_changes_nothing() {
 fn a_solve_beyond_its_room_stays_within_it() {
     let gpu = gpu();
     let all = solve(&gpu, &options_of(Sampling::Continuous));
-    let o = PaperOptions { room: Some(0.0625), ..options_of(Sampling::Continuous) };
+    let o = options_of(Sampling::Continuous).with(|o| o.domain.room = Some(0.0625));
     let small = solve(&gpu, &o);
     let most =
         |r: &Reconstruction| r.trace.iter().filter(|p| p.lateral == 32).map(|p| p.active).max().unwrap();
@@ -82,7 +81,10 @@ fn a_solve_beyond_its_room_stays_within_it() {
 
 /// A job with all of its coarse level touched: there is not room for all children.
 fn crowded<'g>(gpu: &'g Gpu, model: &Model, fine: &Grid) -> (OnDevice<'g>, PaperOptions) {
-    let o = PaperOptions { coarse_to_fine: true, room: Some(0.25), ..options(model, fine) };
+    let o = options(model, fine).with(|o| {
+        o.domain.coarse_to_fine = true;
+        o.domain.room = Some(0.25);
+    });
     (job(gpu, model, fine, &o), o)
 }
 
@@ -100,7 +102,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let touched = write_touched(&mut job, &coarse, &domain);
     write_state(&mut job, buffer::RAW, &touched, &raw);
     let mut level = 0;
-    let s = paper::due(&job.plan, &o, &mut level, o.double_every);
+    let s = paper::due(&job.plan, &o, &mut level, o.domain.double_every);
     assert_eq!(level, 1);
     job.executor.run(&s).unwrap();
 
@@ -178,7 +180,7 @@ fn the_papers_scene_takes_less_than_150_megabytes() {
     for (preset, noise) in [(Preset::Synthetic, [0.0; 2]), (Preset::Captured, [0.05, 0.06])] {
         let model = Model { noise, ..model(32, 512, 40) };
         let o = PaperOptions::preset(preset);
-        assert_eq!(o.noise == NoiseTerm::Off, noise == [0.0; 2]);
+        assert_eq!(o.noise.term == NoiseTerm::Off, noise == [0.0; 2]);
         // With the volume that is read back at the end.
         let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), true).unwrap();
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
@@ -188,7 +190,7 @@ fn the_papers_scene_takes_less_than_150_megabytes() {
         assert!(plan.touched_capacity > plan.capacity && plan.touched_capacity < last);
         assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
         // Without a reduction before the doubling there is room for everything.
-        for whole in [PaperOptions { reduce: false, ..o.clone() }, PaperOptions { reduce_every: 30, ..o }] {
+        for whole in [o.clone().with(|o| o.domain.reduce = false), o.with(|o| o.domain.reduce_every = 30)] {
             let plan = Plan::new(&model, grid, [32, 32], &whole, &gpu.abilities(), false).unwrap();
             assert_eq!([plan.capacity, plan.touched_capacity], [last; 2]);
         }

@@ -143,19 +143,19 @@ fn iterations_on_the_device_follow_the_twins() {
 
 /// A small solve without randomness: fixed sampling from an empty volume.
 fn solve(gpu: &Gpu, capture: &Capture, lateral: usize, iterations: usize) -> Maps {
-    let o = PaperOptions {
-        lateral,
-        iterations,
-        sampling: Sampling::Fixed,
-        binning: Binning::Linear,
-        initial_albedo: 0.0,
-        reduce_every: 25,
-        smooth_sigma: 1.0,
-        keep_above: 0.2,
-        coarse_to_fine: false,
-        ..PaperOptions::preset(Preset::Synthetic)
-    };
-    let grid = Grid::new(default_volume(capture, o.min_depth).unwrap(), lateral, capture.bin_width).unwrap();
+    let o = PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = lateral;
+        o.iterations = iterations;
+        o.sampling = Sampling::Fixed;
+        o.binning = Binning::Linear;
+        o.initial_albedo = 0.0;
+        o.domain.reduce_every = 25;
+        o.domain.smooth_sigma = 1.0;
+        o.domain.keep_above = 0.2;
+        o.domain.coarse_to_fine = false;
+    });
+    let grid =
+        Grid::new(default_volume(capture, o.domain.min_depth).unwrap(), lateral, capture.bin_width).unwrap();
     paper::reconstruct(
         gpu,
         capture,

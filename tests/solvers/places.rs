@@ -62,7 +62,7 @@ fn run(job: &mut OnDevice<'_>, name: &str) {
 fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, window: u32) {
     let grid = grid();
     let twin = Twin { model, grid: &grid };
-    let o = thirdbounce::solve::PaperOptions { accumulation, ..options(model, &grid) };
+    let o = options(model, &grid).with(|o| o.accumulation = accumulation);
     let mut job = job_tuned(gpu, model, &grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
         t.chunk = if window > 0 { 64 } else { t.chunk };

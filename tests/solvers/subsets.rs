@@ -38,7 +38,10 @@ fn both(
     lateral: usize,
     pixels_per_voxel: Option<usize>,
 ) -> [Vec<[usize; 2]>; 2] {
-    let o = VectorOptions { lateral, pixels_per_voxel, ..VectorOptions::default() };
+    let o = VectorOptions::default().with(|o| {
+        o.lateral = lateral;
+        o.surface.pixels_per_voxel = pixels_per_voxel;
+    });
     let plan = Plan::new(model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
     let walls = [plan.finest().wall, plan.pixel_levels.last().unwrap().wall];
     assert_eq!(walls, [buffer::WALL; 2]);
@@ -105,8 +108,8 @@ fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
     let spread = |o: &VectorOptions, c: &Capture| vector::model(c, &grid, o).is_spread;
     let o = VectorOptions::default();
     assert!(spread(&o, &capture));
-    assert!(!spread(&VectorOptions { all_pairs: true, ..o.clone() }, &capture));
-    assert!(!spread(&VectorOptions { general: true, ..o.clone() }, &capture));
+    assert!(!spread(&o.clone().with(|o| o.all_pairs = true), &capture));
+    assert!(!spread(&o.clone().with(|o| o.general = true), &capture));
     assert!(!spread(&o, &capture.stride(2).expect("every other point")));
 }
 
@@ -163,7 +166,10 @@ fn a_level_of_some_pairs_is_the_scene_of_these_alone() {
             model = Model { elements: wall.pairs() * 40, wall, measured, ..few };
         }
         model.spread();
-        let o = VectorOptions { accumulation: Accumulation::Owned, reflectance, ..vector_options(&grid) };
+        let o = vector_options(&grid).with(|o| {
+            o.accumulation = Accumulation::Owned;
+            o.reflectance = reflectance;
+        });
         let mut whole = job(&gpu, &model, &grid, &o);
         let pairs = whole.plan.levels[0].pairs;
         assert_eq!(pairs, 1024, "{geometry:?}");
@@ -191,7 +197,7 @@ fn the_order_of_the_pairs_changes_nothing_but_rounding() {
         other.spread();
         assert!(other.measured != model.measured && other.wall != model.wall, "another order");
         other.is_spread = false;
-        let o = VectorOptions { reflectance, ..vector_options(&grid) };
+        let o = vector_options(&grid).with(|o| o.reflectance = reflectance);
         let [(bounds, raw, _), (other_bounds, other_raw, _)] =
             [&model, &other].map(|m| begun(&mut job(&gpu, m, &grid, &o), m, &grid));
         let floats = |v: &[[f32; 4]]| v.iter().flatten().map(|f| f64::from(*f)).collect::<Vec<_>>();
@@ -209,17 +215,16 @@ fn small_capture() -> Capture {
 }
 
 fn small_options() -> VectorOptions {
-    VectorOptions {
-        lateral: 16,
-        iterations: 9,
-        surface_iterations: 10,
-        growth_iterations: 4,
-        reduce_every: 3,
-        bound_every: 3,
-        stop: false,
-        accumulation: Accumulation::Fixed,
-        ..VectorOptions::default()
-    }
+    VectorOptions::default().with(|o| {
+        o.lateral = 16;
+        o.iterations = 9;
+        o.surface.iterations = 10;
+        o.growth_iterations = 4;
+        o.domain.reduce_every = 3;
+        o.bound_every = 3;
+        o.stop = false;
+        o.accumulation = Accumulation::Fixed;
+    })
 }
 
 fn solve(
@@ -242,7 +247,7 @@ fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
     // The volume grows after the fifth of nine, the surface for the last two of ten.
     let early = |p: &[usize; 2]| if matches!(p[0], 1..=5 | 10..=17) { 1024 } else { 4096 };
     assert!(taken(&done).iter().all(|p| p[1] == early(p)), "{:?}", taken(&done));
-    assert_eq!(taken(&done).last(), Some(&[o.iterations + o.surface_iterations, 4096]));
+    assert_eq!(taken(&done).last(), Some(&[o.iterations + o.surface.iterations, 4096]));
     assert!(
         done.plan
             .left_out
@@ -258,7 +263,7 @@ fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
     }
     assert_eq!(done.pairs, sum as u64);
 
-    let all = VectorOptions { all_pairs: true, ..o.clone() };
+    let all = o.clone().with(|o| o.all_pairs = true);
     let (whole, _) = solve(&all, &capture, None);
     assert!(taken(&whole).iter().all(|p| p[1] == 4096));
     assert!(!whole.plan.left_out.iter().any(|l| l.contains("early")));

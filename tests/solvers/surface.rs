@@ -99,11 +99,16 @@ fn scene(name: &str) -> (Capture, Truth) {
 }
 
 fn options(surface_iterations: usize) -> VectorOptions {
-    VectorOptions { lateral: 32, iterations: 30, surface_iterations, stop: false, ..Default::default() }
+    VectorOptions::default().with(|o| {
+        o.lateral = 32;
+        o.iterations = 30;
+        o.surface.iterations = surface_iterations;
+        o.stop = false;
+    })
 }
 
 fn solve(gpu: &Gpu, capture: &Capture, o: &VectorOptions, watch: &mut Watch<'_>) -> Reconstruction {
-    let volume = default_volume(capture, o.min_depth).unwrap();
+    let volume = default_volume(capture, o.domain.min_depth).unwrap();
     solve_in(gpu, capture, volume, o, watch)
 }
 
@@ -172,8 +177,14 @@ fn a_right_model_gains_by_blurred_residuals_and_few_pixels() {
     let gpu = gpu();
     let (capture, truth) = scene("torus");
     let plain = run(&gpu, &capture, &options(40));
-    let helped =
-        run(&gpu, &capture, &VectorOptions { surface_blur: 0.4, surface_sparsity: 0.05, ..options(40) });
+    let helped = run(
+        &gpu,
+        &capture,
+        &options(40).with(|o| {
+            o.surface.blur = 0.4;
+            o.surface.sparsity = 0.05;
+        }),
+    );
     let hit = |p: &usize| truth.mask[*p] && plain.maps.mask[*p];
     let found: Vec<usize> = (0..truth.mask.len()).filter(hit).collect();
     let [was, is] = [&plain, &helped].map(|r| errors(&r.maps, &truth, &found));
@@ -189,13 +200,12 @@ fn a_right_model_gains_by_blurred_residuals_and_few_pixels() {
 }
 
 fn short(surface_iterations: usize) -> VectorOptions {
-    VectorOptions {
-        lateral: 16,
-        iterations: 10,
-        growth_iterations: 5,
-        accumulation: Accumulation::Fixed,
-        ..options(surface_iterations)
-    }
+    options(surface_iterations).with(|o| {
+        o.lateral = 16;
+        o.iterations = 10;
+        o.growth_iterations = 5;
+        o.accumulation = Accumulation::Fixed;
+    })
 }
 
 #[test]
@@ -262,7 +272,10 @@ fn surfaces_on_walls_of_any_size() {
     let (capture, _) = scene("sphere");
     let solved = |scale: f64| {
         let capture = scaled(&capture, scale);
-        let o = VectorOptions { min_depth: 0.2 * scale, accumulation: Accumulation::Fixed, ..options(20) };
+        let o = options(20).with(|o| {
+            o.domain.min_depth = 0.2 * scale;
+            o.accumulation = Accumulation::Fixed;
+        });
         run(&gpu, &capture, &o).maps
     };
     let metre = solved(1.0);
@@ -293,7 +306,11 @@ fn a_large_scans_surface_ends_with_all_pairs() {
     let gpu = gpu();
     let scene = Scene { scan: 64, bin_width: 0.02, ..Scene::named("sphere").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
-    let o = VectorOptions { iterations: 6, growth_iterations: 2, coarse_iterations: 2, ..options(10) };
+    let o = options(10).with(|o| {
+        o.iterations = 6;
+        o.growth_iterations = 2;
+        o.domain.coarse_iterations = 2;
+    });
     let done = run(&gpu, &capture, &o);
     let pairs: Vec<[usize; 2]> = done.trace.iter().map(|p| [p.iteration, p.pairs]).collect();
     let of = |from: usize, to: usize| pairs.iter().filter(move |p| p[0] > from && p[0] <= to).map(|p| p[1]);
@@ -314,9 +331,9 @@ fn a_large_scans_surface_ends_with_all_pairs() {
 fn pixels_may_be_finer_than_voxels() {
     let gpu = gpu();
     let (capture, truth) = scene("torus");
-    let of = |pixels_per_voxel| VectorOptions { pixels_per_voxel: Some(pixels_per_voxel), ..options(40) };
+    let of = |pixels_per_voxel| options(40).with(|o| o.surface.pixels_per_voxel = Some(pixels_per_voxel));
     let [whole, half] = [1, 2].map(|k| run(&gpu, &capture, &of(k)));
-    let alone = run(&gpu, &capture, &VectorOptions { lateral: 16, ..options(0) });
+    let alone = run(&gpu, &capture, &options(0).with(|o| o.lateral = 16));
     assert_eq!((half.maps.nx, half.lateral, half.plan.factor()), (32, 16, 2));
     assert_eq!(half.volume.as_ref().unwrap().grid, alone.plan.finest().grid);
     assert_eq!(half.volume_iterations, 30);
@@ -344,13 +361,18 @@ fn what_is_no_height_field_stays_a_volume() {
     let gpu = gpu();
     let scene = Scene { scan: 16, bin_width: 0.01, occlusion: false, ..Scene::named("occluder").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture;
-    let [volume, both] =
-        [0, 20].map(|n| run(&gpu, &capture, &VectorOptions { iterations: 60, ..options(n) }));
+    let [volume, both] = [0, 20].map(|n| run(&gpu, &capture, &options(n).with(|o| o.iterations = 60)));
     assert!(both.surface_left && !volume.surface_left);
     assert_eq!(bits(&both.maps), bits(&volume.maps));
     assert_eq!(both.trace.last().unwrap().iteration, 80, "the trace tells what was tried");
-    let finer = VectorOptions { iterations: 60, pixels_per_voxel: Some(2), ..options(20) };
-    let coarse = VectorOptions { lateral: 16, iterations: 60, ..options(0) };
+    let finer = options(20).with(|o| {
+        o.iterations = 60;
+        o.surface.pixels_per_voxel = Some(2);
+    });
+    let coarse = options(0).with(|o| {
+        o.lateral = 16;
+        o.iterations = 60;
+    });
     let [finer, coarse] = [finer, coarse].map(|o| run(&gpu, &capture, &o));
     assert!(finer.surface_left);
     assert_eq!(bits(&finer.maps), bits(&coarse.maps.finer(2)));

@@ -84,7 +84,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
         tried.push(best.clone());
         Ok(Some(best))
     };
-    let own = run(request.solver.sizes(), &mut tried)?.expect("the own sizes are no trial");
+    let own = run(request.solver.common().sizes, &mut tried)?.expect("the own sizes are no trial");
     let (mut best, mut forward_s, mut backward_s) = (own.sizes, own.forward_s, own.backward_s);
     for (forward, set, values) in steps(gpu.info.kind) {
         for value in values {
@@ -122,7 +122,7 @@ fn steps(kind: DeviceKind) -> [Step; 5] {
 /// What sizes are kept for.
 fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
     let kind = capture.pair_kind();
-    let model = request.solver.reflectance();
+    let model = request.solver.common().reflectance;
     let (name, driver) = (gpu.info.name.trim(), gpu.info.driver.trim());
     format!("{name} | {driver} | {} | {} | {}", request.solver.name(), plain(&kind), plain(&model))
 }
@@ -135,8 +135,8 @@ pub(in crate::job) fn with_kept(
     capture: &Capture,
 ) -> super::super::SolverOptions {
     let solver = &request.solver;
-    let fixed = matches!(solver.accumulation(), Accumulation::Fixed | Accumulation::Fixed32);
-    if !request.tuned || fixed || !solver.sizes().is_default() {
+    let fixed = matches!(solver.common().accumulation, Accumulation::Fixed | Accumulation::Fixed32);
+    if !request.tuned || fixed || !solver.common().sizes.is_default() {
         return solver.clone();
     }
     match kept().get(&class_of(gpu, request, capture)) {

@@ -16,15 +16,18 @@ mod options;
 pub mod passes;
 mod schedule;
 
-pub use options::{Decay, NoiseTerm, PaperOptions, Preset};
+pub use options::{Decay, Domain, Noise, NoiseTerm, PaperOptions};
 pub use schedule::{double, due, initialise, iteration, reduce, restart};
 
 /// The model that `options` make of a capture for `grid`.
 pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
-    let noise =
-        if options.noise == NoiseTerm::Off { [0.0; 2] } else { [options.noise_base, options.noise_span] };
+    let noise = if options.noise.term == NoiseTerm::Off {
+        [0.0; 2]
+    } else {
+        [options.noise.base, options.noise.span]
+    };
     let mut model = Model {
-        min_depth: options.min_depth,
+        min_depth: options.domain.min_depth,
         sampling: options.sampling,
         binning: options.binning,
         gradient: options.gradient,
@@ -38,7 +41,7 @@ pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
         },
         betas: [options.beta1, options.beta2],
         epsilon: options.epsilon,
-        keep_above: options.keep_above,
+        keep_above: options.domain.keep_above,
         seed: options.seed,
         ..Model::new(capture, options.reflectance, options.peak, options.general)
     };

@@ -17,13 +17,13 @@ impl Needs for PaperOptions {
             accumulation: self.accumulation,
             sizes: self.sizes,
             general: self.general,
-            coarse_to_fine: self.coarse_to_fine,
+            coarse_to_fine: self.domain.coarse_to_fine,
             iterations: [self.iterations, 0],
             pixels_per_voxel: 1,
             binning: self.binning,
             gradient: self.gradient,
             has_rim: self.sampling == Sampling::Continuous,
-            smooth: [self.smooth_sigma, self.smooth_truncate],
+            smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
             more_taps: [0, 0],
         }
     }
@@ -33,8 +33,8 @@ impl Needs for PaperOptions {
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
         const SMALL: usize = 1 << 18;
         let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-        let reduces = self.reduce && self.double_every.is_multiple_of(self.reduce_every);
-        let active = match self.room {
+        let reduces = self.domain.reduce && self.domain.double_every.is_multiple_of(self.domain.reduce_every);
+        let active = match self.domain.room {
             Some(share) => ((share * last as f64).ceil() as usize).clamp(first, last),
             None if !reduces => last,
             // From a half on, all of it dense takes no more memory.
@@ -44,7 +44,7 @@ impl Needs for PaperOptions {
     }
 
     fn constants(&self, _: &Plan) -> Vec<(Constant, u32)> {
-        let term = match self.noise {
+        let term = match self.noise.term {
             NoiseTerm::Off => 0,
             NoiseTerm::Bin => 1,
             NoiseTerm::Histogram => 2,
@@ -52,7 +52,7 @@ impl Needs for PaperOptions {
         vec![
             (constant::CONTINUOUS, u32::from(self.sampling == Sampling::Continuous)),
             (constant::NOISE, term),
-            (constant::PER_HISTOGRAM, u32::from(self.noise == NoiseTerm::Histogram)),
+            (constant::PER_HISTOGRAM, u32::from(self.noise.term == NoiseTerm::Histogram)),
             (constant::ALBEDO_SPAN, (self.initial_albedo as f32).to_bits()),
             (constant::SUMMED, WORKGROUP),
         ]
@@ -87,7 +87,7 @@ impl Needs for PaperOptions {
     }
 
     fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        if self.noise == NoiseTerm::Off {
+        if self.noise.term == NoiseTerm::Off {
             let weights = (plan.pairs * plan.bins) as u64;
             out.add("the noise term: its weights, their moments and its kernel", mebibytes(weights * 12));
         }
@@ -106,7 +106,7 @@ impl Needs for PaperOptions {
 impl PaperOptions {
     /// Weights of the noise term.
     pub fn noise_weights(&self, plan: &Plan) -> usize {
-        match self.noise {
+        match self.noise.term {
             NoiseTerm::Off => 0,
             NoiseTerm::Bin => plan.pairs * plan.bins,
             NoiseTerm::Histogram => plan.pairs,

@@ -1,204 +1,159 @@
-//! The paper solver's settings and its two published sets.
+//! The paper solver's options, with the published defaults (ECCV 2024, section 4 and supplementary; published code).
 
 use serde::{Deserialize, Serialize};
 
+use crate::Result;
+use crate::solve::option::{Options, Preset, Suit, options, refused};
 use crate::solve::{Accumulation, Sizes};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
-use crate::{Error, Result};
 
-/// A published set of parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Preset {
-    /// Rendered histograms: α = 0.001, no noise term.
-    Synthetic,
-    /// Captured histograms: α = 0.8 and the noise term.
-    Captured,
-}
-
-/// What the noise term has a weight for.
+/// What has a weight of the noise term.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NoiseTerm {
+    /// Nothing: no noise term.
     Off,
-    /// One weight per bin of every histogram (the published code).
+    /// Every bin of every histogram (the published code).
     Bin,
-    /// One weight per histogram (the supplementary material).
+    /// Every histogram (the supplementary material).
     Histogram,
 }
 
-/// What becomes of the learning rate.
+/// How the learning rate changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Decay {
     /// It stays (the paper).
     None,
-    /// It falls as half a cosine, to nothing at the last iteration.
+    /// It falls as half a cosine, to zero at the last iteration.
     Cosine,
 }
 
-/// Everything the paper's solver can be told. [`PaperOptions::preset`] gives the published values.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PaperOptions {
-    /// Lateral voxels of the final grid (N of N × N × Z).
-    pub lateral: usize,
-    pub iterations: usize,
-    /// Start at the scan's resolution and double, or start at `lateral`.
-    pub coarse_to_fine: bool,
-    pub double_every: usize,
-    /// Adam forgets its moments after so many iterations.
-    pub restart_every: usize,
-    /// Prune the domain at all.
-    pub reduce: bool,
-    pub reduce_every: usize,
-    /// Keep voxels above this share of the smoothed albedo's maximum.
-    pub keep_above: f64,
-    /// Gaussian of the reduction, in voxels.
-    pub smooth_sigma: f64,
-    /// The Gaussian is cut off after so many sigmas.
-    pub smooth_truncate: f64,
-    /// Share of the finest grid that may be active at once, as memory has room, and no less than the first grid; of a larger
-    /// domain the brightest are kept. `None`: a tenth, and at least the first grid or 262,144 voxels; all where that is half of
-    /// it or more, or doublings come without a reduction.
-    pub room: Option<f64>,
-    /// Nothing nearer than this is ever active, metres.
-    pub min_depth: f64,
-    pub learning_rate: f64,
-    pub learning_rate_decay: Decay,
-    pub beta1: f64,
-    pub beta2: f64,
-    pub epsilon: f64,
-    /// Weight α of the L1 term.
-    pub l1: f64,
-    pub noise: NoiseTerm,
-    /// Constant part b of the noise term, relative to the peak.
-    pub noise_base: f64,
-    /// Learnt part λ of the noise term, relative to the peak.
-    pub noise_span: f64,
-    /// The measurement is scaled so that this is its largest value.
-    pub peak: f64,
-    /// Initial albedo is uniform in [0, this).
-    pub initial_albedo: f64,
-    pub sampling: Sampling,
-    pub binning: Binning,
-    pub gradient: Gradient,
-    pub reflectance: Reflectance,
-    /// Leave nothing out: every pair with two points, normals of every wall.
-    pub general: bool,
-    pub accumulation: Accumulation,
-    /// Sizes of workgroups and the like, instead of those that suit the kind of device.
-    #[serde(default, skip_serializing_if = "Sizes::is_default")]
-    pub sizes: Sizes,
-    pub seed: u32,
+options! {
+    /// Everything the paper's solver can be told.
+    pub struct PaperOptions(suit) {
+        nested {
+            /// The active voxels.
+            domain: Domain,
+            /// The learnt noise term.
+            noise: Noise,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps, and voxels of the final grid
+            lateral: usize = 128, Range::Count(1, 4096);
+            /// Iterations of the optimiser
+            iterations: usize = 1000, Range::Count(1, 1_000_000);
+            /// Seed of the initial albedo, of the samples and of --subset
+            seed: u32 = 0, Range::Seed;
+            /// How rendered values are added up: auto takes the fastest that the device has
+            accumulation: Accumulation = Accumulation::Auto,
+                Range::Words(&["auto", "float", "fixed", "fixed32", "cas", "owned"]);
+            /// Leave nothing out that this scene does not need: the most general kernels, to compare with
+            general: bool = false, Range::Flag;
+            /// How surfaces reflect
+            reflectance: Reflectance = suit.reflectance, Range::Internal;
+        }
+        "Device" {
+            /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
+            /// [default: as found by `profile --tune` for this device and kind of scene, else by its kind]
+            #[serde(default)]
+            #[serde(skip_serializing_if = "Sizes::is_default")]
+            sizes: Sizes = Sizes::default(), Range::Sizes;
+        }
+        "Optimiser" {
+            /// Adam's step
+            learning_rate: f64 = 1.0, Range::Positive;
+            /// How the learning rate falls over all iterations
+            learning_rate_decay: Decay = Decay::None, Range::Words(&["none", "cosine"]);
+            /// Decay of Adam's first moment
+            beta1: f64 = 0.9, Range::Fraction;
+            /// Decay of Adam's second moment
+            beta2: f64 = 0.999, Range::Fraction;
+            /// Keeps Adam from dividing by zero
+            epsilon: f64 = 1e-8, Range::Positive;
+            /// Adam's moments are set to zero after every N iterations
+            restart_every: usize = 100, Range::Count(1, 1_000_000);
+            /// Weight α of the L1 term
+            l1: f64 = if suit.captured() { 0.8 } else { 0.001 }, Range::NotNegative;
+            /// The measurement is scaled to this largest value
+            peak: f64 = 10.0, Range::Positive;
+            /// The initial albedo is uniform from 0 to this
+            initial_albedo: f64 = 1.0, Range::NotNegative;
+        }
+        "Light transport" {
+            /// Where in its voxel a sample lies: at random, anew in every iteration (continuous), or at the centre (fixed)
+            sampling: Sampling = Sampling::Continuous, Range::Words(&["continuous", "fixed"]);
+            /// Light goes into the bin of its path (nearest), or is shared by the two nearest bins (linear)
+            binning: Binning = Binning::Nearest, Range::Words(&["nearest", "linear"]);
+            /// The gradient without the distance falloff (published), or exact
+            gradient: Gradient = Gradient::Published, Range::Words(&["published", "exact"]);
+        }
+    }
+}
+
+options! {
+    /// Which voxels are active.
+    pub struct Domain(suit) {
+        nested {}
+        "Domain" {
+            /// Nothing nearer than this is ever active, metres
+            min_depth: f64 = 0.2, Range::NotNegative;
+            /// Start at the scan's resolution and double
+            coarse_to_fine: bool = true, Range::Flag;
+            /// Double the lateral resolution after every N iterations
+            double_every: usize = 100, Range::Count(1, 1_000_000);
+            /// Reduce the domain to the bright voxels
+            reduce: bool = true, Range::Flag;
+            /// Reduce the domain after every N iterations
+            reduce_every: usize = 50, Range::Count(1, 1_000_000);
+            /// Keep voxels above this share of the largest smoothed albedo
+            keep_above: f64 = if suit.confocal { 0.05 } else { 0.03 }, Range::Fraction;
+            /// Gaussian that smooths the albedo for the reduction: sigma in voxels
+            smooth_sigma: f64 = 3.0, Range::Positive;
+            /// The Gaussian is cut off after this many sigmas
+            smooth_truncate: f64 = 4.0, Range::Positive;
+            /// Share of the finest grid that may be active at once: of a larger domain the brightest voxels are kept
+            /// [default: paper a tenth, at least the first grid; vector a sixteenth, at least half of it; both at least 262,144
+            /// voxels]
+            // All voxels where the first grid is half of the finest or more, or if doublings come without a reduction.
+            room: Option<f64> = None, Range::Share;
+        }
+    }
+}
+
+options! {
+    /// The noise term.
+    pub struct Noise(suit) {
+        nested {}
+        "Light transport" {
+            /// What has a learnt weight of the noise term
+            term as "noise": NoiseTerm = if suit.captured() { NoiseTerm::Bin } else { NoiseTerm::Off },
+                Range::Words(&["off", "bin", "histogram"]);
+            /// Constant part b of the noise term, relative to the peak
+            base as "noise_base": f64 = if suit.retroreflective() { 0.004 } else { 0.05 }, Range::NotNegative;
+            /// Learnt part λ of the noise term, relative to the peak
+            span as "noise_span": f64 = if suit.retroreflective() { 0.0012 } else { 0.06 }, Range::NotNegative;
+        }
+    }
 }
 
 impl PaperOptions {
-    /// The published defaults (ECCV 2024, section 4 and supplementary; published code).
+    /// Its name on the command line.
+    pub const NAME: &'static str = "paper";
+
+    /// The published defaults.
     pub fn preset(preset: Preset) -> PaperOptions {
-        let captured = preset == Preset::Captured;
-        PaperOptions {
-            lateral: 128,
-            iterations: 1000,
-            coarse_to_fine: true,
-            double_every: 100,
-            restart_every: 100,
-            reduce: true,
-            reduce_every: 50,
-            keep_above: 0.05,
-            smooth_sigma: 3.0,
-            smooth_truncate: 4.0,
-            room: None,
-            min_depth: 0.2,
-            learning_rate: 1.0,
-            learning_rate_decay: Decay::None,
-            beta1: 0.9,
-            beta2: 0.999,
-            epsilon: 1e-8,
-            l1: if captured { 0.8 } else { 0.001 },
-            noise: if captured { NoiseTerm::Bin } else { NoiseTerm::Off },
-            noise_base: 0.05,
-            noise_span: 0.06,
-            peak: 10.0,
-            initial_albedo: 1.0,
-            sampling: Sampling::Continuous,
-            binning: Binning::Nearest,
-            gradient: Gradient::Published,
-            reflectance: Reflectance::Cosine,
-            general: false,
-            accumulation: Accumulation::Auto,
-            sizes: Sizes::default(),
-            seed: 0,
-        }
+        PaperOptions::suited_to(&Suit { preset, ..Suit::USUAL })
     }
 
-    /// These with the published values for other scenes: a lower threshold of the reduction where laser and sensor
-    /// point differ, a weaker noise term for captures of retroreflective surfaces.
-    pub fn suited(mut self, confocal: bool, reflectance: Reflectance) -> PaperOptions {
-        self.reflectance = reflectance;
-        if !confocal {
-            self.keep_above = 0.03;
-        }
-        if reflectance == Reflectance::Retroreflective {
-            (self.noise_base, self.noise_span) = (0.004, 0.0012);
-        }
-        self
-    }
-
-    /// Errors: the first option that makes no sense, by its name on the command line.
+    /// # Errors
+    /// The first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
-        let bad = |option: &str, value: String, want: &str| {
-            Err(Error::options(format!("--{option} is {value}"), format!("give {want}")))
-        };
-        let counts = [
-            ("lateral", self.lateral, 4096),
-            ("iterations", self.iterations, 1_000_000),
-            ("double-every", self.double_every, 1_000_000),
-            ("restart-every", self.restart_every, 1_000_000),
-            ("reduce-every", self.reduce_every, 1_000_000),
-        ];
-        for (name, value, most) in counts {
-            if value == 0 || value > most {
-                return bad(name, value.to_string(), &format!("a whole number from 1 to {most}"));
-            }
-        }
-        let positive = [
-            ("learning-rate", self.learning_rate),
-            ("peak", self.peak),
-            ("smooth-sigma", self.smooth_sigma),
-            ("smooth-truncate", self.smooth_truncate),
-            ("epsilon", self.epsilon),
-        ];
-        for (name, value) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                return bad(name, value.to_string(), "a positive number");
-            }
-        }
-        if self.smooth_sigma * self.smooth_truncate > 1000.0 {
-            return bad(
-                "smooth-sigma",
-                self.smooth_sigma.to_string(),
-                "a Gaussian that reaches at most 1000 voxels",
-            );
-        }
-        let not_negative = [
-            ("min-depth", self.min_depth),
-            ("l1", self.l1),
-            ("noise-base", self.noise_base),
-            ("noise-span", self.noise_span),
-            ("initial-albedo", self.initial_albedo),
-        ];
-        for (name, value) in not_negative {
-            if !(value.is_finite() && value >= 0.0) {
-                return bad(name, value.to_string(), "zero or a positive number");
-            }
-        }
-        if let Some(room) = self.room.filter(|r| !(*r > 0.0 && *r <= 1.0)) {
-            return bad("room", room.to_string(), "a positive number up to 1");
-        }
-        for (name, value) in [("beta1", self.beta1), ("beta2", self.beta2), ("keep-above", self.keep_above)] {
-            if !(0.0..1.0).contains(&value) {
-                return bad(name, value.to_string(), "a number from 0 to below 1");
-            }
+        self.check_ranges()?;
+        let Domain { smooth_sigma, smooth_truncate, .. } = self.domain;
+        if smooth_sigma * smooth_truncate > 1000.0 {
+            let want = "a Gaussian that reaches at most 1000 voxels";
+            return Err(refused("smooth-sigma", smooth_sigma, want));
         }
         Ok(())
     }

@@ -100,12 +100,12 @@ fn split(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
 pub fn due(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) -> Schedule {
     let mut s = Schedule::default();
     let here = &plan.levels[*level];
-    let next = plan.levels.get(*level + 1).filter(|_| done.is_multiple_of(options.double_every));
-    let reduces = options.reduce && done.is_multiple_of(options.reduce_every);
+    let next = plan.levels.get(*level + 1).filter(|_| done.is_multiple_of(options.domain.double_every));
+    let reduces = options.domain.reduce && done.is_multiple_of(options.domain.reduce_every);
     if let Some(fine) = next {
         // A voxel becomes four: there must be room for them.
         if reduces || fine.grid.storage() > plan.capacity {
-            s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity / 4));
+            s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity / 4));
             s.extend(split(plan, here, fine));
         } else {
             s.extend(double(plan, here, fine));
@@ -114,7 +114,7 @@ pub fn due(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) 
         return s;
     }
     if reduces {
-        s.extend(reduce(plan, here, options.keep_above));
+        s.extend(reduce(plan, here, options.domain.keep_above));
     }
     if done.is_multiple_of(options.restart_every) {
         s.extend(restart(plan));

@@ -13,7 +13,7 @@ use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::estimate::expected_noise;
 use super::on_device::{OnDevice, trace_rows, upload};
 use super::outline::{self, Part};
-use super::{Level, Pass, Plan, VectorOptions};
+use super::{Level, Pass, Plan};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
@@ -21,12 +21,14 @@ use crate::transport::kernels::*;
 
 pub mod blur;
 mod needs;
+mod options;
 pub mod passes;
 mod pixels;
 mod schedule;
 mod weights;
 
 pub use needs::{buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
+pub use options::SurfaceOptions;
 pub use pixels::Pixels;
 use schedule::{bonds, render, widen};
 pub use schedule::{extract, iteration, points, start};
@@ -46,12 +48,12 @@ const RENEW: usize = 10;
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut OnDevice<'_>,
-    options: &VectorOptions,
+    options: &SurfaceOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, bool)> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let (volume, iterations) = (driven.level, options.surface_iterations);
+    let (volume, iterations) = (driven.level, options.iterations);
     let (levels, beginnings) = stages(&job.plan.pixel_levels, volume.pairs, iterations);
     let maps = driven.maps.finer(levels[0].grid.n[0] / volume.grid.n[0]);
     let pixels = Pixels::of(&maps, pixels(&job.plan));
@@ -62,7 +64,7 @@ pub(super) fn refine(
     let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
     let told: Option<Vec<_>> = levels.iter().map(weights).collect();
     let first_blur = found.filter(|_| is_blurred(&job.plan)).and_then(|_| {
-        let wide = options.surface_blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
+        let wide = options.blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
         let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);
         blur::first(wide / job.model.bin_width, noise)
     });
@@ -140,14 +142,14 @@ fn steps(
 
 /// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; none if there is to be
 /// no surface.
-pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
-    let (Some(reached), iterations) = (plan.levels.last(), options.surface_iterations) else { return vec![] };
+pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
+    let (Some(reached), iterations) = (plan.levels.last(), options.iterations) else { return vec![] };
     if iterations == 0 {
         return vec![];
     }
     let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
     let weights = vec![[0.0; SURFACE_WEIGHTS as usize]; levels.len()];
-    let (count, begin, first) = (pixels(plan), options.iterations, levels[0]);
+    let (count, begin, first) = (pixels(plan), plan.iterations[0], levels[0]);
     let taps = is_blurred(plan).then_some(plan.tap_room);
     let stages = Stages { levels, beginnings, weights };
     let steps = Steps {

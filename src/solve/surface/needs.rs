@@ -1,9 +1,10 @@
 //! What the surface needs of a plan, for the solver that it follows.
 
+use super::SurfaceOptions;
 use super::blur;
 use crate::gpu::Buffer;
+use crate::solve::Plan;
 use crate::solve::plan::{LeftOut, mebibytes};
-use crate::solve::{Plan, VectorOptions};
 use crate::transport::kernels::{SURFACE_WEIGHTS, buffer, constant};
 
 /// A pixel no wider than this many bins of path is rendered as one point: paths over it differ by about as many bins
@@ -22,14 +23,14 @@ const OF_PIXEL: [(Buffer, u64); 7] = [
 ];
 
 /// Sets of taps that residuals may go back through, and the bins that the widest adds to a pulse's.
-pub fn more_taps(options: &VectorOptions) -> [usize; 2] {
-    let blurred = options.surface_blur > 0.0 && options.surface_iterations > 0;
+pub fn more_taps(options: &SurfaceOptions) -> [usize; 2] {
+    let blurred = options.blur > 0.0 && options.iterations > 0;
     [if blurred { blur::BLURS } else { 0 }, blur::ADDED]
 }
 
 /// Points that a pixel is rendered as: four, or one if it is small.
-pub fn points_per_pixel(options: &VectorOptions, plan: &Plan) -> usize {
-    options.surface_points.unwrap_or(if is_small(plan) { 1 } else { 4 })
+pub fn points_per_pixel(options: &SurfaceOptions, plan: &Plan) -> usize {
+    options.points.unwrap_or(if is_small(plan) { 1 } else { 4 })
 }
 
 fn is_small(plan: &Plan) -> bool {

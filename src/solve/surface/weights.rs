@@ -1,8 +1,9 @@
 //! The weights of the surface's objective, and the lengths of its first steps.
 
+use super::SurfaceOptions;
+use crate::solve::Level;
 use crate::solve::estimate::expected_noise;
 use crate::solve::plan::AMPLE;
-use crate::solve::{Level, VectorOptions};
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model};
 
@@ -18,7 +19,7 @@ const DEPTH_BINS: f64 = 1.0 / 3.0;
 const DEPTH_PIXELS: f64 = 0.25;
 const ALBEDO: f64 = 0.06;
 
-/// Share of its largest from which on a pixel's albedo costs little more ([`VectorOptions::surface_sparsity`]).
+/// Share of its largest from which on a pixel's albedo costs little more ([`SurfaceOptions::sparsity`]).
 const FAINT: f64 = 0.1;
 
 /// Gaussian that the maps' albedo sees albedos under, in pixels of the first grid, which has what a scan tells apart, but of
@@ -60,12 +61,12 @@ pub fn weights(
     first: &Grid,
     level: &Level,
     placed: Placed,
-    options: &VectorOptions,
+    options: &SurfaceOptions,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
     // Half of chi² is the objective times this, inverted.
     let unit = 2.0 * unexplained(model, placed.explained) / model.elements_of(level.pairs).max(1) as f64;
     let most = placed.most;
-    let sparse = options.surface_sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
+    let sparse = options.sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
     let coarser = coarser(first, &level.grid);
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
@@ -74,7 +75,7 @@ pub fn weights(
         (SURFACE_JUMP, unit / (JUMP * most).powi(2)),
         (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
         (SURFACE_ALBEDO_RATE, ALBEDO * most),
-        (SURFACE_ITERATIONS, options.surface_iterations as f64),
+        (SURFACE_ITERATIONS, options.iterations as f64),
         (SURFACE_SMOOTH, (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
         (SURFACE_SPREAD, (SPREAD * coarser).min(MOST_SPREAD)),
         (SURFACE_SPARSE, sparse),

@@ -31,7 +31,7 @@ pub mod passes;
 mod schedule;
 
 pub use hat::hat;
-pub use options::VectorOptions;
+pub use options::{Domain, VectorOptions};
 pub use schedule::{due, iteration, start};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
@@ -67,8 +67,8 @@ pub fn reconstruct<'b, 'w: 'b>(
     let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
     let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
     let mut surface_left = false;
-    if options.surface_iterations > 0 {
-        (driven, surface_left) = surface::refine(gpu, &mut job, options, watch, driven)?;
+    if options.surface.iterations > 0 {
+        (driven, surface_left) = surface::refine(gpu, &mut job, &options.surface, watch, driven)?;
     }
     Ok(Reconstruction {
         volume_iterations,
@@ -87,7 +87,7 @@ fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
         extract: Box::new(domain::extract),
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
-        of: options.iterations + options.surface_iterations,
+        of: options.iterations + options.surface.iterations,
         stop_below: None,
     }
 }
@@ -95,14 +95,14 @@ fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
 /// The schedules of a whole solve: the volume, then the surface.
 pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
     let mut parts = outline::of("volume", plan, &steps(plan, options), 0..options.iterations);
-    parts.extend(surface::outline(plan, options));
+    parts.extend(surface::outline(plan, &options.surface));
     parts
 }
 
 /// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.
 pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     let mut model = Model {
-        min_depth: options.min_depth,
+        min_depth: options.domain.min_depth,
         sampling: Sampling::Fixed,
         binning: Binning::Linear,
         gradient: Gradient::Exact,

@@ -17,14 +17,14 @@ impl Needs for VectorOptions {
             accumulation: self.accumulation,
             sizes: self.sizes,
             general: self.general,
-            coarse_to_fine: self.coarse_to_fine,
-            iterations: [self.iterations, self.surface_iterations],
+            coarse_to_fine: self.domain.coarse_to_fine,
+            iterations: [self.iterations, self.surface.iterations],
             pixels_per_voxel: self.pixels_per_voxel(),
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
             smooth: [SMOOTH_SIGMA, 4.0],
-            more_taps: surface::more_taps(self),
+            more_taps: surface::more_taps(&self.surface),
         }
     }
 
@@ -33,7 +33,7 @@ impl Needs for VectorOptions {
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
         const SMALL: usize = 1 << 18;
         let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
-        let active = match self.room {
+        let active = match self.domain.room {
             Some(share) => ((share * last as f64).ceil() as usize).clamp(1, last),
             None => SMALL.max(first / 2).max(last / 16).min(last),
         };
@@ -46,12 +46,12 @@ impl Needs for VectorOptions {
             (constant::ACCELERATED, 1),
             (constant::VECTORS, 1),
             (constant::SUMMED, plan.tuning.voxels),
-            (constant::POINTS, surface::points_per_pixel(self, plan) as u32),
+            (constant::POINTS, surface::points_per_pixel(&self.surface, plan) as u32),
         ]
     }
 
     fn passes(&self) -> Vec<&'static Pass> {
-        let of_surface = if self.surface_iterations > 0 { surface::passes::ALL } else { &[] };
+        let of_surface = if self.surface.iterations > 0 { surface::passes::ALL } else { &[] };
         [passes::ALL, of_surface].concat()
     }
 

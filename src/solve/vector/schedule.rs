@@ -25,7 +25,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
             .with(push);
     }
     s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME));
-    s.extend(domain::keep(plan, level, options.start_above, plan.capacity));
+    s.extend(domain::keep(plan, level, options.domain.start_above, plan.capacity));
     // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     s.extend(settle(plan, level, &SETTLE));
@@ -53,7 +53,8 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let mut s = Schedule::default();
     let here = &plan.levels[*level];
     let next = plan.levels.get(*level + 1);
-    let doubles = next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.coarse_iterations));
+    let doubles =
+        next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.domain.coarse_iterations));
     // The first growth begins the last iterations, every further one the last third of what is left.
     let grown = plan.levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
     let left = options.growth_iterations / 3usize.pow(grown - 1);
@@ -63,18 +64,18 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
     if let Some(fine) = doubles {
         // A voxel becomes four.
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity / 4));
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity / 4));
         s.extend(domain::double_mask(here, fine));
         s.extend(settle(plan, fine, &SETTLE_DOUBLED));
         s.extend(bounds(plan, fine, expected(&EXPECT_DOUBLED)));
         *level += 1;
     } else if let Some(wide) = widens {
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity));
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity));
         s.extend(settle(plan, wide, &SETTLE));
         s.extend(bounds(plan, wide, expected(&EXPECT)));
         *level += 1;
-    } else if done.is_multiple_of(options.reduce_every) {
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.keep_above, plan.capacity));
+    } else if done.is_multiple_of(options.domain.reduce_every) {
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity));
         s.extend(settle(plan, here, &SETTLE));
         if done.is_multiple_of(options.bound_every) {
             s.extend(bounds(plan, here, expected(&EXPECT)));

@@ -11,14 +11,13 @@ use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Raw, Sample, Twin};
 
 pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result<Vec<Held>> {
-    let options = PaperOptions {
-        lateral: LATERAL,
-        iterations: 1,
-        coarse_to_fine: false,
-        accumulation,
-        ..PaperOptions::preset(Preset::Synthetic)
-    };
-    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = LATERAL;
+        o.iterations = 1;
+        o.domain.coarse_to_fine = false;
+        o.accumulation = accumulation;
+    });
+    let grid = Grid::new(default_volume(capture, options.domain.min_depth)?, LATERAL, capture.bin_width)?;
     let model = paper::model(capture, &grid, &options);
     let plan = Plan::new(&model, grid, capture.scan, &options, &gpu.abilities(), false)?;
     let mut job = readable(gpu, model, plan)?;

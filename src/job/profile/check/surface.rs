@@ -11,14 +11,13 @@ use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Height, Sample, Twin};
 
 pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result<Vec<Held>> {
-    let options = VectorOptions {
-        lateral: LATERAL,
-        surface_iterations: 1,
-        surface_points: Some(4),
-        coarse_to_fine: false,
-        accumulation,
-        ..VectorOptions::default()
-    };
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = LATERAL;
+        o.surface.iterations = 1;
+        o.surface.points = Some(4);
+        o.domain.coarse_to_fine = false;
+        o.accumulation = accumulation;
+    });
     let mut job = vector::job(gpu, capture, &options)?;
     let grid = job.plan.finest().grid;
     let (model, level, points) = (job.model.clone(), *job.plan.finest(), surface::points_of(&job.plan));
@@ -46,7 +45,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&words))?;
     let weights = {
         let placed = Placed { pixels: pixels.len(), most: 2.0, explained: 1.0 };
-        surface::weights(&model, &grid, &level, placed, &options)
+        surface::weights(&model, &grid, &level, placed, &options.surface)
     };
     upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
     let mut s = zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS]);

@@ -14,20 +14,19 @@ use crate::transport::twin::{self, Raw, Sample, Twin};
 
 /// The vector solver's job of that capture, on one grid.
 pub fn job<'g>(gpu: &'g Gpu, capture: &Capture, options: &VectorOptions) -> Result<OnDevice<'g>> {
-    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let grid = Grid::new(default_volume(capture, options.domain.min_depth)?, LATERAL, capture.bin_width)?;
     let model = vector::model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), false)?;
     readable(gpu, model, plan)
 }
 
 pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result<Vec<Held>> {
-    let options = VectorOptions {
-        lateral: LATERAL,
-        iterations: 2,
-        coarse_to_fine: false,
-        accumulation,
-        ..VectorOptions::default()
-    };
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = LATERAL;
+        o.iterations = 2;
+        o.domain.coarse_to_fine = false;
+        o.accumulation = accumulation;
+    });
     let mut job = job(gpu, capture, &options)?;
     let grid = job.plan.finest().grid;
     let model = job.model.clone();

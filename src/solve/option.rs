@@ -1,0 +1,483 @@
+//! Options as declarations: one row has an option's name, type, default, range and text.
+//!
+//! The struct, its defaults, its checks, its keys in reports, the command line and the keys of comparisons all come from the
+//! rows. [`options!`] declares them.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Accumulation, Sizes};
+use crate::transport::{Binning, Gradient, Reflectance, Sampling};
+use crate::{Error, Result};
+
+/// A published set of parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// Rendered histograms: α = 0.001, no noise term.
+    Synthetic,
+    /// Captured histograms: α = 0.8 and the noise term.
+    Captured,
+}
+
+/// What defaults depend on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Suit {
+    pub preset: Preset,
+    /// Laser and sensor point of a pair are the same.
+    pub confocal: bool,
+    pub reflectance: Reflectance,
+}
+
+impl Suit {
+    /// The scenes of the paper: rendered, confocal, one cosine.
+    pub const USUAL: Suit =
+        Suit { preset: Preset::Synthetic, confocal: true, reflectance: Reflectance::Cosine };
+
+    /// Whether histograms were captured.
+    pub fn captured(&self) -> bool {
+        self.preset == Preset::Captured
+    }
+
+    /// Whether surfaces send light back to where it came from.
+    pub fn retroreflective(&self) -> bool {
+        self.reflectance == Reflectance::Retroreflective
+    }
+
+    /// Whether the model is Lambertian.
+    pub fn lambertian(&self) -> bool {
+        self.reflectance == Reflectance::Lambertian
+    }
+}
+
+/// The declaration of an option.
+#[derive(Debug, Clone, Copy)]
+pub struct Row {
+    /// Its key in reports and comparisons, with underscores.
+    pub key: &'static str,
+    /// The heading it stands under in the help.
+    pub group: &'static str,
+    /// The lines of its text.
+    pub lines: &'static [&'static str],
+    pub range: Range,
+}
+
+/// What an option may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Range {
+    /// A whole number between these.
+    Count(usize, usize),
+    /// One of these whole numbers.
+    OneOf(&'static [usize]),
+    Seed,
+    Positive,
+    NotNegative,
+    /// In (0, 1].
+    Share,
+    /// In [0, 1).
+    Fraction,
+    /// One of these words. For a bool: the word for false, then the one for true.
+    Words(&'static [&'static str]),
+    /// On or off. The command line has a flag for what is not the default: `--name` or `--no-name`.
+    Flag,
+    /// Sizes of workgroups.
+    Sizes,
+    /// Set by other means than an option of its own.
+    Internal,
+}
+
+/// The value of an option.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    Count(usize),
+    Number(f64),
+    Flag(bool),
+    Word(String),
+    /// The solver chooses.
+    Unset,
+}
+
+/// A set of options, by their keys.
+pub trait Options {
+    /// The declarations.
+    fn rows(&self) -> Vec<&'static Row>;
+
+    /// The value of an option; `None` if there is none of that key.
+    fn get(&self, key: &str) -> Option<Value>;
+
+    /// Sets an option. Tells whether there is one of that key.
+    fn set(&mut self, key: &str, value: &Value) -> bool;
+
+    /// # Errors
+    /// The first option out of its range, by its name on the command line.
+    fn check_ranges(&self) -> Result<()> {
+        for row in self.rows() {
+            let value = self.get(row.key).unwrap_or(Value::Unset);
+            if let Some(want) = row.range.refusal(&value) {
+                return Err(refused(&row.name(), &value, &want));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The error of an option that makes no sense.
+pub(super) fn refused(name: &str, value: impl fmt::Display, want: &str) -> Error {
+    Error::options(format!("--{name} is {value}"), format!("give {want}"))
+}
+
+impl Row {
+    /// Its name on the command line, without dashes before it.
+    pub fn name(&self) -> String {
+        self.key.replace('_', "-")
+    }
+
+    /// The value as it is given: on or off as the option's words for them.
+    pub fn worded(&self, value: Value) -> Value {
+        match (self.range, value) {
+            (Range::Words(words), Value::Flag(on)) => Value::Word(words[usize::from(on)].into()),
+            (_, value) => value,
+        }
+    }
+
+    /// Its text on one line.
+    pub fn text(&self) -> String {
+        self.lines.iter().map(|l| l.trim()).collect::<Vec<_>>().join(" ")
+    }
+}
+
+impl Range {
+    /// What is wanted instead of `value`; `None` if it is in the range.
+    fn refusal(self, value: &Value) -> Option<String> {
+        let number = match value {
+            Value::Number(v) => *v,
+            Value::Count(n) => *n as f64,
+            _ => return None,
+        };
+        let (good, want) = match self {
+            Range::Count(least, most) => (
+                (least as f64..=most as f64).contains(&number),
+                format!("a whole number from {least} to {most}"),
+            ),
+            Range::OneOf(all) => (
+                all.iter().any(|n| *n as f64 == number),
+                all.iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" or "),
+            ),
+            Range::Positive => (number.is_finite() && number > 0.0, "a positive number".into()),
+            Range::NotNegative => (number.is_finite() && number >= 0.0, "zero or a positive number".into()),
+            Range::Share => (number > 0.0 && number <= 1.0, "a positive number up to 1".into()),
+            Range::Fraction => ((0.0..1.0).contains(&number), "a number from 0 to below 1".into()),
+            Range::Seed | Range::Words(_) | Range::Flag | Range::Sizes | Range::Internal => return None,
+        };
+        (!good).then_some(want)
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Count(n) => n.fmt(f),
+            Value::Number(v) if *v != 0.0 && v.abs() < 1e-4 => write!(f, "{v:e}"),
+            Value::Number(v) => v.fmt(f),
+            Value::Flag(on) => on.fmt(f),
+            Value::Word(word) => word.fmt(f),
+            Value::Unset => f.write_str("unset"),
+        }
+    }
+}
+
+/// The type of a field that an option sets.
+pub trait Field {
+    fn value(&self) -> Value;
+    fn put(&mut self, value: &Value);
+}
+
+impl Field for usize {
+    fn value(&self) -> Value {
+        Value::Count(*self)
+    }
+
+    fn put(&mut self, value: &Value) {
+        if let Value::Count(n) = value {
+            *self = *n;
+        }
+    }
+}
+
+impl Field for u32 {
+    fn value(&self) -> Value {
+        Value::Count(*self as usize)
+    }
+
+    fn put(&mut self, value: &Value) {
+        if let Value::Count(n) = value {
+            *self = u32::try_from(*n).unwrap_or(u32::MAX);
+        }
+    }
+}
+
+impl Field for f64 {
+    fn value(&self) -> Value {
+        Value::Number(*self)
+    }
+
+    fn put(&mut self, value: &Value) {
+        if let Value::Number(v) = value {
+            *self = *v;
+        }
+    }
+}
+
+impl Field for bool {
+    fn value(&self) -> Value {
+        Value::Flag(*self)
+    }
+
+    fn put(&mut self, value: &Value) {
+        if let Value::Flag(on) = value {
+            *self = *on;
+        }
+    }
+}
+
+impl<T: Field + Default> Field for Option<T> {
+    fn value(&self) -> Value {
+        self.as_ref().map_or(Value::Unset, Field::value)
+    }
+
+    fn put(&mut self, value: &Value) {
+        *self = (*value != Value::Unset).then(|| {
+            let mut given = T::default();
+            given.put(value);
+            given
+        });
+    }
+}
+
+impl Field for Sizes {
+    fn value(&self) -> Value {
+        Value::Word(self.to_string())
+    }
+
+    fn put(&mut self, value: &Value) {
+        if let Value::Word(text) = value {
+            *self = if text.is_empty() { Sizes::default() } else { text.parse().unwrap_or(*self) };
+        }
+    }
+}
+
+/// Enumerations are the words that they are in files.
+macro_rules! words {
+    ($($type:ty),*) => { $(
+        impl Field for $type {
+            fn value(&self) -> Value {
+                match serde_json::to_value(self) {
+                    Ok(serde_json::Value::String(word)) => Value::Word(word),
+                    _ => Value::Unset,
+                }
+            }
+
+            fn put(&mut self, value: &Value) {
+                if let Value::Word(word) = value {
+                    *self = serde_json::from_value(word.clone().into()).unwrap_or(*self);
+                }
+            }
+        }
+    )* };
+}
+
+words!(Accumulation, Binning, Gradient, Reflectance, Sampling, super::Decay, super::NoiseTerm);
+
+/// Declares a struct of options.
+///
+/// ```text
+/// options! {
+///     /// About the struct. `suit` names the [`Suit`] in the defaults.
+///     pub struct VectorOptions(suit) {
+///         nested { surface: SurfaceOptions }
+///         "Solver" {
+///             /// The option's text.
+///             iterations: usize = if suit.confocal { 60 } else { 80 }, Range::Count(1, 1_000_000);
+///             /// One whose key is not the field's name.
+///             term as "noise": NoiseTerm = NoiseTerm::Off, Range::Words(&["off", "bin"]);
+///         }
+///     }
+/// }
+/// ```
+macro_rules! options {
+    (
+        $(#[$about:meta])*
+        pub struct $name:ident($suit:ident) {
+            nested { $($(#[$inner_about:meta])* $inner:ident: $inner_type:ty),* $(,)? }
+            $($group:literal { $(
+                $(#[doc = $line:literal])+
+                $(#[serde($serde:meta)])*
+                $field:ident $(as $key:literal)?: $type:ty = $default:expr, $range:expr;
+            )* })*
+        }
+    ) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[non_exhaustive]
+        pub struct $name {
+            $($(
+                $(#[doc = $line])+
+                $(#[serde($serde)])*
+                $(#[serde(rename = $key)])?
+                pub $field: $type,
+            )*)*
+            $($(#[$inner_about])* #[serde(flatten)] pub $inner: $inner_type,)*
+        }
+
+        impl $name {
+            /// The declarations, without those of nested options.
+            const ROWS: &'static [$crate::solve::option::Row] = &[$($($crate::solve::option::Row {
+                key: $crate::solve::option::key_of!($field $(as $key)?),
+                group: $group,
+                lines: &[$($line),+],
+                range: { use $crate::solve::option::Range; let _ = Range::Seed; $range },
+            },)*)*];
+
+            /// The defaults for such scenes.
+            #[allow(unused_variables)]
+            pub fn suited_to($suit: &$crate::solve::option::Suit) -> $name {
+                $name {
+                    $($($field: $default,)*)*
+                    $($inner: <$inner_type>::suited_to($suit),)*
+                }
+            }
+
+            /// These options with a change.
+            #[must_use]
+            pub fn with(mut self, change: impl FnOnce(&mut $name)) -> $name {
+                change(&mut self);
+                self
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> $name {
+                $name::suited_to(&$crate::solve::option::Suit::USUAL)
+            }
+        }
+
+        impl $crate::solve::option::Options for $name {
+            fn rows(&self) -> Vec<&'static $crate::solve::option::Row> {
+                let nested: &[Vec<&'static $crate::solve::option::Row>] = &[$(self.$inner.rows()),*];
+                $name::ROWS.iter().chain(nested.iter().flatten().copied()).collect()
+            }
+
+            fn get(&self, key: &str) -> Option<$crate::solve::option::Value> {
+                use $crate::solve::option::Field;
+                $($(
+                    if key == $crate::solve::option::key_of!($field $(as $key)?) {
+                        return Some(self.$field.value());
+                    }
+                )*)*
+                $(if let Some(value) = self.$inner.get(key) { return Some(value); })*
+                None
+            }
+
+            fn set(&mut self, key: &str, value: &$crate::solve::option::Value) -> bool {
+                use $crate::solve::option::Field;
+                $($(
+                    if key == $crate::solve::option::key_of!($field $(as $key)?) {
+                        self.$field.put(value);
+                        return true;
+                    }
+                )*)*
+                $(if self.$inner.set(key, value) { return true; })*
+                false
+            }
+        }
+    };
+}
+
+/// The key of an option: the name of its field, unless another is given.
+macro_rules! key_of {
+    ($field:ident) => {
+        stringify!($field)
+    };
+    ($field:ident as $key:literal) => {
+        $key
+    };
+}
+
+pub(super) use {key_of, options};
+
+/// Makes one option's default readable, as far as it depends on the scene: the usual one, then the others.
+pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {
+    let usual = suited(&Suit::USUAL).filter(|v| *v != Value::Unset)?;
+    let others = [
+        ("captured", Suit { preset: Preset::Captured, ..Suit::USUAL }),
+        ("where laser and sensor point differ", Suit { confocal: false, ..Suit::USUAL }),
+        ("lambertian", Suit { reflectance: Reflectance::Lambertian, ..Suit::USUAL }),
+        ("retroreflective", Suit { reflectance: Reflectance::Retroreflective, ..Suit::USUAL }),
+    ];
+    let other = |(when, suit): &(&str, Suit)| {
+        let value = suited(suit).filter(|value| *value != usual)?;
+        Some(format!("{value} {when}"))
+    };
+    Some(
+        [usual.to_string()].into_iter().chain(others.iter().filter_map(other)).collect::<Vec<_>>().join(", "),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::{PaperOptions, SolverOptions, VectorOptions};
+
+    #[test]
+    fn every_option_is_set_and_read_by_its_key() {
+        for name in SolverOptions::NAMES {
+            let mut options = SolverOptions::suited_to(name, &Suit::USUAL).unwrap();
+            let report = serde_json::to_value(&options).unwrap();
+            for row in options.solver().rows() {
+                let before = options.get(row.key).unwrap();
+                let other = match (&before, row.range) {
+                    (Value::Flag(on), _) => Value::Flag(!on),
+                    (_, Range::Words(words)) => Value::Word(words[words.len() - 1].into()),
+                    (_, Range::Internal) => Value::Word("isotropic".into()),
+                    (_, Range::Sizes) => Value::Word("lanes=32".into()),
+                    (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => Value::Count(4),
+                    _ => Value::Number(0.75),
+                };
+                assert!(options.set(row.key, &other) && options.get(row.key) == Some(other), "{}", row.key);
+                assert!(report.get(row.key).is_some() || row.key == "sizes", "{} is not in reports", row.key);
+                assert!(row.text().len() > 10);
+            }
+            assert!(!options.set("nonsense", &Value::Count(1)) && options.get("nonsense").is_none());
+        }
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_by_name() {
+        let mut o = VectorOptions::default();
+        for (key, value, want) in [
+            ("lateral", Value::Count(0), "a whole number from 1 to 4096"),
+            ("surface_points", Value::Count(3), "1 or 4"),
+            ("peak", Value::Number(f64::NAN), "a positive number"),
+            ("roughness", Value::Number(-1.0), "zero or a positive number"),
+            ("step_share", Value::Number(1.5), "a positive number up to 1"),
+            ("keep_above", Value::Number(1.0), "a number from 0 to below 1"),
+            ("room", Value::Number(0.0), "a positive number up to 1"),
+        ] {
+            let before = o.get(key).unwrap();
+            o.set(key, &value);
+            let error = o.check().unwrap_err();
+            assert!(error.what.contains(&key.replace('_', "-")) && error.mend.contains(want), "{error}");
+            o.set(key, &before);
+        }
+        assert!(o.check().is_ok());
+    }
+
+    #[test]
+    fn defaults_are_told_with_what_they_depend_on() {
+        let text = |key: &str| default_text(|suit| PaperOptions::suited_to(suit).get(key)).unwrap();
+        assert_eq!(text("l1"), "0.001, 0.8 captured");
+        assert_eq!(text("epsilon"), "1e-8");
+        assert_eq!(text("keep_above"), "0.05, 0.03 where laser and sensor point differ");
+    }
+}

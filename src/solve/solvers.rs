@@ -1,0 +1,309 @@
+//! The solvers of this version, and what all of them can do.
+
+use serde::Serialize;
+
+use super::option::{Options, Row, Suit, Value, default_text};
+use super::{
+    Accumulation, Beside, PaperOptions, Part, Plan, Reconstruction, Sizes, VectorOptions, default_volume,
+};
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Gpu};
+use crate::transport::{Grid, Reflectance, Volume};
+use crate::{Error, Result};
+
+/// A solver, as its options.
+pub trait Solver: Options + super::Needs {
+    /// What every solver's options have.
+    fn common(&self) -> Common;
+
+    /// # Errors
+    /// The first option that makes no sense, by its name on the command line.
+    fn check(&self) -> Result<()>;
+
+    /// The model that the options make of a capture for a grid.
+    fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
+
+    /// The schedules of a whole solve by such a plan.
+    fn outline(&self, plan: &Plan) -> Vec<Part>;
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// See [`super::paper::reconstruct`].
+    fn solve(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+        beside: Beside<'_, '_>,
+    ) -> Result<Reconstruction>;
+}
+
+/// What every solver's options have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Common {
+    /// Lateral pixels of the maps.
+    pub lateral: usize,
+    /// The most iterations of the volume, and of what follows it.
+    pub iterations: [usize; 2],
+    /// How surfaces reflect.
+    pub reflectance: Reflectance,
+    /// How rendered values are to be added up.
+    pub accumulation: Accumulation,
+    /// Sizes that are asked for.
+    pub sizes: Sizes,
+    /// Nothing nearer than this is reconstructed, metres.
+    pub min_depth: f64,
+}
+
+/// Declares the solvers: one line for each.
+macro_rules! solvers {
+    ($($variant:ident($options:ident) in $module:ident;)*) => {
+        /// The options of one of the solvers.
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[serde(untagged)]
+        pub enum SolverOptions {
+            $(
+                #[allow(missing_docs)]
+                $variant($options),
+            )*
+        }
+
+        $(impl From<$options> for SolverOptions {
+            fn from(options: $options) -> SolverOptions {
+                SolverOptions::$variant(options)
+            }
+        })*
+
+        impl SolverOptions {
+            /// The solvers of this version, by their names on the command line.
+            pub const NAMES: &[&str] = &[$($options::NAME),*];
+
+            /// The options of the solver of that name for such scenes.
+            pub fn suited_to(name: &str, suit: &Suit) -> Option<SolverOptions> {
+                $(if name == $options::NAME {
+                    return Some($options::suited_to(suit).into());
+                })*
+                None
+            }
+
+            /// Its name on the command line.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(SolverOptions::$variant(_) => $options::NAME,)*
+                }
+            }
+
+            /// The solver.
+            pub fn solver(&self) -> &dyn Solver {
+                match self {
+                    $(SolverOptions::$variant(o) => o,)*
+                }
+            }
+
+            fn options(&mut self) -> &mut dyn Options {
+                match self {
+                    $(SolverOptions::$variant(o) => o,)*
+                }
+            }
+        }
+
+        $(impl Solver for $options {
+            fn common(&self) -> Common {
+                Common {
+                    lateral: self.lateral,
+                    iterations: super::Needs::demand(self).iterations,
+                    reflectance: self.reflectance,
+                    accumulation: self.accumulation,
+                    sizes: self.sizes,
+                    min_depth: self.domain.min_depth,
+                }
+            }
+
+            fn check(&self) -> Result<()> {
+                $options::check(self)
+            }
+
+            fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model {
+                super::$module::model(capture, grid, self)
+            }
+
+            fn outline(&self, plan: &Plan) -> Vec<Part> {
+                super::$module::outline(plan, self)
+            }
+
+            fn solve(
+                &self,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+                beside: Beside<'_, '_>,
+            ) -> Result<Reconstruction> {
+                super::$module::reconstruct(gpu, capture, grid, self, memory, with_volume, beside)
+            }
+        })*
+    };
+}
+
+solvers! {
+    Paper(PaperOptions) in paper;
+    Vector(VectorOptions) in vector;
+}
+
+impl SolverOptions {
+    /// The solver that wins the comparison of error against run time (docs/error-vs-time.md).
+    pub const DEFAULT: &str = VectorOptions::NAME;
+
+    /// What every solver's options have.
+    pub fn common(&self) -> Common {
+        self.solver().common()
+    }
+
+    /// # Errors
+    /// The first option that makes no sense, by its name on the command line.
+    pub fn check(&self) -> Result<()> {
+        self.solver().check()
+    }
+
+    /// The value of an option.
+    pub fn get(&self, key: &str) -> Option<Value> {
+        self.solver().get(key)
+    }
+
+    /// Sets an option. Tells whether the solver has it.
+    pub fn set(&mut self, key: &str, value: &Value) -> bool {
+        self.options().set(key, value)
+    }
+
+    /// The same options for another lateral resolution.
+    pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
+        let mut other = self.clone();
+        other.set("lateral", &Value::Count(lateral));
+        other
+    }
+
+    /// The same options with other sizes.
+    pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {
+        let mut other = self.clone();
+        other.set("sizes", &Value::Word(sizes.to_string()));
+        other
+    }
+
+    /// The most iterations, those after the volume included.
+    pub fn all_iterations(&self) -> usize {
+        self.common().iterations.iter().sum()
+    }
+
+    /// The box that is reconstructed unless another is asked for.
+    ///
+    /// # Errors
+    /// A capture that no depth can be told from.
+    pub fn default_volume(&self, capture: &Capture) -> Result<Volume> {
+        default_volume(capture, self.common().min_depth)
+    }
+
+    /// What a solve would need of a device.
+    ///
+    /// # Errors
+    /// A capture that the solver does not take; a grid beyond the device's limits.
+    pub fn plan(
+        &self,
+        capture: &Capture,
+        grid: Grid,
+        abilities: &Abilities,
+        with_volume: bool,
+    ) -> Result<Plan> {
+        let solver = self.solver();
+        let model = solver.model(capture, &grid);
+        Plan::new(&model, grid, capture.resolution(), solver, abilities, with_volume)
+    }
+
+    /// Runs the solver.
+    ///
+    /// # Errors
+    /// See [`super::paper::reconstruct`].
+    pub fn solve<'b, 'w: 'b>(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+        beside: impl Into<Beside<'b, 'w>>,
+    ) -> Result<Reconstruction> {
+        self.solver().solve(gpu, capture, grid, memory, with_volume, beside.into())
+    }
+
+    /// The options of all solvers, each once, with its text and what it is by default.
+    pub fn all_rows() -> Vec<(&'static Row, String)> {
+        let usual = Self::NAMES.iter().filter_map(|name| Self::suited_to(name, &Suit::USUAL));
+        let mut rows: Vec<&'static Row> = vec![];
+        for row in usual.flat_map(|options| options.solver().rows()) {
+            if rows.iter().all(|r| r.key != row.key) {
+                rows.push(row);
+            }
+        }
+        rows.into_iter().map(|row| (row, help_of(row))).collect()
+    }
+}
+
+/// The text of an option, with its default where that is a value.
+fn help_of(row: &Row) -> String {
+    let default = |name: &&'static str| {
+        let value = |suit: &Suit| Some(row.worded(SolverOptions::suited_to(name, suit)?.get(row.key)?));
+        let text = default_text(value)?;
+        Some((*name, text))
+    };
+    let text = row.text();
+    if matches!(row.range, super::option::Range::Flag) || text.contains("[default:") {
+        return text;
+    }
+    let defaults: Vec<_> = SolverOptions::NAMES.iter().filter_map(default).collect();
+    let same = defaults.iter().all(|d| d.1 == defaults[0].1);
+    match &defaults[..] {
+        [] => text,
+        [(_, one), ..] if same => format!("{text} [default: {one}]"),
+        several => {
+            let all: Vec<_> = several.iter().map(|(name, value)| format!("{name} {value}")).collect();
+            format!("{text} [default: {}]", all.join("; "))
+        }
+    }
+}
+
+/// Whether there is a solver of that name.
+///
+/// # Errors
+/// One that is not in this version, or not known at all.
+pub fn check_solver(name: &str) -> Result<()> {
+    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
+}
+
+/// The light-transport model of that name.
+///
+/// # Errors
+/// One that is not known.
+pub fn reflectance(name: &str) -> Result<Reflectance> {
+    const ALL: [(&str, Reflectance); 4] = [
+        ("cosine", Reflectance::Cosine),
+        ("lambertian", Reflectance::Lambertian),
+        ("retroreflective", Reflectance::Retroreflective),
+        ("isotropic", Reflectance::Isotropic),
+    ];
+    choice("model", name, &ALL.map(|r| r.0), &[])?;
+    Ok(ALL.iter().find(|r| r.0 == name).map_or(Reflectance::Cosine, |r| r.1))
+}
+
+fn choice(option: &str, name: &str, here: &[&str], later: &[&str]) -> Result<()> {
+    if here.contains(&name) {
+        return Ok(());
+    }
+    let what = if later.contains(&name) { "is not in this version" } else { "is not known" };
+    Err(Error::options(
+        format!("--{option} {name} {what}"),
+        format!("use --{option} {}, or leave it out", here.join(" or ")),
+    ))
+}
