@@ -1,53 +1,19 @@
-//! Axes of plots: ranges, marks and their labels.
+//! Axes of plots: ranges, marks and their labels, and a panel between two axes.
 
-use super::drawing::{Anchor, Drawing};
+use std::ops::Range;
 
-/// Inks that all plots share.
-pub const INK: [u8; 3] = [40, 40, 46];
-pub const GRID: [u8; 3] = [226, 226, 230];
-pub const FRAME: [u8; 3] = [120, 120, 128];
-
-/// How a grid's marks are labelled, in pixels.
-pub struct Labels {
-    pub size: f64,
-    /// From the plot's bottom down to the text's foot, and from its left side to the text's end.
-    pub below: f64,
-    pub beside: f64,
-    /// Length of a stroke at every labelled mark; 0 for none.
-    pub stroke: f64,
-}
-
-/// Draws the grid of a plot at (x, y, width, height) with the labels of its marks.
-pub fn grid(drawing: &mut Drawing, [x, y, w, h]: [f64; 4], [along, up]: [&Axis; 2], labels: &Labels) {
-    let &Labels { size, below, beside, stroke } = labels;
-    for (value, label) in along.ticks() {
-        let at = x + w * along.share(value);
-        drawing.line(&[[at, y], [at, y + h]], 1.0, GRID);
-        if let Some(label) = label {
-            if stroke > 0.0 {
-                drawing.line(&[[at, y + h], [at, y + h + stroke]], 1.2, FRAME);
-            }
-            drawing.text(&label, [at, y + h + below], size, Anchor::Middle, INK);
-        }
-    }
-    for (value, label) in up.ticks() {
-        let at = y + h * (1.0 - up.share(value));
-        drawing.line(&[[x, at], [x + w, at]], 1.0, GRID);
-        if let Some(label) = label {
-            if stroke > 0.0 {
-                drawing.line(&[[x - stroke, at], [x, at]], 1.2, FRAME);
-            }
-            drawing.text(&label, [x - beside, at + 5.0], size, Anchor::End, INK);
-        }
-    }
-}
-
-/// Draws the frame of such a plot.
-pub fn frame(drawing: &mut Drawing, [x, y, w, h]: [f64; 4]) {
-    drawing.line(&[[x, y], [x + w, y], [x + w, y + h], [x, y + h], [x, y]], 1.2, FRAME);
-}
+use super::figure::{Area, BODY, Canvas, Drawn, FINE, FRAME, GRID, INK, TITLE, font, line_of_text, px};
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::coord::ranged1d::{KeyPointHint, KeyPointWeight, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::coord::types::RangedCoordf64;
+use plotters::drawing::DrawingAreaErrorKind;
+use plotters::element::{Circle, DashedPathElement, PathElement, Rectangle};
+use plotters::prelude::{Color, DashedLineSeries};
+use plotters::style::RGBColor;
 
 /// A range of values with marks at plain numbers.
+#[derive(Clone)]
 pub struct Axis {
     pub low: f64,
     pub high: f64,
@@ -72,7 +38,7 @@ impl Axis {
     }
 
     /// Where a value lies, 0 at the low end and 1 at the high one.
-    pub fn share(&self, value: f64) -> f64 {
+    fn share(&self, value: f64) -> f64 {
         let share = if self.logarithmic {
             (value.max(1e-300) / self.low).ln() / (self.high / self.low).ln()
         } else {
@@ -81,65 +47,168 @@ impl Axis {
         share.clamp(0.0, 1.0)
     }
 
-    /// Marks, some with a label.
-    pub fn ticks(&self) -> Vec<(f64, Option<String>)> {
-        let within = |v: &f64| (self.low..=self.high).contains(v);
-        if !self.logarithmic {
-            let raw = (self.high - self.low) / 5.0;
-            let power = 10f64.powf(raw.log10().floor());
-            let step =
-                [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= raw).unwrap_or(raw);
-            let first = (self.low / step).ceil() as i64;
-            let marks = (first..first + 12).map(|i| i as f64 * step).filter(within);
-            return marks.map(|v| (v, Some(plain(v)))).collect();
-        }
-        let decades = (self.high / self.low).log10();
-        // The fewer decades, the more of their marks have labels.
-        let labelled: &[f64] = match decades {
+    /// Marks at `multiples` of the powers of ten within a logarithmic axis.
+    fn multiples(&self, multiples: &[f64]) -> Vec<f64> {
+        let powers = (self.low.log10().floor() as i32)..=(self.high.log10().ceil() as i32);
+        let all = powers.flat_map(|power| multiples.iter().map(move |m| rounded(m * 10f64.powi(power))));
+        all.filter(|v| (self.low..=self.high).contains(v)).collect()
+    }
+
+    /// The marks of a logarithmic axis that have labels: the fewer decades, the more.
+    fn labelled(&self) -> Vec<f64> {
+        let marks = self.multiples(match (self.high / self.low).log10() {
             d if d > 2.2 => &[1.0],
             d if d > 1.2 => &[1.0, 2.0, 5.0],
             d if d > 0.8 => &[1.0, 2.0, 3.0, 5.0, 7.0],
             _ => &[1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0],
-        };
-        let mut marks: Vec<f64> = (1..10).map(f64::from).chain(labelled.iter().copied()).collect();
-        marks.sort_unstable_by(f64::total_cmp);
-        marks.dedup();
-        let powers = (self.low.log10().floor() as i32)..=(self.high.log10().ceil() as i32);
-        let all = powers.flat_map(|power| marks.iter().map(move |m| (*m, m * 10f64.powi(power))));
-        let label = |m: f64, v: f64| labelled.contains(&m).then(|| plain(rounded(v)));
-        let mut ticks: Vec<(f64, Option<String>)> =
-            all.filter(|(_, v)| within(v)).map(|(m, v)| (v, label(m, v))).collect();
-        if ticks.iter().filter(|t| t.1.is_some()).count() < 2 {
-            // Hardly a mark within: even parts.
-            let part = |i: u32| self.low * (self.high / self.low).powf(f64::from(i) / 4.0);
-            ticks = [1, 2, 3].map(part).map(|v| (v, Some(plain(rounded(v))))).into();
+        });
+        if marks.len() > 1 {
+            return marks;
         }
-        ticks
+        // Hardly a mark within: even parts.
+        [0.25, 0.5, 0.75].map(|part| rounded(self.low * (self.high / self.low).powf(part))).into()
+    }
+}
+
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
+        low + (self.share(*value) * f64::from(high - low)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        match (self.logarithmic, hint.weight()) {
+            (false, _) => {
+                let marks = RangedCoordf64::from(self.low..self.high).key_points(hint.bold_points());
+                marks.into_iter().map(|v| v.clamp(self.low, self.high)).collect()
+            }
+            (true, KeyPointWeight::Bold) => self.labelled(),
+            (true, KeyPointWeight::Any) => self.multiples(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]),
+        }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.low..self.high
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    fn format(value: &f64) -> String {
+        plain(*value)
     }
 }
 
 /// Three figures.
 pub fn rounded(v: f64) -> f64 {
-    if v == 0.0 || !v.is_finite() {
-        return v;
-    }
-    let unit = 10f64.powf(v.abs().log10().floor() - 2.0);
-    (v / unit).round() * unit
+    format!("{v:.2e}").parse().unwrap_or(v)
 }
 
 /// A number as short as it goes.
 pub fn plain(v: f64) -> String {
     if v != 0.0 && !(1e-4..1e5).contains(&v.abs()) {
-        return format!("{v:.0e}");
+        return format!("{:e}", rounded(v));
     }
     let text = format!("{v:.6}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".into() } else { text.into() }
 }
 
+/// A plot between two axes.
+pub struct Panel<'a, B: Canvas>(ChartContext<'a, B, Cartesian2d<Axis, Axis>>);
+
+impl<B: Canvas> Panel<'_, B> {
+    /// Draws title, grid, labels and frame. The plot itself stands at `[left, top, width, height]` in pixels, its title
+    /// above and `x`, what the axis below counts, below.
+    pub fn new<'a>(
+        area: &Area<B>,
+        [left, top, width, height]: [f64; 4],
+        [title, x]: [&str; 2],
+        [along, up]: [Axis; 2],
+    ) -> Result<Panel<'a, B>, DrawingAreaErrorKind<B::ErrorType>> {
+        // Room for the labels.
+        const BELOW: f64 = 52.0;
+        const BESIDE: f64 = 76.0;
+        line_of_text(area, title, &font(TITLE, INK), [left, top - 15.0])?;
+        let around =
+            area.clone().shrink((px(left - BESIDE), px(top)), (px(width + BESIDE), px(height + BELOW)));
+        let mut chart = ChartBuilder::on(&around)
+            .x_label_area_size(px(BELOW))
+            .y_label_area_size(px(BESIDE))
+            .build_cartesian_2d(along, up)?;
+        let (grid, frame) = (GRID.stroke_width(FINE), FRAME.stroke_width(FINE));
+        chart
+            .configure_mesh()
+            .x_labels(7)
+            .y_labels(7)
+            .bold_line_style(grid)
+            .light_line_style(grid)
+            .axis_style(frame)
+            .label_style(font(BODY, INK))
+            .x_desc(x)
+            .set_all_tick_mark_size(px(5.0))
+            .draw()?;
+        let plot = chart.plotting_area().strip_coord_spec();
+        let (w, h) = plot.dim_in_pixel();
+        plot.draw(&Rectangle::new([(0, 0), (w as i32 - 1, h as i32 - 1)], frame))?;
+        Ok(Panel(chart))
+    }
+
+    pub fn curve(&mut self, points: &[[f64; 2]], colour: RGBColor) -> Drawn<B> {
+        let points: Vec<_> = points.iter().map(|p| (p[0], p[1])).collect();
+        self.0.draw_series([PathElement::new(points, colour.stroke_width(px(2.0) as u32))])?;
+        Ok(())
+    }
+
+    pub fn disc(&mut self, [x, y]: [f64; 2], radius: f64, colour: RGBColor) -> Drawn<B> {
+        self.0.draw_series([Circle::new((x, y), px(radius), colour.filled())])?;
+        Ok(())
+    }
+
+    /// Fills from the axis below up to `y`, between two values of x.
+    pub fn bar(&mut self, [from, to]: [f64; 2], y: f64, colour: RGBColor) -> Drawn<B> {
+        self.0.draw_series([Rectangle::new([(from, 0.0), (to, y)], colour.filled())])?;
+        Ok(())
+    }
+
+    /// A dashed line at `y` over the whole width.
+    pub fn dashes(&mut self, y: f64) -> Drawn<B> {
+        let x = self.0.x_range();
+        let line =
+            DashedLineSeries::new([(x.start, y), (x.end, y)], px(7.0), px(7.0), FRAME.stroke_width(FINE));
+        self.0.draw_series(line)?;
+        Ok(())
+    }
+}
+
+/// A legend's line: a stroke of a curve's colour, and its name. `[x, y]` is the middle of the stroke's left end, in
+/// pixels.
+pub fn legend<B: Canvas>(area: &Area<B>, name: &str, stroke: Stroke, [x, y]: [f64; 2]) -> Drawn<B> {
+    let [from, to] = [(px(x), px(y)), (px(x + 34.0), px(y))];
+    match stroke {
+        Stroke::Curve(colour) => {
+            area.draw(&PathElement::new([from, to], colour.stroke_width(px(2.5) as u32)))?;
+            area.draw(&Circle::new(to, px(5.0), colour.filled()))?;
+        }
+        Stroke::Dashes => {
+            let dashes = DashedPathElement::new([from, to], px(7.0), px(7.0), FRAME.stroke_width(FINE));
+            area.draw(&dashes)?;
+        }
+    }
+    line_of_text(area, name, &font(BODY, INK), [x + 50.0, y])
+}
+
+/// How a legend shows what it names.
+pub enum Stroke {
+    Curve(RGBColor),
+    Dashes,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plotters::coord::ranged1d::BoldPoints;
 
     #[test]
     fn axes_have_a_handful_of_labels_within() {
@@ -156,15 +225,18 @@ mod tests {
         ] {
             let axis = Axis::new([low, high].into_iter(), logarithmic);
             assert!(axis.low < low.max(1e-300) && axis.high > high || low == 0.0, "{low} {high}");
-            let ticks = axis.ticks();
-            let labels: Vec<_> = ticks.iter().filter_map(|t| t.1.as_ref()).collect();
+            let labels = axis.key_points(BoldPoints(7));
             assert!((2..=13).contains(&labels.len()), "{low} to {high}: {labels:?}");
-            assert!(ticks.iter().all(|t| (axis.low..=axis.high).contains(&t.0)));
+            let all = labels.iter().copied().chain(axis.key_points(70));
+            assert!(all.into_iter().all(|v| (axis.low..=axis.high).contains(&v)), "{low} to {high}");
         }
         let axis = Axis::new([0.15, 90.0].into_iter(), true);
-        let labels: Vec<_> = axis.ticks().into_iter().filter_map(|t| t.1).collect();
-        assert_eq!(labels, ["1", "10", "100"]);
-        assert!(Axis::new(std::iter::empty(), true).ticks().len() > 1);
-        assert_eq!((plain(0.1), plain(10.0), plain(2.5e-7)), ("0.1".into(), "10".into(), "2e-7".into()));
+        assert_eq!(
+            axis.key_points(BoldPoints(7)).iter().map(Axis::format).collect::<Vec<_>>(),
+            ["1", "10", "100"]
+        );
+        assert!(Axis::new(std::iter::empty(), true).key_points(BoldPoints(7)).len() > 1);
+        assert_eq!((plain(0.1), plain(10.0), plain(2.5e-7)), ("0.1".into(), "10".into(), "2.5e-7".into()));
+        assert_eq!((axis.map(&10.0, (300, 0)), axis.map(&1e9, (300, 0))), (107, 0));
     }
 }

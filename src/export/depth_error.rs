@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use super::drawing::{Anchor, Shape, draw};
-use super::picture::{BACKGROUND, INK, Picture, SIDE, colour};
-use super::{png, strokes};
+use super::picture::{BACKGROUND, CAPITAL, INK, Picture, SIDE, colour, text_width};
+use super::png;
 use crate::error::Result;
 use crate::maps::{Maps, Truth, percentile};
 
@@ -13,9 +12,8 @@ const MISSED: [u8; 3] = [232, 48, 48];
 /// Found where nothing is.
 const FALSE: [u8; 3] = [110, 110, 122];
 const MARGIN: usize = 14;
-const BAR: usize = 20;
-/// Height of a capital.
-const SIZE: f64 = 12.0;
+/// A square of the legend with the blank behind it.
+const SQUARE: usize = 22;
 
 /// Writes, on the truth's grid, |depth − true depth| of the pixels that are surface in both (above `fraction` of
 /// the brightest albedo, as [`crate::measure::metrics()`] has it) in colour beside a bar in millimetres, missed and
@@ -61,14 +59,12 @@ fn picture(maps: &Maps, truth: &Truth, fraction: f64) -> Picture {
         .collect();
     let most = percentile(&errors, 99.0).map(f64::from).filter(|e| *e > 0.0);
     let factor = ((SIDE as f64 / truth.nx.max(truth.ny) as f64).round() as usize).max(1);
-    let (width, height) = (truth.nx * factor, truth.ny * factor);
+    let (width, height) = (truth.nx * factor, (truth.ny * factor).max(SIDE / 4));
     let labels = most.map(|m| [m, 0.5 * m, 0.0].map(|m| format!("{} mm", millimetres(m))));
-    let text = labels.iter().flatten().map(|l| strokes::width(l, SIZE)).fold(0.0, f64::max) as usize;
-    let side = if labels.is_some() { BAR + text + 3 * MARGIN } else { 0 };
-    let legend = ["missed", "false"];
-    let legend_width = strokes::width(&legend.concat(), SIZE) + 120.0;
-    let full = (width + side).max(legend_width as usize + 2 * MARGIN);
-    let mut picture = Picture::new(full, height.max(SIDE / 4) + 3 * MARGIN);
+    let beside = labels.as_ref().map_or(0, |labels| Picture::bar_width(labels) + 2 * MARGIN);
+    let legend = [("missed", MISSED), ("false", FALSE)];
+    let below: usize = legend.iter().map(|l| SQUARE + text_width(l.0) + 2 * MARGIN).sum();
+    let mut picture = Picture::new((width + beside).max(below), height + 3 * MARGIN);
     for ix in 0..truth.nx {
         for iy in 0..truth.ny {
             let ink = match found(ix, iy) {
@@ -82,29 +78,15 @@ fn picture(maps: &Maps, truth: &Truth, fraction: f64) -> Picture {
         }
     }
     if let Some(labels) = labels {
-        let (x, top, bottom) = (width + MARGIN, MARGIN, height.max(SIDE / 4) - MARGIN);
-        picture.fill(x - 1, top - 1, BAR + 2, bottom - top + 2, INK);
-        for y in top..bottom {
-            picture.fill(x, y, BAR, 1, shade((bottom - 1 - y) as f64 / (bottom - top - 1).max(1) as f64));
-        }
-        let rows = [top as f64 + SIZE, 0.5 * (top + bottom) as f64 + 0.5 * SIZE, bottom as f64];
-        for (label, y) in labels.iter().zip(rows) {
-            write_text(&mut picture, label, [(x + BAR + MARGIN) as f64, y]);
-        }
+        picture.colour_bar(width + MARGIN, [MARGIN, height - MARGIN], 0.0, &labels, INK);
     }
-    let base = picture.height as f64 - MARGIN as f64;
-    let mut x = MARGIN;
-    for (label, ink) in legend.iter().zip([MISSED, FALSE]) {
-        picture.fill(x, base as usize - SIZE as usize, SIZE as usize + 2, SIZE as usize, ink);
-        write_text(&mut picture, label, [(x + 22) as f64, base]);
-        x += 22 + strokes::width(label, SIZE) as usize + 2 * MARGIN;
+    let (mut x, base) = (MARGIN, picture.height - MARGIN);
+    for (label, ink) in legend {
+        picture.fill(x, base - CAPITAL, CAPITAL + 2, CAPITAL, ink);
+        picture.text(label, [x + SQUARE, base]);
+        x += SQUARE + text_width(label) + 2 * MARGIN;
     }
     picture
-}
-
-fn write_text(picture: &mut Picture, text: &str, at: [f64; 2]) {
-    let text = text.to_string();
-    draw(picture, &Shape::Text { text, at, size: SIZE, anchor: Anchor::Start, colour: INK, bold: false });
 }
 
 /// The colour of a share of the largest error.

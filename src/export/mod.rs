@@ -7,8 +7,8 @@ pub mod calibration;
 pub mod comparison;
 pub mod curves;
 pub mod depth_error;
-pub mod drawing;
 pub mod exr;
+pub mod figure;
 pub mod inspection;
 pub mod mesh;
 pub mod npz;
@@ -18,7 +18,7 @@ pub mod ply;
 pub mod png;
 pub mod report;
 pub mod staging;
-mod strokes;
+mod text;
 pub mod volume;
 
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
-//! Pictures in memory: the orientation of maps, colours, and a tiny font for figures.
+//! Pictures in memory: the orientation of maps, colours, captions.
 
+use super::text;
 use crate::maps::Maps;
 
 /// What stands where there is nothing.
@@ -9,19 +10,12 @@ pub const INK: [u8; 3] = [230, 230, 230];
 /// Pictures are enlarged by a whole factor to about this many pixels on the longer side.
 pub const SIDE: usize = 512;
 
-/// Viridis at ten even steps, reversed: near is bright, far is dark blue.
-const VIRIDIS: [[u8; 3]; 10] = [
-    [253, 231, 37],
-    [181, 222, 43],
-    [110, 206, 88],
-    [53, 183, 121],
-    [31, 158, 137],
-    [38, 130, 142],
-    [49, 104, 142],
-    [62, 73, 137],
-    [72, 40, 120],
-    [68, 1, 84],
-];
+/// Size of text, in pixels an em, and the height of a capital.
+const EM: f32 = 15.0;
+pub const CAPITAL: usize = 11;
+/// Width of a colour bar, and the gap between it and its labels.
+const BAR: usize = 18;
+const BESIDE: usize = 8;
 
 /// An RGB picture, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,15 +35,9 @@ pub fn enlargement(maps: &Maps) -> usize {
     ((SIDE as f64 / maps.nx.max(maps.ny) as f64).round() as usize).max(1)
 }
 
-/// The colour of a share from 0 (near, yellow) to 1 (far, purple).
+/// The colour of a share from 0 (near, yellow) to 1 (far, purple): viridis, reversed.
 pub fn colour(share: f64) -> [u8; 3] {
-    let at = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
-    let (low, part) =
-        ((at as usize).min(VIRIDIS.len() - 2), at - (at as usize).min(VIRIDIS.len() - 2) as f64);
-    [0, 1, 2].map(|c| {
-        let (a, b) = (f64::from(VIRIDIS[low][c]), f64::from(VIRIDIS[low + 1][c]));
-        (a + part * (b - a)).round() as u8
-    })
+    colorous::VIRIDIS.eval_continuous(1.0 - share.clamp(0.0, 1.0)).as_array()
 }
 
 impl Picture {
@@ -86,40 +74,67 @@ impl Picture {
         }
     }
 
-    /// Writes text (digits, `.`, `-`, `m`, blank; anything else is blank) with its upper left corner at
-    /// (x, y), each dot of the font a square of `dot` pixels.
-    pub fn text(&mut self, text: &str, x: usize, y: usize, dot: usize) {
-        self.text_by(glyph, text, x, y, dot);
+    /// Mixes `colour` into the pixel `[column, row]`, if there is one: by nothing at `cover` 0, wholly at 1.
+    pub fn blend(&mut self, [column, row]: [i32; 2], colour: [u8; 3], cover: f64) {
+        let within = (0..self.width as i32).contains(&column) && (0..self.height as i32).contains(&row);
+        if !within {
+            return;
+        }
+        let at = 3 * (row as usize * self.width + column as usize);
+        for (channel, ink) in self.rgb[at..at + 3].iter_mut().zip(colour) {
+            *channel = (f64::from(*channel) * (1.0 - cover) + f64::from(ink) * cover).round() as u8;
+        }
     }
 
-    /// The same in a font of the caller's: a glyph of 5 x 7 dots per character, one number per row.
-    pub fn text_by(&mut self, glyph: fn(char) -> [u8; 7], text: &str, x: usize, y: usize, dot: usize) {
-        for (at, character) in text.chars().enumerate() {
-            for (row, line) in glyph(character).iter().enumerate() {
-                for column in (0..5).filter(|c| line >> (4 - c) & 1 == 1) {
-                    self.fill(x + (6 * at + column) * dot, y + row * dot, dot, dot, INK);
-                }
-            }
+    /// The picture with squares of `factor` pixels made one each, their mean.
+    pub fn shrunk(&self, factor: usize) -> Picture {
+        let (width, height) = (self.width / factor, self.height / factor);
+        let mean = |at: usize| {
+            let (column, row, channel) = (at / 3 % width, at / 3 / width, at % 3);
+            let rows = (row * factor..(row + 1) * factor).map(|y| y * self.width + column * factor);
+            let sum: usize = rows
+                .flat_map(|from| from..from + factor)
+                .map(|p| usize::from(self.rgb[3 * p + channel]))
+                .sum();
+            ((sum + factor * factor / 2) / (factor * factor)) as u8
+        };
+        Picture { width, height, rgb: (0..3 * width * height).map(mean).collect() }
+    }
+
+    /// Writes a line of text from `[x, y]` on, `y` its base line.
+    pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {
+        text::write(self, words, [x as f32, y as f32], EM, INK);
+    }
+
+    /// A colour bar from the row `top` to the row `bottom`, with labels at even steps beside it from its top on. Its
+    /// colours are those of the shares from `first` at its top to `1 - first` at its bottom.
+    pub fn colour_bar(
+        &mut self,
+        x: usize,
+        [top, bottom]: [usize; 2],
+        first: f64,
+        labels: &[String],
+        ink: [u8; 3],
+    ) {
+        self.fill(x - 1, top - 1, BAR + 2, bottom - top + 2, ink);
+        for row in top..bottom {
+            let down = (row - top) as f64 / (bottom - top - 1).max(1) as f64;
+            self.fill(x, row, BAR, 1, colour(first + (1.0 - 2.0 * first) * down));
         }
+        let steps = (labels.len() - 1).max(1);
+        for (at, label) in labels.iter().enumerate() {
+            let base = top + CAPITAL + (bottom - top - CAPITAL) * at / steps;
+            text::write(self, label, [(x + BAR + BESIDE) as f32, base as f32], EM, ink);
+        }
+    }
+
+    /// How many pixels a colour bar and its labels are wide.
+    pub fn bar_width(labels: &[String]) -> usize {
+        BAR + BESIDE + labels.iter().map(|l| text_width(l)).max().unwrap_or(0)
     }
 }
 
-/// A glyph of 5 x 7 dots, one number per row.
-fn glyph(character: char) -> [u8; 7] {
-    match character {
-        '0' => [0b01110, 0b10001, 0b10011, 0b10101, 0b11001, 0b10001, 0b01110],
-        '1' => [0b00100, 0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110],
-        '2' => [0b01110, 0b10001, 0b00001, 0b00010, 0b00100, 0b01000, 0b11111],
-        '3' => [0b11111, 0b00010, 0b00100, 0b00010, 0b00001, 0b10001, 0b01110],
-        '4' => [0b00010, 0b00110, 0b01010, 0b10010, 0b11111, 0b00010, 0b00010],
-        '5' => [0b11111, 0b10000, 0b11110, 0b00001, 0b00001, 0b10001, 0b01110],
-        '6' => [0b00110, 0b01000, 0b10000, 0b11110, 0b10001, 0b10001, 0b01110],
-        '7' => [0b11111, 0b00001, 0b00010, 0b00100, 0b01000, 0b01000, 0b01000],
-        '8' => [0b01110, 0b10001, 0b10001, 0b01110, 0b10001, 0b10001, 0b01110],
-        '9' => [0b01110, 0b10001, 0b10001, 0b01111, 0b00001, 0b00010, 0b01100],
-        '.' => [0, 0, 0, 0, 0, 0b01100, 0b01100],
-        '-' => [0, 0, 0, 0b11111, 0, 0, 0],
-        'm' => [0, 0, 0b11010, 0b10101, 0b10101, 0b10101, 0b10101],
-        _ => [0; 7],
-    }
+/// How many pixels a line of [`Picture::text`] is long.
+pub fn text_width(words: &str) -> usize {
+    text::width(words, EM).ceil() as usize
 }

@@ -65,21 +65,12 @@ pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
 /// The picture with a colour bar at its right: far at the top, near at the bottom.
 fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
     const MARGIN: usize = 12;
-    const BAR: usize = 18;
-    const DOT: usize = 2;
-    let height = map.height.max(SIDE / 4);
     let Some((near, far)) = range else { return map.clone() };
-    let labels = [format!("{far:.3} m"), format!("{near:.3} m")];
-    let text = labels.iter().map(String::len).max().unwrap_or(0) * 6 * DOT;
-    let mut picture = Picture::new(map.width + 3 * MARGIN + BAR + text, height);
+    let labels = [far, near].map(|depth| format!("{depth:.3} m"));
+    let height = map.height.max(SIDE / 4);
+    let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);
     picture.paste(map, 0, 0);
-    let (x, top, bottom) = (map.width + MARGIN, MARGIN, height - MARGIN);
-    picture.fill(x - 1, top - 1, BAR + 2, bottom - top + 2, INK);
-    for y in top..bottom {
-        picture.fill(x, y, BAR, 1, colour((bottom - 1 - y) as f64 / (bottom - top - 1) as f64));
-    }
-    picture.text(&labels[0], x + BAR + MARGIN, top, DOT);
-    picture.text(&labels[1], x + BAR + MARGIN, bottom - 7 * DOT, DOT);
+    picture.colour_bar(map.width + MARGIN, [MARGIN, height - MARGIN], 1.0, &labels, INK);
     picture
 }
 

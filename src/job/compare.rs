@@ -8,7 +8,7 @@ use super::solving::{self, Solved};
 use super::{Loaded, Request, account, places};
 use crate::export::comparison::{self, MethodReport, Reached};
 use crate::export::report::TraceEntry;
-use crate::export::{self, curves, staging};
+use crate::export::{self, curves, figure, staging};
 use crate::gpu::Gpu;
 use crate::maps::Truth;
 use crate::measure::{Metrics, Reach, median, reach};
@@ -106,10 +106,10 @@ pub fn compare(
         export::report::write(&folder.join("report.json"), &report)?;
         files.push(folder.clone());
     }
-    let drawing = curves::error_vs_time(&report);
+    let figure = curves::ErrorVsTime(&report);
     let [png, svg, page] = ["error_vs_time.png", "error_vs_time.svg", "compare.md"].map(|n| what.out.join(n));
-    export::png::write(&png, &drawing.picture())?;
-    export::atomic::write(&svg, drawing.svg().as_bytes())?;
+    export::png::write(&png, &figure::picture(&figure)?)?;
+    export::atomic::write(&svg, figure::svg(&figure)?.as_bytes())?;
     comparison::write_markdown(&page, &report)?;
     comparison::write_json(&json, &report)?;
     files.extend([png, svg, page, json]);

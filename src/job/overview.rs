@@ -3,17 +3,15 @@
 use std::path::Path;
 
 use crate::Result;
-use crate::export::picture::{BACKGROUND, Picture, colour};
+use crate::export::picture::{BACKGROUND, CAPITAL, INK, Picture, colour};
 use crate::export::png;
 use crate::maps::{Maps, Truth, percentile};
 
 const GAP: usize = 16;
-const DOT: usize = 2;
 /// Height of a line of text above a panel.
-const LINE: usize = 7 * DOT + GAP / 2;
+const LINE: usize = 20;
 /// Side of a panel.
 const PANEL: usize = 288;
-const BAR: usize = 14;
 
 /// Writes albedo, normals, true normals, depth and true depth side by side, the depths in one scale with a
 /// colour bar.
@@ -41,23 +39,17 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
         ("true depth", depth(&real)),
     ];
 
-    let labels = [format!("{far:.2} m"), format!("{near:.2} m")];
-    let text = labels.iter().map(|l| l.len()).max().unwrap_or(0) * 6 * DOT;
-    let width = panels.len() * (PANEL + GAP) + GAP + BAR + GAP / 2 + text + GAP;
-    let mut picture = Picture::new(width, GAP + LINE + PANEL + GAP);
+    let labels = [far, near].map(|depth| format!("{depth:.2} m"));
+    let bar = GAP + panels.len() * (PANEL + GAP);
+    let mut picture = Picture::new(bar + Picture::bar_width(&labels) + GAP, GAP + LINE + PANEL + GAP);
     let top = GAP + LINE;
     for (i, (label, panel)) in panels.iter().enumerate() {
         let x = GAP + i * (PANEL + GAP);
-        picture.text_by(letter, label, x, GAP, DOT);
+        picture.text(label, [x, GAP + CAPITAL]);
         picture.fill(x - 1, top - 1, PANEL + 2, PANEL + 2, [70, 70, 78]);
         picture.paste(panel, x, top);
     }
-    let x = GAP + panels.len() * (PANEL + GAP);
-    for y in 0..PANEL {
-        picture.fill(x, top + y, BAR, 1, colour(1.0 - y as f64 / (PANEL - 1) as f64));
-    }
-    picture.text(&labels[0], x + BAR + GAP / 2, top, DOT);
-    picture.text(&labels[1], x + BAR + GAP / 2, top + PANEL - 7 * DOT, DOT);
+    picture.colour_bar(bar, [top, top + PANEL], 1.0, &labels, INK);
     png::write(path, &picture)
 }
 
@@ -101,25 +93,5 @@ fn as_maps(truth: &Truth) -> Maps {
         normal: truth.normal.clone(),
         mask: truth.mask.clone(),
         mask_fraction: Maps::MASK_FRACTION,
-    }
-}
-
-/// The letters of the labels, of 5 x 7 dots, one number per row; [`Picture::text`] has figures only.
-fn letter(character: char) -> [u8; 7] {
-    match character {
-        'a' => [0, 0, 0b01110, 0b00001, 0b01111, 0b10001, 0b01111],
-        'b' => [0b10000, 0b10000, 0b10110, 0b11001, 0b10001, 0b10001, 0b11110],
-        'd' => [0b00001, 0b00001, 0b01101, 0b10011, 0b10001, 0b10001, 0b01111],
-        'e' => [0, 0, 0b01110, 0b10001, 0b11111, 0b10000, 0b01110],
-        'h' => [0b10000, 0b10000, 0b10110, 0b11001, 0b10001, 0b10001, 0b10001],
-        'l' => [0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110],
-        'm' => [0, 0, 0b11010, 0b10101, 0b10101, 0b10001, 0b10001],
-        'n' => [0, 0, 0b10110, 0b11001, 0b10001, 0b10001, 0b10001],
-        'o' => [0, 0, 0b01110, 0b10001, 0b10001, 0b10001, 0b01110],
-        'p' => [0, 0, 0b11110, 0b10001, 0b11110, 0b10000, 0b10000],
-        'r' => [0, 0, 0b10110, 0b11001, 0b10000, 0b10000, 0b10000],
-        't' => [0b01000, 0b01000, 0b11100, 0b01000, 0b01000, 0b01001, 0b00110],
-        'u' => [0, 0, 0b10001, 0b10001, 0b10001, 0b10011, 0b01101],
-        _ => [0; 7],
     }
 }

@@ -75,7 +75,10 @@ fn two_settings_side_by_side() {
     let page = std::fs::read_to_string(out.join("compare.md")).unwrap();
     assert!(page.contains("| paper | 30 |") && page.contains("ran 2 times"), "{page}");
     let svg = std::fs::read_to_string(out.join("error_vs_time.svg")).unwrap();
-    assert!(svg.contains(">paper: 30 iterations") && svg.contains(">slow &amp; &lt;fixed&gt;: 30"), "{svg}");
+    assert!(
+        svg.contains(">\npaper: 30 iterations") && svg.contains(">\nslow &amp; &lt;fixed&gt;: 30"),
+        "{svg}"
+    );
     let decoder = png::Decoder::new(std::io::BufReader::new(
         std::fs::File::open(out.join("error_vs_time.png")).unwrap(),
     ));
