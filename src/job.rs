@@ -25,8 +25,8 @@ use std::time::Instant;
 
 use crate::Result;
 use crate::capture::{self, Capture, Gate, PairKind, Summary, auto_gate, published_gate};
-use crate::export::staging::Staging;
 use crate::export::{self, report};
+use crate::files::staging::Staging;
 use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
 use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};

@@ -31,6 +31,7 @@
 pub mod capture;
 pub mod error;
 pub mod export;
+pub mod files;
 pub mod gpu;
 pub mod job;
 pub mod maps;

@@ -6,8 +6,8 @@
 
 use std::path::Path;
 
-use super::formats::archive::Npz;
 use crate::error::{Error, Result};
+use crate::files::archive::Npz;
 
 /// Samples of a pulse over path length, of any common scale.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::atomic;
 use super::report::{Device, TraceEntry};
 use crate::capture::Summary;
 use crate::error::{Error, Result};
+use crate::files::atomic;
 use crate::measure::{Metrics, Reach};
 
 /// All of a comparison. The first method is what the others are held against.

@@ -14,8 +14,9 @@ use exr::prelude::{
     Text, Vec2, WritableImage,
 };
 
-use super::{atomic, picture};
+use super::picture;
 use crate::error::{Error, Result};
+use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Writes the maps.

@@ -18,8 +18,8 @@ use std::path::Path;
 use glam::{DVec3, dvec3};
 
 use self::poisson::Sample;
-use super::atomic;
 use crate::error::Result;
+use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Vertices farther aside than so many pixels from every point are cut off; the middle of four is 0.71 from each.

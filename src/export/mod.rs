@@ -1,7 +1,6 @@
 //! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Every file appears whole or not at all, and equal
 //! results give equal bytes.
 
-pub mod atomic;
 mod axis;
 pub mod calibration;
 pub mod comparison;
@@ -17,7 +16,6 @@ pub mod plot;
 pub mod ply;
 pub mod png;
 pub mod report;
-pub mod staging;
 mod text;
 pub mod volume;
 

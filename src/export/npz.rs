@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::atomic;
-use crate::capture::formats::archive::{Npz, npz_bytes};
-use crate::capture::formats::array::Array;
 use crate::error::{Error, Result};
+use crate::files::archive::{Npz, npz_bytes};
+use crate::files::array::Array;
+use crate::files::atomic;
 use crate::maps::{Maps, Truth};
 
 const MAPS: &str = "albedo, depth, normal, mask and extent, as reconstruct writes them";

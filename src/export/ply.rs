@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::atomic;
 use crate::error::Result;
+use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Writes one point per masked pixel with a depth, in the capture's frame in metres, little-endian:

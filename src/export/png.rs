@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use super::atomic;
 use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement};
 use crate::error::{Error, Result};
+use crate::files::atomic;
 use crate::maps::{Maps, percentile};
 
 /// Writes the albedo in grey, linear, white at its 99.9th percentile.

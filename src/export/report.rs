@@ -5,9 +5,9 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::atomic;
 use crate::capture::Summary;
 use crate::error::{Error, Result};
+use crate::files::atomic;
 use crate::measure::Metrics;
 
 /// The whole report.

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use rust_hdf5::{H5File, Hdf5Error};
 
-use super::atomic;
-use crate::capture::formats::archive::{Npz, npz_bytes};
-use crate::capture::formats::array::Array;
 use crate::error::{Error, Result};
+use crate::files::archive::{Npz, npz_bytes};
+use crate::files::array::Array;
+use crate::files::atomic;
 
 /// Albedo and normals on a regular grid of voxels.
 #[derive(Debug, Clone, PartialEq)]

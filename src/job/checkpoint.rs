@@ -12,7 +12,7 @@ use flate2::{Compression, Crc, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 
 use super::pulse::FoundPulse;
-use crate::export::atomic::{self, cannot};
+use crate::files::atomic::{self, cannot};
 use crate::maps::Maps;
 use crate::measure::Metrics;
 use crate::solve::{Checkpoint, Identity, TracePoint};

@@ -8,7 +8,8 @@ use super::solving::{self, Solved};
 use super::{Loaded, Request, account, places};
 use crate::export::comparison::{self, MethodReport, Reached};
 use crate::export::report::TraceEntry;
-use crate::export::{self, curves, figure, staging};
+use crate::export::{self, curves, figure};
+use crate::files::{atomic, staging};
 use crate::gpu::Gpu;
 use crate::maps::Truth;
 use crate::measure::{Metrics, Reach, median, reach};
@@ -109,7 +110,7 @@ pub fn compare(
     let figure = curves::ErrorVsTime(&report);
     let [png, svg, page] = ["error_vs_time.png", "error_vs_time.svg", "compare.md"].map(|n| what.out.join(n));
     export::png::write(&png, &figure::picture(&figure)?)?;
-    export::atomic::write(&svg, figure::svg(&figure)?.as_bytes())?;
+    atomic::write(&svg, figure::svg(&figure)?.as_bytes())?;
     comparison::write_markdown(&page, &report)?;
     comparison::write_json(&json, &report)?;
     files.extend([png, svg, page, json]);

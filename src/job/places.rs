@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use crate::export::atomic::cannot;
-use crate::export::staging;
+use crate::files::atomic::cannot;
+use crate::files::staging;
 use crate::{Error, Result};
 
 /// What a run writes into its folder.

@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 
 use super::account::{plain, settings};
 use super::{Loaded, Request, places, solving};
-use crate::export::{self, atomic, report};
+use crate::export::{self, report};
+use crate::files::atomic;
 use crate::gpu::{Gpu, HostSpan, Recording};
 use crate::solve::Progress;
 use crate::{Error, Result};

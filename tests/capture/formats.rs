@@ -4,9 +4,9 @@ use std::io::{Cursor, Write};
 
 use fixtures::captures::{as_written, assert_error, capture, place, ramp};
 use glam::DVec3;
-use thirdbounce::capture::formats::archive::npz_bytes;
-use thirdbounce::capture::formats::array::{Array, Element};
 use thirdbounce::capture::{Capture, formats, read, write};
+use thirdbounce::files::archive::npz_bytes;
+use thirdbounce::files::array::{Array, Element};
 use thirdbounce::{Kind, Result};
 
 fn round_trip(capture: &Capture, name: &str) -> Capture {

@@ -3,9 +3,9 @@
 use fixtures::captures::{as_written, assert_error, capture, place};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::formats::archive::npz_bytes;
-use thirdbounce::capture::formats::array::Array;
 use thirdbounce::capture::{Capture, PairKind, read, read_with_notes, write};
+use thirdbounce::files::archive::npz_bytes;
+use thirdbounce::files::array::Array;
 
 /// A confocal capture of the given points, as a list.
 fn list(points: Vec<DVec3>) -> Capture {
@@ -196,7 +196,7 @@ fn exhaustive_captures_come_back_as_they_were() {
     // Stored compactly: each point once.
     let (_folder, path) = place("made.npz");
     write(&c, &path).unwrap();
-    let mut npz = thirdbounce::capture::formats::archive::Npz::open(&path).unwrap();
+    let mut npz = thirdbounce::files::archive::Npz::open(&path).unwrap();
     let mut shape = |name: &str| npz.get(name).unwrap().unwrap().shape.clone();
     assert_eq!(shape("H"), [3, 2, 3, 3, 4]);
     assert_eq!((shape("laser_xyz"), shape("sensor_normal")), (vec![2, 3, 3], vec![3, 4, 3]));

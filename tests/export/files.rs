@@ -5,7 +5,8 @@ use std::path::Path;
 use fixtures::captures::{assert_error, place, ramp};
 use thirdbounce::Kind;
 use thirdbounce::export::volume::Volume;
-use thirdbounce::export::{self, atomic, npz, picture, ply, png as pictures, report, volume};
+use thirdbounce::export::{self, npz, picture, ply, png as pictures, report, volume};
+use thirdbounce::files::atomic;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::Metrics;
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use thirdbounce::export::atomic::{DiskFault, inject};
+use thirdbounce::files::atomic::{DiskFault, inject};
 use thirdbounce::job::profile::{self, ProfileRequest};
 use thirdbounce::job::{self, Comparison, Method, Request, Simulation};
 use thirdbounce::simulate::{RenderOptions, Scene};

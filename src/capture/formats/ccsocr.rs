@@ -71,7 +71,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         && pairs % row == 0
         && laser.chunks(row).all(|r| r.iter().zip(&laser).all(|(p, first)| p.y == first.y && p.x == r[0].x));
     let scan = if lattice { [pairs / row, row] } else { [pairs, 1] };
-    let histograms = super::array::transpose(&counts.values, bins, pairs);
+    let histograms = crate::files::array::transpose(&counts.values, bins, pairs);
     let capture =
         Capture { integer_counts, ..Capture::new(scan, laser, sensor, bins, bin_width, histograms) };
     Ok(if lattice { frame::in_order(capture) } else { capture })

@@ -8,11 +8,11 @@
 
 use glam::DVec3;
 
-use super::array::transpose;
 use super::frame;
 use super::variables::Variables;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
+use crate::files::array::transpose;
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///

@@ -1,8 +1,6 @@
 //! Capture files, one module per format. Which one a file is in is decided by its contents, not its name; some
 //! formats are several files in a folder.
 
-pub mod archive;
-pub mod array;
 pub mod ccsocr;
 pub mod dirac;
 mod exhaustive;

@@ -15,12 +15,12 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::archive::{Npz, npz_bytes};
-use super::array::{Array, transpose};
 use super::{compact, exhaustive, largest_count, per_pair, triples, unit};
 use crate::capture::{Capture, Pulse};
 use crate::error::{Error, Result};
-use crate::export::atomic;
+use crate::files::archive::{Npz, npz_bytes};
+use crate::files::array::{Array, transpose};
+use crate::files::atomic;
 
 const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse; other arrays are ignored";
 

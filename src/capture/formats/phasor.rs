@@ -13,13 +13,13 @@
 
 use glam::DVec3;
 
-use super::array::transpose;
 use super::frame::{Axes, Run};
 use super::variables::Variables;
 use super::{frame, legs, per_pair, unit};
 use crate::capture::Capture;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
+use crate::files::array::transpose;
 
 /// Rows from the top, columns from the right.
 const AXES: Axes = Axes { d1: Run::Down, d2: Run::Left };

@@ -18,7 +18,7 @@ use super::set::Set;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::{Capture, PairKind};
 use crate::error::{Error, Result};
-use crate::export::atomic;
+use crate::files::atomic;
 
 const PICOSECONDS: f64 = 32.0;
 const WALL: f64 = 2.0;

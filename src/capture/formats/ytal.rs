@@ -20,12 +20,12 @@ use glam::DVec3;
 use rust_hdf5::types::HBool;
 use rust_hdf5::{H5File, Hdf5Error};
 
-use super::array::transpose;
 use super::variables::Variables;
 use super::{compact, exhaustive, largest_count, legs, per_pair, triples, unit};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
-use crate::export::atomic;
+use crate::files::array::transpose;
+use crate::files::atomic;
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
