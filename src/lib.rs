@@ -34,6 +34,8 @@ pub mod export;
 pub mod files;
 pub mod gpu;
 pub mod job;
+#[cfg(test)]
+mod layers;
 pub mod maps;
 pub mod measure;
 pub mod simulate;

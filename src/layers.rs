@@ -1,0 +1,232 @@
+//! Holds the modules in layers: none may use one that, by whatever way, uses it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A module's place in the crate: `solve::plan::buffers` as its parts.
+type Module = Vec<String>;
+
+/// Uses of modules: from, to, and where in the source.
+type Uses = BTreeMap<(String, String), String>;
+
+struct Source {
+    module: Module,
+    file: PathBuf,
+    /// Without comments and unit tests.
+    text: String,
+}
+
+fn sources(folder: &Path, into: &mut Vec<Source>, root: &Path) {
+    for entry in fs::read_dir(folder).expect("the source is there") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            sources(&path, into, root);
+            continue;
+        }
+        let inside = path.strip_prefix(root).expect("below the root").with_extension("");
+        let mut module: Module = inside.iter().map(|p| p.to_string_lossy().into_owned()).collect();
+        if ["mod", "lib", "main"].contains(&module.last().map_or("", String::as_str)) {
+            module.pop();
+        }
+        if path.extension().is_none_or(|e| e != "rs")
+            || path.ends_with("tests.rs")
+            || path.ends_with("layers.rs")
+        {
+            continue;
+        }
+        let text = fs::read_to_string(&path).expect("text");
+        let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+        let code: Vec<&str> = text.lines().map(|l| l.split("//").next().unwrap_or_default()).collect();
+        into.push(Source { module, file: inside, text: code.join("\n") });
+    }
+}
+
+fn all() -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut all = Vec::new();
+    sources(&root, &mut all, &root);
+    assert!(all.len() > 100, "the source was not found");
+    all
+}
+
+/// The paths of a text from `at` on, a group `{a, b::c}` as one path each; and where they end.
+fn paths(text: &str, mut at: usize, before: &Module, into: &mut Vec<Module>) -> usize {
+    let mut path = before.clone();
+    loop {
+        let rest = &text[at..];
+        let word = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+        if word > 0 {
+            path.push(rest[..word].into());
+            at += word;
+        } else if rest.starts_with('{') {
+            at += 1;
+            while !text[at..].starts_with('}') {
+                at = paths(text, at, &path, into);
+                at += text[at..].find(|c: char| !c.is_whitespace() && c != ',').unwrap_or(text.len() - at);
+                if text[at..].starts_with("as ") {
+                    at += text[at..].find([',', '}']).unwrap_or(text.len() - at);
+                    at +=
+                        text[at..].find(|c: char| !c.is_whitespace() && c != ',').unwrap_or(text.len() - at);
+                }
+            }
+            return at + 1;
+        } else if rest.starts_with('*') {
+            path.push("*".into());
+            at += 1;
+        }
+        if !text[at..].starts_with("::") {
+            into.push(path);
+            return at;
+        }
+        at += 2;
+    }
+}
+
+/// Every path of a source that begins at the crate, the module or the one above, from the crate's root on.
+fn used(source: &Source) -> Vec<Module> {
+    let mut found = Vec::new();
+    for start in ["crate", "super", "self", "thirdbounce"] {
+        for (at, _) in source.text.match_indices(&format!("{start}::")) {
+            let before = source.text[..at].chars().next_back().unwrap_or(' ');
+            if !before.is_alphanumeric() && before != '_' && before != ':' && before != '$' {
+                paths(&source.text, at, &vec![], &mut found);
+            }
+        }
+    }
+    let absolute = |path: Module| {
+        let mut base = source.module.clone();
+        let mut rest = path.into_iter().peekable();
+        while let Some(part) =
+            rest.next_if(|p| ["crate", "super", "self", "thirdbounce"].contains(&p.as_str()))
+        {
+            match part.as_str() {
+                "super" => drop(base.pop()),
+                "self" => {}
+                _ => base.clear(),
+            }
+        }
+        base.extend(rest);
+        base
+    };
+    found.into_iter().map(absolute).collect()
+}
+
+/// What a module passes on under its own name: `pub use plan::Plan` in `solve` makes `solve::Plan` one of `plan`.
+fn passed_on(all: &[Source], parent: &[String]) -> BTreeMap<String, String> {
+    let mut names = BTreeMap::new();
+    for source in all.iter().filter(|s| s.module == parent) {
+        for (at, _) in source.text.match_indices("use ") {
+            let mut found = Vec::new();
+            paths(&source.text, at + 4, &vec![], &mut found);
+            for path in found.into_iter().filter(|p| p.len() > 1) {
+                let first = usize::from(path[0] == "self");
+                names.insert(path[path.len() - 1].clone(), path[first].clone());
+            }
+        }
+    }
+    names
+}
+
+/// Who uses whom among the modules right below `parent`.
+fn uses(all: &[Source], parent: &[String]) -> Uses {
+    let depth = parent.len();
+    let children: BTreeSet<String> = all
+        .iter()
+        .filter(|s| s.module.len() > depth && s.module.starts_with(parent))
+        .map(|s| s.module[depth].clone())
+        .collect();
+    let passed_on = passed_on(all, parent);
+    let mut uses = Uses::new();
+    for source in all.iter().filter(|s| s.module.len() > depth && s.module.starts_with(parent)) {
+        let from = &source.module[depth];
+        for path in used(source).into_iter().filter(|p| p.len() > depth && p.starts_with(parent)) {
+            let name = passed_on.get(&path[depth]).filter(|_| !children.contains(&path[depth]));
+            let to = name.unwrap_or(&path[depth]);
+            if children.contains(to) && to != from {
+                let place = format!("{}: {}", source.file.display(), path.join("::"));
+                uses.entry((from.clone(), to.clone())).or_insert(place);
+            }
+        }
+    }
+    uses
+}
+
+/// Pairs of modules that use each other, by whatever way.
+fn circles(uses: &Uses) -> Vec<String> {
+    let mut reach: BTreeSet<(String, String)> = uses.keys().cloned().collect();
+    loop {
+        let further: Vec<_> = reach
+            .iter()
+            .flat_map(|(a, b)| {
+                uses.keys().filter(move |(c, _)| c == b).map(move |(_, d)| (a.clone(), d.clone()))
+            })
+            .filter(|step| !reach.contains(step))
+            .collect();
+        if further.is_empty() {
+            break;
+        }
+        reach.extend(further);
+    }
+    let back = |(a, b): &(String, String)| reach.contains(&(b.clone(), a.clone()));
+    uses.iter()
+        .filter(|(step, _)| back(step))
+        .map(|((a, b), place)| format!("{a} -> {b}  ({place})"))
+        .collect()
+}
+
+#[test]
+fn no_module_uses_one_that_uses_it() {
+    let found = circles(&uses(&all(), &[]));
+    assert!(found.is_empty(), "modules that use each other:\n{}", found.join("\n"));
+}
+
+/// Uses among the parts of `solve` that still go round. The list may only become shorter.
+const OPEN: [&str; 14] = [
+    "checkpoint -> drive",
+    "checkpoint -> on_device",
+    "drive -> checkpoint",
+    "drive -> on_device",
+    "on_device -> result",
+    "pass -> plan",
+    "passes -> pass",
+    "passes -> plan",
+    "plan -> pass",
+    "plan -> passes",
+    "result -> drive",
+    "result -> on_device",
+    "surface -> vector",
+    "vector -> surface",
+];
+
+#[test]
+fn no_part_of_solve_uses_one_that_uses_it() {
+    let found = circles(&uses(&all(), &["solve".into()]));
+    let steps: Vec<&str> = found.iter().filter_map(|f| f.split("  (").next()).collect();
+    let mended: Vec<_> = OPEN.iter().filter(|open| !steps.contains(open)).collect();
+    assert!(mended.is_empty(), "mended, to be taken off the list: {mended:?}");
+    assert_eq!(steps, OPEN, "parts of solve that use each other:\n{}", found.join("\n"));
+}
+
+#[test]
+fn uses_are_seen_however_they_are_written() {
+    let source = |module: &[&str], text: &str| Source {
+        module: module.iter().map(|m| m.to_string()).collect(),
+        file: module.join("/").into(),
+        text: text.into(),
+    };
+    let all = [
+        source(&["solve"], "mod plan;\npub use plan::{Plan, Level as Step};\npub use self::drive::run;"),
+        source(&["solve", "plan"], "use super::run;"),
+        source(&["solve", "drive", "clock"], "fn f(p: &crate::solve::Plan) {}"),
+        source(&["gpu"], "use crate::{Error, solve::{plan::Plan, drive}};"),
+        source(&["error"], "fn f() { supercrate::gpu::x(); super::gpu::x() }"),
+    ];
+    let steps = |parent: &[String]| {
+        uses(&all, parent).into_keys().map(|(a, b)| format!("{a} {b}")).collect::<Vec<_>>()
+    };
+    assert_eq!(steps(&[]), ["error gpu", "gpu solve"]);
+    assert_eq!(steps(&["solve".into()]), ["drive plan", "plan drive"]);
+    assert_eq!(circles(&uses(&all, &[])), Vec::<String>::new());
+    assert_eq!(circles(&uses(&all, &["solve".into()])).len(), 2);
+}
