@@ -5,6 +5,9 @@
 //! [`maps`] that are [`measure`]d and [`export`]ed. [`simulate`] makes captures of known scenes; [`job`] is the
 //! whole way from file to files, as the command line goes it.
 //!
+//! Feature `formats` reads and writes files: without it there is no [`export`], no [`job`] and no reading of captures.
+//! Feature `cli` adds the command.
+//!
 //! ```no_run
 //! use std::ops::ControlFlow;
 //! use std::path::Path;
@@ -30,9 +33,12 @@
 
 pub mod capture;
 pub mod error;
+#[cfg(feature = "formats")]
 pub mod export;
+#[cfg(feature = "formats")]
 pub mod files;
 pub mod gpu;
+#[cfg(feature = "formats")]
 pub mod job;
 #[cfg(test)]
 mod layers;

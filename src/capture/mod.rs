@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod check;
 mod choose;
 mod doubts;
+#[cfg(feature = "formats")]
 pub mod formats;
 pub mod gate;
 mod lattice;
@@ -20,6 +21,7 @@ mod sum;
 pub mod summary;
 mod turn;
 
+#[cfg(feature = "formats")]
 pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use pairs::{PairKind, Product};

@@ -4,10 +4,7 @@
 //! model of light transport; unknown, it is taken for shape of the scene. Time zero of a pulse is where a calibration puts
 //! the path: of a Gaussian its middle.
 
-use std::path::Path;
-
 use crate::error::{Error, Result};
-use crate::files::archive::Npz;
 
 /// Samples of a pulse over path length, of any common scale.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,36 +74,6 @@ impl Pulse {
         let at = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - WIDTHS as f64 / 2.0;
         let samples = (0..count).map(|i| (-4.0 * std::f64::consts::LN_2 * at(i).powi(2)).exp()).collect();
         Ok(Pulse { samples, width: fwhm / SAMPLES as f64, start: -0.5 * WIDTHS as f64 * fwhm })
-    }
-
-    /// Reads `pulse` [n], `pulse_delta_t` (width of a sample) and `pulse_t_start` (leading edge of the first, 0 if missing),
-    /// metres of path, of an npz; none if it has no `pulse`.
-    ///
-    /// # Errors
-    /// `Kind::Input` for damaged arrays, and for values that are no pulse.
-    pub(super) fn read_from(npz: &mut Npz) -> Result<Option<Pulse>> {
-        let Some(samples) = npz.get("pulse")? else { return Ok(None) };
-        let Some(width) = npz.scalar("pulse_delta_t")? else {
-            return Err(Error::input(
-                "there is a pulse, but no pulse_delta_t",
-                "store the width of its samples in metres of path as pulse_delta_t",
-            ));
-        };
-        let start = npz.scalar("pulse_t_start")?.unwrap_or(0.0);
-        let pulse = Pulse { samples: samples.to_f64(), width, start };
-        pulse.check()?;
-        Ok(Some(pulse))
-    }
-
-    /// Reads a pulse from an npz of its own, or from a capture that has one.
-    ///
-    /// # Errors
-    /// As [`Pulse::read_from`], and if there is none; with the path.
-    pub fn read(path: &Path) -> Result<Pulse> {
-        let found = Npz::open(path).and_then(|mut npz| Pulse::read_from(&mut npz));
-        let wanted = "store pulse [n], pulse_delta_t and pulse_t_start, in metres of path";
-        let pulse = found.and_then(|p| p.ok_or_else(|| Error::input("holds no array pulse", wanted)));
-        pulse.map_err(|e| e.at(path.display()))
     }
 
     /// # Errors

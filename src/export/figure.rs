@@ -57,7 +57,7 @@ pub trait Figure {
     /// Width and height in pixels.
     fn size(&self) -> [u32; 2];
 
-    /// Draws it on a white area of [`Figure::size`] times [`FINE`].
+    /// Draws it on a white area of three times [`Figure::size`]: coordinates are whole numbers.
     fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B>;
 }
 

@@ -1,9 +1,8 @@
 //! The scenes that can be named.
 
-use super::{Mesh, Object, Placement, Scene, figure, letter, load_mesh, mesh_file, rectangle, sphere, torus};
+use super::{Mesh, Object, Scene, figure, letter, rectangle, sphere, torus};
 use crate::{Error, Result};
 use glam::{DVec3, dvec3};
-use std::path::Path;
 
 /// Name and description of each built-in scene.
 pub const KNOWN: &[(&str, &str)] = &[
@@ -22,8 +21,9 @@ pub const KNOWN: &[(&str, &str)] = &[
 
 pub fn named(spec: &str) -> Result<Scene> {
     let name = spec.trim();
-    if mesh_file::is_mesh_path(Path::new(name)) {
-        return from_file(Path::new(name));
+    #[cfg(feature = "formats")]
+    if let Some(mesh) = super::mesh_file::scene(std::path::Path::new(name)) {
+        return mesh.map(|(stem, mesh)| Scene::new(stem, objects(vec![mesh])));
     }
     let lower = name.to_ascii_lowercase();
     let after = |stem: &str| lower.strip_prefix(stem).and_then(|rest| rest.strip_prefix(['-', ':']));
@@ -62,18 +62,6 @@ fn letters(text: &str) -> Result<Vec<Mesh>> {
     let (height, pitch) = [(0.6, 0.0), (0.45, 0.46), (0.34, 0.33)][count - 1];
     let place = |i: usize| dvec3((i as f64 - 0.5 * (count - 1) as f64) * pitch, 0.0, 0.6 + 0.15 * i as f64);
     text.chars().enumerate().map(|(i, name)| letter(name, place(i), height)).collect()
-}
-
-fn from_file(path: &Path) -> Result<Scene> {
-    let placement = Placement {
-        fit: Some(0.6),
-        rotate: [0.0, 180.0, 0.0],
-        translate: dvec3(0.0, 0.0, 0.8),
-        ..Placement::default()
-    };
-    let mesh = load_mesh(path)?.placed(&placement)?;
-    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    Ok(Scene::new(stem, objects(vec![mesh])))
 }
 
 fn unknown(spec: &str) -> Error {

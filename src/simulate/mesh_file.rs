@@ -1,8 +1,8 @@
 //! Meshes from OBJ and PLY files.
 
-use super::Mesh;
+use super::{Mesh, Placement};
 use crate::{Error, Result};
-use glam::DVec3;
+use glam::{DVec3, dvec3};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::{collections::HashMap, fs::File, io::BufReader, path::Path};
@@ -33,9 +33,20 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     soup.and_then(build).map_err(|e| e.at(path.display()))
 }
 
-/// Whether the path ends like a mesh file.
-pub(super) fn is_mesh_path(path: &Path) -> bool {
-    matches!(extension(path).as_str(), "obj" | "ply")
+/// If the path ends like a mesh file, the file's stem and its mesh as a scene's object: 0.6 m large, 0.8 m before the
+/// wall and facing it.
+pub(super) fn scene(path: &Path) -> Option<Result<(String, Mesh)>> {
+    if !matches!(extension(path).as_str(), "obj" | "ply") {
+        return None;
+    }
+    let placement = Placement {
+        fit: Some(0.6),
+        rotate: [0.0, 180.0, 0.0],
+        translate: dvec3(0.0, 0.0, 0.8),
+        ..Placement::default()
+    };
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    Some(load_mesh(path).and_then(|mesh| mesh.placed(&placement)).map(|mesh| (stem, mesh)))
 }
 
 fn extension(path: &Path) -> String {

@@ -22,6 +22,7 @@ mod elements;
 mod figure;
 mod letters;
 mod mesh;
+#[cfg(feature = "formats")]
 mod mesh_file;
 mod noise;
 mod pairs;
@@ -36,6 +37,7 @@ pub use crate::transport::Reflectance;
 pub use figure::figure;
 pub use letters::letter;
 pub use mesh::{Mesh, Placement};
+#[cfg(feature = "formats")]
 pub use mesh_file::load_mesh;
 pub use noise::{Dark, photon_noise};
 pub use pairs::{Layout, Pairs};

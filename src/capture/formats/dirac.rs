@@ -1,6 +1,6 @@
 //! NLOS-Dirac HDF5, which y-tal reads and calls deprecated: a confocal scan of a flat wall.
 //!
-//! `data_t` [T, X, Y]; `xg`, `yg` [X, Y] wall points in metres; `da` [T] paths in metres, of which the step counts;
+//! `data_t` [T, X, Y]; `xg`, `yg` [X, Y] wall points in metres; `da` \[T\] paths in metres, of which the step counts;
 //! `offset_laser`: not 0 if the legs from laser to wall and back were taken off. No publication of the format was
 //! found: this is as y-tal (format.py) reads it, bin 0 at path 0. Where y-tal guesses the devices, it is refused.
 //!

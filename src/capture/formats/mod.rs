@@ -15,6 +15,7 @@ pub mod matlab5;
 pub mod netf;
 pub mod npz;
 pub mod phasor;
+mod pulse;
 pub mod set;
 pub mod stanford;
 pub mod variables;

@@ -2,7 +2,7 @@
 //!
 //! `H` [T, X, Y] counts (ix along +x, iy along +y); `sensor_xyz` and `laser_xyz` [X, Y, 3] pair by pair or
 //! [1, 3] for a single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars
-//! `delta_t` (bin width, metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` [n],
+//! `delta_t` (bin width, metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` \[n\],
 //! how the instrument spreads a path over time, with the scalars `pulse_delta_t` (width of a sample, metres of path) and
 //! `pulse_t_start` (leading edge of the first one behind the path itself, metres; 0 if missing).
 //!
