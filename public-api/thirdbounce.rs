@@ -1,0 +1,2996 @@
+pub mod capture {
+    pub mod calibrate {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Calibration {
+            pub shift: f64,
+            pub error: f64,
+            pub residual: f64,
+            pub target: DVec3,
+            pub curve: Vec<[f64; 2]>,
+            pub used: usize,
+        }
+        pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {}
+    }
+    pub mod check {
+        impl Capture {
+            pub fn check(&self) -> Result<()> {}
+            pub fn t_end(&self) -> f64 {}
+            pub fn mean_histogram(&self) -> Vec<f64> {}
+            pub fn pair_count(&self) -> usize {}
+        }
+    }
+    #[cfg(feature = "formats")]
+    pub mod formats {
+        pub mod ccsocr {
+            pub fn read(
+                set: &mut Set,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+        }
+        pub mod dirac {
+            pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
+        }
+        pub mod general {
+            pub fn read(
+                set: &mut Set,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+        }
+        mod given {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub enum Bounce {
+                Nth(usize),
+                All,
+            }
+            impl Bounce {
+                pub fn parse(text: &str) -> Result<Bounce> {}
+            }
+            #[derive(Debug, Clone, Default, PartialEq)]
+            pub struct Given {
+                pub wall: Option<f64>,
+                pub bin_width: Option<f64>,
+                pub bounce: Option<Bounce>,
+                pub time_of_flight: Option<PathBuf>,
+            }
+        }
+        pub mod hdf5 {
+            #[private_fields]
+            pub struct Hdf5 {}
+            pub fn is_guarded() -> bool {}
+            impl Hdf5 {
+                pub fn open(path: &Path) -> Result<Hdf5> {}
+                pub fn names(&self) -> Vec<String> {}
+                pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
+                pub fn counts(&self, name: &str) -> Result<Option<Counts>> {}
+                pub fn numbers(
+                    &self,
+                    name: &str,
+                ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
+            }
+        }
+        pub mod lct {
+            pub fn read(
+                file: &Variables,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+        }
+        pub mod legs {
+            pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {}
+        }
+        pub mod matlab {
+            pub fn read(
+                file: &Variables,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+        }
+        pub mod matlab5 {
+            #[private_fields]
+            pub struct Matlab5 {}
+            impl Matlab5 {
+                pub fn open(path: &Path) -> Result<Matlab5> {}
+                pub fn parse(bytes: Vec<u8>) -> Result<Matlab5> {}
+                pub fn names(&self) -> Vec<String> {}
+                pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
+                pub fn counts(&self, name: &str) -> Result<Option<Counts>> {}
+                pub fn numbers(
+                    &self,
+                    name: &str,
+                ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
+            }
+        }
+        pub mod netf {
+            pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
+        }
+        pub mod npz {
+            pub fn read(path: &Path) -> Result<Capture> {}
+            pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
+        }
+        pub mod phasor {
+            pub fn read_2019(
+                file: &Variables,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+            pub fn read_2020(
+                file: &Variables,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+        }
+        pub mod set {
+            #[private_fields]
+            pub struct Set {}
+            impl Set {
+                pub fn open(path: &Path) -> Result<Set> {}
+                pub fn holding(&self, name: &str) -> Result<Option<&Variables>> {}
+                pub fn add_beside(&mut self, names: &[String]) -> Result<()> {}
+                pub fn add(&mut self, path: &Path) -> Result<()> {}
+                pub fn name(&self) -> String {}
+                pub fn first(&self) -> Option<&Variables> {}
+                pub fn any(&self, name: &str) -> bool {}
+            }
+        }
+        pub mod stanford {
+            pub fn read(
+                set: &mut Set,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+            pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
+        }
+        pub mod variables {
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct Counts {
+                pub shape: Vec<usize>,
+                pub values: Vec<f32>,
+                pub integer: bool,
+            }
+            impl Counts {
+                pub fn whole(&self) -> bool {}
+            }
+            pub enum Variables {
+                Hdf5(Hdf5),
+                Matlab5(Matlab5),
+            }
+            impl Variables {
+                pub fn open(path: &Path) -> Result<Variables> {}
+                pub fn names(&self) -> Vec<String> {}
+                pub fn have(&self, names: &[&str]) -> bool {}
+                pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
+                pub fn counts(&self, name: &str) -> Result<Counts> {}
+                pub fn numbers(
+                    &self,
+                    name: &str,
+                ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
+                pub fn number(&self, name: &str) -> Result<Option<f64>> {}
+                pub fn point(&self, name: &str) -> Result<Option<DVec3>> {}
+                pub fn missing(&self, name: &str) -> Error {}
+            }
+        }
+        pub mod ytal {
+            pub fn read(source: &Variables) -> Result<Capture> {}
+            pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
+        }
+        pub mod znlos {
+            pub fn read(
+                file: &Variables,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
+            impl Grid {
+                pub fn read(file: &Variables, side: &str) -> Result<Option<Grid>> {}
+            }
+        }
+        pub use given::{Bounce, Given};
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Opened {
+            pub capture: Capture,
+            pub dropped: usize,
+            pub notes: Vec<String>,
+        }
+        pub fn read(path: &Path) -> Result<Capture> {}
+        pub fn read_with_notes(path: &Path) -> Result<Opened> {}
+        pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {}
+        pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
+    }
+    pub mod gate {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Gate {
+            pub from: f64,
+            pub to: f64,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct AutoGate {
+            pub gate: Gate,
+            pub reason: String,
+        }
+        impl Gate {
+            pub fn parse(text: &str) -> Result<Gate> {}
+        }
+        impl std::fmt::Display for Gate {}
+        impl Capture {
+            pub fn gated(&self, gate: Gate) -> Result<Capture> {}
+        }
+        pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {}
+        pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {}
+    }
+    pub mod pairs {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum PairKind {
+            Confocal,
+            OneLaser,
+            OneSensor,
+            Exhaustive { lasers: usize, sensors: usize },
+            Irregular,
+        }
+        impl std::fmt::Display for PairKind {}
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Product {
+            pub scanned: Vec<DVec3>,
+            pub other: Vec<DVec3>,
+            pub scanned_normal: Option<Vec<DVec3>>,
+            pub other_normal: Option<Vec<DVec3>>,
+            pub pair_of: Vec<usize>,
+            pub laser_scanned: bool,
+        }
+        impl Capture {
+            pub fn pair_kind(&self) -> PairKind {}
+            pub fn product(&self) -> Option<Product> {}
+        }
+    }
+    pub mod pulse {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Pulse {
+            pub samples: Vec<f64>,
+            pub width: f64,
+            pub start: f64,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct PulseTaps {
+            pub before: usize,
+            pub weights: Vec<f64>,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Way {
+            Spread,
+            Back,
+            Squared,
+        }
+        impl Pulse {
+            pub fn gaussian(fwhm: f64) -> Result<Pulse> {}
+            pub fn check(&self) -> Result<()> {}
+            pub fn end(&self) -> f64 {}
+            pub fn fwhm(&self) -> f64 {}
+            pub fn moments(&self) -> [f64; 2] {}
+            pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {}
+            pub fn taps_of_bins(&self, bin_width: f64) -> Result<PulseTaps> {}
+        }
+        impl PulseTaps {
+            pub fn identity() -> PulseTaps {}
+            pub fn blurred(&self, sigma: f64, reach: f64) -> PulseTaps {}
+            pub fn words(&self) -> Vec<f32> {}
+            pub fn spread(&self, histograms: &mut [f32], bins: usize) {}
+            pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {}
+        }
+    }
+    pub mod scan {
+        impl Capture {
+            pub fn wall_extent(&self) -> [f64; 4] {}
+            pub fn spacing(&self) -> Option<f64> {}
+            pub fn resolution(&self) -> [usize; 2] {}
+            pub fn is_confocal(&self) -> bool {}
+            pub fn is_planar(&self) -> bool {}
+            pub fn set_wall(&mut self, size: f64) -> Result<()> {}
+            pub fn scanned_points(&self) -> &[DVec3] {}
+            pub fn laser_scans(&self) -> bool {}
+        }
+    }
+    pub mod summary {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct Summary {
+            pub name: String,
+            pub scan: [usize; 2],
+            pub pairs: usize,
+            pub bins: usize,
+            pub bin_width_m: f64,
+            pub bin_width_ps: f64,
+            pub pulse_fwhm_m: Option<f64>,
+            pub t_start_m: f64,
+            pub t_end_m: f64,
+            pub pair_kind: PairKind,
+            pub dropped_pairs: usize,
+            pub resolution: [usize; 2],
+            pub confocal: bool,
+            pub planar: bool,
+            pub wall_extent_m: [f64; 4],
+            pub wall_depth_m: [f64; 2],
+            pub signal_bins: Option<[usize; 2]>,
+            pub peak: f64,
+            pub peak_bin: usize,
+            pub peak_pair: usize,
+            pub total: f64,
+            pub pairs_with_signal: usize,
+            pub integer_counts: bool,
+            pub laser_normals: bool,
+            pub sensor_normals: bool,
+            pub normals_estimated: bool,
+        }
+        impl Summary {
+            pub fn of(capture: &Capture) -> Summary {}
+        }
+        impl Capture {
+            pub fn summary(&self) -> Summary {}
+        }
+        impl std::fmt::Display for Summary {}
+    }
+    #[cfg(feature = "formats")]
+    pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
+    pub use gate::{AutoGate, Gate, auto_gate, published_gate};
+    pub use pairs::{PairKind, Product};
+    pub use pulse::{Pulse, PulseTaps, Way};
+    pub use summary::Summary;
+    pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Capture {
+        pub name: String,
+        pub scan: [usize; 2],
+        pub laser: Vec<DVec3>,
+        pub sensor: Vec<DVec3>,
+        pub laser_normal: Option<Vec<DVec3>>,
+        pub sensor_normal: Option<Vec<DVec3>>,
+        pub bins: usize,
+        pub bin_width: f64,
+        pub t_start: f64,
+        pub histograms: Vec<f32>,
+        pub integer_counts: bool,
+        pub pulse: Option<Pulse>,
+    }
+}
+pub mod error {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Kind {
+        Input,
+        Options,
+        Device,
+        Memory,
+        Output,
+        Cancelled,
+    }
+    #[derive(Debug, Clone, thiserror::Error)]
+    pub struct Error {
+        pub kind: Kind,
+        pub what: String,
+        pub mend: String,
+    }
+    impl Error {
+        pub fn new(
+            kind: Kind,
+            what: impl Into<String>,
+            mend: impl Into<String>,
+        ) -> Self {}
+        pub fn input(what: impl Into<String>, mend: impl Into<String>) -> Self {}
+        pub fn options(what: impl Into<String>, mend: impl Into<String>) -> Self {}
+        pub fn device(what: impl Into<String>, mend: impl Into<String>) -> Self {}
+        pub fn memory(what: impl Into<String>, mend: impl Into<String>) -> Self {}
+        pub fn output(what: impl Into<String>, mend: impl Into<String>) -> Self {}
+        pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
+    }
+    pub type Result<T> = std::result::Result<T, Error>;
+}
+#[cfg(feature = "formats")]
+pub mod export {
+    mod axis {
+        pub fn plain(v: f64) -> String {}
+    }
+    pub mod calibration {
+        pub fn write(path: &Path, found: &Calibration) -> Result<()> {}
+    }
+    pub mod comparison {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct Comparison {
+            pub version: String,
+            pub device: Device,
+            pub capture: Summary,
+            pub capture_file: PathBuf,
+            pub truth: Option<PathBuf>,
+            pub mask_fraction: f64,
+            pub repeats: usize,
+            pub methods: Vec<MethodReport>,
+        }
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct MethodReport {
+            pub name: String,
+            pub method: String,
+            pub settings: serde_json::Value,
+            pub trace_every: usize,
+            pub iterations: usize,
+            pub seconds: f64,
+            pub repeats_s: Vec<f64>,
+            pub active: usize,
+            pub active_ratio: f64,
+            pub metrics: Metrics,
+            pub reach: Reached,
+            pub trace: Vec<TraceEntry>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Reached {
+            pub depth_mae: Reach,
+            pub normal_error_deg: Reach,
+            pub best_iou: Reach,
+            pub all: Reach,
+        }
+        impl Comparison {
+            pub fn table(&self) -> String {}
+            pub fn markdown(&self) -> String {}
+        }
+        pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {}
+        pub fn write_markdown(path: &Path, comparison: &Comparison) -> Result<()> {}
+    }
+    pub mod curves {
+        pub struct ErrorVsTime<'a>(pub &'a Comparison);
+        impl Figure for ErrorVsTime<'_> {}
+    }
+    pub mod depth_error {
+        pub fn write(
+            path: &Path,
+            maps: &Maps,
+            truth: &Truth,
+            fraction: f64,
+        ) -> Result<()> {}
+    }
+    pub mod exr {
+        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+    }
+    pub mod figure {
+        pub trait Canvas: DrawingBackend<ErrorType: 'static> {}
+        pub trait Figure {
+            fn size(&self) -> [u32; 2];
+            fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B>;
+        }
+        pub fn svg(figure: &impl Figure) -> Result<String> {}
+        pub fn picture(figure: &impl Figure) -> Result<Picture> {}
+    }
+    pub mod inspection {
+        pub fn write(path: &Path, capture: &Capture) -> Result<()> {}
+    }
+    pub mod mesh {
+        mod poisson {
+            #[derive(Debug, Clone, Copy)]
+            pub struct Sample {
+                pub at: DVec3,
+                pub normal: DVec3,
+                pub area: f64,
+            }
+        }
+        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+    }
+    pub mod npz {
+        pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn read_maps(path: &Path) -> Result<Maps> {}
+        pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {}
+        pub fn read_truth(path: &Path) -> Result<Truth> {}
+    }
+    pub mod picture {
+        pub const BACKGROUND: [u8; 3] = [20, 20, 26];
+        pub const INK: [u8; 3] = [230, 230, 230];
+        pub const SIDE: usize = 512;
+        pub const CAPITAL: usize = 11;
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub struct Picture {
+            pub width: usize,
+            pub height: usize,
+            pub rgb: Vec<u8>,
+        }
+        pub fn rows(maps: &Maps) -> Vec<usize> {}
+        pub fn enlargement(maps: &Maps) -> usize {}
+        pub fn colour(share: f64) -> [u8; 3] {}
+        impl Picture {
+            pub fn new(width: usize, height: usize) -> Picture {}
+            pub fn of_maps(
+                maps: &Maps,
+                factor: usize,
+                colour: impl Fn(usize) -> [u8; 3],
+            ) -> Picture {}
+            pub fn fill(
+                &mut self,
+                x: usize,
+                y: usize,
+                width: usize,
+                height: usize,
+                colour: [u8; 3],
+            ) {}
+            pub fn paste(&mut self, other: &Picture, x: usize, y: usize) {}
+            pub fn blend(
+                &mut self,
+                [column,
+                row,
+                ]: [i32; 2],
+                colour: [u8; 3],
+                cover: f64,
+            ) {}
+            pub fn shrunk(&self, factor: usize) -> Picture {}
+            pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {}
+            pub fn colour_bar(
+                &mut self,
+                x: usize,
+                [top,
+                bottom,
+                ]: [usize; 2],
+                first: f64,
+                labels: &[String],
+                ink: [u8; 3],
+            ) {}
+            pub fn bar_width(labels: &[String]) -> usize {}
+        }
+        pub fn text_width(words: &str) -> usize {}
+    }
+    pub mod plot {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Plot {
+            pub title: String,
+            pub x: String,
+            pub y: String,
+            pub logarithmic: [bool; 2],
+            pub curves: Vec<(String, Vec<[f64; 2]>)>,
+            pub mark: Option<(String, f64)>,
+        }
+        impl Figure for Plot {}
+    }
+    pub mod ply {
+        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+    }
+    pub mod png {
+        pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn write(path: &Path, picture: &Picture) -> Result<()> {}
+    }
+    pub mod report {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct Report {
+            pub version: String,
+            pub device: Device,
+            pub settings: serde_json::Value,
+            pub capture: Summary,
+            pub plan: Plan,
+            pub trace: Vec<TraceEntry>,
+            pub totals: Totals,
+            pub metrics: Option<Metrics>,
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Device {
+            pub name: String,
+            pub driver: String,
+            pub kind: String,
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Plan {
+            pub variants: Vec<String>,
+            pub left_out: Vec<String>,
+            pub buffers: BTreeMap<String, u64>,
+            pub full: bool,
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct TraceEntry {
+            pub iteration: usize,
+            pub seconds: f64,
+            pub gpu_seconds: Option<f64>,
+            pub lateral: usize,
+            pub pairs: usize,
+            pub active: usize,
+            pub active_ratio: f64,
+            pub loss: f64,
+            pub data_loss: Option<f64>,
+            pub residual: Option<f64>,
+            pub metrics: Option<Metrics>,
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Totals {
+            pub load_s: f64,
+            pub solve_s: f64,
+            pub export_s: f64,
+            pub pairs: f64,
+            pub pairs_per_s: f64,
+            pub peak_device_bytes: u64,
+        }
+        pub fn write(path: &Path, report: &Report) -> Result<()> {}
+        pub fn read(path: &Path) -> Result<Report> {}
+    }
+    mod text {
+        pub fn write(
+            picture: &mut Picture,
+            text: &str,
+            [mut x,
+            y,
+            ]: [f32; 2],
+            em: f32,
+            colour: [u8; 3],
+        ) {}
+    }
+    pub mod volume {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Volume {
+            pub size: [usize; 3],
+            pub extent: [f64; 6],
+            pub albedo: Vec<f32>,
+            pub normal: Option<Vec<[f32; 3]>>,
+        }
+        pub fn write(path: &Path, volume: &Volume) -> Result<()> {}
+        pub fn read(path: &Path) -> Result<Volume> {}
+    }
+    pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {}
+}
+#[cfg(feature = "formats")]
+pub mod files {
+    pub mod archive {
+        #[private_fields]
+        pub struct Npz {}
+        impl Npz {
+            pub fn open(path: &Path) -> Result<Npz> {}
+            pub fn names(&self) -> Vec<String> {}
+            pub fn get(&mut self, name: &str) -> Result<Option<Array>> {}
+            pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {}
+            pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {}
+        }
+        pub fn npz_bytes(arrays: &[(&str, Array)]) -> Result<Vec<u8>> {}
+    }
+    pub mod array {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Element {
+            Bool,
+            U8,
+            U16,
+            U32,
+            U64,
+            I8,
+            I16,
+            I32,
+            I64,
+            F32,
+            F64,
+        }
+        impl Element {
+            pub fn size(self) -> usize {}
+            pub fn is_integer(self) -> bool {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Array {
+            pub shape: Vec<usize>,
+            pub element: Element,
+            pub big_endian: bool,
+            pub fortran: bool,
+            pub bytes: Vec<u8>,
+        }
+        impl Array {
+            from_slice!(from_f32, f32, F32);
+            from_slice!(from_f64, f64, F64);
+            from_slice!(from_u16, u16, U16);
+            from_slice!(from_u32, u32, U32);
+            pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {}
+            pub fn count(&self) -> usize {}
+            pub fn to_f64(&self) -> Vec<f64> {}
+            pub fn to_f32(&self) -> Vec<f32> {}
+            pub fn to_bool(&self) -> Vec<bool> {}
+            pub fn parse(npy: &[u8]) -> Result<Array> {}
+            pub fn to_npy(&self) -> Vec<u8> {}
+        }
+        pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {}
+    }
+    pub mod atomic {
+        pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {}
+        pub fn replace(
+            path: &Path,
+            fill: impl FnOnce(&Path) -> Result<()>,
+        ) -> Result<()> {}
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum DiskFault {
+            Denied,
+            Full,
+            Unmoved,
+        }
+        pub fn inject(fault: Option<(DiskFault, u64)>) -> u64 {}
+        pub fn create_dir(folder: &Path) -> Result<()> {}
+    }
+    pub mod staging {
+        #[private_fields]
+        pub struct Staging {}
+        impl Staging {
+            pub fn new(target: &Path) -> Result<Staging> {}
+            pub fn path(&self) -> &Path {}
+            pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {}
+        }
+        impl Drop for Staging {}
+    }
+}
+pub mod gpu {
+    mod device {
+        #[derive(Debug, Clone, Default)]
+        pub struct GpuOptions {
+            pub device: Option<String>,
+            pub validation: bool,
+            pub timings: bool,
+            pub faults: Faults,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Accumulations {
+            pub float: bool,
+            pub int64: bool,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Limits {
+            pub storage_range: u64,
+            pub workgroup_invocations: u32,
+            pub shared_memory: u32,
+            pub groups: [u32; 3],
+            pub subgroup: u32,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Abilities {
+            pub kind: DeviceKind,
+            pub accumulations: Accumulations,
+            pub limits: Limits,
+        }
+        #[private_fields]
+        pub struct Gpu {
+            pub info: DeviceInfo,
+            pub accumulations: Accumulations,
+            pub limits: Limits,
+        }
+        impl Gpu {
+            pub fn open(options: &GpuOptions) -> Result<Gpu> {}
+            pub fn abilities(&self) -> Abilities {}
+            pub fn validation_messages(&self) -> Vec<String> {}
+            pub fn free_memory(&self) -> u64 {}
+        }
+    }
+    mod execute {
+        #[derive(Debug, Clone, Copy, Default, PartialEq)]
+        pub struct KernelTime {
+            pub calls: u64,
+            pub seconds: f64,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        pub struct Ticket(u64);
+        #[private_fields]
+        pub struct Executor<'g> {
+            pub arena: Arena<'g>,
+        }
+        impl<'g> Executor<'g> {
+            pub fn new(gpu: &'g Gpu, arena: Arena<'g>) -> Result<Executor<'g>> {}
+            pub fn add_kernel(
+                &mut self,
+                kernel: impl Into<Kernel>,
+                code: &KernelCode,
+                constants: &[(Constant, u32)],
+            ) -> Result<()> {}
+            pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {}
+            pub fn wait(&mut self, ticket: Ticket) -> Result<()> {}
+            pub fn run(&mut self, schedule: &Schedule) -> Result<()> {}
+            pub fn gpu_seconds(&self) -> f64 {}
+            pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {}
+        }
+        impl Drop for Executor<'_> {}
+    }
+    mod faults {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Point {
+            Allocation,
+            Object,
+            Submission,
+            Wait,
+        }
+        impl Point {
+            pub const ALL: [Point; 4] = [
+                Point::Allocation,
+                Point::Object,
+                Point::Submission,
+                Point::Wait,
+            ];
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub struct Faults {
+            pub fail: Option<(Point, u64)>,
+            pub poison: Option<u32>,
+            pub shuffle: Option<u64>,
+        }
+        impl Gpu {
+            pub fn reached(&self, point: Point) -> u64 {}
+            pub fn allocated(&self) -> u64 {}
+            pub fn close(self) -> Vec<String> {}
+        }
+    }
+    mod instance {
+        #[derive(
+            Debug,
+            Clone,
+            Copy,
+            PartialEq,
+            Eq,
+            PartialOrd,
+            Ord,
+            Serialize,
+            Deserialize
+        )]
+        pub enum DeviceKind {
+            Discrete,
+            Integrated,
+            Virtual,
+            Cpu,
+            Other,
+        }
+        impl std::fmt::Display for DeviceKind {}
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct DeviceInfo {
+            pub index: usize,
+            pub name: String,
+            pub kind: DeviceKind,
+            pub driver: String,
+            pub api: String,
+            pub memory: u64,
+        }
+        pub fn devices() -> Result<Vec<DeviceInfo>> {}
+    }
+    mod memory {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Place {
+            Device,
+            Upload,
+            Readback,
+        }
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub struct BufferPlan {
+            pub buffer: Buffer,
+            pub bytes: u64,
+            pub place: Place,
+        }
+        impl BufferPlan {
+            pub const LEAST: u64 = 16;
+            pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {}
+        }
+        #[private_fields]
+        pub struct Arena<'g> {}
+        impl<'g> Arena<'g> {
+            pub fn new(
+                gpu: &'g Gpu,
+                plan: &[BufferPlan],
+                budget: Option<u64>,
+            ) -> Result<Arena<'g>> {}
+            pub fn bytes(&self) -> u64 {}
+            pub fn taken(&self) -> u64 {}
+            pub fn sizes(&self) -> BTreeMap<Buffer, u64> {}
+            pub fn mapped(&self, buffer: Buffer) -> &[u8] {}
+            pub fn mapped_mut(&mut self, buffer: Buffer) -> &mut [u8] {}
+        }
+        impl Drop for Arena<'_> {}
+        pub fn check(
+            plan: &[BufferPlan],
+            storage_range: u64,
+            budget: u64,
+            by_user: bool,
+        ) -> Result<()> {}
+    }
+    mod names {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[private_fields]
+        pub struct Buffer {}
+        impl Buffer {
+            pub const fn named(name: &'static str) -> Buffer {}
+            pub const fn at(self, index: u8) -> Buffer {}
+        }
+        impl fmt::Display for Buffer {}
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub struct Kernel(&'static str);
+        impl Kernel {
+            pub const fn named(name: &'static str) -> Kernel {}
+            pub const fn name(self) -> &'static str {}
+        }
+        impl fmt::Display for Kernel {}
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub struct Constant(&'static str);
+        impl Constant {
+            pub const fn named(name: &'static str) -> Constant {}
+            pub const fn name(self) -> &'static str {}
+        }
+        impl fmt::Display for Constant {}
+    }
+    mod recording {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct HostSpan {
+            pub what: &'static str,
+            pub from: f64,
+            pub to: f64,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Ran {
+            pub kernel: &'static str,
+            pub stage: Option<usize>,
+            pub submission: u64,
+            pub from: f64,
+            pub to: f64,
+        }
+        #[derive(Debug, Clone)]
+        pub struct KernelMade {
+            pub code: KernelCode,
+            pub constants: Vec<(String, u32)>,
+            pub statistics: Vec<(String, f64)>,
+        }
+        #[derive(Debug, Clone, Default)]
+        pub struct Recording {
+            pub host: Vec<HostSpan>,
+            pub stages: Vec<Stage>,
+            pub device: Vec<Ran>,
+            pub kernels: BTreeMap<&'static str, KernelMade>,
+        }
+        impl Gpu {
+            pub fn span(&self, what: &'static str) -> OpenSpan<'_> {}
+            pub fn take_recording(&self) -> Recording {}
+            pub fn has_clock(&self) -> bool {}
+            pub fn now(&self) -> f64 {}
+        }
+    }
+    mod schedule {
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub enum Size {
+            Groups([u32; 3]),
+            Indirect(Buffer, u64),
+        }
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub enum Command {
+            Dispatch {
+                kernel: Kernel,
+                size: Size,
+                bind: Vec<(Buffer, Buffer)>,
+                push: [u32; PUSH_WORDS],
+            },
+            Copy {
+                from: Buffer,
+                from_offset: u64,
+                to: Buffer,
+                to_offset: u64,
+                bytes: u64,
+            },
+            Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
+            Stage(Stage),
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Eq)]
+        pub struct Stage {
+            pub name: &'static str,
+            pub values: Vec<(&'static str, u64)>,
+        }
+        impl Stage {
+            pub fn value(&self, name: &str) -> Option<u64> {}
+        }
+        impl fmt::Display for Stage {}
+        #[derive(Debug, Clone, Default, PartialEq, Eq)]
+        pub struct Schedule {
+            pub commands: Vec<Command>,
+        }
+        impl Schedule {
+            pub fn dispatch(
+                &mut self,
+                kernel: impl Into<Kernel>,
+                groups: [u32; 3],
+            ) -> &mut Command {}
+            pub fn indirect(
+                &mut self,
+                kernel: impl Into<Kernel>,
+                buffer: Buffer,
+                offset: u64,
+            ) -> &mut Command {}
+            pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {}
+            pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {}
+            pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {}
+            pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {}
+            pub fn extend(&mut self, other: Schedule) {}
+        }
+        impl Command {
+            pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
+            pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
+            pub fn name(&self) -> &'static str {}
+        }
+        impl fmt::Display for Schedule {}
+    }
+    pub mod spirv {
+        mod class {
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+            pub struct Counts {
+                pub fma: u32,
+                pub special: u32,
+                pub other: u32,
+                pub conversions: u32,
+                pub loads: u32,
+                pub stores: u32,
+                pub broadcasts: u32,
+                pub shared: u32,
+                pub atomics: u32,
+                pub shared_atomics: u32,
+                pub bytes: u32,
+            }
+            impl Counts {
+                pub fn issued(&self) -> u32 {}
+            }
+        }
+        pub use class::Counts;
+        pub fn count_loop<N: AsRef<str>>(
+            code: &KernelCode,
+            constants: &[(N, u32)],
+        ) -> Option<[Counts; 2]> {}
+    }
+    pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
+    pub use execute::{Executor, KernelTime, Ticket};
+    pub use faults::{Faults, Point};
+    pub use instance::{DeviceInfo, DeviceKind, devices};
+    pub use memory::{Arena, BufferPlan, Place, check};
+    pub use names::{Buffer, Constant, Kernel};
+    pub use recording::{HostSpan, KernelMade, Ran, Recording};
+    pub use schedule::{Command, Schedule, Size, Stage};
+    #[derive(Debug, Clone, Copy)]
+    pub struct KernelCode {
+        pub name: &'static str,
+        pub spirv: &'static [u8],
+        pub bindings: &'static [Binding],
+        pub constants: &'static [(Constant, u32)],
+    }
+    impl From<&KernelCode> for Kernel {}
+    #[derive(Debug, Clone, Copy)]
+    pub struct Binding {
+        pub block: Buffer,
+        pub slot: u32,
+        pub uniform: bool,
+        pub reads: bool,
+        pub writes: bool,
+    }
+}
+#[cfg(feature = "formats")]
+pub mod job {
+    mod account {
+        pub fn plain(value: &impl serde::Serialize) -> String {}
+    }
+    pub mod checkpoint {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Kept {
+            pub state: Checkpoint,
+            pub along: BTreeMap<usize, Metrics>,
+            pub snapshots: Vec<(usize, Maps)>,
+            pub pulse: Option<FoundPulse>,
+        }
+        pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
+        pub fn read(path: &Path) -> Result<Kept> {}
+    }
+    pub mod compare {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Method {
+            pub name: String,
+            pub spec: String,
+            pub request: Request,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Comparison {
+            pub methods: Vec<Method>,
+            pub repeats: usize,
+            pub out: PathBuf,
+        }
+        #[derive(Debug, Clone, Copy)]
+        pub struct Turn<'n> {
+            pub number: usize,
+            pub turns: usize,
+            pub name: &'n str,
+        }
+        #[derive(Debug, Clone)]
+        pub struct Compared {
+            pub report: comparison::Comparison,
+            pub validation: Vec<String>,
+            pub files: Vec<PathBuf>,
+        }
+        pub fn compare(
+            what: &Comparison,
+            loaded: &Loaded,
+            hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
+        ) -> Result<Compared> {}
+    }
+    pub mod demo {
+        #[derive(Debug, Clone)]
+        pub struct Demo {
+            pub outcome: Outcome,
+            pub simulate_seconds: f64,
+            pub seconds: f64,
+            pub overview: PathBuf,
+        }
+        pub fn demo(
+            out: &Path,
+            device: Option<String>,
+            say: &mut dyn FnMut(&str),
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<Demo> {}
+    }
+    mod evaluate {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Evaluation {
+            pub metrics: Metrics,
+            pub solve_s: Option<f64>,
+            pub picture: Option<PathBuf>,
+        }
+        pub fn evaluate(
+            folder: &Path,
+            truth: &Path,
+            mask_fraction: Option<f64>,
+            pictures: bool,
+        ) -> Result<Evaluation> {}
+    }
+    mod fit {
+        pub fn suggestions(
+            request: &Request,
+            loaded: &Loaded,
+            gpu: &Gpu,
+        ) -> Vec<String> {}
+    }
+    pub mod inspect {
+        #[derive(Debug, Clone, Serialize)]
+        pub struct Inspection {
+            pub capture: Summary,
+            pub notes: Vec<String>,
+            pub doubts: Vec<String>,
+            pub preset: Option<Preset>,
+            pub options: SolverOptions,
+            pub grid: [usize; 3],
+            pub voxel: [f64; 3],
+            pub volume: Vec<f64>,
+            pub device: Option<DeviceInfo>,
+            pub plan: Option<Planned>,
+            pub problems: Vec<String>,
+        }
+        #[derive(Debug, Clone, Serialize)]
+        pub struct Planned {
+            pub levels: Vec<usize>,
+            pub level_pairs: Vec<usize>,
+            pub surface: Option<usize>,
+            pub accumulation: Accumulation,
+            pub left_out: Vec<String>,
+            pub variants: Vec<String>,
+            pub buffers: BTreeMap<String, u64>,
+            pub total_bytes: u64,
+        }
+        pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {}
+        pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {}
+    }
+    mod overview {
+        pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {}
+    }
+    mod places {
+        pub fn check_file(file: &Path) -> Result<()> {}
+    }
+    pub mod profile {
+        mod account {
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct KernelProfile {
+                pub name: String,
+                pub kernel: String,
+                pub code: String,
+                pub calls: u64,
+                pub seconds: f64,
+                pub share: f64,
+                pub pairs: f64,
+                pub pairs_per_s: Option<f64>,
+                pub share_of_limit: Option<f64>,
+                pub floor: Option<Floor>,
+                pub counts: Option<Counts>,
+                pub shared: Option<(Counts, u32)>,
+                pub statistics: BTreeMap<String, f64>,
+            }
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+            pub struct Floor {
+                pub issue: f64,
+                pub special: f64,
+                pub load: f64,
+                pub atomic: f64,
+            }
+            impl Floor {
+                pub fn new(c: &Counts, l: &DeviceLimits, float_atomics: bool) -> Floor {}
+                pub fn seconds(&self) -> f64 {}
+                pub fn bound(&self) -> &'static str {}
+            }
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct Gaps {
+                pub within_s: f64,
+                pub largest_within_s: f64,
+                pub between_s: f64,
+                pub largest_between_s: f64,
+            }
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct IterationProfile {
+                pub count: usize,
+                pub seconds: f64,
+                pub pass_s: f64,
+                pub overhead_s: f64,
+            }
+        }
+        pub mod check {
+            mod buffers {
+                pub fn read<T: bytemuck::Pod>(
+                    job: &mut OnDevice<'_>,
+                    from: Buffer,
+                    count: usize,
+                ) -> Result<Vec<T>> {}
+            }
+            mod paper {
+                pub fn check(
+                    gpu: &Gpu,
+                    capture: &Capture,
+                    accumulation: Accumulation,
+                ) -> Result<Vec<Held>> {}
+            }
+            mod surface {
+                pub fn check(
+                    gpu: &Gpu,
+                    capture: &Capture,
+                    accumulation: Accumulation,
+                ) -> Result<Vec<Held>> {}
+            }
+            mod vector {
+                pub fn check(
+                    gpu: &Gpu,
+                    capture: &Capture,
+                    accumulation: Accumulation,
+                ) -> Result<Vec<Held>> {}
+            }
+            #[private_fields]
+            pub struct Check {
+                pub solver: &'static str,
+                pub holds: &'static [&'static Pass],
+                pub with_pulse: bool,
+            }
+            pub static CHECKS: &[Check] = &[
+                Check {
+                    solver: "paper",
+                    holds: &[
+                        &paper_solver::passes::SAMPLE,
+                        &passes::FORWARD,
+                        &passes::RESIDUAL,
+                        &paper_solver::passes::BACKWARD,
+                        &paper_solver::passes::UPDATE,
+                    ],
+                    with_pulse: false,
+                    run: paper::check,
+                },
+                Check {
+                    solver: "vector",
+                    holds: &[
+                        &vector_solver::passes::EXTRAPOLATE,
+                        &passes::FORWARD,
+                        &passes::PULSE,
+                        &passes::RESIDUAL,
+                        &passes::PULSE_BACK,
+                        &vector_solver::passes::STEP,
+                    ],
+                    with_pulse: true,
+                    run: vector::check,
+                },
+                Check {
+                    solver: "surface",
+                    holds: &[
+                        &surface_stage::passes::SURFACE_BONDS,
+                        &surface_stage::passes::SURFACE_POINTS,
+                        &passes::FORWARD,
+                        &passes::PULSE,
+                        &passes::RESIDUAL,
+                        &passes::PULSE_BACK,
+                        &surface_stage::passes::SURFACE_GATHER,
+                    ],
+                    with_pulse: true,
+                    run: surface::check,
+                },
+            ];
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct Checked {
+                pub solver: String,
+                pub accumulation: String,
+                pub pass: String,
+                pub error: f64,
+                pub allowed: f64,
+            }
+            impl Checked {
+                pub fn passed(&self) -> bool {}
+            }
+            pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {}
+            pub fn worst(all: &[Checked]) -> BTreeMap<(String, String), f64> {}
+        }
+        pub mod limits {
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+            pub struct DeviceLimits {
+                pub fma_per_s: f64,
+                pub special_per_s: f64,
+                pub load_per_s: f64,
+                pub shared_atomic_per_s: f64,
+                pub global_atomic_per_s: f64,
+                pub global_atomic_float_per_s: Option<f64>,
+                pub copy_bytes_per_s: f64,
+                pub dispatch_s: f64,
+            }
+            pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {}
+        }
+        pub mod tune {
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct Tried {
+                pub sizes: Sizes,
+                pub forward_s: f64,
+                pub backward_s: f64,
+            }
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct Tuned {
+                pub class: String,
+                pub tried: Vec<Tried>,
+                pub best: Sizes,
+                pub ratio: f64,
+                pub file: Option<PathBuf>,
+            }
+            pub fn tune(
+                request: &Request,
+                loaded: &Loaded,
+                say: &mut dyn FnMut(&str),
+            ) -> Result<Tuned> {}
+        }
+        pub use account::{Floor, Gaps, IterationProfile, KernelProfile};
+        pub use limits::DeviceLimits;
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct ProfileRequest {
+            pub request: Request,
+            pub json: Option<PathBuf>,
+            pub trace: Option<PathBuf>,
+            pub out: Option<PathBuf>,
+        }
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct Profile {
+            pub version: String,
+            pub device: report::Device,
+            pub settings: serde_json::Value,
+            pub limits: DeviceLimits,
+            pub kernels: Vec<KernelProfile>,
+            pub iterations: IterationProfile,
+            pub gaps: Gaps,
+            pub host: BTreeMap<String, HostTime>,
+            pub totals: Totals,
+            pub validation: Vec<String>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct HostTime {
+            pub calls: u64,
+            pub seconds: f64,
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Totals {
+            pub load_s: f64,
+            pub prepare_s: f64,
+            pub solve_s: f64,
+            pub device_s: f64,
+            pub export_s: f64,
+            pub pairs: f64,
+            pub pairs_per_s: f64,
+            pub peak_device_bytes: u64,
+        }
+        pub fn profile(
+            what: &ProfileRequest,
+            loaded: &Loaded,
+            say: &mut dyn FnMut(&str),
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<Profile> {}
+        pub fn device_of(gpu: &Gpu) -> report::Device {}
+        pub fn write_json(
+            file: &std::path::Path,
+            value: &impl Serialize,
+            indented: bool,
+        ) -> Result<()> {}
+    }
+    pub mod pulse {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct FoundPulse {
+            pub fwhm: f64,
+            pub trials: Vec<[f64; 2]>,
+            pub seconds: f64,
+            pub failed: Option<String>,
+        }
+        impl FoundPulse {
+            pub fn pulse(&self) -> Result<Option<Pulse>> {}
+            pub fn note(&self) -> String {}
+        }
+        pub fn settle<'c>(
+            request: &Request,
+            capture: &'c Capture,
+            gpu: &Gpu,
+            known: Option<FoundPulse>,
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {}
+    }
+    mod request {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Request {
+            pub preset: Option<Preset>,
+            pub solver: SolverOptions,
+            pub depth_pitch: Option<f64>,
+            pub volume: Option<Volume>,
+            pub memory: Option<u64>,
+            pub device: Option<String>,
+            pub validation: bool,
+            pub timings: bool,
+            pub tuned: bool,
+            pub find_pulse: bool,
+            pub faults: Faults,
+            pub truth: Option<PathBuf>,
+            pub mask_fraction: f64,
+            pub trace_every: Option<usize>,
+            pub snapshots: Vec<usize>,
+            pub checkpoint: Option<PathBuf>,
+            pub checkpoint_every: usize,
+            pub resume: Option<PathBuf>,
+            pub out: PathBuf,
+            pub volume_file: Option<PathBuf>,
+        }
+        impl Request {
+            pub const CHECKPOINT_EVERY: usize = 50;
+            pub fn new(
+                solver: impl Into<SolverOptions>,
+                out: impl Into<PathBuf>,
+            ) -> Request {}
+            pub fn grid(&self, capture: &Capture) -> Result<Grid> {}
+        }
+        pub fn memory_bytes(text: &str) -> Result<u64> {}
+    }
+    mod scene {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Simulation {
+            pub scene: Scene,
+            pub render: RenderOptions,
+            pub out: PathBuf,
+            pub truth: Option<(PathBuf, usize)>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Simulated {
+            pub summary: Summary,
+            pub noise: f64,
+            pub converged: bool,
+            pub samples: usize,
+            pub seconds: f64,
+            pub files: Vec<PathBuf>,
+            pub notes: Vec<String>,
+        }
+        pub fn simulate(
+            what: &Simulation,
+            before_writing: &mut dyn FnMut(),
+        ) -> Result<Simulated> {}
+    }
+    mod solver {
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        pub enum SolverOptions {
+            Paper(PaperOptions),
+            Vector(VectorOptions),
+        }
+        impl From<PaperOptions> for SolverOptions {}
+        impl From<VectorOptions> for SolverOptions {}
+        impl SolverOptions {
+            pub const NAMES: &[&str] = &["paper", "vector"];
+            pub const DEFAULT: &str = "vector";
+            pub fn name(&self) -> &'static str {}
+            pub fn check(&self) -> Result<()> {}
+            pub fn lateral(&self) -> usize {}
+            pub fn with_lateral(&self, lateral: usize) -> SolverOptions {}
+            pub fn sizes(&self) -> Sizes {}
+            pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {}
+            pub fn reflectance(&self) -> Reflectance {}
+            pub fn accumulation(&self) -> Accumulation {}
+            pub fn iterations(&self) -> usize {}
+            pub fn all_iterations(&self) -> usize {}
+            pub fn min_depth(&self) -> f64 {}
+            pub fn plan(
+                &self,
+                capture: &Capture,
+                grid: Grid,
+                abilities: &Abilities,
+                with_volume: bool,
+            ) -> Result<Plan> {}
+            pub fn outline(&self, plan: &Plan) -> Vec<Part> {}
+            pub fn solve<'b, 'w: 'b>(
+                &self,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+                beside: impl Into<Beside<'b, 'w>>,
+            ) -> Result<Reconstruction> {}
+        }
+        pub fn check_solver(name: &str) -> Result<()> {}
+        pub fn reflectance(name: &str) -> Result<Reflectance> {}
+    }
+    pub use account::plain;
+    pub use compare::{Compared, Comparison, Method, Turn, compare};
+    pub use demo::{Demo, demo};
+    pub use evaluate::{Evaluation, evaluate};
+    pub use fit::suggestions;
+    pub use inspect::{Inspection, inspect, schedule};
+    pub use places::check_file;
+    pub use request::{Request, memory_bytes};
+    pub use scene::{Simulated, Simulation, simulate};
+    pub use solver::{SolverOptions, check_solver, reflectance};
+    #[derive(Debug, Clone, Default, PartialEq)]
+    pub struct Input {
+        pub path: PathBuf,
+        pub wall: Option<f64>,
+        pub bin_width: Option<f64>,
+        pub bounce: Option<capture::Bounce>,
+        pub time_of_flight: Option<PathBuf>,
+        pub stride: Option<usize>,
+        pub subset: Option<usize>,
+        pub subset_seed: u64,
+        pub gate: Option<Gate>,
+        pub no_auto_gate: bool,
+        pub pulse: Option<GivenPulse>,
+        pub preset: Option<Preset>,
+    }
+    impl Input {
+        pub fn given(&self) -> capture::Given {}
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub enum GivenPulse {
+        Sharp,
+        Shape(capture::Pulse),
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Loaded {
+        pub input: Input,
+        pub capture: Capture,
+        pub gate: Option<Gate>,
+        pub dropped: usize,
+        pub normals_estimated: bool,
+        pub notes: Vec<String>,
+        pub seconds: f64,
+    }
+    impl Loaded {
+        pub fn summary(&self) -> Summary {}
+    }
+    pub fn load(input: &Input) -> Result<Loaded> {}
+    pub fn preset_for(capture: &Capture) -> Preset {}
+    #[derive(Debug, Clone)]
+    pub struct Outcome {
+        pub report: report::Report,
+        pub maps: Maps,
+        pub truth: Option<Truth>,
+        pub kernels: Vec<(&'static str, KernelTime)>,
+        pub validation: Vec<String>,
+        pub notes: Vec<String>,
+        pub files: Vec<PathBuf>,
+    }
+    pub fn run(
+        request: &Request,
+        loaded: &Loaded,
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Outcome> {}
+}
+pub mod maps {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Maps {
+        pub nx: usize,
+        pub ny: usize,
+        pub extent: [f64; 4],
+        pub albedo: Vec<f32>,
+        pub depth: Vec<f32>,
+        pub normal: Vec<[f32; 3]>,
+        pub mask: Vec<bool>,
+        pub mask_fraction: f64,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Truth {
+        pub nx: usize,
+        pub ny: usize,
+        pub extent: [f64; 4],
+        pub depth: Vec<f32>,
+        pub normal: Vec<[f32; 3]>,
+        pub mask: Vec<bool>,
+    }
+    impl Maps {
+        pub const MASK_FRACTION: f64 = 0.3;
+        pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {}
+        pub fn white(albedo: &[f32]) -> f32 {}
+        pub fn set_mask(&mut self, fraction: f64) {}
+        pub fn check(&self) -> Result<()> {}
+        pub fn finer(&self, factor: usize) -> Maps {}
+        pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {}
+        pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
+    }
+    impl Truth {
+        pub fn check(&self) -> Result<()> {}
+        pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
+    }
+    pub fn percentile(values: &[f32], p: f64) -> Option<f32> {}
+}
+pub mod measure {
+    pub mod metrics {
+        pub const SWEEP: [f64; 14] = [
+            0.01,
+            0.02,
+            0.03,
+            0.05,
+            0.075,
+            0.1,
+            0.15,
+            0.2,
+            0.25,
+            0.3,
+            0.4,
+            0.5,
+            0.6,
+            0.8,
+        ];
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Metrics {
+            pub fraction: f64,
+            pub predicted_pixels: usize,
+            pub true_pixels: usize,
+            pub hit_pixels: usize,
+            pub completeness: Option<f64>,
+            pub iou: Option<f64>,
+            pub depth_mae: Option<f64>,
+            pub depth_rmse: Option<f64>,
+            pub depth_mae_whole: Option<f64>,
+            pub depth_rmse_whole: Option<f64>,
+            pub normal_error_deg: Option<f64>,
+            pub normal_mae: Option<f64>,
+            pub best_iou: Option<f64>,
+            pub best_fraction: Option<f64>,
+            pub at_best: Option<AtBest>,
+            pub sweep: Vec<[f64; 2]>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct AtBest {
+            pub hit_pixels: usize,
+            pub completeness: Option<f64>,
+            pub depth_mae: Option<f64>,
+            pub depth_rmse: Option<f64>,
+            pub normal_error_deg: Option<f64>,
+        }
+        impl Metrics {
+            pub fn brief(mut self) -> Metrics {}
+        }
+        pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {}
+    }
+    pub mod reach {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Reach {
+            pub target: Option<f64>,
+            pub first_s: Option<f64>,
+            pub kept_s: Option<f64>,
+        }
+        pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {}
+        pub fn median(values: &[f64]) -> Option<f64> {}
+    }
+    pub use metrics::{AtBest, Metrics, metrics};
+    pub use reach::{Reach, median, reach};
+}
+pub mod simulate {
+    mod figure {
+        pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {}
+    }
+    mod letters {
+        pub fn letter(name: char, centre: DVec3, height: f64) -> Result<Mesh> {}
+    }
+    mod mesh {
+        #[derive(Debug, Clone, PartialEq, Default)]
+        pub struct Mesh {
+            pub triangles: Vec<[DVec3; 3]>,
+            pub normals: Vec<[DVec3; 3]>,
+            pub self_occluding: bool,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Placement {
+            pub fit: Option<f64>,
+            pub scale: f64,
+            pub rotate: [f64; 3],
+            pub translate: DVec3,
+        }
+        impl Default for Placement {}
+        impl Mesh {
+            pub fn geometric_normal(&self, i: usize) -> DVec3 {}
+            pub fn area(&self, i: usize) -> f64 {}
+            pub fn total_area(&self) -> f64 {}
+            pub fn bounds(&self) -> Option<(DVec3, DVec3)> {}
+            pub fn translated(mut self, offset: DVec3) -> Mesh {}
+            pub fn placed(mut self, placement: &Placement) -> Result<Mesh> {}
+            pub fn extend(&mut self, other: Mesh) {}
+        }
+    }
+    #[cfg(feature = "formats")]
+    mod mesh_file {
+        pub fn load_mesh(path: &Path) -> Result<Mesh> {}
+    }
+    mod noise {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Dark {
+            Fraction(f64),
+            Counts(f64),
+        }
+        pub fn photon_noise(
+            capture: &Capture,
+            photons: f64,
+            dark: Dark,
+            seed: u64,
+        ) -> Result<Capture> {}
+    }
+    mod pairs {
+        #[derive(Debug, Clone, Copy, PartialEq, Default)]
+        pub enum Layout {
+            Confocal,
+            OneLaser { spot: DVec2 },
+            OneSensor { spot: DVec2 },
+            Exhaustive { lasers: usize },
+            Irregular { seed: u64 },
+        }
+        impl Layout {
+            pub fn pair_count(self, scan: usize) -> f64 {}
+            pub fn spot(self) -> Option<DVec2> {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Pairs {
+            pub scan: [usize; 2],
+            pub laser: Vec<DVec3>,
+            pub sensor: Vec<DVec3>,
+            pub laser_normal: Option<Vec<DVec3>>,
+            pub sensor_normal: Option<Vec<DVec3>>,
+        }
+        impl Pairs {
+            pub fn new(layout: Layout, n: usize, wall: f64, shape: WallShape) -> Pairs {}
+            pub fn confocal(n: usize, wall: f64) -> Pairs {}
+            pub fn one_sensor(n: usize, wall: f64, sensor: DVec3) -> Pairs {}
+            pub fn is_confocal(&self) -> bool {}
+            pub fn sensor_scans(&self) -> bool {}
+            pub fn check(&self) -> Result<()> {}
+        }
+    }
+    mod render {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct RenderOptions {
+            pub noise: f64,
+            pub max_samples: usize,
+            pub seed: u64,
+        }
+        impl Default for RenderOptions {}
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Rendering {
+            pub capture: Capture,
+            pub noise: f64,
+            pub samples: usize,
+            pub converged: bool,
+        }
+        pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {}
+        pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {}
+        pub fn render_pairs(
+            scene: &Scene,
+            pairs: &Pairs,
+            options: &RenderOptions,
+        ) -> Result<Rendering> {}
+    }
+    mod scene {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Object {
+            pub mesh: Mesh,
+            pub albedo: f64,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Scene {
+            pub name: String,
+            pub objects: Vec<Object>,
+            pub wall: f64,
+            pub wall_shape: WallShape,
+            pub scan: usize,
+            pub layout: Layout,
+            pub occlusion: bool,
+            pub bin_width: f64,
+            pub bins: Option<usize>,
+            pub t_start: f64,
+            pub reflectance: Reflectance,
+            pub pulse: Option<Pulse>,
+            pub photons: Option<f64>,
+            pub dark: Dark,
+            pub seed: u64,
+        }
+        impl Scene {
+            pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {}
+            pub fn named(spec: &str) -> Result<Scene> {}
+            pub fn known() -> &'static [(&'static str, &'static str)] {}
+            pub fn set_albedo(&mut self, albedo: f64) {}
+            pub fn bin_count(&self) -> usize {}
+            pub fn pairs(&self) -> Pairs {}
+            pub fn extent(&self) -> [f64; 4] {}
+            pub fn check(&self) -> Result<()> {}
+        }
+    }
+    mod shapes {
+        pub fn sphere(centre: DVec3, radius: f64) -> Mesh {}
+        pub fn ellipsoid(centre: DVec3, radii: DVec3) -> Mesh {}
+        pub fn capsule(
+            from: DVec3,
+            from_radius: f64,
+            to: DVec3,
+            to_radius: f64,
+        ) -> Mesh {}
+        pub fn torus(centre: DVec3, axis: DVec3, ring: f64, tube: f64) -> Mesh {}
+        pub fn rectangle(centre: DVec3, half_u: DVec3, half_v: DVec3) -> Mesh {}
+    }
+    mod truth {
+        pub const DEFAULT_RESOLUTION: usize = 128;
+        pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {}
+    }
+    mod wall {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+        pub enum WallShape {
+            Flat,
+            Bump,
+        }
+        impl WallShape {
+            pub fn point(self, x: f64, y: f64, side: f64) -> DVec3 {}
+            pub fn normal(self, x: f64, y: f64, side: f64) -> Option<DVec3> {}
+            pub fn front(self, side: f64) -> f64 {}
+        }
+    }
+    pub use crate::transport::Reflectance;
+    pub use figure::figure;
+    pub use letters::letter;
+    pub use mesh::{Mesh, Placement};
+    #[cfg(feature = "formats")]
+    pub use mesh_file::load_mesh;
+    pub use noise::{Dark, photon_noise};
+    pub use pairs::{Layout, Pairs};
+    pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
+    pub use scene::{Object, Scene};
+    pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
+    pub use truth::{DEFAULT_RESOLUTION, truth};
+    pub use wall::WallShape;
+}
+pub mod solve {
+    mod assume {
+        pub fn falloff_slope(capture: &Capture) -> Option<[f64; 2]> {}
+        pub fn assume_reflectance(capture: &Capture) -> (Reflectance, String) {}
+    }
+    mod checkpoint {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct Identity {
+            pub version: String,
+            pub capture: u64,
+            pub settings: BTreeMap<String, serde_json::Value>,
+            pub plan: Vec<String>,
+            pub buffers: BTreeMap<String, u64>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Checkpoint {
+            pub identity: Identity,
+            pub iteration: usize,
+            pub level: usize,
+            pub first: usize,
+            pub active: usize,
+            pub pending: Vec<[usize; 3]>,
+            pub trace: Vec<TracePoint>,
+            pub pairs: u64,
+            pub seconds: f64,
+            pub gpu_seconds: f64,
+            pub buffers: BTreeMap<String, Vec<u8>>,
+        }
+        pub struct Keep<'k> {
+            pub every: usize,
+            pub save: &'k mut dyn FnMut(Checkpoint) -> Result<()>,
+            pub from: Option<Checkpoint>,
+        }
+    }
+    mod domain {
+        pub fn compact(plan: &Plan, level: &Level) -> Schedule {}
+        pub fn extract(level: &Level) -> Schedule {}
+    }
+    mod drive {
+        mod trace {
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct TracePoint {
+                pub iteration: usize,
+                pub seconds: f64,
+                pub gpu_seconds: f64,
+                pub lateral: usize,
+                pub pairs: usize,
+                pub active: usize,
+                pub active_ratio: f64,
+                pub loss: f64,
+                pub data_loss: f64,
+            }
+        }
+        #[derive(Debug, Clone)]
+        pub struct Progress {
+            pub point: TracePoint,
+            pub iterations: usize,
+            pub maps: Option<Maps>,
+            pub trial: bool,
+        }
+        pub struct Watch<'w> {
+            pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
+            pub maps_every: Option<usize>,
+            pub maps_at: &'w [usize],
+        }
+        pub struct Beside<'b, 'w> {
+            pub watch: &'b mut Watch<'w>,
+            pub keep: Option<Keep<'b>>,
+        }
+        impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {}
+    }
+    mod estimate {
+        pub fn expected_noise(model: &Model) -> f64 {}
+        pub fn background(capture: &Capture) -> f64 {}
+        pub fn variance_per_count(capture: &Capture) -> f64 {}
+    }
+    mod extent {
+        pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {}
+    }
+    mod on_device {
+        pub struct OnDevice<'g> {
+            pub plan: Plan,
+            pub model: Model,
+            pub executor: Executor<'g>,
+        }
+        impl<'g> OnDevice<'g> {
+            pub fn new(
+                gpu: &'g Gpu,
+                model: Model,
+                plan: Plan,
+                memory: Option<u64>,
+            ) -> Result<OnDevice<'g>> {}
+            pub fn upload(&mut self) -> Result<()> {}
+        }
+        pub fn upload(
+            executor: &mut Executor<'_>,
+            buffer: Buffer,
+            bytes: &[u8],
+        ) -> Result<()> {}
+    }
+    mod outline {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Part {
+            pub of: &'static str,
+            pub when: When,
+            pub lateral: usize,
+            pub pairs: usize,
+            pub steps: Vec<Step>,
+        }
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub enum When {
+            Start,
+            Iterations(usize, usize),
+            After(Vec<usize>),
+            End,
+        }
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub struct Step {
+            pub name: String,
+            pub sizes: Vec<String>,
+            pub reads: Vec<Buffer>,
+            pub writes: Vec<Buffer>,
+        }
+        impl fmt::Display for When {}
+        impl fmt::Display for Part {}
+    }
+    pub mod paper {
+        mod options {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Preset {
+                Synthetic,
+                Captured,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum NoiseTerm {
+                Off,
+                Bin,
+                Histogram,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Decay {
+                None,
+                Cosine,
+            }
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct PaperOptions {
+                pub lateral: usize,
+                pub iterations: usize,
+                pub coarse_to_fine: bool,
+                pub double_every: usize,
+                pub restart_every: usize,
+                pub reduce: bool,
+                pub reduce_every: usize,
+                pub keep_above: f64,
+                pub smooth_sigma: f64,
+                pub smooth_truncate: f64,
+                pub room: Option<f64>,
+                pub min_depth: f64,
+                pub learning_rate: f64,
+                pub learning_rate_decay: Decay,
+                pub beta1: f64,
+                pub beta2: f64,
+                pub epsilon: f64,
+                pub l1: f64,
+                pub noise: NoiseTerm,
+                pub noise_base: f64,
+                pub noise_span: f64,
+                pub peak: f64,
+                pub initial_albedo: f64,
+                pub sampling: Sampling,
+                pub binning: Binning,
+                pub gradient: Gradient,
+                pub reflectance: Reflectance,
+                pub general: bool,
+                pub accumulation: Accumulation,
+                pub sizes: Sizes,
+                pub seed: u32,
+            }
+            impl PaperOptions {
+                pub fn preset(preset: Preset) -> PaperOptions {}
+                pub fn suited(
+                    mut self,
+                    confocal: bool,
+                    reflectance: Reflectance,
+                ) -> PaperOptions {}
+                pub fn check(&self) -> Result<()> {}
+            }
+        }
+        mod schedule {
+            pub fn iteration(
+                plan: &Plan,
+                level: &Level,
+                iteration: u32,
+                step: u32,
+            ) -> Schedule {}
+            pub fn initialise(plan: &Plan, level: &Level) -> Schedule {}
+            pub fn reduce(plan: &Plan, level: &Level, keep_above: f64) -> Schedule {}
+            pub fn restart(plan: &Plan) -> Schedule {}
+            pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {}
+            pub fn due(
+                plan: &Plan,
+                options: &PaperOptions,
+                level: &mut usize,
+                done: usize,
+            ) -> Schedule {}
+        }
+        pub use options::{Decay, NoiseTerm, PaperOptions, Preset};
+        pub use schedule::{double, due, initialise, iteration, reduce, restart};
+        pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {}
+        pub fn reconstruct<'b, 'w: 'b>(
+            gpu: &Gpu,
+            capture: &Capture,
+            grid: Grid,
+            options: &PaperOptions,
+            memory: Option<u64>,
+            with_volume: bool,
+            beside: impl Into<Beside<'b, 'w>>,
+        ) -> Result<Reconstruction> {}
+        pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<Part> {}
+    }
+    mod pass {
+        pub struct Pass {
+            pub kernel: Kernel,
+            pub report: &'static str,
+            pub code: fn(&Plan) -> &'static KernelCode,
+            pub when: fn(&Plan) -> bool,
+            pub constants: &'static [(Constant, Value)],
+            pub pairs: Option<Voxels>,
+            pub faults: &'static [Fault],
+            pub twin: Twin,
+        }
+        #[derive(Debug, Clone, Copy)]
+        pub enum Value {
+            Is(u32),
+            Of(fn(&Plan) -> u32),
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Voxels {
+            Active,
+            Grid,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Fault {
+            pub bit: u32,
+            pub what: &'static str,
+            pub mend: &'static str,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Twin {
+            Function(&'static str),
+            None(&'static str),
+        }
+        impl Pass {
+            pub const fn of(
+                name: &'static str,
+                code: fn(&Plan) -> &'static KernelCode,
+            ) -> Pass {}
+            pub fn values(&self, plan: &Plan) -> Vec<(Constant, u32)> {}
+            pub fn reads(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
+            pub fn writes(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
+        }
+        impl From<&Pass> for Kernel {}
+        impl PartialEq for Pass {}
+        impl fmt::Debug for Pass {}
+    }
+    pub mod passes {
+        pub fn forward(plan: &Plan) -> &'static KernelCode {}
+        pub fn residual(plan: &Plan) -> &'static KernelCode {}
+    }
+    mod plan {
+        mod buffers {
+            pub const UPLOAD: Buffer = Buffer::named("upload");
+            pub const COLUMNS_HOST: Buffer = Buffer::named("columns_host");
+            pub const RAW_HOST: Buffer = Buffer::named("raw_host");
+            pub const MASK_HOST: Buffer = Buffer::named("mask_host");
+            pub const SMOOTH: Buffer = Buffer::named("smooth");
+            pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
+        }
+        mod left_out {
+            #[derive(Debug, Default)]
+            #[private_fields]
+            pub struct LeftOut {}
+            impl LeftOut {
+                pub fn add(
+                    &mut self,
+                    what: impl Into<String>,
+                    saves: impl Into<String>,
+                ) {}
+            }
+            impl Plan {
+                pub fn left_out_of_room(
+                    &self,
+                    out: &mut LeftOut,
+                    [active,
+                    touched,
+                    ]: [u64; 2],
+                ) {}
+            }
+            pub fn mebibytes(bytes: u64) -> String {}
+        }
+        mod levels {
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Level {
+                pub grid: Grid,
+                pub pairs: usize,
+                pub wall: Buffer,
+                pub scene: Buffer,
+                pub reachable: Buffer,
+            }
+            pub const AMPLE: usize = 32;
+        }
+        mod tuning {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Accumulation {
+                Auto,
+                Float,
+                Fixed,
+                Fixed32,
+                Cas,
+                Owned,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub struct Tuning {
+                pub lanes: u32,
+                pub chunk: u32,
+                pub voxels: u32,
+                pub slices: u32,
+                pub others_forward: u32,
+                pub others_backward: u32,
+                pub window: u32,
+                pub window_span: u32,
+                pub share_arms: bool,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+            pub struct Sizes {
+                pub lanes: Option<u32>,
+                pub chunk: Option<u32>,
+                pub window: Option<u32>,
+                pub voxels: Option<u32>,
+                pub slices: Option<u32>,
+            }
+            impl Sizes {
+                pub fn is_default(&self) -> bool {}
+            }
+            impl fmt::Display for Sizes {}
+            impl FromStr for Sizes {
+                type Err = Error;
+            }
+            impl Tuning {
+                pub fn new(
+                    model: &Model,
+                    capacity: usize,
+                    accumulation: Accumulation,
+                    device: &Abilities,
+                    sizes: &Sizes,
+                ) -> Result<Tuning> {}
+                pub fn check_tiles(
+                    &self,
+                    model: &Model,
+                    device: &Abilities,
+                ) -> Result<()> {}
+            }
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Demand {
+            pub accumulation: Accumulation,
+            pub sizes: Sizes,
+            pub general: bool,
+            pub coarse_to_fine: bool,
+            pub iterations: [usize; 2],
+            pub pixels_per_voxel: usize,
+            pub binning: Binning,
+            pub gradient: Gradient,
+            pub has_rim: bool,
+            pub smooth: [f64; 2],
+            pub more_taps: [usize; 2],
+        }
+        pub trait Needs {
+            fn demand(&self) -> Demand;
+            fn capacities(&self, levels: &[Level]) -> [usize; 2];
+            fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
+            fn passes(&self) -> Vec<&'static Pass>;
+            fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
+            fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {}
+            fn left_out(&self, plan: &Plan, out: &mut LeftOut);
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Plan {
+            pub levels: Vec<Level>,
+            pub pixel_levels: Vec<Level>,
+            pub maps: Grid,
+            pub pairs: usize,
+            pub bins: usize,
+            pub bin_width: f64,
+            pub iterations: [usize; 2],
+            pub accumulation: Accumulation,
+            pub has_rim: bool,
+            pub gradient: Gradient,
+            pub geometry: Geometry,
+            pub reflectance: Reflectance,
+            pub fine: bool,
+            pub runs: bool,
+            pub touching: bool,
+            pub pulse: usize,
+            pub tap_sets: usize,
+            pub tap_room: usize,
+            pub curved: bool,
+            pub scanned: usize,
+            pub others: usize,
+            pub tuning: Tuning,
+            pub capacity: usize,
+            pub touched_capacity: usize,
+            pub taps: Vec<f64>,
+            pub volumes: [Buffer; 2],
+            pub constants: BTreeMap<Constant, u32>,
+            pub passes: Vec<&'static Pass>,
+            pub buffers: Vec<BufferPlan>,
+            pub reachable: Vec<Vec<bool>>,
+            pub all_bins: usize,
+            pub left_out: Vec<String>,
+        }
+        impl Plan {
+            pub fn new(
+                model: &Model,
+                grid: Grid,
+                scan: [usize; 2],
+                needs: &dyn Needs,
+                device: &Abilities,
+                with_volume: bool,
+            ) -> Result<Plan> {}
+            pub fn constant(&self, constant: Constant) -> Option<u32> {}
+            pub fn variants(&self) -> Vec<String> {}
+            pub fn cells_at(&self, level: &Level) -> usize {}
+            pub fn finest(&self) -> &Level {}
+            pub fn residual(&self) -> Buffer {}
+            pub fn fixed_point(&self) -> bool {}
+            pub fn forward_sets(&self, level: &Level) -> u32 {}
+            pub fn forward_direct(&self, level: &Level) -> bool {}
+            pub fn factor(&self) -> usize {}
+            pub fn bytes_of(&self, buffer: Buffer) -> u64 {}
+            pub fn bytes(&self) -> BTreeMap<String, u64> {}
+        }
+    }
+    mod result {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct VolumeMap {
+            pub grid: Grid,
+            pub albedo: Vec<f32>,
+        }
+        #[derive(Debug, Clone)]
+        pub struct Reconstruction {
+            pub maps: Maps,
+            pub volume: Option<VolumeMap>,
+            pub trace: Vec<TracePoint>,
+            pub empty_loss: f64,
+            pub plan: Plan,
+            pub pairs: u64,
+            pub solve_seconds: f64,
+            pub device_bytes: u64,
+            pub full: bool,
+            pub lateral: usize,
+            pub volume_iterations: usize,
+            pub surface_left: bool,
+            pub kernels: Vec<(&'static str, KernelTime)>,
+        }
+    }
+    pub mod surface {
+        pub mod blur {
+            pub const BLURS: usize = 4;
+            pub const ADDED: usize = 2
+                * (REACH * MOST * std::f64::consts::SQRT_2) as usize + 2;
+            pub fn first(wanted: f64, noise: f64) -> Option<f64> {}
+            pub fn number(at: usize, iterations: usize) -> Option<usize> {}
+            pub fn words(
+                pulse: Option<&PulseTaps>,
+                first: f64,
+                room: usize,
+            ) -> Vec<f32> {}
+        }
+        mod needs {
+            pub fn more_taps(options: &VectorOptions) -> [usize; 2] {}
+            pub fn points_per_pixel(options: &VectorOptions, plan: &Plan) -> usize {}
+            pub fn points_of(plan: &Plan) -> usize {}
+            pub fn is_blurred(plan: &Plan) -> bool {}
+            pub fn pixels(plan: &Plan) -> usize {}
+            pub fn buffers(plan: &Plan) -> Vec<(Buffer, u64)> {}
+            pub fn left_out(plan: &Plan, out: &mut LeftOut) {}
+        }
+        mod pixels {
+            #[derive(Debug, Clone, Default, PartialEq)]
+            pub struct Pixels {
+                pub columns: Vec<u32>,
+                pub albedo: Vec<f32>,
+                pub depth: Vec<f32>,
+            }
+            impl Pixels {
+                pub fn of(maps: &Maps, most: usize) -> Pixels {}
+                pub fn len(&self) -> usize {}
+                pub fn is_empty(&self) -> bool {}
+                pub fn words(&self) -> Vec<[u32; 4]> {}
+                pub fn places(&self, maps: usize) -> Vec<u32> {}
+            }
+        }
+        mod schedule {
+            pub fn start(level: &Level, count: usize, points: usize) -> Schedule {}
+            pub fn points(level: &Level, count: usize) -> Schedule {}
+            pub fn render(
+                plan: &Plan,
+                level: &Level,
+                count: usize,
+                residual: &Pass,
+                through: Option<u32>,
+            ) -> Schedule {}
+            pub fn iteration(
+                plan: &Plan,
+                level: &Level,
+                count: usize,
+                i: usize,
+                at: usize,
+                through: Option<u32>,
+            ) -> Schedule {}
+            pub fn extract(level: &Level, count: usize) -> Schedule {}
+        }
+        mod weights {
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Placed {
+                pub pixels: usize,
+                pub most: f64,
+                pub explained: f64,
+            }
+            pub fn weights(
+                model: &Model,
+                first: &Grid,
+                level: &Level,
+                placed: Placed,
+                options: &VectorOptions,
+            ) -> [f32; SURFACE_WEIGHTS as usize] {}
+        }
+        pub use needs::{
+            buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel,
+        };
+        pub use pixels::Pixels;
+        pub use schedule::{extract, iteration, points, start};
+        pub use weights::{Placed, weights};
+        pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {}
+    }
+    pub mod vector {
+        mod hat {
+            pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
+        }
+        mod options {
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct VectorOptions {
+                pub lateral: usize,
+                pub iterations: usize,
+                pub coarse_to_fine: bool,
+                pub coarse_iterations: usize,
+                pub surface_iterations: usize,
+                pub pixels_per_voxel: Option<usize>,
+                pub surface_points: Option<usize>,
+                pub surface_blur: f64,
+                pub surface_sparsity: f64,
+                pub growth_iterations: usize,
+                pub all_pairs: bool,
+                pub reduce_every: usize,
+                pub bound_every: usize,
+                pub bound_power: f64,
+                pub step_share: f64,
+                pub keep_above: f64,
+                pub start_above: f64,
+                pub noise_factor: f64,
+                pub roughness: f64,
+                pub cone: f64,
+                pub reflectance: Reflectance,
+                pub general: bool,
+                pub background: bool,
+                pub room: Option<f64>,
+                pub stop: bool,
+                pub min_depth: f64,
+                pub peak: f64,
+                pub accumulation: Accumulation,
+                pub sizes: Sizes,
+            }
+            impl Default for VectorOptions {}
+            impl VectorOptions {
+                pub fn suited(
+                    mut self,
+                    confocal: bool,
+                    reflectance: Reflectance,
+                ) -> VectorOptions {}
+                pub fn pixels_per_voxel(&self) -> usize {}
+                pub fn check(&self) -> Result<()> {}
+            }
+        }
+        mod schedule {
+            pub fn start(
+                plan: &Plan,
+                level: &Level,
+                options: &VectorOptions,
+            ) -> Schedule {}
+            pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {}
+            pub fn due(
+                plan: &Plan,
+                options: &VectorOptions,
+                level: &mut usize,
+                done: usize,
+            ) -> Schedule {}
+        }
+        pub use hat::hat;
+        pub use options::VectorOptions;
+        pub use schedule::{due, iteration, start};
+        pub const HAT_SIGMA: f64 = 1.5;
+        pub fn reconstruct<'b, 'w: 'b>(
+            gpu: &Gpu,
+            capture: &Capture,
+            grid: Grid,
+            options: &VectorOptions,
+            memory: Option<u64>,
+            with_volume: bool,
+            beside: impl Into<Beside<'b, 'w>>,
+        ) -> Result<Reconstruction> {}
+        pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {}
+        pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {}
+    }
+    pub use assume::{assume_reflectance, falloff_slope};
+    pub use checkpoint::{Checkpoint, Identity, Keep};
+    pub use domain::{compact, extract};
+    pub use drive::{Beside, Progress, TracePoint, Watch};
+    pub use estimate::{background, expected_noise, variance_per_count};
+    pub use extent::default_volume;
+    pub use on_device::{OnDevice, upload};
+    pub use outline::{Part, Step, When};
+    pub use paper::{Decay, NoiseTerm, PaperOptions, Preset};
+    pub use pass::{Fault, Pass, Twin, Value, Voxels};
+    pub use plan::{
+        Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, SMOOTH, Sizes,
+        Tuning, UPLOAD,
+    };
+    pub use result::{Reconstruction, VolumeMap};
+    pub use vector::VectorOptions;
+    pub static PASSES: &[&[&Pass]] = &[
+        passes::ALL,
+        paper::passes::ALL,
+        vector::passes::ALL,
+        surface::passes::ALL,
+    ];
+    pub fn pass_of(kernel: &str) -> Option<&'static Pass> {}
+}
+pub mod transport {
+    mod grid {
+        pub const BRICK_VOXELS: usize = 512;
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Volume {
+            pub min: DVec3,
+            pub max: DVec3,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Grid {
+            pub n: [usize; 3],
+            pub origin: DVec3,
+            pub pitch: DVec3,
+        }
+        impl Grid {
+            pub fn new(
+                volume: Volume,
+                lateral: usize,
+                depth_pitch: f64,
+            ) -> Result<Grid> {}
+            pub fn coarser(&self, factor: usize) -> Grid {}
+            pub fn bricks(&self) -> [usize; 3] {}
+            pub fn voxels(&self) -> usize {}
+            pub fn storage(&self) -> usize {}
+            pub fn contains(&self, c: [usize; 3]) -> bool {}
+            pub fn index(&self, c: [usize; 3]) -> usize {}
+            pub fn voxel(&self, index: usize) -> [usize; 3] {}
+            pub fn position(&self, g: DVec3) -> DVec3 {}
+            pub fn extent(&self) -> [f64; 4] {}
+            pub fn depth_range(&self) -> [f64; 2] {}
+        }
+    }
+    mod model {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Sampling {
+            Continuous,
+            Fixed,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Binning {
+            Nearest,
+            Linear,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Gradient {
+            Published,
+            Exact,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Reflectance {
+            Cosine,
+            Lambertian,
+            Retroreflective,
+            Isotropic,
+        }
+        impl Reflectance {
+            pub fn has_normals(self) -> bool {}
+            pub fn number(self) -> u32 {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Model {
+            pub wall: Wall,
+            pub is_spread: bool,
+            pub reflectance: Reflectance,
+            pub bins: usize,
+            pub bin_width: f64,
+            pub t_start: f64,
+            pub measured: Vec<f32>,
+            pub elements: usize,
+            pub pulse: Option<PulseTaps>,
+            pub peak: f64,
+            pub counts_per_unit: f64,
+            pub reference: f64,
+            pub min_depth: f64,
+            pub sampling: Sampling,
+            pub binning: Binning,
+            pub gradient: Gradient,
+            pub l1: f64,
+            pub noise: [f64; 2],
+            pub learning_rate: f64,
+            pub decay_over: f64,
+            pub betas: [f64; 2],
+            pub epsilon: f64,
+            pub keep_above: f64,
+            pub seed: u32,
+            pub cone: f64,
+            pub variance: [f64; 2],
+            pub noise_factor: f64,
+            pub roughness: f64,
+        }
+        pub fn cells(pairs: usize, bins: usize) -> usize {}
+        impl Model {
+            pub fn new(
+                capture: &Capture,
+                reflectance: Reflectance,
+                peak: f64,
+                general: bool,
+            ) -> Model {}
+            pub fn pairs(&self) -> usize {}
+            pub fn stride(&self) -> usize {}
+            pub fn elements_of(&self, pairs: usize) -> usize {}
+            pub fn cells(&self) -> usize {}
+            pub fn bins_of<T: Copy>(&self, cells: &[T]) -> Vec<T> {}
+            pub fn falloff_power(&self) -> i32 {}
+            pub fn bin_weight(&self, bin: usize) -> f64 {}
+            pub fn near_z(&self, grid: &Grid) -> usize {}
+            pub fn nearest(&self, grid: &Grid) -> f64 {}
+            pub fn scene(&self, grid: &Grid) -> SceneData {}
+            pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {}
+        }
+    }
+    mod spread {
+        pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {}
+        impl Wall {
+            pub fn first(&self, pairs: usize) -> Wall {}
+        }
+        impl Model {
+            pub fn spread(&mut self) {}
+        }
+    }
+    pub mod twin {
+        mod domain {
+            pub fn initialise(twin: &Twin) -> Vec<bool> {}
+            pub fn initialise_raw(twin: &Twin, span: f64) -> Vec<Raw> {}
+            pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {}
+            pub fn gaussian(
+                twin: &Twin,
+                raw: &[Raw],
+                active: &[bool],
+                taps: &[f64],
+            ) -> Vec<f64> {}
+            pub fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {}
+            pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {}
+            pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {}
+            pub fn room(levels: &[u32], peak: f64, above: f64, room: usize) -> f64 {}
+            pub fn rim(grid: &Grid, active: &[bool]) -> Vec<bool> {}
+            pub fn touched(grid: &Grid, active: &[bool]) -> Vec<u32> {}
+            pub fn compact(mask: &[bool]) -> Vec<u32> {}
+            pub fn carry(touched: &[u32], state: &[Raw]) -> Vec<Raw> {}
+            pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {}
+            pub fn double_domain(
+                coarse: &Grid,
+                fine: &Grid,
+                active: &[bool],
+            ) -> Vec<bool> {}
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Column {
+                pub albedo: f64,
+                pub depth: f64,
+                pub normal: DVec3,
+            }
+            pub fn extract(
+                twin: &Twin,
+                raw: &[Raw],
+                active: &[bool],
+            ) -> Vec<Option<Column>> {}
+        }
+        mod optimise {
+            pub fn update(
+                twin: &Twin,
+                iteration: u32,
+                step: u32,
+                active: &[u32],
+                touched: &[u32],
+                gradient: &[Raw],
+                raw: &mut [Raw],
+                first: &mut [Raw],
+                second: &mut [Raw],
+            ) {}
+            pub fn noise(
+                twin: &Twin,
+                step: u32,
+                residual: &[f64],
+                state: &mut [[f64; 3]],
+            ) {}
+            pub fn learning_rate(twin: &Twin, iteration: u32) -> f64 {}
+        }
+        mod pulse {
+            pub fn pulse(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {}
+        }
+        mod random {
+            pub fn random3(
+                index: u32,
+                iteration: u32,
+                stream: u32,
+                seed: u32,
+            ) -> [f64; 3] {}
+        }
+        mod render {
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Sample {
+                pub point: DVec3,
+                pub albedo: f64,
+                pub normal: DVec3,
+                pub length: f64,
+            }
+            pub fn sample_point(twin: &Twin, index: u32, iteration: u32) -> DVec3 {}
+            pub fn sample(
+                twin: &Twin,
+                iteration: u32,
+                active: &[u32],
+                raw: &[Raw],
+            ) -> Vec<Sample> {}
+            pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {}
+            pub fn residual(
+                twin: &Twin,
+                accumulated: &[f64],
+                weights: &[f64],
+            ) -> (Vec<f64>, f64) {}
+            pub fn backward(
+                twin: &Twin,
+                samples: &[Sample],
+                residual: &[f64],
+            ) -> Vec<Raw> {}
+            pub fn finish(samples: &[Sample]) -> f64 {}
+            pub fn objective(
+                twin: &Twin,
+                iteration: u32,
+                active: &[u32],
+                raw: &[Raw],
+                weights: &[f64],
+            ) -> f64 {}
+            pub fn weighted_objective(
+                twin: &Twin,
+                iteration: u32,
+                active: &[u32],
+                raw: &[Raw],
+            ) -> f64 {}
+        }
+        mod surface {
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
+            pub struct Height {
+                pub depth: f64,
+                pub albedo: f64,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Bond {
+                pub other: usize,
+                pub way: [i32; 2],
+                pub weight: f64,
+                pub stencil: DVec2,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
+            pub struct SurfaceWeights {
+                pub bend: f64,
+                pub jump: f64,
+                pub rates: Height,
+                pub iterations: f64,
+                pub largest: Height,
+                pub smooth: f64,
+                pub spread: f64,
+                pub sparse: f64,
+                pub faint: f64,
+            }
+            impl SurfaceWeights {
+                pub fn see(&mut self, combined: &[Combined]) {}
+            }
+            impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {}
+            pub fn surface_bonds(
+                twin: &Twin,
+                columns: &[u32],
+                heights: &[Height],
+            ) -> Vec<Vec<Bond>> {}
+            pub fn surface_points(
+                twin: &Twin,
+                columns: &[u32],
+                bonds: &[Vec<Bond>],
+                heights: &[Height],
+                points: usize,
+            ) -> (Vec<DVec2>, Vec<Sample>) {}
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
+            pub struct Pull {
+                pub vector: DVec3,
+                pub albedo: f64,
+                pub depth: f64,
+            }
+            pub fn surface_gather(
+                twin: &Twin,
+                samples: &[Sample],
+                residual: &[f64],
+            ) -> Vec<Pull> {}
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
+            pub struct Combined {
+                pub slope: DVec2,
+                pub height: Height,
+                pub energy: f64,
+            }
+            pub fn surface_combine(
+                twin: &Twin,
+                bonds: &[Vec<Bond>],
+                heights: &[Height],
+                slopes: &[DVec2],
+                pulls: &[Pull],
+                weights: &SurfaceWeights,
+            ) -> Vec<Combined> {}
+            pub fn surface_gradient(
+                bonds: &[Vec<Bond>],
+                combined: &[Combined],
+            ) -> Vec<Height> {}
+            pub fn surface_pull(
+                twin: &Twin,
+                columns: &[u32],
+                depths: &[f64],
+                gradient: &[Height],
+                weights: &SurfaceWeights,
+                number: u32,
+            ) -> Vec<Height> {}
+            pub fn surface_step(
+                twin: &Twin,
+                gradient: &[Height],
+                weights: &SurfaceWeights,
+                number: u32,
+                heights: &mut [Height],
+                moments: &mut [[Height; 2]],
+            ) {}
+            pub fn surface_extract(
+                twin: &Twin,
+                columns: &[u32],
+                heights: &[Height],
+                slopes: &[DVec2],
+                albedo: &[f64],
+                sigma: f64,
+            ) -> Vec<Column> {}
+            pub fn surface_objective(
+                twin: &Twin,
+                columns: &[u32],
+                bonds: &[Vec<Bond>],
+                heights: &[Height],
+                points: usize,
+                weights: &SurfaceWeights,
+            ) -> f64 {}
+        }
+        mod vector {
+            pub fn points(twin: &Twin, active: &[u32]) -> Vec<Sample> {}
+            pub fn extrapolate(
+                twin: &Twin,
+                active: &[u32],
+                v: &[DVec3],
+                before: &[DVec3],
+                beta: f64,
+            ) -> Vec<Sample> {}
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
+            pub struct Rough {
+                pub energy: f64,
+                pub gradient: DVec3,
+            }
+            pub fn roughness(
+                twin: &Twin,
+                active: &[u32],
+                samples: &[Sample],
+                bounds: &[[f64; 2]],
+                share: f64,
+                peak: f64,
+            ) -> Vec<Rough> {}
+            pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {}
+            pub fn residual_weighted(
+                twin: &Twin,
+                accumulated: &[f64],
+                measure: bool,
+            ) -> (Vec<f64>, [f64; 2]) {}
+            pub fn gradient_vectors(
+                twin: &Twin,
+                samples: &[Sample],
+                residual: &[f64],
+            ) -> Vec<DVec3> {}
+            pub fn into_cone(cone: f64, v: DVec3) -> DVec3 {}
+            pub fn shrink(v: DVec3, by: f64) -> DVec3 {}
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
+            pub struct Told {
+                pub group: f64,
+                pub against: f64,
+            }
+            pub fn step(
+                twin: &Twin,
+                active: &[u32],
+                samples: &[Sample],
+                gradient: &[DVec3],
+                bounds: &[[f64; 2]],
+                share: f64,
+                v: &mut [DVec3],
+                before: &mut [DVec3],
+            ) -> Vec<Told> {}
+            pub fn expect(shares: &[f64], power: f64) -> Vec<f64> {}
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub enum Bound {
+                Step,
+                Noise,
+            }
+            pub fn bound(
+                twin: &Twin,
+                samples: &[Sample],
+                residual: &[f64],
+                what: Bound,
+            ) -> Vec<f64> {}
+            pub fn variance(twin: &Twin) -> Vec<f64> {}
+            pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {}
+            pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {}
+            pub fn settle(
+                active: &[bool],
+                v: &mut [DVec3],
+                before: &mut [DVec3],
+                momentum: &mut Momentum,
+            ) {}
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Momentum {
+                pub t: f64,
+                pub beta: f64,
+                pub objective: f64,
+                pub restarts: f64,
+                pub share: f64,
+            }
+            pub fn finish_accelerated(
+                before: Momentum,
+                objective: f64,
+                against: f64,
+            ) -> Momentum {}
+            pub fn objective_vectors(
+                twin: &Twin,
+                samples: &[Sample],
+                lambda: &[f64],
+            ) -> f64 {}
+            pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {}
+            pub fn extract_vectors(
+                twin: &Twin,
+                v: &[DVec3],
+                active: &[bool],
+            ) -> Vec<Option<Column>> {}
+        }
+        pub use domain::{
+            Column, carry, carry_doubled, compact, double_domain, extract, gaussian,
+            initialise, initialise_raw, levels, rim, room, smooth, taps, threshold,
+            touched,
+        };
+        pub use optimise::{learning_rate, noise, update};
+        pub use pulse::{Way, pulse};
+        pub use random::random3;
+        pub use render::{
+            Sample, backward, finish, forward, objective, residual, sample, sample_point,
+            weighted_objective,
+        };
+        pub use surface::{
+            Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine,
+            surface_extract, surface_gather, surface_gradient, surface_objective,
+            surface_points, surface_pull, surface_step,
+        };
+        pub use vector::{
+            Bound, Momentum, Rough, Told, backproject, bound, expect, extract_vectors,
+            extrapolate, filter, finish_accelerated, forward_bound, gradient_vectors,
+            into_cone, lengths, objective_vectors, points, residual_weighted, roughness,
+            settle, shrink, step, variance,
+        };
+        #[derive(Debug, Clone, Copy)]
+        pub struct Twin<'a> {
+            pub model: &'a Model,
+            pub grid: &'a Grid,
+        }
+        pub type Raw = [f64; 4];
+    }
+    mod wall {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Geometry {
+            Confocal,
+            TwoPoints,
+            Product,
+        }
+        impl Geometry {
+            pub fn counts(
+                self,
+                pairs: usize,
+                scanned: usize,
+                others: usize,
+            ) -> [usize; 2] {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Wall {
+            pub geometry: Geometry,
+            pub scanned: Vec<DVec3>,
+            pub others: Vec<DVec3>,
+            pub normals: Option<Vec<DVec3>>,
+        }
+        impl Wall {
+            pub fn confocal(points: Vec<DVec3>) -> Wall {}
+            pub fn of(
+                capture: &Capture,
+                reflectance: Reflectance,
+                general: bool,
+            ) -> (Wall, Vec<usize>) {}
+            pub fn pairs(&self) -> usize {}
+            pub fn points_of(&self, pair: usize) -> [usize; 2] {}
+            pub fn point(&self, number: usize) -> [DVec3; 2] {}
+            pub fn path(&self, pair: usize, x: DVec3) -> f64 {}
+            pub fn all_points(&self) -> impl Iterator<Item = &DVec3> {}
+            pub fn words(&self) -> Vec<[f32; 4]> {}
+        }
+    }
+    pub use grid::{BRICK_VOXELS, Grid, Volume};
+    pub use model::{Binning, Gradient, Model, Reflectance, Sampling, cells};
+    pub use spread::spread_order;
+    pub use wall::{Geometry, Wall};
+}
+pub use error::{Error, Kind, Result};
