@@ -48,11 +48,23 @@ pub mod capture {
                 pub fn parse(text: &str) -> Result<Bounce> {}
             }
             #[derive(Debug, Clone, Default, PartialEq)]
+            #[non_exhaustive]
             pub struct Given {
                 pub wall: Option<f64>,
                 pub bin_width: Option<f64>,
                 pub bounce: Option<Bounce>,
                 pub time_of_flight: Option<PathBuf>,
+                pub turn: Turn,
+            }
+            impl Given {
+                pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {}
+                pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {}
+                pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {}
+                pub fn with_time_of_flight(
+                    self,
+                    file: impl Into<Option<PathBuf>>,
+                ) -> Given {}
+                pub fn with_turn(self, turn: Turn) -> Given {}
             }
         }
         pub mod hdf5 {
@@ -185,6 +197,7 @@ pub mod capture {
         }
         pub use given::{Bounce, Given};
         #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
         pub struct Opened {
             pub capture: Capture,
             pub dropped: usize,
@@ -242,6 +255,7 @@ pub mod capture {
     }
     pub mod pulse {
         #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
         pub struct Pulse {
             pub samples: Vec<f64>,
             pub width: f64,
@@ -259,6 +273,7 @@ pub mod capture {
             Squared,
         }
         impl Pulse {
+            pub fn new(samples: Vec<f64>, width: f64, start: f64) -> Pulse {}
             pub fn gaussian(fwhm: f64) -> Result<Pulse> {}
             pub fn check(&self) -> Result<()> {}
             pub fn end(&self) -> f64 {}
@@ -289,6 +304,7 @@ pub mod capture {
     }
     pub mod summary {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[non_exhaustive]
         pub struct Summary {
             pub name: String,
             pub scan: [usize; 2],
@@ -325,14 +341,28 @@ pub mod capture {
         }
         impl std::fmt::Display for Summary {}
     }
+    mod turn {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        #[private_fields]
+        pub struct Turn {}
+        impl Turn {
+            pub fn parse(flip: Option<&str>, degrees: Option<u32>) -> Result<Turn> {}
+            pub fn note(&self) -> Option<String> {}
+        }
+        impl Capture {
+            pub fn turned(mut self, turn: Turn) -> Capture {}
+        }
+    }
     #[cfg(feature = "formats")]
     pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
     pub use gate::{AutoGate, Gate, auto_gate, published_gate};
     pub use pairs::{PairKind, Product};
     pub use pulse::{Pulse, PulseTaps, Way};
     pub use summary::Summary;
+    pub use turn::Turn;
     pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
     #[derive(Debug, Clone, PartialEq)]
+    #[non_exhaustive]
     pub struct Capture {
         pub name: String,
         pub scan: [usize; 2],
@@ -346,6 +376,16 @@ pub mod capture {
         pub histograms: Vec<f32>,
         pub integer_counts: bool,
         pub pulse: Option<Pulse>,
+    }
+    impl Capture {
+        pub fn new(
+            scan: [usize; 2],
+            laser: Vec<DVec3>,
+            sensor: Vec<DVec3>,
+            bins: usize,
+            bin_width: f64,
+            histograms: Vec<f32>,
+        ) -> Capture {}
     }
 }
 pub mod error {
@@ -1519,6 +1559,7 @@ pub mod job {
         pub bin_width: Option<f64>,
         pub bounce: Option<capture::Bounce>,
         pub time_of_flight: Option<PathBuf>,
+        pub turn: capture::Turn,
         pub stride: Option<usize>,
         pub subset: Option<usize>,
         pub subset_seed: u64,

@@ -21,32 +21,41 @@ pub enum Kind {
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{what}\n  {mend}")]
 pub struct Error {
+    /// What the error is about.
     pub kind: Kind,
+    /// What is wrong, and where.
     pub what: String,
+    /// What to do about it.
     pub mend: String,
 }
 
 impl Error {
+    /// An error of any kind.
     pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error { kind, what: what.into(), mend: mend.into() }
     }
 
+    /// An error of a capture, truth or scene file.
     pub fn input(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Input, what, mend)
     }
 
+    /// An error of an option or setting.
     pub fn options(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Options, what, mend)
     }
 
+    /// An error of a Vulkan device.
     pub fn device(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Device, what, mend)
     }
 
+    /// An error of memory that does not suffice.
     pub fn memory(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Memory, what, mend)
     }
 
+    /// An error of a result that could not be written.
     pub fn output(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Output, what, mend)
     }
@@ -58,4 +67,5 @@ impl Error {
     }
 }
 
+/// What every function of this crate that can fail returns.
 pub type Result<T> = std::result::Result<T, Error>;

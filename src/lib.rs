@@ -31,13 +31,17 @@
 //! # }
 //! ```
 
+#![deny(missing_docs)]
+
 pub mod capture;
 pub mod error;
 #[cfg(feature = "formats")]
 pub mod export;
 #[cfg(feature = "formats")]
 pub mod files;
+#[allow(missing_docs)]
 pub mod gpu;
+#[allow(missing_docs)]
 #[cfg(feature = "formats")]
 pub mod job;
 #[cfg(test)]
@@ -45,6 +49,7 @@ mod layers;
 pub mod maps;
 pub mod measure;
 pub mod simulate;
+#[allow(missing_docs)]
 pub mod solve;
 pub mod transport;
 

@@ -8,7 +8,9 @@ use crate::error::{Error, Result};
 /// Reconstructed maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
+    /// Pixels along x.
     pub nx: usize,
+    /// Pixels along y.
     pub ny: usize,
     /// (xmin, xmax, ymin, ymax) in metres, outer edges of the cells.
     pub extent: [f64; 4],
@@ -20,13 +22,16 @@ pub struct Maps {
     pub normal: Vec<[f32; 3]>,
     /// True where the albedo is above [`Maps::mask_fraction`] of its 99.9th percentile.
     pub mask: Vec<bool>,
+    /// The fraction that [`Maps::mask`] is made with.
     pub mask_fraction: f64,
 }
 
 /// True maps of a simulated or independently rendered scene (`gt_*` in a truth file).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
+    /// Pixels along x.
     pub nx: usize,
+    /// Pixels along y.
     pub ny: usize,
     /// (xmin, xmax, ymin, ymax) in metres, outer edges of the cells.
     pub extent: [f64; 4],
@@ -34,6 +39,7 @@ pub struct Truth {
     pub depth: Vec<f32>,
     /// Unit normal there, towards the wall; NaN = miss.
     pub normal: Vec<[f32; 3]>,
+    /// True where the scene is hit.
     pub mask: Vec<bool>,
 }
 

@@ -6,14 +6,18 @@ use crate::error::{Error, Result};
 /// A range of path lengths in metres, open ends infinite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gate {
+    /// Shortest path, metres.
     pub from: f64,
+    /// Longest path, metres.
     pub to: f64,
 }
 
 /// A gate that was found in the data, and a sentence for people that says why.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutoGate {
+    /// The range of paths.
     pub gate: Gate,
+    /// Why it is this one, as a sentence.
     pub reason: String,
 }
 

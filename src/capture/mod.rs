@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod check;
 mod choose;
 mod doubts;
+#[allow(missing_docs)]
 #[cfg(feature = "formats")]
 pub mod formats;
 pub mod gate;

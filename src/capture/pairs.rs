@@ -22,7 +22,12 @@ pub enum PairKind {
     OneSensor,
     /// Every combination of the distinct laser points and the distinct sensor points exactly once, in any
     /// order; more than one of each.
-    Exhaustive { lasers: usize, sensors: usize },
+    Exhaustive {
+        /// Distinct laser points.
+        lasers: usize,
+        /// Distinct sensor points.
+        sensors: usize,
+    },
     /// Anything else: pairs are what they are, none follows from the others.
     Irregular,
 }

@@ -22,7 +22,9 @@ pub struct Pulse {
 /// is one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PulseTaps {
+    /// Bins before the path that some of its light falls into.
     pub before: usize,
+    /// Share of the light in each bin; the first is `before` bins before the path.
     pub weights: Vec<f64>,
 }
 

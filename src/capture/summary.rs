@@ -9,17 +9,23 @@ use super::{Capture, METRES_PER_PICOSECOND, PairKind, Pulse};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Summary {
+    /// The capture's name.
     pub name: String,
     /// Scan points along x and y.
     pub scan: [usize; 2],
+    /// Number of pairs.
     pub pairs: usize,
+    /// Bins of a histogram.
     pub bins: usize,
     /// Bin width in metres of path, and the same as light travel time in picoseconds.
     pub bin_width_m: f64,
+    /// The same as time of flight in picoseconds.
     pub bin_width_ps: f64,
     /// Full width at half maximum in metres of path that a Gaussian as wide as the instrument's pulse has, if that is known.
     pub pulse_fwhm_m: Option<f64>,
+    /// Leading edge of the first bin, metres of path.
     pub t_start_m: f64,
+    /// Trailing edge of the last bin, metres of path.
     pub t_end_m: f64,
     /// How laser and sensor points are combined.
     pub pair_kind: PairKind,
@@ -27,7 +33,9 @@ pub struct Summary {
     pub dropped_pairs: usize,
     /// Points of the scanned side that stand side by side in x and y, or as dense a square lattice.
     pub resolution: [usize; 2],
+    /// Whether laser and sensor point coincide in every pair.
     pub confocal: bool,
+    /// Whether the wall is a plane that faces +z.
     pub planar: bool,
     /// (xmin, xmax, ymin, ymax) of the scanned part of the wall in metres, outer cell edges.
     pub wall_extent_m: [f64; 4],
@@ -37,14 +45,19 @@ pub struct Summary {
     pub signal_bins: Option<[usize; 2]>,
     /// Largest count, where it is.
     pub peak: f64,
+    /// Bin of the largest count.
     pub peak_bin: usize,
+    /// Pair of the largest count.
     pub peak_pair: usize,
     /// Sum of all counts.
     pub total: f64,
     /// Pairs with any signal.
     pub pairs_with_signal: usize,
+    /// Whether all counts are whole numbers.
     pub integer_counts: bool,
+    /// Whether the normals at the laser points are known.
     pub laser_normals: bool,
+    /// Whether the normals at the sensor points are known.
     pub sensor_normals: bool,
     /// Whether the normals were estimated from neighbouring points.
     pub normals_estimated: bool,

@@ -15,19 +15,26 @@ use crate::measure::{Metrics, Reach};
 pub struct Comparison {
     /// Version of thirdbounce.
     pub version: String,
+    /// The device that did the work.
     pub device: Device,
+    /// The capture that all methods took.
     pub capture: Summary,
+    /// Its file.
     pub capture_file: PathBuf,
+    /// The truth's file, if there is truth.
     pub truth: Option<PathBuf>,
+    /// Share of the brightest albedo above which a pixel is surface, for the figures at a fixed share.
     pub mask_fraction: f64,
     /// How often each method ran, in turns.
     pub repeats: usize,
+    /// Every method, in the order they were given.
     pub methods: Vec<MethodReport>,
 }
 
 /// One method. Times are medians over the repeats, figures are those of the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MethodReport {
+    /// Short name, unique in the comparison.
     pub name: String,
     /// As it was asked for.
     pub method: String,
@@ -35,6 +42,7 @@ pub struct MethodReport {
     pub settings: serde_json::Value,
     /// Iterations between measured points; 0: measured at the end only.
     pub trace_every: usize,
+    /// Iterations that were made.
     pub iterations: usize,
     /// Solve seconds, without load, set-up, measuring and export.
     pub seconds: f64,
@@ -42,8 +50,11 @@ pub struct MethodReport {
     pub repeats_s: Vec<f64>,
     /// Active voxels at the end, and their share of the grid.
     pub active: usize,
+    /// Their share of the grid.
     pub active_ratio: f64,
+    /// Figures at the end.
     pub metrics: Metrics,
+    /// When it was as good as the first method is at its end.
     pub reach: Reached,
     /// The measured points.
     pub trace: Vec<TraceEntry>,
@@ -52,8 +63,11 @@ pub struct MethodReport {
 /// When a method was as good as the first method is at its end, each at its best mask fraction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
+    /// In depth error.
     pub depth_mae: Reach,
+    /// In the error of normals.
     pub normal_error_deg: Reach,
+    /// In the best IoU.
     pub best_iou: Reach,
     /// In all three at once.
     pub all: Reach,

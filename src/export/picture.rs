@@ -12,6 +12,7 @@ pub const SIDE: usize = 512;
 
 /// Size of text, in pixels an em, and the height of a capital.
 const EM: f32 = 15.0;
+/// Height of a capital letter of [`Picture::text`], in pixels.
 pub const CAPITAL: usize = 11;
 /// Width of a colour bar, and the gap between it and its labels.
 const BAR: usize = 18;
@@ -20,8 +21,11 @@ const BESIDE: usize = 8;
 /// An RGB picture, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
+    /// Red, green and blue of every pixel: 3 · width · height bytes.
     pub rgb: Vec<u8>,
 }
 

@@ -6,12 +6,15 @@ use super::figure::{Area, BODY, COLOURS, Canvas, Drawn, Figure, HEADING, INK, fo
 /// Curves by name, each of points (x, y); what is not finite, or not above zero on a logarithmic axis, is left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
+    /// Above the plot.
     pub title: String,
     /// What the axes count, with their units.
     pub x: String,
+    /// As `x`, for the axis that points up.
     pub y: String,
     /// Of x and of y.
     pub logarithmic: [bool; 2],
+    /// Name and points of each.
     pub curves: Vec<(String, Vec<[f64; 2]>)>,
     /// A dashed line at this y, with a name.
     pub mark: Option<(String, f64)>,

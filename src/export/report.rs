@@ -15,12 +15,17 @@ use crate::measure::Metrics;
 pub struct Report {
     /// Version of thirdbounce.
     pub version: String,
+    /// The device that did the work.
     pub device: Device,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
+    /// The capture.
     pub capture: Summary,
+    /// What was prepared.
     pub plan: Plan,
+    /// Figures on the way.
     pub trace: Vec<TraceEntry>,
+    /// Sums over the run.
     pub totals: Totals,
     /// Null without truth.
     pub metrics: Option<Metrics>,
@@ -29,7 +34,9 @@ pub struct Report {
 /// The device that did the work.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Device {
+    /// Name of the device as its driver gives it.
     pub name: String,
+    /// Name and version of the driver.
     pub driver: String,
     /// "discrete", "integrated", "cpu", ...
     pub kind: String,
@@ -51,6 +58,7 @@ pub struct Plan {
 /// One line of the trace.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TraceEntry {
+    /// Iterations done.
     pub iteration: usize,
     /// Wall-clock seconds since solving began.
     pub seconds: f64,
@@ -63,6 +71,7 @@ pub struct TraceEntry {
     pub pairs: usize,
     /// Active voxels, and their share of the whole grid.
     pub active: usize,
+    /// Active voxels as a share of the whole grid.
     pub active_ratio: f64,
     /// Written as null where it is not finite.
     #[serde(deserialize_with = "null_is_nan")]
@@ -82,12 +91,17 @@ pub struct TraceEntry {
 /// Sums over the whole run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Totals {
+    /// Seconds of reading the capture.
     pub load_s: f64,
+    /// Seconds of solving.
     pub solve_s: f64,
+    /// Seconds of writing results.
     pub export_s: f64,
     /// Voxel-pair interactions evaluated, and per second of solving.
     pub pairs: f64,
+    /// The same per second of solving.
     pub pairs_per_s: f64,
+    /// Most bytes of device memory taken at once.
     pub peak_device_bytes: u64,
 }
 

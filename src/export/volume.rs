@@ -16,7 +16,9 @@ pub struct Volume {
     pub size: [usize; 3],
     /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres, outer edges of the voxels.
     pub extent: [f64; 6],
+    /// Albedo of each voxel.
     pub albedo: Vec<f32>,
+    /// Unit normal of each voxel, towards the wall, if known.
     pub normal: Option<Vec<[f32; 3]>>,
 }
 

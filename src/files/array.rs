@@ -5,16 +5,27 @@ use crate::error::{Error, Result};
 /// Element types that numpy writes for numbers and truth values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
+    /// Truth value, a byte.
     Bool,
+    /// Unsigned, 8 bits.
     U8,
+    /// Unsigned, 16 bits.
     U16,
+    /// Unsigned, 32 bits.
     U32,
+    /// Unsigned, 64 bits.
     U64,
+    /// Signed, 8 bits.
     I8,
+    /// Signed, 16 bits.
     I16,
+    /// Signed, 32 bits.
     I32,
+    /// Signed, 64 bits.
     I64,
+    /// Floating point, 32 bits.
     F32,
+    /// Floating point, 64 bits.
     F64,
 }
 
@@ -51,10 +62,15 @@ impl Element {
 /// An array: `bytes` holds `shape.product()` elements, in C order unless `fortran`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
+    /// Length along each axis; empty for a single number.
     pub shape: Vec<usize>,
+    /// Type of the elements.
     pub element: Element,
+    /// Whether the bytes of an element stand with the largest first.
     pub big_endian: bool,
+    /// Whether the first index runs fastest.
     pub fortran: bool,
+    /// The elements.
     pub bytes: Vec<u8>,
 }
 

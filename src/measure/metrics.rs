@@ -15,10 +15,13 @@ pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.2
 /// (null in JSON), never 0 or NaN.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
+    /// Share of the 99.9th percentile of the albedo above which a pixel is predicted.
     pub fraction: f64,
     /// Pixels of the truth's grid that are predicted, true, and both.
     pub predicted_pixels: usize,
+    /// Pixels of the true mask.
     pub true_pixels: usize,
+    /// Pixels that are both.
     pub hit_pixels: usize,
     /// |predicted ∩ mask| / |mask|; `None` if the mask is empty.
     pub completeness: Option<f64>,
@@ -26,9 +29,11 @@ pub struct Metrics {
     pub iou: Option<f64>,
     /// Over the hit pixels.
     pub depth_mae: Option<f64>,
+    /// Root mean square of the same.
     pub depth_rmse: Option<f64>,
     /// The paper's convention: over the whole mask, a missing pixel has depth 0.
     pub depth_mae_whole: Option<f64>,
+    /// Root mean square of the same.
     pub depth_rmse_whole: Option<f64>,
     /// Mean angle between true and found normals over the hit pixels with a normal.
     pub normal_error_deg: Option<f64>,
@@ -36,6 +41,7 @@ pub struct Metrics {
     pub normal_mae: Option<f64>,
     /// The best IoU over [`SWEEP`] and the fraction that gave it.
     pub best_iou: Option<f64>,
+    /// The fraction of `best_iou`.
     pub best_fraction: Option<f64>,
     /// The figures at `best_fraction`: for comparing methods, whose albedos fall off differently, so that at one
     /// fixed fraction one method's errors are over all of the surface and another's over its bright part only.
@@ -49,10 +55,15 @@ pub struct Metrics {
 /// Figures over the hit pixels of the mask with the best IoU.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct AtBest {
+    /// Pixels that are predicted and true.
     pub hit_pixels: usize,
+    /// |predicted ∩ mask| / |mask|.
     pub completeness: Option<f64>,
+    /// Mean absolute depth error, metres.
     pub depth_mae: Option<f64>,
+    /// Root mean square depth error, metres.
     pub depth_rmse: Option<f64>,
+    /// Mean angle between true and found normals, degrees.
     pub normal_error_deg: Option<f64>,
 }
 

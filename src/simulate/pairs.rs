@@ -14,13 +14,25 @@ pub enum Layout {
     #[default]
     Confocal,
     /// The laser at one spot (x, y in metres), the sensor at every scan point: n² pairs.
-    OneLaser { spot: DVec2 },
+    OneLaser {
+        /// The laser point, metres.
+        spot: DVec2,
+    },
     /// The sensor at one spot (x, y in metres), the laser at every scan point: n² pairs.
-    OneSensor { spot: DVec2 },
+    OneSensor {
+        /// The sensor point, metres.
+        spot: DVec2,
+    },
     /// Every one of `lasers` × `lasers` laser points with every scan point: lasers² · n² pairs.
-    Exhaustive { lasers: usize },
+    Exhaustive {
+        /// Laser points per side.
+        lasers: usize,
+    },
     /// Laser and sensor points anywhere on the wall, drawn for each pair anew by `seed`: n² pairs.
-    Irregular { seed: u64 },
+    Irregular {
+        /// Seed of the points.
+        seed: u64,
+    },
 }
 
 impl Layout {

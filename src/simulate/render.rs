@@ -28,6 +28,7 @@ impl Default for RenderOptions {
 /// A rendered capture and how good it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendering {
+    /// The capture.
     pub capture: Capture,
     /// Achieved noise: RMS error over RMS value, from the difference of two independent halves of the
     /// samples. Photon noise is not part of it.

@@ -12,6 +12,7 @@ const MOST_VALUES: f64 = 4_294_967_296.0;
 /// A mesh with one albedo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
+    /// Its surface, metres.
     pub mesh: Mesh,
     /// Albedo, 0 or above; 1 for the built-in scenes.
     pub albedo: f64,
@@ -26,6 +27,7 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Side of the square wall in metres: it covers ±wall/2 in x and y at z = 0.
     pub wall: f64,
+    /// Shape of the wall.
     pub wall_shape: WallShape,
     /// Scan points per side, at the centres of scan × scan cells of the wall.
     pub scan: usize,

@@ -10,7 +10,9 @@ pub const BRICK_VOXELS: usize = 512;
 /// The box that is reconstructed, in metres, outer faces of its voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume {
+    /// Corner of the smallest coordinates.
     pub min: DVec3,
+    /// Corner of the largest coordinates.
     pub max: DVec3,
 }
 
@@ -73,6 +75,7 @@ impl Grid {
         Grid { n, origin: corner + 0.5 * pitch, pitch }
     }
 
+    /// Bricks of 8 × 8 × 8 voxels along each axis, the last ones in part beyond the grid.
     pub fn bricks(&self) -> [usize; 3] {
         self.n.map(|n| n.div_ceil(8))
     }
@@ -87,6 +90,7 @@ impl Grid {
         self.bricks().iter().product::<usize>() * BRICK_VOXELS
     }
 
+    /// Whether voxel `c` is one of the grid.
     pub fn contains(&self, c: [usize; 3]) -> bool {
         (0..3).all(|a| c[a] < self.n[a])
     }

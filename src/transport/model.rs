@@ -65,12 +65,17 @@ impl Reflectance {
 /// Everything that does not depend on the lateral resolution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
+    /// Wall points and how they pair.
     pub wall: Wall,
     /// Every beginning of the list of pairs is spread over the wall ([`Model::spread`]).
     pub is_spread: bool,
+    /// How surfaces reflect.
     pub reflectance: Reflectance,
+    /// Bins of a histogram.
     pub bins: usize,
+    /// Width of a bin in metres of path.
     pub bin_width: f64,
+    /// Leading edge of the first bin, metres of path.
     pub t_start: f64,
     /// Measured histograms after scaling, `[pair * bins + bin]`.
     pub measured: Vec<f32>,
@@ -86,18 +91,27 @@ pub struct Model {
     pub reference: f64,
     /// Nothing nearer than this to the wall plane z = 0 is ever active, in metres.
     pub min_depth: f64,
+    /// Where in a voxel its sample is taken.
     pub sampling: Sampling,
+    /// How a contribution falls into bins.
     pub binning: Binning,
+    /// Which gradient is descended.
     pub gradient: Gradient,
+    /// Weight of the L1 term.
     pub l1: f64,
     /// Constant and learnt part of the noise term, relative to the peak; zero without one.
     pub noise: [f64; 2],
+    /// Adam's step length at first.
     pub learning_rate: f64,
     /// Iterations over which the learning rate falls to nothing, 0 for never.
     pub decay_over: f64,
+    /// Adam's decay rates of the first and second moment.
     pub betas: [f64; 2],
+    /// What Adam adds to the root of the second moment.
     pub epsilon: f64,
+    /// Share of the smoothed albedo's maximum above which voxels are kept.
     pub keep_above: f64,
+    /// Seed of the samples.
     pub seed: u32,
     /// Vector solver: largest |v_xy| / |v_z|.
     pub cone: f64,
@@ -170,6 +184,7 @@ impl Model {
         }
     }
 
+    /// Number of pairs.
     pub fn pairs(&self) -> usize {
         self.wall.pairs()
     }

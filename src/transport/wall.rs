@@ -35,6 +35,7 @@ impl Geometry {
 /// the one with more distinct points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
+    /// How the points pair.
     pub geometry: Geometry,
     /// Points of the scanned side: one per pair, or the distinct ones of a product.
     pub scanned: Vec<DVec3>,
@@ -88,6 +89,7 @@ impl Wall {
         (wall, in_order)
     }
 
+    /// Number of pairs.
     pub fn pairs(&self) -> usize {
         match self.geometry {
             Geometry::Product => self.scanned.len() * self.others.len(),
@@ -117,6 +119,7 @@ impl Wall {
         self.points_of(pair).map(|p| self.point(p)[0].distance(x)).iter().sum()
     }
 
+    /// The scanned points, then the others.
     pub fn all_points(&self) -> impl Iterator<Item = &DVec3> {
         self.scanned.iter().chain(&self.others)
     }

@@ -168,9 +168,11 @@ pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
 /// A lateral column's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
+    /// Albedo there.
     pub albedo: f64,
     /// Of the brightest active voxel or, of vectors, of the farthest of its surface, metres.
     pub depth: f64,
+    /// Unit normal there.
     pub normal: DVec3,
 }
 

@@ -36,7 +36,9 @@ use super::{Grid, Model};
 /// A scene at one lateral resolution.
 #[derive(Debug, Clone, Copy)]
 pub struct Twin<'a> {
+    /// What does not depend on the resolution.
     pub model: &'a Model,
+    /// The voxels.
     pub grid: &'a Grid,
 }
 

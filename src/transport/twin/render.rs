@@ -6,8 +6,11 @@ use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 /// A surface element: what a voxel's sample shows to every pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
+    /// Its place, metres.
     pub point: DVec3,
+    /// Its albedo.
     pub albedo: f64,
+    /// Its unit normal.
     pub normal: DVec3,
     /// Length of the normal before it was normalised.
     pub length: f64,

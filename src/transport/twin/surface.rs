@@ -13,7 +13,9 @@ use crate::transport::kernels::*;
 /// surface, or, of surfaces that show the same to all sides, per area of the wall.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Height {
+    /// Of the depth: metres, or per metre.
     pub depth: f64,
+    /// Of the albedo.
     pub albedo: f64,
 }
 
@@ -24,6 +26,7 @@ pub struct Bond {
     pub other: usize,
     /// Way to it, in pixels.
     pub way: [i32; 2],
+    /// How strongly the prior holds both together.
     pub weight: f64,
     /// What the pixel's slopes gain by a metre that the neighbour is deeper.
     pub stencil: DVec2,
@@ -32,9 +35,13 @@ pub struct Bond {
 /// The buffer `surface_weights`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SurfaceWeights {
+    /// Weight of the bending term.
     pub bend: f64,
+    /// Weight of the term of neighbours' albedos.
     pub jump: f64,
+    /// Step lengths of depth and albedo.
     pub rates: Height,
+    /// Iterations so far.
     pub iterations: f64,
     /// The largest gradients so far of pixels' own depths and albedos.
     pub largest: Height,
@@ -42,7 +49,9 @@ pub struct SurfaceWeights {
     pub smooth: f64,
     /// Pixels.
     pub spread: f64,
+    /// Weight of the term that keeps pixels dark.
     pub sparse: f64,
+    /// That term grows with the albedo far below this value, and with its logarithm far above.
     pub faint: f64,
 }
 
@@ -188,7 +197,9 @@ pub fn surface_points(
 pub struct Pull {
     /// Along albedo * normal; zero for surfaces without a direction.
     pub vector: DVec3,
+    /// Of the sample's albedo.
     pub albedo: f64,
+    /// Of the sample's depth.
     pub depth: f64,
 }
 
@@ -239,8 +250,11 @@ pub fn surface_gather(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<
 /// of the prior that it shares with each neighbour.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Combined {
+    /// Of the pixel's slopes.
     pub slope: DVec2,
+    /// Of the pixel's own depth and albedo.
     pub height: Height,
+    /// Its share of the prior.
     pub energy: f64,
 }
 

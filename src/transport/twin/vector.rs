@@ -254,11 +254,13 @@ pub fn settle(active: &[bool], v: &mut [DVec3], before: &mut [DVec3], momentum: 
 /// FISTA's state between iterations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Momentum {
+    /// The t of FISTA's sequence.
     pub t: f64,
     /// Extrapolation of the next iteration.
     pub beta: f64,
     /// Of the iteration before.
     pub objective: f64,
+    /// Restarts so far.
     pub restarts: f64,
     /// Share of the bound that a step divides by.
     pub share: f64,
