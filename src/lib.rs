@@ -44,8 +44,6 @@ pub mod gpu;
 #[allow(missing_docs)]
 #[cfg(feature = "formats")]
 pub mod job;
-#[cfg(test)]
-mod layers;
 pub mod maps;
 pub mod measure;
 pub mod simulate;

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::drive::TracePoint;
+use super::TracePoint;
 use super::on_device::OnDevice;
 use super::plan::{COLUMNS_HOST, UPLOAD};
 use crate::gpu::{Buffer, BufferPlan, Place};

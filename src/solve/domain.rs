@@ -5,8 +5,8 @@
 //! until state has been moved. Between iterations nothing lives in `gradient` and `sample_points`: where they are large
 //! enough, the volumes of a reduction cost no memory ([`Plan::volumes`]).
 
+use super::Pass;
 use super::over_pairs::groups;
-use super::pass::Pass;
 use super::passes::*;
 use super::plan::COLUMNS_HOST;
 use super::{Level, Plan};

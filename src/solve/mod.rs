@@ -16,31 +16,31 @@ pub mod option;
 mod outline;
 mod over_pairs;
 pub mod paper;
-mod pass;
-pub mod passes;
 mod plan;
 mod result;
 mod solvers;
 pub mod surface;
+mod trace;
 pub mod vector;
 
 pub use assume::{assume_reflectance, falloff_slope};
 pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use domain::{compact, extract};
-pub use drive::{Beside, Progress, TracePoint, Watch};
+pub use drive::{Beside, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count};
 pub use extent::default_volume;
-pub use on_device::{OnDevice, upload};
+pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
 pub use outline::{Part, Step, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions};
-pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, SMOOTH, Sizes, Tuning, UPLOAD,
+    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan, SMOOTH, Sizes, Tuning,
+    Twin, UPLOAD, Value, Voxels, passes,
 };
-pub use result::{Reconstruction, VolumeMap};
+pub use result::Reconstruction;
 pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
 pub use surface::SurfaceOptions;
+pub use trace::TracePoint;
 pub use vector::VectorOptions;
 
 /// The passes of all solvers: those that they share, then one list for each.

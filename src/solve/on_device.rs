@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use super::Plan;
 use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
-use super::result::VolumeMap;
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
@@ -59,6 +58,14 @@ impl<'g> OnDevice<'g> {
         }
         Ok(())
     }
+}
+
+/// Volume of a finished solve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeMap {
+    pub grid: Grid,
+    /// Albedo, `[(ix * ny + iy) * nz + iz]`, 0 where inactive.
+    pub albedo: Vec<f32>,
 }
 
 /// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.

@@ -270,16 +270,16 @@ impl Field for Sizes {
 /// Enumerations are the words that they are in files.
 macro_rules! words {
     ($($type:ty),*) => { $(
-        impl Field for $type {
-            fn value(&self) -> Value {
+        impl $crate::solve::option::Field for $type {
+            fn value(&self) -> $crate::solve::option::Value {
                 match serde_json::to_value(self) {
-                    Ok(serde_json::Value::String(word)) => Value::Word(word),
-                    _ => Value::Unset,
+                    Ok(serde_json::Value::String(word)) => $crate::solve::option::Value::Word(word),
+                    _ => $crate::solve::option::Value::Unset,
                 }
             }
 
-            fn put(&mut self, value: &Value) {
-                if let Value::Word(word) = value {
+            fn put(&mut self, value: &$crate::solve::option::Value) {
+                if let $crate::solve::option::Value::Word(word) = value {
                     *self = serde_json::from_value(word.clone().into()).unwrap_or(*self);
                 }
             }
@@ -287,7 +287,7 @@ macro_rules! words {
     )* };
 }
 
-words!(Accumulation, Binning, Gradient, Reflectance, Sampling, super::Decay, super::NoiseTerm);
+words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
 
 /// Declares a struct of options.
 ///
@@ -404,7 +404,7 @@ macro_rules! key_of {
     };
 }
 
-pub(super) use {key_of, options};
+pub(super) use {key_of, options, words};
 
 /// Makes one option's default readable, as far as it depends on the scene: the usual one, then the others.
 pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {

@@ -1,6 +1,6 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
-use super::pass::Pass;
+use super::Pass;
 use super::passes::{PULSE, PULSE_BACK};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};

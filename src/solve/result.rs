@@ -1,22 +1,15 @@
 //! What a solve yields.
 
 use super::Plan;
-use super::drive::{Driven, TracePoint};
-use super::on_device::{OnDevice, read_volume, trace_rows};
+use super::TracePoint;
+use super::drive::Driven;
+use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
 use crate::Result;
 use crate::gpu::{KernelTime, Schedule};
 use crate::maps::Maps;
+use crate::transport::Model;
 use crate::transport::kernels::{TRACE_LEAST, buffer};
-use crate::transport::{Grid, Model};
-
-/// Volume of a finished solve.
-#[derive(Debug, Clone, PartialEq)]
-pub struct VolumeMap {
-    pub grid: Grid,
-    /// Albedo, `[(ix * ny + iy) * nz + iz]`, 0 where inactive.
-    pub albedo: Vec<f32>,
-}
 
 /// What a solve yields.
 #[derive(Debug, Clone)]

@@ -3,20 +3,19 @@
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range};
 
+use super::Pass;
 use super::checkpoint::{self, Checkpoint, Keep, Keeper};
 use super::on_device::{OnDevice, read_maps};
-use super::pass::Pass;
-use super::{Level, Plan};
+use super::{Level, Plan, TracePoint};
 use crate::gpu::{DeviceKind, Gpu, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::{Error, Kind, Result};
 
 mod clock;
-mod trace;
+mod reader;
 
 use clock::Clock;
-use trace::Reader;
-pub use trace::TracePoint;
+use reader::Reader;
 
 /// What a caller hears while the device works.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use super::{NoiseTerm, PaperOptions, passes};
 use crate::gpu::{Buffer, Constant};
 use crate::solve::Plan;
-use crate::solve::pass::Pass;
+use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, SMOOTH, SMOOTH_SPARE, mebibytes};
 use crate::transport::Sampling;
 use crate::transport::kernels::{WORKGROUP, buffer, constant};

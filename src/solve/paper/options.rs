@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
-use crate::solve::option::{Options, Preset, Suit, options, refused};
+use crate::solve::option::{Options, Preset, Suit, options, refused, words};
 use crate::solve::{Accumulation, Sizes};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
@@ -28,6 +28,8 @@ pub enum Decay {
     /// It falls as half a cosine, to zero at the last iteration.
     Cosine,
 }
+
+words!(NoiseTerm, Decay);
 
 options! {
     /// Everything the paper's solver can be told.

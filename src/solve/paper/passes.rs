@@ -1,6 +1,6 @@
 //! The passes that only the paper's solver has.
 
-use crate::solve::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 passes! {

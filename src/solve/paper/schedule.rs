@@ -4,8 +4,8 @@ use super::PaperOptions;
 use super::passes::*;
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::over_pairs::{arguments, compare, forward, gather, groups};
-use crate::solve::pass::Pass;
 use crate::solve::passes::*;
+use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 

@@ -4,8 +4,6 @@
 
 use std::collections::BTreeMap;
 
-use super::pass::Pass;
-use super::passes;
 use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, cells};
@@ -14,11 +12,14 @@ use crate::{Error, Result};
 mod buffers;
 mod left_out;
 mod levels;
+pub(in crate::solve) mod pass;
+pub mod passes;
 mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
 pub use levels::{AMPLE, Level};
+pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
 /// What a solver's options ask of every plan, as plain data.

@@ -1,6 +1,6 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
-use crate::solve::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 passes! {

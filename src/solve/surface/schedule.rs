@@ -3,9 +3,9 @@
 use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::over_pairs::{compare, forward, gather, groups};
-use crate::solve::pass::Pass;
 use crate::solve::passes::{ARGUMENTS, FORWARD, RESIDUAL};
 use crate::solve::plan::COLUMNS_HOST;
+use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 

@@ -2,7 +2,7 @@
 
 use super::{SMOOTH_SIGMA, VectorOptions, passes};
 use crate::gpu::{Buffer, Constant};
-use crate::solve::pass::Pass;
+use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, mebibytes};
 use crate::solve::{Plan, surface};
 use crate::transport::kernels::{buffer, constant};

@@ -1,7 +1,7 @@
 //! The passes that only the vector solver has.
 
-use crate::solve::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::solve::passes;
+use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 const BOUND_FAULT: &[Fault] = &[Fault {

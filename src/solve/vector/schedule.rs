@@ -4,8 +4,8 @@ use super::VectorOptions;
 use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, pair_chunks, pulse_back};
-use crate::solve::pass::Pass;
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
+use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 

@@ -72,7 +72,7 @@ macro_rules! twin {
     ($name:ident) => {{
         // Names the function, so that it must exist.
         let _ = $crate::transport::twin::$name;
-        $crate::solve::pass::Twin::Function(stringify!($name))
+        $crate::solve::plan::pass::Twin::Function(stringify!($name))
     }};
 }
 
@@ -88,13 +88,13 @@ macro_rules! twin {
 /// ```
 macro_rules! passes {
     ($(#[$about:meta])* pub static $all:ident; $($(#[$doc:meta])* $name:ident = $row:expr;)*) => {
-        $($(#[$doc])* pub static $name: $crate::solve::pass::Pass = $row;)*
+        $($(#[$doc])* pub static $name: $crate::solve::plan::pass::Pass = $row;)*
         $(#[$about])*
-        pub static $all: &[&$crate::solve::pass::Pass] = &[$(&$name),*];
+        pub static $all: &[&$crate::solve::plan::pass::Pass] = &[$(&$name),*];
     };
 }
 
-pub(super) use {passes, twin};
+pub(in crate::solve) use {passes, twin};
 
 impl Pass {
     /// A pass that evaluates no pairs, has no constants of its own, finds no faults, and is part of every plan.
