@@ -4,20 +4,22 @@
 //! by several methods and sets them side by side, [`evaluate()`] measures an earlier result, [`inspect()`] tells
 //! what a run would do, [`demo()`] makes its own scene. Callers only gather options and show what comes back.
 
-mod account;
-pub mod checkpoint;
+mod advice;
 pub mod compare;
 pub mod demo;
 mod evaluate;
-mod fit;
+pub mod find_pulse;
 pub mod inspect;
 mod overview;
 mod places;
 pub mod profile;
-pub mod pulse;
+mod reconstruct;
+mod report;
 mod request;
-mod scene;
-mod solving;
+mod simulated;
+mod sizes;
+pub mod state_file;
+mod words;
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -25,22 +27,23 @@ use std::time::Instant;
 
 use crate::Result;
 use crate::capture::{self, Capture, Gate, PairKind, Summary, auto_gate, published_gate};
-use crate::export::{self, report};
+use crate::export;
+use crate::export::report::Report;
 use crate::files::staging::Staging;
 use crate::gpu::KernelTime;
 use crate::maps::{Maps, Truth};
 use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
 
 pub use crate::solve::{SolverOptions, check_solver, reflectance};
-pub use account::plain;
+pub use advice::suggestions;
 pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
-pub use fit::suggestions;
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::check_file;
 pub use request::{Request, memory_bytes};
-pub use scene::{Simulated, Simulation, simulate};
+pub use simulated::{Simulated, Simulation, simulate};
+pub use words::{plain, write_json};
 
 /// Which capture, and what of it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -198,7 +201,7 @@ pub fn preset_for(capture: &Capture) -> Preset {
 /// What a run yields besides its files.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    pub report: report::Report,
+    pub report: Report,
     pub maps: Maps,
     pub truth: Option<Truth>,
     /// Time per kernel, if it was asked for.
@@ -224,33 +227,33 @@ pub fn run(
     let truth = request.check()?;
     let grid = request.grid(&loaded.capture)?;
     let gpu = request.open()?;
-    let mut done = solving::solve(request, loaded, &gpu, grid, truth.as_ref(), hear)?;
+    let mut done = reconstruct::solve(request, loaded, &gpu, grid, truth.as_ref(), hear)?;
 
     let start = Instant::now();
     // An older result stays whole until the new one is.
     let staging = Staging::new(&request.out)?;
-    let mut staged = export::write_maps(staging.path(), &done.solved.maps)?;
+    let mut staged = export::write_maps(staging.path(), &done.result.maps)?;
     let mut files = vec![];
-    if let (Some(file), Some(volume)) = (&request.volume_file, done.solved.volume.take()) {
+    if let (Some(file), Some(volume)) = (&request.volume_file, done.result.volume.take()) {
         export::volume::write(file, &export_volume(volume))?;
         files.push(file.clone());
     }
     for (iteration, maps) in &done.snapshots {
         staged.extend(export::write_maps(&Request::snapshot_folder(staging.path(), *iteration), maps)?);
     }
-    let mut notes: Vec<String> = done.pulse.iter().map(pulse::FoundPulse::note).collect();
-    notes.extend(notes_on(request, &done.solved));
-    let mut report = account::report_of(request, loaded, &grid, &gpu, &done);
+    let mut notes: Vec<String> = done.pulse.iter().map(find_pulse::FoundPulse::note).collect();
+    notes.extend(notes_on(request, &done.result));
+    let mut report = report::report_of(request, loaded, &grid, &gpu, &done);
     report.totals.export_s = start.elapsed().as_secs_f64();
     let path = staging.path().join("report.json");
-    report::write(&path, &report)?;
+    export::report::write(&path, &report)?;
     staged.push(path);
     files.splice(0..0, staging.commit(&staged)?);
     Ok(Outcome {
         report,
-        maps: done.solved.maps,
+        maps: done.result.maps,
         truth,
-        kernels: if request.timings { done.solved.kernels } else { vec![] },
+        kernels: if request.timings { done.result.kernels } else { vec![] },
         validation: gpu.validation_messages(),
         notes,
         files,

@@ -6,9 +6,9 @@ use serde::Serialize;
 use thirdbounce::export::report::Device;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::job::profile::{
-    self, DeviceLimits, KernelProfile, Profile, ProfileRequest, check, device_of, limits, write_json,
+    self, DeviceLimits, KernelProfile, Profile, ProfileRequest, check, device_of, limits,
 };
-use thirdbounce::job::{Loaded, Request};
+use thirdbounce::job::{Loaded, Request, write_json};
 use thirdbounce::{Error, Kind, Result};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};

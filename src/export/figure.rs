@@ -178,7 +178,7 @@ impl DrawingBackend for Raster<'_> {
             text_anchor::VPos::Bottom => -0.27,
         } * em;
         let (r, g, b) = style.color().rgb;
-        text::write(self.0, words, [x as f32 - left, y as f32 + down], em, [r, g, b]);
+        self.0.write(words, [x as f32 - left, y as f32 + down], em, [r, g, b]);
         Ok(())
     }
 }

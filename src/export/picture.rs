@@ -105,9 +105,14 @@ impl Picture {
         Picture { width, height, rgb: (0..3 * width * height).map(mean).collect() }
     }
 
+    /// Writes a line of text that begins at `[x, y]` on the base line, at `em` pixels an em; what lies outside is left out.
+    pub fn write(&mut self, words: &str, at: [f32; 2], em: f32, colour: [u8; 3]) {
+        text::write(words, at, em, |pixel, cover| self.blend(pixel, colour, cover));
+    }
+
     /// Writes a line of text from `[x, y]` on, `y` its base line.
     pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {
-        text::write(self, words, [x as f32, y as f32], EM, INK);
+        self.write(words, [x as f32, y as f32], EM, INK);
     }
 
     /// A colour bar from the row `top` to the row `bottom`, with labels at even steps beside it from its top on. Its
@@ -128,7 +133,7 @@ impl Picture {
         let steps = (labels.len() - 1).max(1);
         for (at, label) in labels.iter().enumerate() {
             let base = top + CAPITAL + (bottom - top - CAPITAL) * at / steps;
-            text::write(self, label, [(x + BAR + BESIDE) as f32, base as f32], EM, ink);
+            self.write(label, [(x + BAR + BESIDE) as f32, base as f32], EM, ink);
         }
     }
 

@@ -8,8 +8,6 @@ use std::sync::LazyLock;
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 
-use super::picture::Picture;
-
 pub(super) const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans.ttf");
 
 static DEJAVU: LazyLock<FontRef<'static>> =
@@ -26,9 +24,9 @@ pub fn width(text: &str, em: f32) -> f32 {
     text.chars().map(|c| font.h_advance(font.glyph_id(c))).sum()
 }
 
-/// Writes a line of text that begins at `[x, y]` on the base line, in pixels from the upper left corner. What lies
-/// outside the picture is left out.
-pub fn write(picture: &mut Picture, text: &str, [mut x, y]: [f32; 2], em: f32, colour: [u8; 3]) {
+/// Calls `ink` with `[column, row]` and coverage (0 to 1) of every pixel of a line of text that begins at `[x, y]` on the base
+/// line, in pixels from the upper left corner.
+pub fn write(text: &str, [mut x, y]: [f32; 2], em: f32, mut ink: impl FnMut([i32; 2], f64)) {
     let font = DEJAVU.as_scaled(scale(em));
     for character in text.chars() {
         let glyph = font.glyph_id(character);
@@ -36,7 +34,7 @@ pub fn write(picture: &mut Picture, text: &str, [mut x, y]: [f32; 2], em: f32, c
             let corner = outline.px_bounds().min;
             outline.draw(|column, row, cover| {
                 let at = [corner.x as i32 + column as i32, corner.y as i32 + row as i32];
-                picture.blend(at, colour, f64::from(cover));
+                ink(at, f64::from(cover));
             });
         }
         x += font.h_advance(glyph);
@@ -59,11 +57,8 @@ mod tests {
 
     #[test]
     fn text_stands_on_its_base_line_and_stays_within_its_width() {
-        let (mut picture, ink) = (Picture::new(80, 40), [250; 3]);
-        write(&mut picture, "Hill", [10.0, 30.0], 20.0, ink);
-        let lit = |x: usize, y: usize| picture.rgb[3 * (y * 80 + x)] > 128;
-        let all: Vec<_> =
-            (0..40).flat_map(|y| (0..80).map(move |x| (x, y))).filter(|p| lit(p.0, p.1)).collect();
+        let mut all = vec![];
+        write("Hill", [10.0, 30.0], 20.0, |[x, y], cover| all.extend((cover > 0.5).then_some((x, y))));
         let [left, right] =
             [all.iter().map(|p| p.0).min(), all.iter().map(|p| p.0).max()].map(Option::unwrap);
         assert!(left >= 10 && right as f32 <= 10.0 + width("Hill", 20.0));

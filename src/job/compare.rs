@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use super::solving::{self, Solved};
-use super::{Loaded, Request, account, places};
+use super::reconstruct::{self, Finished};
+use super::{Loaded, Request, places, report};
 use crate::export::comparison::{self, MethodReport, Reached};
 use crate::export::report::TraceEntry;
 use crate::export::{self, curves, figure};
@@ -76,7 +76,7 @@ pub fn compare(
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
     for (method, grid) in methods.iter().zip(&grids) {
-        solving::warm_up(&method.request, loaded, &gpu, *grid)
+        reconstruct::warm_up(&method.request, loaded, &gpu, *grid)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
     }
     let mut runs: Vec<Option<Runs>> = methods.iter().map(|_| None).collect();
@@ -85,7 +85,7 @@ pub fn compare(
         let method = &methods[at];
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
-        let done = solving::solve(&method.request, loaded, &gpu, grids[at], Some(&truth), &mut hear)
+        let done = reconstruct::solve(&method.request, loaded, &gpu, grids[at], Some(&truth), &mut hear)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
         match &mut runs[at] {
             Some(runs) => runs.add(&done),
@@ -102,8 +102,8 @@ pub fn compare(
     for ((method, run), grid) in methods.iter().zip(&runs).zip(&grids) {
         let folder = &method.request.out;
         staging::remove(&folder.join("report.json"))?;
-        export::write_maps(folder, &run.first.solved.maps)?;
-        let report = account::report_of(&method.request, loaded, grid, &gpu, &run.first);
+        export::write_maps(folder, &run.first.result.maps)?;
+        let report = report::report_of(&method.request, loaded, grid, &gpu, &run.first);
         export::report::write(&folder.join("report.json"), &report)?;
         files.push(folder.clone());
     }
@@ -119,23 +119,23 @@ pub fn compare(
 
 /// The runs of one method.
 struct Runs {
-    first: Solved,
+    first: Finished,
     /// Seconds of every run at each iteration of the trace.
     at: BTreeMap<usize, Vec<f64>>,
     totals: Vec<f64>,
 }
 
 impl Runs {
-    fn new(first: Solved) -> Runs {
-        let at = first.solved.trace.iter().map(|p| (p.iteration, vec![p.seconds])).collect();
-        Runs { at, totals: vec![first.solved.solve_seconds], first }
+    fn new(first: Finished) -> Runs {
+        let at = first.result.trace.iter().map(|p| (p.iteration, vec![p.seconds])).collect();
+        Runs { at, totals: vec![first.result.solve_seconds], first }
     }
 
-    fn add(&mut self, again: &Solved) {
-        for point in &again.solved.trace {
+    fn add(&mut self, again: &Finished) {
+        for point in &again.result.trace {
             self.at.entry(point.iteration).or_default().push(point.seconds);
         }
-        self.totals.push(again.solved.solve_seconds);
+        self.totals.push(again.result.solve_seconds);
     }
 
     /// The measured points of the first run at the median time of all runs that came to them.
@@ -197,14 +197,14 @@ impl Comparison {
         runs: &[Runs],
     ) -> comparison::Comparison {
         let goal = runs[0].first.metrics.clone().unwrap_or_default();
-        let whole = account::report_of(&methods[0].request, loaded, &grids[0], gpu, &runs[0].first);
+        let whole = report::report_of(&methods[0].request, loaded, &grids[0], gpu, &runs[0].first);
         let report = |((method, run), grid): ((&Method, &Runs), &Grid)| {
-            let last = run.first.solved.trace.last();
+            let last = run.first.result.trace.last();
             let trace = run.trace();
             MethodReport {
                 name: method.name.clone(),
                 method: method.spec.clone(),
-                settings: account::settings(&method.request, loaded, grid, &run.first),
+                settings: report::settings(&method.request, loaded, grid, &run.first),
                 trace_every: method.request.trace_step(),
                 iterations: last.map_or(0, |p| p.iteration),
                 seconds: median(&run.totals).unwrap_or(0.0),

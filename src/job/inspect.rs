@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::account::box_of;
-use super::{Loaded, Request, SolverOptions, fit, pulse};
+use super::report::box_of;
+use super::{Loaded, Request, SolverOptions, advice, find_pulse};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
 use crate::solve::{Accumulation, Part, Preset};
@@ -71,9 +71,9 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
-    let planned = pulse::to_plan(request, capture)?;
+    let planned = find_pulse::to_plan(request, capture)?;
     let mut notes = loaded.notes.clone();
-    if pulse::is_unfound(request, capture) {
+    if find_pulse::is_unfound(request, capture) {
         notes.push(
             "the instrument's pulse: a run finds its width first (--pulse M gives it, --pulse none takes paths for sharp)"
                 .into(),
@@ -91,7 +91,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     if let (Some(gpu), Some(plan)) = (&device, &plan) {
         let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
         if let Err(e) = check(&plan.buffers, gpu.limits.storage_range, budget, request.memory.is_some()) {
-            let e = fit::advise(e, request, loaded, gpu);
+            let e = advice::advise(e, request, loaded, gpu);
             problems.push(format!("{}: {}", e.what, e.mend));
         }
     }
@@ -127,7 +127,7 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
     let grid = request.grid(&loaded.capture)?;
-    let planned = pulse::to_plan(request, &loaded.capture)?;
+    let planned = find_pulse::to_plan(request, &loaded.capture)?;
     let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
     Ok(request.solver.solver().outline(&plan))
 }

@@ -5,8 +5,8 @@
 //! the device's work is the same. [`limits::measure`] finds what the device does at most, [`check::check`] whether it
 //! computes what the float64 twins do.
 
-mod account;
 pub mod check;
+mod kernels;
 pub mod limits;
 mod trace;
 pub mod tune;
@@ -19,15 +19,15 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::account::{plain, settings};
-use super::{Loaded, Request, places, solving};
+use super::report::settings;
+use super::words::{plain, write_json};
+use super::{Loaded, Request, places, reconstruct};
 use crate::export::{self, report};
-use crate::files::atomic;
 use crate::gpu::{Gpu, HostSpan, Recording};
 use crate::solve::Progress;
 use crate::{Error, Result};
 
-pub use account::{Floor, Gaps, IterationProfile, KernelProfile};
+pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
 
 /// What to profile, and where that is written. [`Request::out`] is not looked at.
@@ -107,24 +107,27 @@ pub fn profile(
     say(&format!("measuring what {} does at most", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     // Its trials are no part of the profile.
-    let (capture, found) = super::pulse::settle(&request, &loaded.capture, &gpu, None, hear)?;
+    let (capture, found) = super::find_pulse::settle(&request, &loaded.capture, &gpu, None, hear)?;
     let with_pulse = match capture {
         Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),
         Cow::Borrowed(_) => None,
     };
     let loaded = with_pulse.as_ref().unwrap_or(loaded);
     let request = Request { find_pulse: false, ..request };
-    solving::warm_up(&request, loaded, &gpu, grid)?;
+    reconstruct::warm_up(&request, loaded, &gpu, grid)?;
     gpu.take_recording();
 
     say("solving, with a time stamp behind every command");
     let began = gpu.now();
-    let done = solving::Solved { pulse: found, ..solving::solve(&request, loaded, &gpu, grid, None, hear)? };
-    let solved = &done.solved;
+    let done = reconstruct::Finished {
+        pulse: found,
+        ..reconstruct::solve(&request, loaded, &gpu, grid, None, hear)?
+    };
+    let result = &done.result;
     let start = Instant::now();
     if let Some(out) = &what.out {
         let _span = gpu.span("export");
-        export::write_maps(out, &solved.maps)?;
+        export::write_maps(out, &result.maps)?;
     }
     let export_s = start.elapsed().as_secs_f64();
 
@@ -134,31 +137,31 @@ pub fn profile(
         let layers = ((request.solver.common().min_depth - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
         g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
     };
-    let voxels = solved
+    let voxels = result
         .plan
         .levels
         .iter()
-        .chain(&solved.plan.pixel_levels)
+        .chain(&result.plan.pixel_levels)
         .map(|l| (l.grid.n[0] as u64, near(&l.grid)))
         .collect();
-    let kernels = account::kernels(&recording, &solved.trace, &voxels, &limits);
+    let kernels = kernels::times(&recording, &result.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),
         settings: settings(&request, loaded, &grid, &done),
         limits,
-        iterations: account::iterations(&recording),
-        gaps: account::gaps(&recording),
+        iterations: kernels::iterations(&recording),
+        gaps: kernels::gaps(&recording),
         host: host_times(&recording),
         totals: Totals {
             load_s: loaded.seconds,
             prepare_s,
-            solve_s: solved.solve_seconds,
+            solve_s: result.solve_seconds,
             device_s: kernels.iter().map(|k| k.seconds).sum(),
             export_s,
-            pairs: solved.pairs as f64,
-            pairs_per_s: solved.pairs as f64 / solved.solve_seconds.max(1e-9),
-            peak_device_bytes: solved.device_bytes,
+            pairs: result.pairs as f64,
+            pairs_per_s: result.pairs as f64 / result.solve_seconds.max(1e-9),
+            peak_device_bytes: result.device_bytes,
         },
         kernels,
         validation: gpu.validation_messages(),
@@ -210,17 +213,4 @@ fn host_times(recording: &Recording) -> BTreeMap<String, HostTime> {
         time.seconds += span.to - span.from;
     }
     all
-}
-
-/// Writes a value as JSON, whole or not at all.
-///
-/// # Errors
-/// A file that cannot be written.
-pub fn write_json(file: &std::path::Path, value: &impl Serialize, indented: bool) -> Result<()> {
-    let packed = if indented { serde_json::to_string_pretty(value) } else { serde_json::to_string(value) };
-    let mut text = packed.map_err(|e| {
-        Error::output(format!("{}: cannot be packed as JSON: {e}", file.display()), "report this as a bug")
-    })?;
-    text.push('\n');
-    atomic::write(file, text.as_bytes())
 }

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use super::checkpoint::Kept;
 use super::{SolverOptions, places};
 use crate::capture::Capture;
 use crate::export;
@@ -158,21 +157,6 @@ impl Request {
         }
         self.checkpoint.as_deref().map(places::check_file).transpose()?;
         self.truth.as_deref().map(export::npz::read_truth).transpose()
-    }
-
-    /// Whether what a checkpoint holds goes with this.
-    pub(super) fn check_resumed(&self, kept: &Kept) -> Result<()> {
-        let done = kept.state.iteration;
-        let missing = |i: &&usize| **i <= done && !kept.snapshots.iter().any(|s| s.0 == **i);
-        match self.snapshots.iter().find(missing) {
-            Some(beyond) => Err(Error::options(
-                format!(
-                    "--snapshots names iteration {beyond}, the checkpoint was kept after {done} without it"
-                ),
-                format!("name iterations after {done}, or start without --resume"),
-            )),
-            None => Ok(()),
-        }
     }
 
     /// Iterations between points of the trace; 0 for none but those that come by themselves.

@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use glam::{DVec3, dvec3};
 
 /// Name and description of each built-in scene.
-pub const KNOWN: &[(&str, &str)] = &[
+const KNOWN: &[(&str, &str)] = &[
     ("letter-X", "a flat letter A-Z, 0.6 m high, at z = 0.6 m (also letter:X)"),
     (
         "letters-XY",
@@ -19,7 +19,23 @@ pub const KNOWN: &[(&str, &str)] = &[
     ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
 ];
 
-pub fn named(spec: &str) -> Result<Scene> {
+impl Scene {
+    /// The scene that `spec` names: a built-in scene (see [`Scene::known`]) or the path of a .obj or .ply
+    /// mesh, which is fitted to 0.6 m, turned so that its +z side faces the wall, and centred at z = 0.8 m.
+    ///
+    /// # Errors
+    /// An unknown name (the error lists the known ones) or a mesh that cannot be used.
+    pub fn named(spec: &str) -> Result<Scene> {
+        named(spec)
+    }
+
+    /// The built-in scenes: name and a line about each.
+    pub fn known() -> &'static [(&'static str, &'static str)] {
+        KNOWN
+    }
+}
+
+fn named(spec: &str) -> Result<Scene> {
     let name = spec.trim();
     #[cfg(feature = "formats")]
     if let Some(mesh) = super::mesh_file::scene(std::path::Path::new(name)) {

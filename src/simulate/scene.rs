@@ -1,6 +1,6 @@
 //! What to simulate: objects, wall, scan, bins, reflectance, noise.
 
-use super::{Dark, Layout, Mesh, Pairs, WallShape, builtin};
+use super::{Dark, Layout, Mesh, Pairs, WallShape};
 use crate::capture::Pulse;
 use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
@@ -74,20 +74,6 @@ impl Scene {
             dark: Dark::Counts(0.0),
             seed: 0,
         }
-    }
-
-    /// The scene that `spec` names: a built-in scene (see [`Scene::known`]) or the path of a .obj or .ply
-    /// mesh, which is fitted to 0.6 m, turned so that its +z side faces the wall, and centred at z = 0.8 m.
-    ///
-    /// # Errors
-    /// An unknown name (the error lists the known ones) or a mesh that cannot be used.
-    pub fn named(spec: &str) -> Result<Scene> {
-        builtin::named(spec)
-    }
-
-    /// The built-in scenes: name and a line about each.
-    pub fn known() -> &'static [(&'static str, &'static str)] {
-        builtin::KNOWN
     }
 
     /// Gives every object this albedo.

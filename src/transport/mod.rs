@@ -6,11 +6,13 @@ mod grid;
 pub mod kernels;
 mod model;
 mod reach;
+mod reflectance;
 mod spread;
 pub mod twin;
 mod wall;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
-pub use model::{Binning, Gradient, Model, Reflectance, Sampling, cells};
+pub use model::{Binning, Gradient, Model, Sampling, cells};
+pub use reflectance::Reflectance;
 pub use spread::spread_order;
 pub use wall::{Geometry, Wall};

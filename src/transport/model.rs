@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
-use super::{Geometry, Grid, Wall};
+use super::{Geometry, Grid, Reflectance, Wall};
 use crate::capture::{Capture, PulseTaps};
 
 /// Where the sample of a voxel lies.
@@ -34,32 +34,6 @@ pub enum Gradient {
     Published,
     /// Of the objective as it stands.
     Exact,
-}
-
-/// How hidden surfaces send light back: what stands beside albedo and falloff (METHOD, light transport).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Reflectance {
-    /// One cosine, toward the scanned point (the paper).
-    Cosine,
-    /// Both cosines of the surface and both of the wall: matt surfaces.
-    Lambertian,
-    /// No cosine, and the root of the falloff: what sends light back to where it came from.
-    Retroreflective,
-    /// No cosine: albedo only.
-    Isotropic,
-}
-
-impl Reflectance {
-    /// Whether a surface's direction matters.
-    pub fn has_normals(self) -> bool {
-        matches!(self, Reflectance::Cosine | Reflectance::Lambertian)
-    }
-
-    /// As kernels count them (`glsl/include/reflectance.glsl`).
-    pub fn number(self) -> u32 {
-        self as u32
-    }
 }
 
 /// Everything that does not depend on the lateral resolution.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thirdbounce::export::report::TraceEntry;
 use thirdbounce::gpu::Faults;
-use thirdbounce::job::checkpoint::{Kept, read, write};
+use thirdbounce::job::state_file::{Kept, read, write};
 use thirdbounce::job::{self, Input, Request, SolverOptions};
 use thirdbounce::solve::{Accumulation, Checkpoint};
 use thirdbounce::{Error, Kind};

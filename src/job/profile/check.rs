@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::super::account::plain;
+use super::super::words::plain;
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;

@@ -1,17 +1,14 @@
 //! Finds the sizes of workgroups, chunks and columns that suit a device and a kind of scene, and keeps them.
 
-use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::account::plain;
-use super::super::{Loaded, Request, solving};
-use super::write_json;
-use crate::capture::Capture;
-use crate::gpu::{DeviceKind, Gpu};
-use crate::solve::{Accumulation, Sizes, pass_of};
+use super::super::sizes::{class_of, keep};
+use super::super::{Loaded, Request, reconstruct};
+use crate::gpu::DeviceKind;
+use crate::solve::{Sizes, pass_of};
 use crate::{Kind, Result};
 
 /// One trial.
@@ -66,7 +63,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
         let mut best = Tried { sizes, forward_s: f64::INFINITY, backward_s: f64::INFINITY };
         for _ in 0..3 {
             let mut hear = |_: &_| ControlFlow::Continue(());
-            let done = solving::solve(&request, loaded, &gpu, grid, None, &mut hear)?.solved;
+            let done = reconstruct::solve(&request, loaded, &gpu, grid, None, &mut hear)?.result;
             let of = |begins: &str| {
                 let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.report.starts_with(begins));
                 done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()
@@ -117,59 +114,4 @@ fn steps(kind: DeviceKind) -> [Step; 5] {
         (false, |s, v| s.voxels = Some(v), of(&[8, 16, 32, 128], &[16, 32, 64, 128])),
         (false, |s, v| s.slices = Some(v), of(&[], &[1, 2, 4, 8])),
     ]
-}
-
-/// What sizes are kept for.
-fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
-    let kind = capture.pair_kind();
-    let model = request.solver.common().reflectance;
-    let (name, driver) = (gpu.info.name.trim(), gpu.info.driver.trim());
-    format!("{name} | {driver} | {} | {} | {}", request.solver.name(), plain(&kind), plain(&model))
-}
-
-/// The request's solver with the sizes that were found for it, unless it asks for its own, or for the same bits on
-/// every run: private columns change them.
-pub(in crate::job) fn with_kept(
-    request: &Request,
-    gpu: &Gpu,
-    capture: &Capture,
-) -> super::super::SolverOptions {
-    let solver = &request.solver;
-    let fixed = matches!(solver.common().accumulation, Accumulation::Fixed | Accumulation::Fixed32);
-    if !request.tuned || fixed || !solver.common().sizes.is_default() {
-        return solver.clone();
-    }
-    match kept().get(&class_of(gpu, request, capture)) {
-        Some(sizes) => solver.with_sizes(*sizes),
-        None => solver.clone(),
-    }
-}
-
-/// `thirdbounce/sizes.json` in the user's folder for caches.
-fn cache() -> Option<PathBuf> {
-    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
-    let folder = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
-    Some(folder.join("thirdbounce").join("sizes.json"))
-}
-
-/// All that is kept. A file that cannot be read counts as none: it is a cache.
-fn kept() -> BTreeMap<String, Sizes> {
-    let text = cache().and_then(|file| std::fs::read_to_string(file).ok());
-    text.and_then(|t| serde_json::from_str(&t).ok()).unwrap_or_default()
-}
-
-fn keep(class: &str, sizes: Sizes) -> Result<Option<PathBuf>> {
-    let Some(file) = cache() else { return Ok(None) };
-    let mut all = kept();
-    all.insert(class.into(), sizes);
-    if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder).map_err(|e| {
-            crate::Error::output(
-                format!("{}: {e}", folder.display()),
-                "set XDG_CACHE_HOME to a folder of your own",
-            )
-        })?;
-    }
-    write_json(&file, &all, true)?;
-    Ok(Some(file))
 }

@@ -4,10 +4,10 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use super::checkpoint::{self, Kept};
-use super::profile::tune;
-use super::pulse::{self, FoundPulse};
-use super::{Loaded, Request, fit};
+use super::find_pulse::{self, FoundPulse};
+use super::sizes;
+use super::state_file::{self, Kept};
+use super::{Loaded, Request, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
@@ -17,9 +17,9 @@ use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
 /// What a solve yields, and its figures.
-pub struct Solved {
+pub struct Finished {
     /// With the mask that the request asks for.
-    pub solved: Reconstruction,
+    pub result: Reconstruction,
     /// Against truth, if there is one.
     pub metrics: Option<Metrics>,
     /// In brief after those iterations that were measured, the last one among them.
@@ -41,30 +41,30 @@ pub fn solve(
     grid: Grid,
     truth: Option<&Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Solved> {
+) -> Result<Finished> {
     let step = request.trace_step();
-    let resumed = request.resume.as_deref().map(checkpoint::read).transpose()?;
+    let resumed = request.resume.as_deref().map(state_file::read).transpose()?;
     let mut failed = None;
     // What is gathered on the way, heard of by the watch and kept with the state.
     let gathered = RefCell::new((BTreeMap::new(), Vec::new()));
     let mut known = None;
     let from = match resumed {
         Some(kept) => {
-            request.check_resumed(&kept)?;
+            kept.check(request)?;
             known = kept.pulse;
             *gathered.borrow_mut() = (kept.along, kept.snapshots);
             Some(kept.state)
         }
         None => None,
     };
-    let (capture, found) = pulse::settle(request, &loaded.capture, gpu, known, hear)?;
+    let (capture, found) = find_pulse::settle(request, &loaded.capture, gpu, known, hear)?;
     let capture = &*capture;
     let kept_at = Cell::new(None);
     let mut save = |state: Checkpoint| {
         let iteration = state.iteration;
         let (along, snapshots) = gathered.borrow().clone();
         if let Some(file) = &request.checkpoint {
-            checkpoint::write(file, &Kept { state, along, snapshots, pulse: found.clone() })?;
+            state_file::write(file, &Kept { state, along, snapshots, pulse: found.clone() })?;
             kept_at.set(Some(iteration));
         }
         Ok(())
@@ -95,24 +95,24 @@ pub fn solve(
         Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &request.snapshots };
     let with_volume = request.volume_file.is_some();
     let beside = Beside { watch: &mut watch, keep: Some(keep) };
-    let solver = tune::with_kept(request, gpu, capture);
+    let solver = sizes::with_kept(request, gpu, capture);
     let done = solver.solve(gpu, capture, grid, request.memory, with_volume, beside);
-    let mut solved = match failed {
+    let mut result = match failed {
         Some(e) => return Err(e),
         None => done
-            .map_err(|e| fit::advise(e, request, loaded, gpu))
+            .map_err(|e| advice::advise(e, request, loaded, gpu))
             .map_err(|e| cancelled(e, request, kept_at.get()))?,
     };
     let before = found.as_ref().map_or(0.0, |f| f.seconds);
-    solved.solve_seconds += before;
-    solved.trace.iter_mut().for_each(|p| p.seconds += before);
+    result.solve_seconds += before;
+    result.trace.iter_mut().for_each(|p| p.seconds += before);
     let (mut along, snapshots) = gathered.into_inner();
-    solved.maps.set_mask(request.mask_fraction);
-    let metrics = truth.map(|t| metrics(&solved.maps, t, request.mask_fraction)).transpose()?;
-    if let (Some(last), Some(metrics)) = (solved.trace.last(), &metrics) {
+    result.maps.set_mask(request.mask_fraction);
+    let metrics = truth.map(|t| metrics(&result.maps, t, request.mask_fraction)).transpose()?;
+    if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
-    Ok(Solved { solved, metrics, along, snapshots, pulse: found })
+    Ok(Finished { result, metrics, along, snapshots, pulse: found })
 }
 
 /// A cancelled solve tells where it can be taken up again.
@@ -129,19 +129,19 @@ fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Err
 pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    let solver = tune::with_kept(request, gpu, &loaded.capture);
+    let solver = sizes::with_kept(request, gpu, &loaded.capture);
     match solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
-        Err(e) if e.kind != Kind::Cancelled => Err(fit::advise(e, request, loaded, gpu)),
+        Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }
 }
 
-impl Solved {
+impl Finished {
     /// The trace as the report has it.
     pub fn trace(&self) -> Vec<TraceEntry> {
-        let solved = &self.solved;
-        let timed = solved.trace.iter().any(|p| p.gpu_seconds > 0.0);
-        let residual = |data: f64| (solved.empty_loss > 0.0).then(|| (data / solved.empty_loss).sqrt());
+        let result = &self.result;
+        let timed = result.trace.iter().any(|p| p.gpu_seconds > 0.0);
+        let residual = |data: f64| (result.empty_loss > 0.0).then(|| (data / result.empty_loss).sqrt());
         let entry = |p: &crate::solve::TracePoint| TraceEntry {
             iteration: p.iteration,
             seconds: p.seconds,
@@ -155,6 +155,6 @@ impl Solved {
             residual: residual(p.data_loss),
             metrics: self.along.get(&p.iteration).cloned(),
         };
-        solved.trace.iter().map(entry).collect()
+        result.trace.iter().map(entry).collect()
     }
 }

@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::solving::Solved;
+use super::reconstruct::Finished;
+use super::words::plain;
 use super::{Loaded, Request};
 use crate::capture::{Gate, Pulse};
 use crate::export::report;
@@ -16,9 +17,9 @@ pub fn report_of(
     loaded: &Loaded,
     grid: &Grid,
     gpu: &Gpu,
-    done: &Solved,
+    done: &Finished,
 ) -> report::Report {
-    let solved = &done.solved;
+    let result = &done.result;
     report::Report {
         version: env!("CARGO_PKG_VERSION").into(),
         device: report::Device {
@@ -29,30 +30,30 @@ pub fn report_of(
         settings: settings(request, loaded, grid, done),
         capture: loaded.summary(),
         plan: report::Plan {
-            variants: solved.plan.variants(),
-            left_out: solved.plan.left_out.clone(),
-            buffers: solved.plan.bytes(),
-            full: solved.full,
+            variants: result.plan.variants(),
+            left_out: result.plan.left_out.clone(),
+            buffers: result.plan.bytes(),
+            full: result.full,
         },
         trace: done.trace(),
         totals: report::Totals {
             load_s: loaded.seconds,
-            solve_s: solved.solve_seconds,
+            solve_s: result.solve_seconds,
             export_s: 0.0,
-            pairs: solved.pairs as f64,
-            pairs_per_s: solved.pairs as f64 / solved.solve_seconds.max(1e-9),
-            peak_device_bytes: solved.device_bytes,
+            pairs: result.pairs as f64,
+            pairs_per_s: result.pairs as f64 / result.solve_seconds.max(1e-9),
+            peak_device_bytes: result.device_bytes,
         },
         metrics: done.metrics.clone(),
     }
 }
 
 /// All settings as they were resolved: with these the run can be made again.
-pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Solved) -> Value {
-    let solved = &done.solved;
+pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Finished) -> Value {
+    let result = &done.result;
     let mut all = json!({
         "solver": request.solver.name(),
-        "model": solved.plan.reflectance,
+        "model": result.plan.reflectance,
         "preset": request.preset,
         "capture": loaded.input.path,
         "wall": loaded.input.wall,
@@ -67,10 +68,10 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Solved) 
         "pulse_found": done.pulse,
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "grid": grid.n,
-        "grid_reached": [solved.maps.nx, solved.maps.ny, grid.n[2]],
-        "volume_reached": [solved.lateral, solved.lateral, grid.n[2]],
-        "volume_iterations": solved.volume_iterations,
-        "points_per_pixel": (!solved.plan.pixel_levels.is_empty()).then(|| surface::points_of(&solved.plan)),
+        "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
+        "volume_reached": [result.lateral, result.lateral, grid.n[2]],
+        "volume_iterations": result.volume_iterations,
+        "points_per_pixel": (!result.plan.pixel_levels.is_empty()).then(|| surface::points_of(&result.plan)),
         "voxel": grid.pitch.to_array(),
         "depth_pitch": grid.pitch.z,
         "box": box_of(grid),
@@ -80,7 +81,7 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Solved) 
         "mask_fraction": request.mask_fraction,
         "trace_every": request.trace_step(),
         "snapshots": request.snapshots,
-        "accumulation_used": solved.plan.accumulation,
+        "accumulation_used": result.plan.accumulation,
         "notes": loaded.notes,
     });
     if let (Value::Object(all), Ok(Value::Object(options))) =
@@ -101,12 +102,4 @@ fn gate_json(gate: Option<Gate>) -> Value {
     gate.map_or(Value::Null, |g| {
         json!([g.from.is_finite().then_some(g.from), g.to.is_finite().then_some(g.to)])
     })
-}
-
-/// The plain word that a value is written as in files ("cpu", "captured").
-pub fn plain(value: &impl serde::Serialize) -> String {
-    match serde_json::to_value(value) {
-        Ok(Value::String(word)) => word,
-        _ => String::new(),
-    }
 }

@@ -11,7 +11,8 @@ use std::path::Path;
 use flate2::{Compression, Crc, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 
-use super::pulse::FoundPulse;
+use super::Request;
+use super::find_pulse::FoundPulse;
 use crate::files::atomic::{self, cannot};
 use crate::maps::Maps;
 use crate::measure::Metrics;
@@ -31,6 +32,24 @@ pub struct Kept {
     pub snapshots: Vec<(usize, Maps)>,
     /// The pulse that was found before.
     pub pulse: Option<FoundPulse>,
+}
+
+impl Kept {
+    /// # Errors
+    /// A request for maps of an iteration that is over and was not kept.
+    pub(super) fn check(&self, request: &Request) -> Result<()> {
+        let done = self.state.iteration;
+        let missing = |i: &&usize| **i <= done && !self.snapshots.iter().any(|s| s.0 == **i);
+        match request.snapshots.iter().find(missing) {
+            Some(beyond) => Err(Error::options(
+                format!(
+                    "--snapshots names iteration {beyond}, the checkpoint was kept after {done} without it"
+                ),
+                format!("name iterations after {done}, or start without --resume"),
+            )),
+            None => Ok(()),
+        }
+    }
 }
 
 #[derive(Serialize, Deserialize)]

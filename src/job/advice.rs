@@ -1,6 +1,6 @@
 //! What would fit where a job does not: other options, each tried on a plan of its own.
 
-use super::{Loaded, Request, load, pulse};
+use super::{Loaded, Request, find_pulse, load};
 use crate::capture::Gate;
 use crate::gpu::{Gpu, check};
 use crate::{Error, Kind};
@@ -51,7 +51,7 @@ fn fits_on(request: &Request, loaded: &Loaded, gpu: &Gpu) -> bool {
     let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
     let Ok(grid) = request.grid(&loaded.capture) else { return false };
     let with_volume = request.volume_file.is_some();
-    let Ok(capture) = pulse::to_plan(request, &loaded.capture) else { return false };
+    let Ok(capture) = find_pulse::to_plan(request, &loaded.capture) else { return false };
     let plan = request.solver.plan(&capture, grid, &gpu.abilities(), with_volume);
     plan.is_ok_and(|plan| check(&plan.buffers, gpu.limits.storage_range, budget, true).is_ok())
 }

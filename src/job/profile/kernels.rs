@@ -96,7 +96,7 @@ pub struct IterationProfile {
 }
 
 /// What all kernels did, the longest first. `grid_voxels`: those that are not too near, by lateral resolution.
-pub fn kernels(
+pub fn times(
     recording: &Recording,
     trace: &[TracePoint],
     grid_voxels: &BTreeMap<u64, usize>,
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn pairs_count_once_per_pass_with_the_voxels_of_their_iteration() {
-        let k = kernels(&recording(), &trace(), &[(8, 1000)].into(), &DeviceLimits::default());
+        let k = times(&recording(), &trace(), &[(8, 1000)].into(), &DeviceLimits::default());
         let of = |name: &str| k.iter().find(|k| k.name == name).unwrap();
         assert_eq!((of("forward").calls, of("forward").pairs, of("forward").seconds), (3, 550.0, 2.75));
         assert_eq!(of("forward").pairs_per_s, Some(200.0));

@@ -1,0 +1,62 @@
+//! Sizes of workgroups that were found for a device and a kind of scene, kept for later runs.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::words::{plain, write_json};
+use super::{Request, SolverOptions};
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::Gpu;
+use crate::solve::{Accumulation, Sizes};
+
+/// What sizes are kept for.
+pub fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
+    let kind = capture.pair_kind();
+    let model = request.solver.common().reflectance;
+    let (name, driver) = (gpu.info.name.trim(), gpu.info.driver.trim());
+    format!("{name} | {driver} | {} | {} | {}", request.solver.name(), plain(&kind), plain(&model))
+}
+
+/// The request's solver with the sizes that were found for it, unless it asks for its own, or for the same bits on
+/// every run: private columns change them.
+pub fn with_kept(request: &Request, gpu: &Gpu, capture: &Capture) -> SolverOptions {
+    let solver = &request.solver;
+    let fixed = matches!(solver.common().accumulation, Accumulation::Fixed | Accumulation::Fixed32);
+    if !request.tuned || fixed || !solver.common().sizes.is_default() {
+        return solver.clone();
+    }
+    match kept().get(&class_of(gpu, request, capture)) {
+        Some(sizes) => solver.with_sizes(*sizes),
+        None => solver.clone(),
+    }
+}
+
+/// `thirdbounce/sizes.json` in the user's folder for caches.
+fn cache() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+    let folder = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
+    Some(folder.join("thirdbounce").join("sizes.json"))
+}
+
+/// All that is kept. A file that cannot be read counts as none: it is a cache.
+fn kept() -> BTreeMap<String, Sizes> {
+    let text = cache().and_then(|file| std::fs::read_to_string(file).ok());
+    text.and_then(|t| serde_json::from_str(&t).ok()).unwrap_or_default()
+}
+
+pub fn keep(class: &str, sizes: Sizes) -> Result<Option<PathBuf>> {
+    let Some(file) = cache() else { return Ok(None) };
+    let mut all = kept();
+    all.insert(class.into(), sizes);
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| {
+            crate::Error::output(
+                format!("{}: {e}", folder.display()),
+                "set XDG_CACHE_HOME to a folder of your own",
+            )
+        })?;
+    }
+    write_json(&file, &all, true)?;
+    Ok(Some(file))
+}
