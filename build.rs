@@ -1,6 +1,6 @@
-//! Compiles every kernel variant of the table below to SPIR-V and writes, for the crate to include:
-//! a typed value for every module, for every block that one binds and for every specialization constant, so that a
-//! wrong name does not compile, and the Rust side of the structs that host and kernels share. The output depends on the sources alone.
+//! Compiles every kernel variant of the table below to SPIR-V, and writes Rust for the crate to include: a typed value
+//! for every module, for every block that one binds and for every specialization constant, so a wrong name does not
+//! compile; and the Rust side of the structs that host and kernels share. The output depends on the sources alone.
 extern crate shaderc_link;
 
 use std::collections::BTreeSet;
@@ -13,8 +13,8 @@ mod shared;
 #[path = "glsl/spirv.rs"]
 mod spirv;
 
-/// (variant, source in glsl/, macros). A variant is a module of its own only where it needs other
-/// extensions; every other choice is a specialization constant.
+/// (variant, source in glsl/, macros). A variant is a separate module only where it needs other extensions or types;
+/// every other choice is a specialization constant.
 const KERNELS: &[(&str, &str, &[&str])] = &[
     ("arguments", "arguments.comp", &[]),
     ("backproject", "backproject.comp", &[]),
@@ -117,17 +117,17 @@ fn main() {
         }
         modules.push_str("        ],\n    };\n");
     }
-    rust.push_str("/// Every compiled module.\npub static KERNELS: &[&KernelCode] = &[\n");
+    rust.push_str("/// All compiled modules.\npub static KERNELS: &[&KernelCode] = &[\n");
     for (name, ..) in KERNELS {
         let _ = writeln!(rust, "    &kernel::{},", name.to_uppercase());
     }
     rust.push_str("];\n\n/// Compiled modules.\npub mod kernel {\n    use super::{Binding, KernelCode, buffer, constant};\n\n");
     rust.push_str(&modules);
-    rust.push_str("}\n\n/// Blocks of the kernels, and the buffers that they bind unless a schedule says otherwise.\npub mod buffer {\n    use super::Buffer;\n\n");
+    rust.push_str("}\n\n/// Blocks of the kernels. Each binds the buffer of its name unless a schedule binds another.\npub mod buffer {\n    use super::Buffer;\n\n");
     for name in blocks {
         let _ = writeln!(
             rust,
-            "    /// Block `{name}`.\n    pub const {}: Buffer = Buffer::named(\"{name}\");",
+            "    /// Block `{name}`, which binds the buffer of that name.\n    pub const {}: Buffer = Buffer::named(\"{name}\");",
             name.to_uppercase()
         );
     }
@@ -137,7 +137,7 @@ fn main() {
     for name in constants {
         let _ = writeln!(
             rust,
-            "    /// Constant `{name}`.\n    pub const {name}: Constant = Constant::named(\"{name}\");"
+            "    /// Specialization constant `{name}`.\n    pub const {name}: Constant = Constant::named(\"{name}\");"
         );
     }
     rust.push_str("}\n");
@@ -149,7 +149,7 @@ fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
-    // Names of blocks and constants: the host binds by name.
+    // Keeps the names of blocks and constants: the host binds by name.
     options.set_generate_debug_info();
     options.set_warnings_as_errors();
     for m in macros {

@@ -1,14 +1,14 @@
-// One invocation turns the counts into indirect dispatch arguments, so the host never reads a count back.
+// Turns the counts into indirect dispatch arguments, so the host never reads a count back. One invocation does it all.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 layout(local_size_x = 1) in;
-layout(constant_id = 10) const uint OWNED = 0u;    // forward: one dispatch per chunk of voxels, or one in all
+layout(constant_id = 10) const uint OWNED = 0u;    // forward: 1 one dispatch per chunk of voxels, 0 one for all
 layout(constant_id = 11) const uint LANES = 64u;   // forward: pairs of a workgroup
 layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels of a workgroup
 layout(constant_id = 13) const uint VOXELS = 64u;  // backward: voxels of a workgroup
 layout(constant_id = 14) const uint FORWARD_SETS = 1u;
-layout(constant_id = 15) const uint FORWARD_OTHERS = 0u;   // forward: other points of a workgroup; 0 where pairs are no product
+layout(constant_id = 15) const uint FORWARD_OTHERS = 0u;   // forward: other points of a workgroup; 0: no product
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) writeonly buffer Arguments { uint arguments[]; };
 
@@ -18,7 +18,7 @@ void write(uint triple, uint x, uint y) {
     arguments[3u * triple + 2u] = 1u;
 }
 
-// n workgroups, going on along y after GROUPS_X.
+// n workgroups, continued along y after GROUPS_X.
 void write_groups(uint triple, uint n) {
     write(triple, min(n, GROUPS_X), n == 0u ? 0u : (n + GROUPS_X - 1u) / GROUPS_X);
 }

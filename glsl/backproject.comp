@@ -1,5 +1,5 @@
-// Back-projection of the filtered histograms into every voxel of the grid, with the cosine toward a surface
-// that faces the wall, and zero for negative sums: where a surface can be at all. One invocation owns one voxel.
+// Back-projects the filtered histograms into every voxel of the grid, with the cosine toward a surface that faces the
+// wall; negative sums become zero. The result shows where a surface can be. One invocation owns one voxel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -15,7 +15,7 @@ layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
 float sum = 0.0;
 
-// The cosine whatever the model: what else there is only widens what is found.
+// One cosine for every model with normals: further factors would only blur the result.
 void meet(Arm a, Arm b, vec2 r) { sum += r.x * (NORMALS ? max(-a.way.z, 0.0) * a.inverse : 1.0); }
 
 void main() {

@@ -1,9 +1,9 @@
-// Gradient by gathering. A lane owns one active voxel and walks the pairs, reading the one or two bins of
-// each that the voxel reached: no atomics, the sums stay in registers. VOXELS lanes of a workgroup are
-// neighbours in brick order, so they read neighbouring bins of the same histogram; SLICES lanes share a voxel
-// where there are too few voxels to fill the device, and are summed in a fixed order at the end.
-// Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize ends
-// here, the adjoint of the interpolation is update.comp's.
+// The gradient of the paper's solver, by gathering. A lane owns one active voxel and walks the pairs, reading the one
+// or two bins of each that the voxel reaches: no atomics, the sums stay in registers. The VOXELS lanes of a workgroup
+// are neighbours in brick order, so they read neighbouring bins of the same histogram. Where voxels are too few to fill
+// the device, SLICES lanes share a voxel; their sums are added in a fixed order at the end.
+// Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize ends here,
+// update.comp applies the adjoint of the interpolation.
 // EXACT = 0 leaves the falloff out of the gradient, as the paper does: the exact gradient of the objective
 // weighted by the falloff.
 #version 460

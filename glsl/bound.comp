@@ -1,9 +1,10 @@
 // Bounds of the operator at every active voxel, by the same gather as a gradient, without the surface's cosines.
 //   WHAT = 0: D = sum over pairs of kernel * residual, where the residual is the weighted rendering of the
 //             whole domain at unit albedo. As all kernels are nonnegative, diag(D) majorises the normal
-//             operator (De Pierro 1995): 1 / D is a safe step for every voxel by itself.
-//   WHAT = 1: lambda = kappa * standard deviation that the photons give this voxel's gradient: the residual
+//             operator (De Pierro 1995): 1 / D is a safe step for each voxel on its own.
+//   WHAT = 1: lambda = kappa * standard deviation that photon noise gives this voxel's gradient: the residual
 //             holds the weighted variances, and the kernel enters squared.
+// One invocation owns one active voxel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -33,7 +34,7 @@ void main() {
     if (slot >= counts[COUNT_ACTIVE]) return;
     vec3 x = sample_points[slot].xyz;
     gather(x, 0u, 1u);
-    // Split dispatches add up; the square root is taken where all pairs are in.
+    // Split dispatches add up; the last one takes the square root.
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
     if ((push.flags & BACKWARD_FINISH) != 0u) sum = WHAT == 0u ? sum / sample_points[slot].w : scene.noise_factor * sqrt(sum);
     watch(finite(sum), FAULT_BOUND);

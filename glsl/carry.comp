@@ -1,7 +1,7 @@
-// After a change of the domain of the paper's solver: takes the state of the voxels that stay touched from their old
-// places to the new ones, zero where nothing was. DOUBLED: the old domain has half the lateral resolution, and state is
-// interpolated (doubled.glsl), nothing where nothing was touched. One invocation owns one voxel that is touched now.
-// Writes `target`, from where it is copied back: old places may still be read.
+// Moves the state of the paper's solver after a change of the domain: voxels that stay touched take their state from
+// the old indices to the new ones, all others start at zero. DOUBLED: the old domain has half the lateral resolution,
+// and state is interpolated (doubled.glsl), zero where nothing was touched. One invocation owns one voxel that is
+// touched now. Writes `target`, which is copied back later, because other invocations still read the old indices.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,4 +1,4 @@
-// Compaction, step 1 of 3: how many voxels of each brick are set. One invocation owns one brick, 16 words.
+// Compaction, step 1 of 3: counts the set voxels of each brick. One invocation owns one brick, 16 words of the mask.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

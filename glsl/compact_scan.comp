@@ -1,11 +1,11 @@
-// Compaction, step 2 of 3: exclusive prefix sum of the bricks' counts in place, and the total. One workgroup: each
-// lane sums a contiguous run of bricks, the runs are scanned in shared memory, each lane writes its run.
+// Compaction, step 2 of 3: exclusive prefix sum of the bricks' counts in place, and their total. One workgroup: each
+// lane sums a contiguous run of bricks, the runs are scanned in shared memory, and each lane writes its run.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 256) in;
-layout(constant_id = 10) const uint RIM = 0u; // bricks count active voxels, which all are touched, or those of the rim
+layout(constant_id = 10) const uint RIM = 0u; // counts are of active voxels, 1: of the rim
 layout(std430, set = 0, binding = 1) buffer BrickOffsets { uint brick_offsets[]; };
 layout(std430, set = 0, binding = 2) buffer Counts { uint counts[]; };
 
@@ -40,6 +40,7 @@ void main() {
     }
     uint touched = counts[COUNT_ACTIVE] + runs[255];
     counts[COUNT_TOUCHED] = min(touched, scene.touched_capacity);
-    // What is left out is told as dim voxels are: by a bound above zero, of which no threshold has come or comes to know.
+    // Voxels left out are reported as too dim ones are: by a least albedo above zero. The reduction's threshold has
+    // run already, so it does not see this value.
     if (touched > scene.touched_capacity) counts[COUNT_LEAST_SMOOTH] = max(counts[COUNT_LEAST_SMOOTH], 1u);
 }

@@ -1,5 +1,5 @@
-// Doubles the lateral resolution of the domain: a voxel is active where its parent was. One invocation owns
-// one new word of the mask; the scene is the new one, `coarse_mask` lies in the old brick order.
+// Doubles the lateral resolution of the domain: a voxel is active if its parent was. One invocation owns one word of
+// the new mask. The scene is the new one; `coarse_mask` is in the old brick order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,6 +1,7 @@
-// How bright the active voxels are expected to be, as weights of the bound that steps come from (bound.comp): one
-// invocation owns one active voxel. (s + FLOOR)^power / (1 + FLOOR)^power, where s is the last reduction's smoothed
-// albedo over its maximum; DOUBLED: of the voxel's parent. push.flags holds the power's bits.
+// Expected brightness of the active voxels, as weights of the bound that step lengths come from (bound.comp):
+//   (s + FLOOR)^power / (1 + FLOOR)^power
+// where s is the last reduction's smoothed albedo over its maximum; DOUBLED: the parent voxel's. push.flags holds the
+// bits of the power. One invocation owns one active voxel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

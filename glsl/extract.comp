@@ -1,19 +1,19 @@
-// Lateral maps from the volume: one invocation owns one column (x, y) and walks z for the brightest active
-// voxel. Writes (albedo, depth, 0, 1 if anything) and (normal, 0). Albedo and depth of vectors come from the
-// voxels around it, too, for a slanted surface fills several voxels of its column, each with less.
+// Lateral maps from the volume: one invocation owns one column (x, y) and walks z for the brightest active voxel.
+// Writes (albedo, depth, 0, 1 if the column has an active voxel) and (normal, 0). With VECTORS, albedo and depth also
+// use the voxels around the brightest, because a slanted surface fills several voxels of its column, each with less.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "surface.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 10) const uint VECTORS = 0u; // raw variables, or vectors albedo * normal
+layout(constant_id = 10) const uint VECTORS = 0u; // 0 raw variables, 1 vectors albedo * normal
 layout(std430, set = 0, binding = 1) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Columns { vec4 columns[]; };
 
-// The farthest voxel of a surface is above this share of its brightest.
+// Voxels above this share of the brightest belong to the surface; the farthest of them gives the depth.
 const float FAR_SHARE = 0.5;
 
 #include "slots.glsl"
@@ -47,9 +47,9 @@ void main() {
     vec4 found = raw[slot_of(voxel_index(c))];
     vec3 u = VECTORS != 0u ? found.xyz : toward_wall(found.yzw);
     if (VECTORS != 0u) {
-        // Between their sum, which overrates thick blurs, and the brightest, which underrates slants: the 3/2 norm.
-        // And the farthest of those that are not much darker than the brightest: where the cosine model lights a
-        // slant too well, it draws the brightest toward the wall.
+        // Albedo is the 3/2 norm: the sum overrates thick blurs, the maximum underrates slanted surfaces. Depth is the
+        // farthest voxel not much darker than the brightest: the cosine model lights slanted surfaces too well, which
+        // draws the brightest voxel toward the wall.
         float around = 0.0;
         int reach = int(ceil(2.0 * max(scene.pitch_x, scene.pitch_y) / scene.pitch_z));
         int last = min(int(depth) + reach, int(scene.grid_z) - 1);

@@ -1,12 +1,13 @@
-// The point at which FISTA takes its next step: y = v + beta (v - v before), into the samples that every pair
-// sees, and the roughness term there: its energy beside y, its gradient where the step goes on summing. One
-// invocation owns one active voxel and reads its six neighbours, as far as they are active. Points are the voxels'
+// The point y = v + beta (v - v before) at which FISTA takes its next step, written to the samples that every pair
+// sees; and the roughness term there: its energy goes beside y, its gradient to where the step goes on summing. One
+// invocation owns one active voxel and reads those of its six neighbours that are active. Sample points are the voxels'
 // centres, set once per domain by points.comp.
-//   sum over pairs of neighbours of mu |y_i - y_j|^2 / 2,  mu = min(mu_i, mu_j),  mu_i = roughness lambda_i^2 / (D_i peak^2)
-// with peak the largest smoothed albedo: the variance of the noise over that of the albedo, as a Gaussian prior on
-// jumps has it. Where photons are few neighbours hold together; without noise lambda is nothing and so is mu. mu_i
-// is never so large that it would ask for shorter steps than D does.
-// Surfaces without a direction are vectors along -z, and leave their albedo instead of y.
+//   sum over pairs of neighbours of mu |y_i - y_j|^2 / 2,  mu = min(mu_i, mu_j),
+//   mu_i = roughness lambda_i^2 / (D_i peak^2)
+// with peak the largest smoothed albedo: the variance of the noise over the variance of the albedo, as in a Gaussian
+// prior on jumps. Few photons make neighbours hold together; without noise lambda and mu are zero. mu_i is limited
+// so that it never asks for shorter steps than D does.
+// Surfaces without normals are vectors along -z and write their albedo instead of y.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -35,7 +36,7 @@ vec3 extrapolated(uint slot) {
     return v + momentum[MOMENTUM_BETA] * (v - before[slot].xyz);
 }
 
-// The weight of a voxel's roughness by itself.
+// mu_i: a voxel's own weight of the roughness term.
 float stiffness(uint slot) {
     vec2 bound = bounds[slot];
     float peak = uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
@@ -59,14 +60,14 @@ void main() {
             for (uint side = 0u; side < 6u; ++side) {
                 ivec3 n = c;
                 n[side >> 1] += (side & 1u) == 0u ? -1 : 1;
-                // Below zero is beyond the grid, too.
+                // Negative coordinates wrap to large ones, which are outside the grid too.
                 if (!in_grid(uvec3(n))) continue;
                 uint other = slot_of(voxel_index(uvec3(n)));
                 if (other == NOWHERE) continue;
                 vec3 jump = y - extrapolated(other);
                 float mu = min(own, stiffness(other));
                 along += mu * jump;
-                // Half of the pair's; the other half is the neighbour's.
+                // Half of the pair's energy; the neighbour adds the other half.
                 energy += 0.25 * mu * dot(jump, jump);
             }
         }
@@ -86,6 +87,6 @@ void main() {
         if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
         barrier();
     }
-    // For the fixed-point scale; bits of nonnegative floats order as the floats do.
+    // For the fixed-point scale. Nonnegative floats have the order of their bits.
     if (lane == 0u) atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(peaks[0]));
 }

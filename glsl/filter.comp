@@ -1,6 +1,6 @@
-// Histograms filtered for back-projection: weighted by the inverse falloff, then a Mexican hat (the negative
-// second derivative of a Gaussian) along time. One invocation owns one cell; what is no bin
-// (place.glsl) is zero. taps: [0] = radius, then weights.
+// Filters histograms for back-projection: weights by the inverse falloff, then a Mexican hat (the negative second
+// derivative of a Gaussian) along time. One invocation owns one cell; padding (place.glsl) becomes zero.
+// hat_taps: [0] = radius, then weights.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

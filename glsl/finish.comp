@@ -1,8 +1,8 @@
-// One workgroup closes an iteration: sums the partial losses in a fixed order (each lane strides, then a
-// tree), writes the iteration's row of the trace that the host reads behind, and resets what the next
-// iteration maximises. With ACCELERATED it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle
-// 2009), restarted where the step goes against the momentum or the objective rose (O'Donoghue & Candes 2015);
-// where it rose by more than rounding, steps become shorter, down to the one that is proven safe.
+// Closes an iteration. One workgroup sums the partial losses in a fixed order (each lane strides, then a tree), writes
+// the iteration's row of the trace, which the host reads later, and resets the maxima for the next iteration. With
+// ACCELERATED it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle 2009), restarted where the step
+// goes against the momentum or the objective rose (O'Donoghue & Candes 2015). Where the objective rose by more than
+// rounding, steps become shorter, down to the one that is proven safe.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -10,7 +10,7 @@
 #include "sums.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
-layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels behind one partial sum of theirs
+layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels of one partial sum
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_partials[]; };
@@ -18,14 +18,14 @@ layout(std430, set = 0, binding = 4) writeonly buffer Trace { uint trace[]; };
 layout(std430, set = 0, binding = 5) buffer Momentum { float momentum[]; };
 layout(std430, set = 0, binding = 6) readonly buffer AgainstPartials { float against_partials[]; };
 
-const float ROUNDING = 1e-5; // of the objective: what it seems to rise by less than this it may not rise at all
+const float ROUNDING = 1e-5; // share of the objective: a smaller rise may be rounding
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
     uint losses = (cell_count() + tile - 1u) / tile * WORKGROUP;
-    // Written out 32 times: turn by turn, lavapipe's limit of 65,535 ends the sum after 2^26 bins of all pairs.
+    // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
     uint voxel_groups = (counts[COUNT_ACTIVE] + SUMMED - 1u) / SUMMED;

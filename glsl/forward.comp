@@ -1,9 +1,9 @@
-// Renders transients. A workgroup owns a tile of LANES consecutive pairs and a chunk of consecutive active
-// voxels; a lane owns one pair and walks the chunk, so lanes of a workgroup never add to the same bin and all
-// read the same voxel at once (one broadcast load). Other workgroups share the pair: hence accumulate(), behind a
-// private column where atomics are dear (window.glsl).
-// In the OWNED variant the chunk is the whole dispatch, so a histogram belongs to one lane and a plain add
-// does. Chunks stay below the 65,535 loop turns after which lavapipe gives up silently.
+// Renders transients. A workgroup owns a tile of LANES consecutive pairs and a chunk of consecutive active voxels. A
+// lane owns one pair and walks the chunk, so lanes of a workgroup never add to the same bin, and all read the same
+// voxel at once (one broadcast load). Other workgroups share the pair, which is why accumulate() is needed, behind
+// a private column where atomics are slow (window.glsl).
+// In the OWNED variant the chunk is the whole dispatch, so a histogram belongs to one lane and a plain add is enough.
+// Chunks stay below 65,535 loop turns, where lavapipe stops without an error.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #ifdef ACCUMULATE_FLOAT
@@ -20,7 +20,7 @@ layout(local_size_x_id = 10) in;
 layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
-layout(constant_id = 13) const uint BOUND = 0u; // 1: unit albedo, no cosine: a bound of the operator
+layout(constant_id = 13) const uint BOUND = 0u; // 1: no surface cosines, for a bound of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
@@ -44,7 +44,7 @@ void main() {
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
-    // Read once: the compiler cannot know that no histogram is a wall point.
+    // Read once here: the compiler cannot know that writes to histograms do not change the wall.
     uint other = GEOMETRY == TWO_POINTS ? scene.scanned + pair : pair;
     uint normals = scene.scanned + scene.others;
     vec3 point_a = wall[pair].xyz;

@@ -1,10 +1,11 @@
 // Renders transients where every scanned point makes a pair with every other point. A workgroup owns LANES scanned
-// points, FORWARD_OTHERS other points and a chunk of active voxels; a lane owns one scanned point and the histograms it has
-// with the FORWARD_OTHERS. Its arm to a voxel is found once for all of them. The arms to the other points are the same for all
-// lanes: with SHARED the workgroup finds those of BLOCK voxels together, into shared memory, so a pair costs one sum of
-// distances and one product, plus 1 / FORWARD_OTHERS and 1 / LANES of an arm. Without, every lane finds them for itself: on a
-// CPU a lane is a part of a vector, which finds one arm or eight in the same time, and barriers cost more than arms.
-// OWNED as in forward.comp. Loop turns: CHUNK * (FORWARD_OTHERS + 1) and a few.
+// points, FORWARD_OTHERS other points and a chunk of active voxels. A lane owns one scanned point and its
+// FORWARD_OTHERS histograms, and computes its arm to a voxel once for all of them. The arms to the other points are the
+// same for all lanes. With SHARED the workgroup computes those of BLOCK voxels together, into shared memory: a pair
+// then costs one sum of distances and one product, plus 1 / FORWARD_OTHERS and 1 / LANES of an arm. Without SHARED
+// every lane computes them for itself: on a CPU a lane is a part of a vector, which computes one arm or eight in the
+// same time, and barriers cost more than arms. OWNED as in forward.comp. Loop turns: about
+// CHUNK * (FORWARD_OTHERS + 1).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #ifdef ACCUMULATE_FLOAT
@@ -39,10 +40,10 @@ float fixed_scale;
 #include "window.glsl"
 
 const uint BLOCK = 64u;
-shared vec2 other_arms[SHARED * BLOCK * FORWARD_OTHERS + 1u]; // distance, everything the other arm gives to the value
+shared vec2 other_arms[SHARED * BLOCK * FORWARD_OTHERS + 1u]; // distance, factor of the value
 shared float other_rests[FINE * SHARED * BLOCK * FORWARD_OTHERS + 1u];
 
-// An arm's part of the value, for a surface of such direction.
+// An arm's factor of the value, for a surface in this direction; `directed`: with the surface's cosine.
 float part(Arm arm, vec3 direction, bool directed) {
     float value = arm.falloff;
     if (REFLECTANCE == LAMBERTIAN) value *= arm.wall * arm.inverse;
@@ -50,23 +51,23 @@ float part(Arm arm, vec3 direction, bool directed) {
     return value;
 }
 
-// Distance, everything the arm gives to the value, rest of the distance.
+// The arm to an other point: distance, factor of the value (albedo included), rest of the distance.
 vec3 other_arm(vec3 there, vec3 normal, uint slot) {
     vec4 s = sample_points[slot];
     Arm b = arm_to(there, normal, s.xyz);
-    // The cosine model has none toward the other point.
+    // The cosine model has no cosine toward the other point.
     vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
     float value = part(b, v * inversesqrt(max(dot(v, v), LEAST_SQUARE)), REFLECTANCE == LAMBERTIAN);
     return vec3(b.distance, value * s.w, b.rest);
 }
 
-// Column of a lane's k-th histogram, and the histogram.
+// Private column of a lane's k-th histogram, and the first cell of a pair's histogram.
 uint column_of(uint k) { return k * LANES + gl_LocalInvocationID.x; }
 uint row_of(uint other, uint point) { return row_of(other * scene.scanned + point); }
 
 Run runs[FORWARD_OTHERS];
 
-// Adds what a pair's two arms make together.
+// Adds the value of a pair's two arms to its histogram.
 void meet(Arm a, float value, vec3 b, uint k, uint row) {
     deposit(column_of(k), row, place_of(a.distance + b.x, a.rest + b.z), value * b.y, runs[k]);
 }

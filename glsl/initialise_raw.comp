@@ -1,5 +1,6 @@
-// The first volume: albedo uniform in [0, ALBEDO_SPAN), normals zero. One invocation owns one touched voxel. Random by
-// voxel, not by slot, so any device and any room start from the same volume.
+// The first volume of the paper's solver: albedo uniform in [0, ALBEDO_SPAN), normals zero. One invocation owns one
+// touched voxel. Numbers depend on the voxel, not on its slot, so the volume is the same on any device and with any
+// room.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,6 +1,6 @@
-// How many smoothed voxels there are at each level below the largest: `levels` counts those that may be active, by
-// steps of a thirty-second of an octave (the upper bits of a positive float order as the floats do); what is farther
-// below than all steps counts with the lowest. One invocation owns one voxel; a workgroup adds up in shared memory.
+// Histogram of the smoothed albedo of all voxels that may be active, in `levels`: steps of a thirty-second of an octave
+// below the maximum (the upper bits of a positive float have the order of the floats). Values below all steps count in
+// the lowest. One invocation owns one voxel; a workgroup counts in shared memory first.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

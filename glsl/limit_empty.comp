@@ -1,5 +1,5 @@
-// What a dispatch costs that does next to nothing: one invocation counts it. Dispatches of this kernel depend on each
-// other, as those of an iteration do.
+// Measures the cost of a dispatch with almost no work: one invocation counts it. Dispatches of this kernel depend on
+// each other, like those of an iteration.
 #version 460
 layout(local_size_x = 1) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

@@ -1,6 +1,6 @@
-// How many fused multiply-adds a device issues. One invocation owns 16 independent chains x = a x + b in registers,
-// enough to hide an fma's latency; nothing is read or written but one sum at the end. With a = b = 1, which the
-// compiler cannot know, a chain counts its own turns, so the sum tells that none was left out.
+// Measures the rate of fused multiply-adds. One invocation owns 16 independent chains x = a x + b in registers, enough
+// to hide an fma's latency; its only memory access is one sum at the end. With a = b = 1, which the compiler cannot
+// know, a chain counts its own turns, so the sum proves that none was left out.
 #version 460
 layout(local_size_x = 64) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

@@ -1,6 +1,6 @@
-// How many atomic additions to a buffer a device issues where lanes of a workgroup add to neighbouring words and
-// workgroups to words of their own, as far as there are any: the forward kernel at its best. Every word has counted
-// every turn of those that own it in the end.
+// Measures the rate of atomic additions to a buffer. Lanes of a workgroup add to neighbouring words and workgroups to
+// separate words, as far as there are any: the forward kernel's best case. At the end every word has counted every turn
+// of its owners.
 #version 460
 #ifdef ACCUMULATE_FLOAT
 #extension GL_EXT_shader_atomic_float : require

@@ -1,5 +1,5 @@
-// Learns the noise term from the residual. A workgroup owns one pair: PER_HISTOGRAM sums the pair's residual
-// over its bins for one weight, otherwise every bin has a weight and invocations stride over them.
+// Learns the noise term from the residual. A workgroup owns one pair. PER_HISTOGRAM: one weight per pair, from the sum
+// of the residual over its bins. Otherwise every bin has a weight, and invocations stride over them.
 // State is (weight, first moment, second moment), 12 bytes.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -20,7 +20,7 @@ void learn(uint at, float gradient_of_sum) {
     float gradient = gradient_of_sum / scene.render_scale * scene.noise_span * s * (1.0 - s);
     float m = mix(gradient, noise_state[at + 1u], scene.beta1);
     float v = mix(gradient * gradient, noise_state[at + 2u], scene.beta2);
-    // The noise term is not restarted with the volume's optimiser.
+    // Counts from the solve's start: the noise term does not restart with the volume's optimiser.
     float step = float(push.iteration + 1u);
     float m_hat = m / (1.0 - pow(scene.beta1, step));
     float v_hat = v / (1.0 - pow(scene.beta2, step));

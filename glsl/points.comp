@@ -1,5 +1,5 @@
-// Centres of the active voxels as samples of unit weight: one invocation owns one active voxel. Run once per
-// domain; the vector solver moves only the directions after it.
+// Writes the centres of the active voxels as samples of unit weight. One invocation owns one active voxel. Runs once
+// per domain; after that the vector solver changes only the directions.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,8 +1,8 @@
-// Histograms as the instrument shows them: every path of light spread along time by the pulse's taps. BACK: the
-// adjoint, which takes a residual back to the paths. SQUARED: with the taps' squares, for variances.
-// One invocation owns PULSE_RUN neighbouring cells of a row, so that every cell around them is read once. Cells that are no
-// bin (place.glsl) are zero, and what lies in them counts for nothing.
-// pulse_taps from push.first on: taps before the path's own bin, taps in all, then weights.
+// Spreads histograms along time by the pulse's taps, as the instrument does. BACK: the adjoint, which takes a residual
+// back to the paths. SQUARED: squared taps, for variances.
+// One invocation owns PULSE_RUN neighbouring cells of a row, so it reads each cell around them once. Padding
+// (place.glsl) is written as zero and ignored when read.
+// pulse_taps from push.first: taps before the path's own bin, number of taps, then weights.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -26,7 +26,7 @@ void main() {
     uint run = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     uint runs = (scene.stride + PULSE_RUN - 1u) / PULSE_RUN;
     uint pair = run / runs;
-    // The padding behind the last row is a row's beginning.
+    // The padding behind the last row is the beginning of one more row.
     if (pair > scene.pairs) return;
     int bins = int(scene.bins);
     int bin = int(run % runs * PULSE_RUN) - int(PADDING);
@@ -37,7 +37,7 @@ void main() {
         int count = int(pulse_taps[push.first + 1u]);
         uint first_tap = push.first + 2u;
         int first = BACK != 0u ? bin - before : bin + before - (count - 1);
-        // Of the cell at hand, the taps that take it to each of the four.
+        // Taps from the cell that is read to each of the four cells.
         vec4 taps = vec4(0.0);
         for (int i = 0; i < count + int(PULSE_RUN) - 1; ++i) {
             float tap = i < count ? pulse_taps[first_tap + uint(BACK != 0u ? i : count - 1 - i)] : 0.0;

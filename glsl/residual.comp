@@ -1,9 +1,9 @@
-// One invocation owns RESIDUAL_BINS cells, a workgroup apart: turns the accumulated sum into the rendered value, adds the
-// noise term, compares with the measurement, writes what the backward kernel gathers (dLoss / d accumulated value) and
-// leaves the sum at zero for the next iteration, so no pass over the histograms is spent on clearing. Cells that are no
-// bin (place.glsl) count for nothing and are left at zero on both sides.
-// The squared differences are summed in a fixed order: here per invocation, in finish.comp over invocations. No
-// barrier: on a CPU a tree over a workgroup cost twenty times what its bins did.
+// One invocation owns RESIDUAL_BINS cells, a workgroup apart. For each it turns the accumulated sum into the rendered
+// value, adds the noise term, compares with the measurement and writes dLoss / d(accumulated value), which the backward
+// kernel gathers. It then clears the sum for the next iteration, so no extra pass clears the histograms. Padding
+// (place.glsl) adds no loss and becomes zero in both.
+// Squared differences are summed in a fixed order: here per invocation, in finish.comp over invocations. There is no
+// barrier: on a CPU a tree over a workgroup cost twenty times as much as its bins.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,8 +11,8 @@
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
-layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with nothing, for bounds of the operator
-layout(constant_id = 13) const uint PULSE = 0u;    // compare what pulse.comp has made of the sums
+layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with zero, for bounds of the operator
+layout(constant_id = 13) const uint PULSE = 0u;    // 1: compare the output of pulse.comp
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
@@ -30,7 +30,7 @@ layout(std430, set = 0, binding = 7) readonly buffer Spread { float spread[]; };
 
 #include "accumulated.glsl"
 
-// Squared difference of one value, of the pair's given bin, weighted and plain, and the size of what is rendered.
+// Squared difference in one bin of a pair, weighted and plain, and the magnitude of the rendered value.
 vec3 compare(uint cell, uint pair, uint bin) {
     uint index = pair * scene.bins + bin;
     float rendered = (PULSE != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale;
@@ -52,7 +52,7 @@ void main() {
     uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
     uint end = cell_count();
     vec3 squared = vec3(0.0);
-    // A remainder costs a CPU more than all else here: one to begin with, then a subtraction.
+    // A remainder costs a CPU more than all else here: compute it once, then subtract.
     uint pair = first / scene.stride;
     uint at = first % scene.stride;
     uint rows = WORKGROUP / scene.stride;

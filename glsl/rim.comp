@@ -1,5 +1,5 @@
-// The voxels that a sample of an active voxel may read beside active ones: those of their 26 neighbours that are none.
-// One invocation owns one word of the result; a brick's word of 32 Morton-ordered voxels is a 4 x 4 x 2 block.
+// The rim: voxels that are not active but among the 26 neighbours of an active voxel, so its samples may read them.
+// One invocation owns one word of the result; a word of 32 Morton-ordered voxels is a 4 x 4 x 2 block of a brick.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -19,7 +19,7 @@ void main() {
     uint active_here = mask[at];
     uint word = active_here;
     if (word != 0xffffffffu) {
-        // Nothing active in the block around this word: nothing touched in it.
+        // Only active voxels within one voxel of this block can touch it.
         ivec3 corner = ivec3(voxel_at(at * 32u));
         ivec3 low = max(corner - 1, ivec3(0));
         ivec3 high = min(corner + ivec3(4, 4, 2), ivec3(grid_size()) - 1);

@@ -1,6 +1,6 @@
-// The least smoothed albedo that there is room for: one invocation walks down the levels as long as no more than
-// push.first voxels are above. Zero if there is room for all above the threshold (push.flags holds the bits of its share
-// of the maximum); the highest level is never left out, as far as it fits.
+// The least smoothed albedo that fits into the room. One invocation walks down the levels while at most push.first
+// voxels lie above. Zero if all voxels above the threshold fit (push.flags holds the bits of the threshold's share of
+// the maximum). The highest level always stays, as far as it fits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

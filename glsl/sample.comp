@@ -1,7 +1,7 @@
-// One invocation owns one active voxel: draws its point, interpolates the raw variables there and writes the
-// surface element that every pair will see. Done once per voxel and iteration, so that the forward and
-// backward kernels read two vec4 instead of looking eight voxels up in the masks. The workgroup sums |albedo| for
-// the L1 term in a fixed order and keeps the largest for the fixed-point scale.
+// Draws the sample of each active voxel, interpolates the raw variables there and writes the surface element that every
+// pair sees. One invocation owns one active voxel. This happens once per voxel and iteration, so the forward and
+// backward kernels read two vec4 instead of looking up eight voxels in the masks. The workgroup sums |albedo| for the
+// L1 term in a fixed order and keeps the largest for the fixed-point scale.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -16,7 +16,7 @@ layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 4) writeonly buffer SamplePoints { vec4 sample_points[]; };    // xyz, albedo
-layout(std430, set = 0, binding = 5) writeonly buffer SampleNormals { vec4 sample_normals[]; }; // unit normal, its length before
+layout(std430, set = 0, binding = 5) writeonly buffer SampleNormals { vec4 sample_normals[]; }; // unit normal, length before
 layout(std430, set = 0, binding = 6) writeonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 7) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 8) readonly buffer Ranks { uint ranks[]; };
@@ -30,7 +30,7 @@ layout(std430, set = 0, binding = 10) readonly buffer RimRanks { uint rim_ranks[
 
 shared float peaks[WORKGROUP];
 
-// Nothing where there was no room.
+// Raw variables of a voxel, zero where there was no room for its state.
 vec4 raw_at(uvec3 c) {
     uint at = state_of(voxel_index(c));
     return at == NOWHERE ? vec4(0.0) : raw[at];
@@ -74,7 +74,7 @@ void main() {
     }
     if (lane == 0u) {
         l1_partials[group] = sum;
-        // Bits of nonnegative floats order as the floats do.
+        // Nonnegative floats have the order of their bits.
         atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(peaks[0]));
     }
 }

@@ -1,8 +1,8 @@
-// After a change of the domain: takes the vectors and bounds of the voxels that stay from their old slots to the new
-// ones, zero where nothing was; the momentum is at rest then (v before = v). DOUBLED: the old domain has half the
-// lateral resolution, and vectors are interpolated (doubled.glsl), nothing where nothing was active. One invocation owns
-// one voxel that is active now. Writes `before` and `gradient`, from where both are copied back: old slots may still be
-// read.
+// Moves the state of the vector solver after a change of the domain: voxels that stay active take their vectors and
+// bounds from the old slots to the new ones, all others start at zero. The momentum is then at rest (v before = v).
+// DOUBLED: the old domain has half the lateral resolution, and vectors are interpolated (doubled.glsl), zero where
+// nothing was active. One invocation owns one voxel that is active now. Writes `before` and `gradient`, which are
+// copied back later, because other invocations still read the old slots.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

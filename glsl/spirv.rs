@@ -1,5 +1,5 @@
-//! Reads from a SPIR-V module what the host must know: bindings with their access, and specialization
-//! constants. SPIR-V specification 1.5, sections 2.3 and 3.32.
+//! Reads from a SPIR-V module what the host needs: bindings with their access, and specialization constants.
+//! SPIR-V specification 1.5, sections 2.3 and 3.32.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ const NON_READABLE: u32 = 25;
 const BINDING: u32 = 33;
 const CLASS_UNIFORM: u32 = 2;
 
-/// Reads `words`, a module that this build has just compiled with names in it.
+/// Bindings and constants of the module `words`, which must contain names (debug information).
 pub fn reflect(words: &[u32]) -> Module {
     let mut names = BTreeMap::new();
     let mut slots = BTreeMap::new();

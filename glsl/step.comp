@@ -1,14 +1,14 @@
 // Backward pass and proximal gradient step in one: a lane owns one active voxel, gathers its gradient over the
-// pairs as in backward.comp, and writes the next iterate without the gradient ever leaving registers.
+// pairs as in backward.comp, and writes the next iterate. The gradient never leaves registers.
 //   v' = shrink(cone(y - g / D), lambda / D)
-// D majorises the operator (bound.comp), so a step of 1 / D does not overshoot unless it turns a vector across the
-// edge where a cosine starts; finish.comp keeps the share of D that is divided by, smaller as long as the objective
-// falls. shrink is the group soft threshold on |v|, cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone
-// |v_z|. In this order they are the proximal map of both together: the cone shortens, and the threshold is for what
-// is left.
-// Surfaces without a direction are vectors along -z: the cone then keeps albedo from going below zero.
-// The sums begin with the roughness's gradient, which extrapolate.comp leaves. Partial sums: the group term and the
-// roughness at y, and (y - v') . (v' - v), positive where the momentum leads uphill.
+// D majorises the operator (bound.comp), so a step of 1 / D does not overshoot, unless it turns a vector across the
+// edge where a cosine starts. Steps divide by a share of D, kept by finish.comp: it stays small while the objective
+// falls. shrink is the group soft threshold on |v|; cone keeps surfaces facing the wall: v_z <= 0, |v_xy| <= cone
+// |v_z|. In this order they are the proximal map of both together: the cone shortens the vector first, the threshold
+// applies to the rest.
+// Surfaces without normals are vectors along -z: for them the cone keeps albedo from going below zero.
+// Sums begin with the gradient of the roughness, written by extrapolate.comp. Partial sums: group term and roughness
+// at y, and (y - v') . (v' - v), which is positive where the momentum leads uphill.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -60,7 +60,7 @@ void main() {
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
     vec3 y = NORMALS ? (owned ? sample_normals[slot].xyz : vec3(0.0)) : vec3(0.0, 0.0, -point.w);
-    // Nothing shines in no direction: what is zero may grow toward the wall.
+    // A zero vector has no direction: it may grow toward the wall.
     vec3 seen = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
     vec4 sum = owned ? gather_slope(point.xyz, seen, slice, SLICES) : vec4(0.0);
     if (SLICES > 1u) {

@@ -1,12 +1,13 @@
-// How a pixel's slopes follow from its neighbours' depths: the plane that fits them best, each weighed by its bond (see
-// heights.glsl) to the pixel, as coefficients of their depths less its own. Weights come from the depths at hand and stay
-// until this runs again, so slopes are linear in the depths between. One invocation owns one pixel.
+// How a pixel's slopes follow from its neighbours' depths. The slopes are those of the plane that fits the neighbours
+// best, each weighted by its bond (heights.glsl) to the pixel; written as coefficients of their depths minus the
+// pixel's own. Bonds come from the present depths and stay until this runs again, so slopes are linear in the depths in
+// between. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 1) buffer Pixels { uvec4 pixels[]; }; // column, albedo, depth that bonds come from
+layout(std430, set = 0, binding = 1) buffer Pixels { uvec4 pixels[]; }; // column, albedo, depth for the bonds
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, albedo
 layout(std430, set = 0, binding = 4) writeonly buffer Stencils { vec2 stencils[]; };
@@ -31,7 +32,7 @@ void main() {
     }
     mean /= all;
     spread -= outerProduct(all * mean, mean);
-    // A pixel with neighbours on one line, or with none, is level where they tell nothing.
+    // A pixel with no neighbours, or with all on one line, is level in the directions that they do not determine.
     spread += mat2(SURFACE_LEVEL);
     float area = determinant(spread);
     for (uint k = 0u; k < 8u; ++k) {

@@ -1,10 +1,10 @@
-// From the gradients of a pixel's points to those of its depth, albedo and slopes, and the prior that holds
-// neighbours together where photons are few: over pairs of neighbours,
+// Combines the gradients of a pixel's points into those of its depth, albedo and slopes, and adds the prior. The prior
+// holds neighbours together where photons are few: over pairs of neighbours,
 //   bond * (e^2 / (2 bend^2) + (a_i - a_j)^2 / (2 jump^2)),   e = (z_j - z_i - (s_i + s_j) / 2 . d) / pixel
-// with d from i to j: how far j is off the planes that both pixels lie in; and for every pixel that is lit,
+// with d from i to j; e says how far j is off the planes of both pixels. And for every pixel that is lit,
 //   sparse * faint * log(1 + a / faint)
-// which is little more for a bright one than for a dim one, so that light gathers in few. What the slopes' gradient means
-// for the depths that they come from is surface_pull.comp's. One invocation owns one pixel.
+// which costs a bright pixel little more than a dim one, so light gathers in few pixels. surface_pull.comp takes the
+// gradient of the slopes to the depths. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -43,7 +43,7 @@ void main() {
         float share = 1.0 / float(POINTS);
         float brighter = share * points.x;
         if (NORMALS) {
-            // Per area of a pixel as the wall sees it, albedo times normal is albedo times (slope, -1).
+            // Per lateral area of a pixel, albedo times normal is albedo times (slope, -1).
             brighter = share * dot(vec3(slope, -1.0), points.xyz);
             tilts += share * height.y * points.xy;
         }
@@ -60,7 +60,7 @@ void main() {
             deeper -= bend * weight * off / size;
             tilts -= 0.5 * bend * weight * off / size * d;
             brighter += jump * weight * differs;
-            // Half of the pair's; the other half is the neighbour's.
+            // Half of the pair's energy; the neighbour adds the other half.
             energy += 0.25 * weight * (bend * off * off + jump * differs * differs);
         }
         float sparse = uintBitsToFloat(surface_weights[SURFACE_SPARSE]);
@@ -71,7 +71,7 @@ void main() {
             energy += sparse * faint * log(lit);
         }
         height_gradient[pixel] = vec4(tilts, deeper, brighter);
-        // Bits of nonnegative floats order as the floats do.
+        // Nonnegative floats have the order of their bits.
         atomicMax(surface_weights[SURFACE_LARGEST], floatBitsToUint(abs(deeper)));
         atomicMax(surface_weights[SURFACE_LARGEST + 1u], floatBitsToUint(abs(brighter)));
     }

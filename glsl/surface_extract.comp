@@ -1,6 +1,6 @@
-// Maps of the surface over those that it began from: depth and normal of each of its pixels; as albedo the geometric mean of
-// the map's and of the surface's own per area as the wall sees it, smoothed, for neighbouring albedos may make up for each
-// other: volume and surface err in different ways. One invocation owns one pixel.
+// Writes the surface over the maps that it started from: depth and normal of each pixel. Its albedo becomes the
+// geometric mean of the map's albedo and the surface's. The latter is per lateral area and smoothed, because errors of
+// neighbouring albedos compensate each other. Volume and surface err in different ways. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,6 +1,7 @@
-// The gradient at a point of the surface, gathered over pairs as step.comp does: what its vector (or albedo) changes, and
-// what its depth does, which moves its path along the residual's rise from bin to bin and changes what it shows.
-// Writes (d/d vector, d/d depth), or (d/d albedo, d/d depth, 0, 0) of surfaces without a direction.
+// The gradient at a point of the surface, gathered over pairs as in step.comp: by its vector (or albedo) and by its
+// depth. Depth moves the point's path along the residual's rise from bin to bin, and changes the point's value.
+// Writes (d/d vector, d/d depth), or (d/d albedo, d/d depth, 0, 0) for surfaces without normals.
+// A lane owns one point, as in backward.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -25,8 +26,8 @@ shared vec4 parts[VOXELS * SLICES];
 #include "faults.glsl"
 
 vec3 shown;         // the unit normal
-float deeper = 0.0; // through what is shown of unit albedo
-float longer = 0.0; // and through the path, bins
+float deeper = 0.0; // d/d depth through the value at unit albedo
+float longer = 0.0; // d/d depth through the path, bins
 
 void meet(Arm a, Arm b, vec2 r) {
     slope_of(a, b, r.x);
@@ -35,7 +36,7 @@ void meet(Arm a, Arm b, vec2 r) {
     if (toward_a <= 0.0 || toward_b <= 0.0) return;
     float steep_a = a.way.z * a.inverse;
     float steep_b = b.way.z * b.inverse;
-    // What is shown is this, without what turns with the depth; every inverse in it grows by `steep` times itself.
+    // The part of the value that does not depend on the angles; each inverse length grows by `steep` times itself.
     float factor = a.falloff * b.falloff;
     float powers_a = REFLECTANCE == RETROREFLECTIVE ? 1.0 : 2.0;
     float powers_b = powers_a;

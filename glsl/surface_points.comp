@@ -1,5 +1,5 @@
-// A pixel's slopes, and its points as samples that share its light: a pixel stands for as much surface as its tilted
-// square, whose paths differ by several bins if it is large. One invocation owns one pixel.
+// A pixel's slopes, and its points as samples that share its light. A pixel stands for its tilted square, whose paths
+// differ by several bins if the pixel is large. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -37,10 +37,11 @@ void main() {
         float z = clamp(height.x + dot(slope, d), limits.x, limits.y);
         uint slot = POINTS * pixel + k;
         sample_points[slot] = vec4(centre.xy + d, z, albedo);
-        // Of unit length: a pixel that has become dark keeps its direction, and with it the gradient that may light it again.
+        // Unit length: a pixel that has become dark keeps its direction, and with it a gradient that can light it
+        // again.
         if (NORMALS) sample_normals[slot] = vec4(facing(slope), 0.0);
     }
     watch(finite(slope.x + slope.y + albedo), FAULT_SAMPLE);
-    // For the fixed-point scale; bits of nonnegative floats order as the floats do.
+    // For the fixed-point scale. Nonnegative floats have the order of their bits.
     atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(albedo));
 }

@@ -1,6 +1,6 @@
-// The gradient of a pixel's depth and albedo, from those of its own depth, albedo and slopes (surface_combine.comp) and
-// what all slopes that come from its depth are told, through the very coefficients that they come by; divided by all the
-// weights with which surface_step.comp spreads it over the pixels around. One invocation owns one pixel.
+// The gradient of a pixel's depth and albedo: its own (surface_combine.comp), plus the gradients of all slopes that use
+// its depth, through the same coefficients. It is divided by the sum of the weights with which surface_step.comp
+// spreads it over the pixels around. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

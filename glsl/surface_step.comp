@@ -1,6 +1,6 @@
-// A pixel's depth and albedo after a step of Adam (Kingma & Ba 2015) whose rate falls to nothing as half a cosine. What it
-// goes by are the gradients around it, each spread over its surroundings (surface_pull.comp) by a Gaussian that narrows to the
-// pixel itself and stops at edges: shapes come before details. One invocation owns one pixel.
+// One step of Adam (Kingma & Ba 2015) for a pixel's depth and albedo; its rate falls to zero as half a cosine. The
+// gradient is the sum of the gradients around it, spread (surface_pull.comp) by a Gaussian that narrows to the pixel
+// itself and stops at edges: shapes come before details. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,7 +11,7 @@ layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; 
 layout(std430, set = 0, binding = 3) buffer Heights { vec2 heights[]; };
 layout(std430, set = 0, binding = 4) readonly buffer HeightPull { vec2 height_pull[]; };
 layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surface_weights[]; };
-layout(std430, set = 0, binding = 6) buffer HeightMoments { vec4 height_moments[]; }; // first ones, second ones
+layout(std430, set = 0, binding = 6) buffer HeightMoments { vec4 height_moments[]; }; // xy first, zw second
 layout(std430, set = 0, binding = 7) buffer Counts { uint counts[]; };
 
 #include "heights.glsl"
@@ -19,9 +19,9 @@ layout(std430, set = 0, binding = 7) buffer Counts { uint counts[]; };
 
 const float BETA_1 = 0.9;
 const float BETA_2 = 0.99;
-const float LAST_RATE = 0.02; // of the first
-const float QUIET = 1e-3;     // of the largest gradient: what is less is rounding, and makes no full step
-const float LEAST = 1e-18;    // its square is the least that fp32 holds
+const float LAST_RATE = 0.02; // share of the first rate
+const float QUIET = 1e-3;     // share of the largest gradient: a smaller one may be rounding and makes no full step
+const float LEAST = 1e-18;    // its square is about the least that fp32 holds with all its bits
 
 vec2 from_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);

@@ -1,7 +1,7 @@
-// Domain reduction: one invocation owns one word of the mask, 32 voxels. Active afterwards is what lies above the given
-// share of the smoothed maximum and not below what there is room for (room.comp), not nearer than allowed and within
-// reach of a bin; whether it was active before does not matter (push.flags holds the share's bits; the smoothing lets
-// the domain grow back a little, as in the paper).
+// Domain reduction. A voxel becomes active if its smoothed albedo is above the given share of the maximum and not below
+// the least that there is room for (room.comp), and if it is not too near and within reach of a bin. It may have been
+// inactive before: smoothing lets the domain grow back a little, as in the paper. push.flags holds the share's bits.
+// One invocation owns one word of the mask, 32 voxels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,6 +1,6 @@
-// Weighted variance of every bin as a residual, for bound.comp: (2 loss_scale render_scale weight)^2 * variance,
-// variance proportional to the measured value, and a floor. One invocation owns one cell; what is
-// no bin (place.glsl) has none.
+// Weighted variance of every bin as a residual, for bound.comp: (2 loss_scale render_scale weight)^2 * variance. The
+// variance is proportional to the measured value, plus a floor. One invocation owns one cell; padding (place.glsl)
+// becomes zero.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

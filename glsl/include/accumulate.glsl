@@ -1,7 +1,7 @@
-// One interface, accumulate(index, value), over five ways to add to the histograms. Needs the macro of one.
+// One interface, accumulate(index, value), over five ways to add to the histograms. A macro ACCUMULATE_* chooses:
 //
 //   FLOAT    native fp32 atomic add.
-//   CAS      compare and swap on the bits: anywhere, slow where lanes collide.
+//   CAS      compare and swap on the bits: runs anywhere, slow where lanes collide.
 //   FIXED64  64-bit integer atomic add of a scaled value: any order gives the same bits.
 //   FIXED32  the same sum by two 32-bit atomics with a carry, for devices without 64-bit atomics.
 //   OWNED    plain add: the dispatch gives each histogram to one invocation.
@@ -18,7 +18,7 @@ void accumulate(uint index, float value) { histograms[index] += value; }
 layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
 void accumulate(uint index, float value) {
     uint seen = histograms[index];
-    // Bounded by the number of colliding adders, each of which wins once.
+    // At most one turn per colliding lane, as each of them succeeds once.
     for (;;) {
         uint old = atomicCompSwap(histograms[index], seen, floatBitsToUint(uintBitsToFloat(seen) + value));
         if (old == seen) break;
@@ -36,7 +36,7 @@ void accumulate(uint index, float value) {
 layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
 void accumulate(uint index, float value) {
     if (value == 0.0) return;
-    // Magnitude first: both words are then exact in fp32, and truncation is toward zero as in int64_t().
+    // The magnitude is split first: both words are then exact in fp32, and truncation is toward zero as in int64_t().
     float magnitude = trunc(abs(value) * fixed_scale);
     float upper = floor(magnitude * (1.0 / 4294967296.0));
     uint hi = uint(upper);
@@ -51,27 +51,27 @@ void accumulate(uint index, float value) {
 }
 #endif
 
-// Where bins take so many voxels that fp32 sums would lose the small addend, RUNS sums consecutive voxels of the same
-// place before they are added: two levels, each of a few thousand addends at most.
+// Where a bin receives so many voxels that an fp32 sum would lose small addends, RUNS first sums consecutive voxels of
+// the same cell: two levels of sums, each of a few thousand addends at most.
 layout(constant_id = 16) const uint RUNS = 0u;
 const uint LONGEST_RUN = 256u;
 
 struct Run {
-    uint cell;   // or where a window begins (window.glsl); 0 for nothing yet
-    vec2 values; // of the cell and, with SPLIT, of the next
-    uint missed; // what fell beside the window where it stands
+    uint cell;   // the run's cell, or the first cell of its window (window.glsl); 0 while empty
+    vec2 values; // sums for the cell and, with SPLIT, for the next cell
+    uint missed; // contributions outside the window since it last moved
 };
 const Run NO_RUN = Run(0u, vec2(0.0), 0u);
 
-// What a value gives to its cell and, with SPLIT, to the next.
+// Parts of a value for its cell and, with SPLIT, for the next cell.
 vec2 parts_of(Place place, float value) {
     if (SPLIT == 0u) return vec2(value, 0.0);
     float second = value * place.share;
     return vec2(value - second, second);
 }
 
-// Adds to cells of a row. Beside the bins a lane that owns the row adds to the padding rather than ask; atomics there
-// would meet at one address.
+// Adds to cells of a row. A lane that owns the row may add to the padding and needs no test. Atomic variants skip the
+// padding, because all lanes would collide at one address there.
 void add_parts(uint row, uint cell, vec2 parts) {
 #if !defined(ACCUMULATE_OWNED)
     if (in_bins(cell))
@@ -82,9 +82,9 @@ void add_parts(uint row, uint cell, vec2 parts) {
     }
 }
 
-// Adds what a run holds to histogram `row` and empties it.
+// Adds a run's sums to histogram `row` and empties the run.
 void flush(uint row, inout Run run) {
-    // Two questions, as the first is answered when the kernel is made.
+    // Two tests: RUNS is a constant of the pipeline, so the first costs nothing.
     if (RUNS != 0u) {
         if (run.cell == NO_RUN.cell) return;
         add_parts(row, run.cell, run.values);
@@ -92,7 +92,7 @@ void flush(uint row, inout Run run) {
     }
 }
 
-// Adds a value at its place to histogram `row`: to its bin, or shared by the two around it. Needs place.glsl.
+// Adds a value at its place to histogram `row`: to one bin, or shared by two with SPLIT. Needs place.glsl.
 void accumulate_at(uint row, Place place, float value, inout Run run) {
     if (RUNS != 0u) {
         if (place.cell != run.cell) flush(row, run);

@@ -1,4 +1,5 @@
-// What forward kernels have summed in a cell, before the render scale, and what leaves it at zero. Needs counts and histograms.
+// accumulated(): the sum of a cell as the forward kernels left it, before the render scale. ZERO: the empty sum.
+// Needs the buffers counts and histograms.
 #ifdef ACCUMULATE_FIXED
 #include "fixed.glsl"
 float accumulated(uint index) {

@@ -1,7 +1,8 @@
-// What the backward kernels share: a walk over pairs, each with both its arms and the residual that a path at its bin
-// sees. Needs SPLIT, transport.glsl and the buffers wall and residual, and meet(), which takes what is found.
-// In a product, OTHERS other points go at once: the arm to a scanned point is found once for all of them.
-// Pairs are push.first to push.last, `slice` of `slices`; in a product whole rows, or a part of one.
+// The walk over pairs that the backward kernels share. For each pair it computes both arms and reads the residual at
+// the pair's path, and passes them to meet(). Needs SPLIT, transport.glsl, the buffers wall and residual, and meet().
+// In a product, OTHERS other points are processed together: the arm to a scanned point is computed once for all.
+// Covers pairs push.first to push.last, share `slice` of `slices`. In a product this range holds all pairs of one or
+// more other points, or some pairs of one.
 
 #include "place.glsl"
 
@@ -9,13 +10,13 @@ layout(constant_id = 23) const uint OTHERS = 1u;
 
 void meet(Arm a, Arm b, vec2 r);
 
-// From a sample to a wall point by its number.
+// The arm from a sample to wall point number `point`.
 Arm arm_at(uint point, vec3 x) {
     vec3 normal = CURVED != 0u ? wall[scene.scanned + scene.others + point].xyz : vec3(0.0, 0.0, 1.0);
     return arm_to(wall[point].xyz, normal, x);
 }
 
-// The residual of row `row` that a path there sees, of its bin or of the two around it, and its rise from one to the other.
+// Residual of row `row` at a place: of one bin, or interpolated between two with SPLIT. Then its rise from bin to bin.
 vec2 residual_around(uint row, Place place) {
     float low = residual[row + place.cell];
     if (SPLIT == 0u) return vec2(low, 0.0);
@@ -38,7 +39,7 @@ void gather(vec3 x, uint slice, uint slices) {
     uint first = push.first / scene.scanned;
     uint rows = (push.last - 1u) / scene.scanned + 1u;
     uint end = rows - first > 1u ? scene.scanned : push.last - first * scene.scanned;
-    uint next = scene.scanned * scene.stride; // the same scanned point with the next other one
+    uint next = scene.scanned * scene.stride; // to the next other point with the same scanned point
     for (uint other = first; other < rows; other += OTHERS) {
         Arm b[OTHERS];
         for (uint i = 0u; i < OTHERS; ++i) b[i] = arm_at(scene.scanned + min(other + i, rows - 1u), x);

@@ -1,5 +1,5 @@
-// Voxels, bricks and positions. Storage is brick by brick (8 x 8 x 8, x fastest among bricks), Morton order
-// inside a brick, so that a compacted list in storage order keeps neighbours together.
+// Voxels, bricks and positions. Storage is brick by brick (8 x 8 x 8, x fastest among bricks), in Morton order
+// inside a brick, so a compacted list in storage order keeps neighbours together.
 
 const uint NOWHERE = 0xffffffffu;
 
@@ -7,11 +7,11 @@ uint spread3(uint v) { return (v & 1u) | ((v & 2u) << 2) | ((v & 4u) << 4); }
 uint gather3(uint v) { return (v & 1u) | ((v >> 2) & 2u) | ((v >> 4) & 4u); }
 
 uvec3 grid_size() { return uvec3(scene.grid_x, scene.grid_y, scene.grid_z); }
-// Cells of the histograms, with their padding (place.glsl).
+// Number of cells of all histograms, padding included (place.glsl).
 uint cell_count() { return scene.pairs * scene.stride + PADDING; }
 uint brick_count() { return scene.bricks_x * scene.bricks_y * scene.bricks_z; }
 
-// Storage index of voxel c in a grid of so many bricks along x and y.
+// Storage index of voxel c in a grid with this many bricks along x and y.
 uint brick_order(uvec3 c, uint bricks_x, uint bricks_y) {
     uvec3 b = c >> 3;
     uint brick = (b.z * bricks_y + b.y) * bricks_x + b.x;
@@ -20,10 +20,10 @@ uint brick_order(uvec3 c, uint bricks_x, uint bricks_y) {
 
 uint voxel_index(uvec3 c) { return brick_order(c, scene.bricks_x, scene.bricks_y); }
 
-// The same in the grid of half the lateral resolution.
+// Storage index of voxel c in the grid of half the lateral resolution.
 uint coarse_index(uvec3 c) { return brick_order(c, (scene.grid_x / 2u + 7u) / 8u, (scene.grid_y / 2u + 7u) / 8u); }
 
-// Voxel of a storage index; outside the grid where the last bricks overhang it.
+// Voxel of a storage index. It lies outside the grid where the last bricks extend beyond the grid.
 uvec3 voxel_at(uint index) {
     uint brick = index >> 9;
     uvec3 b = uvec3(brick % scene.bricks_x, (brick / scene.bricks_x) % scene.bricks_y, brick / (scene.bricks_x * scene.bricks_y));
@@ -32,10 +32,10 @@ uvec3 voxel_at(uint index) {
 
 bool in_grid(uvec3 c) { return all(lessThan(c, grid_size())); }
 
-// Metres of a position counted in voxels (0 = centre of the first voxel).
+// Position in metres from a position in voxels (0 = centre of the first voxel).
 vec3 position(vec3 g) {
     return vec3(scene.origin_x, scene.origin_y, scene.origin_z) + g * vec3(scene.pitch_x, scene.pitch_y, scene.pitch_z);
 }
 
-// Workgroup number of a dispatch that goes on along y after GROUPS_X groups.
+// Workgroup number. Dispatches continue along y after GROUPS_X groups along x.
 uint group_index() { return gl_WorkGroupID.y * GROUPS_X + gl_WorkGroupID.x; }

@@ -1,35 +1,36 @@
-// Where a path falls among the bins. Needs SPLIT and transport.glsl.
-// Every row of histograms or residuals begins with PADDING cells that belong to no bin; as many follow the last row.
-// `stride` cells on, the next row begins. A position is clamped to a row's cells from the first padding to the next row's,
-// so no kernel asks whether a bin is there: residuals are zero in the padding, and what is added there is never read.
+// Finds the cell of a path. Needs SPLIT and transport.glsl.
+// Every row of histograms or residuals begins with PADDING cells that belong to no bin, and PADDING cells follow the
+// last row. Rows are `stride` cells apart. A position is clamped between a row's first padding cell and the next row's,
+// so kernels need no test for the range of bins: residuals are zero in the padding, and sums there are never read.
 //
-// A position lies in cells: linear ones with whole numbers at the centres of bins, nearest ones with whole numbers at
-// their edges. Adding 2^23 - 1/2 rounds it down to a whole number, which then stands in the low bits of the float: no
-// floor and no conversion, which GPUs do at a quarter of the rate or less. Where the position is whole itself, it may
-// come out one less with a share of one. Rows of kernels begin ORIGIN earlier than they do, to make up for the other bits.
-// In fp32 a path of so many bins is uncertain by some 2^-24 of them. With FINE it comes in grains, a power of two of
-// metres: bins per whole grain and bins before the gate are split so that their multiples and differences are exact,
-// and only what is within a grain or two is rounded.
+// A position is counted in cells. Whole numbers are the centres of bins with SPLIT, and their edges without. Adding
+// 2^23 - 1/2 rounds a position down to a whole number, which then stands in the low bits of the float. This needs no
+// floor and no conversion, which GPUs do at a quarter of the rate or less. A position that is whole itself may come out
+// one lower with a share of one. The other bits of the float are constant: row_of() subtracts them as ORIGIN.
+//
+// In fp32 a path of n bins is uncertain by about n * 2^-24 bins. With FINE a path is counted in grains, a power of two
+// of metres. Bins per grain and bins before the gate are split so that multiples and differences of their whole parts
+// are exact, and only a rest of a grain or two is rounded.
 
 struct Place {
-    uint cell;   // the one it falls in; with SPLIT the first of the two whose centres bracket it. ORIGIN is the row's first
-    float share; // with SPLIT: of the second of the two
+    uint cell;   // cell of the path, plus ORIGIN; with SPLIT the first of the two whose centres bracket the path
+    float share; // with SPLIT: share of the second cell
 };
 
-const float WHOLE = 8388608.0;   // 2^23: floats from here on are whole
-const uint ORIGIN = 0x4affffffu; // the bits of the largest below
+const float WHOLE = 8388608.0;   // 2^23: floats from here upward are whole
+const uint ORIGIN = 0x4affffffu; // bits of the largest float below WHOLE
 
-// The first cell of a row, for cells of places.
+// First cell of a pair's row, minus ORIGIN: add a place's cell to it.
 uint row_of(uint pair) { return pair * scene.stride - ORIGIN; }
 
-// Whether a bin has a part in what falls at a cell.
+// True if a value at this cell adds to a bin.
 bool in_bins(uint cell) { return cell - (ORIGIN + PADDING - SPLIT) < scene.bins + SPLIT; }
 
 Place place_of(float distance, float rest) {
     if (FINE == 0u) {
-        // The host has folded gate, half bins and padding into the sum. GPUs clamp to 0 and 1 in the instruction before.
+        // place_offset includes gate, half bin and padding. GPUs clamp to [0, 1] at no cost in the instruction before.
         float part = clamp(distance * scene.place_scale + scene.place_offset, 0.0, 1.0);
-        // Not to be simplified.
+        // `precise`: the compiler must not simplify these two.
         precise float whole = fma(part, float(scene.stride), WHOLE - 0.5);
         precise float share = fma(part, float(scene.stride), WHOLE - whole);
         return Place(floatBitsToUint(whole), share);
@@ -43,7 +44,7 @@ Place place_of(float distance, float rest) {
     return Place(floatBitsToUint(cell + WHOLE), position - low);
 }
 
-// Of the two arms of a pair. One distance is twice as long by the host's factor.
+// Place of a pair's two arms. For confocal pairs the host's place_scale doubles the one distance.
 Place place_of(Arm a, Arm b) {
     if (GEOMETRY == CONFOCAL && FINE == 0u) return place_of(a.distance, 0.0);
     return place_of(a.distance + b.distance, a.rest + b.rest);

@@ -1,4 +1,4 @@
-// Random numbers by hashing a counter: the same numbers in whatever order voxels are visited.
+// Random numbers by hashing a counter: the order in which voxels are visited does not change them.
 // PCG3D, Jarzynski & Olano 2020, "Hash functions for GPU rendering".
 
 uvec3 pcg3d(uvec3 v) {

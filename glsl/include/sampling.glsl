@@ -1,4 +1,4 @@
-// Where the sample of a voxel lies this iteration: at its centre, or uniform within half a voxel of it,
+// Sample position of a voxel in this iteration, in voxels: the centre, or uniform within half a voxel of it,
 // clamped to the grid (paper, section 3.2). Needs CONTINUOUS.
 
 vec3 sample_point(uvec3 c, uint index) {

@@ -1,14 +1,15 @@
-// The gradient of a sample, gathered over pairs: what both solvers share. Needs EXACT and what gather.glsl needs.
-// A pair adds r * slope, the slope of what a vector v shows (transport.glsl) at v = `direction`. Both models are
-// homogeneous in |v|, so one slope serves unit normals and vectors, and what is shown is v times the slope: it is found
-// once, at the end. So is what of a Lambertian slope lies along the normal n,
+// The gradient at a sample, gathered over pairs, for both solvers. Needs EXACT and all that gather.glsl needs.
+// A pair adds r * slope, where slope is the derivative of shine(v) (transport.glsl) at v = `direction`. In both models
+// with normals shine is homogeneous in |v|. So one slope serves unit normals and vectors, and shine(v) is the dot
+// product of v and slope, computed once at the end. The component of a Lambertian slope along the normal n is also
+// added once at the end:
 //   slope = walls * (cos_b a + cos_a b - cos_a cos_b n), a and b the unit directions to the wall points.
 #include "gather.glsl"
 
-vec3 direction;      // of the surface there: its unit normal, or the vector itself
-vec3 unit;           // the same as a unit vector, for Lambertian surfaces
-vec3 aside = vec3(0.0); // sum of the slopes but for what lies along n
-float along = 0.0;   // sum of that; without normals, of the residual that is seen
+vec3 direction;      // of the surface at the sample: its unit normal, or the vector itself
+vec3 unit;           // `direction` as a unit vector, for Lambertian surfaces
+vec3 aside = vec3(0.0); // sum of the slopes without their components along n
+float along = 0.0;   // sum of those components; without normals, sum of the residuals
 
 void slope_of(Arm a, Arm b, float r) {
     if (EXACT != 0u) r *= a.falloff * b.falloff;
@@ -20,14 +21,14 @@ void slope_of(Arm a, Arm b, float r) {
         aside += (dot(direction, a.way) > 0.0 ? r * a.inverse : 0.0) * a.way;
         return;
     }
-    // As long as the ways are; one factor then takes their lengths.
+    // These dot products include the lengths of the ways; one factor below divides them out.
     float toward_a = dot(unit, a.way);
     float toward_b = dot(unit, b.way);
     float both = a.inverse * b.inverse;
     r = toward_a > 0.0 && toward_b > 0.0 ? r * (both * both * (a.wall * b.wall)) : 0.0;
     float of_a = r * toward_b;
     along += of_a * toward_a;
-    // Two alike are added up at the end.
+    // Confocal: both terms are equal, and gather_slope() doubles the first.
     aside += of_a * a.way;
     if (GEOMETRY != CONFOCAL) aside += r * toward_a * b.way;
 }
@@ -36,8 +37,8 @@ void slope_of(Arm a, Arm b, float r) {
 void meet(Arm a, Arm b, vec2 r) { slope_of(a, b, r.x); }
 #endif
 
-// (value, slope) over all pairs between push.first and push.last, of this slice: d/d albedo, and d/d vector, or d/d
-// normal without the factor albedo.
+// Sum of (value, slope) over the pairs of this slice, push.first to push.last: d/d albedo, then d/d vector (or d/d
+// normal without the factor albedo).
 vec4 gather_slope(vec3 x, vec3 of, uint slice, uint slices) {
     direction = of;
     unit = of * inversesqrt(max(dot(of, of), LEAST_SQUARE));

@@ -1,4 +1,4 @@
-// Sums over a workgroup of WORKGROUP lanes in a fixed order, so that they repeat bit by bit.
+// Sums over a workgroup of WORKGROUP lanes in a fixed order: the bits are the same in every run.
 
 shared vec4 sums[WORKGROUP];
 

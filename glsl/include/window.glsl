@@ -1,10 +1,10 @@
-// Where a lane's contributions go: straight to the histograms, or first to columns of WINDOW bins in shared memory that
-// nobody else touches. Neighbouring voxels are seen at neighbouring bins, so a column takes many additions before it is
-// added to its histogram, once per touched bin: when PATIENCE contributions have fallen beside it, the last of which
-// moves it there, and at the end. What falls beside it before goes straight to the histogram, so a scattered domain
-// costs little more than without windows; where a brick of voxels is wider than a window, the host asks for none. No
-// barrier and no bound of the chunk are needed. Columns lie side by side, so lanes meet no bank twice. In fixed point,
-// too, a column's own sum is of one lane and in one order. A window is a second level of sums, and takes the place of
+// Private columns: a lane's contributions go straight to the histograms, or first to a column of WINDOW bins in shared
+// memory that no other lane touches. Neighbouring voxels reach neighbouring bins, so a column takes many additions
+// before it is added to its histogram, once per touched bin. That happens at the end, and when PATIENCE contributions
+// have missed the window: the last of these moves it. The others go straight to the histogram, so a scattered domain
+// costs little more than without windows. The host asks for no window where a brick of voxels is wider than one.
+// No barrier is needed, and no limit on the chunk. Columns lie side by side, so lanes hit different banks. In fixed
+// point, too, a column's own sum belongs to one lane and has one order. A window is a second level of sums and replaces
 // runs. Needs SPLIT, COLUMNS and accumulate.glsl.
 
 layout(constant_id = 25) const uint WINDOW = 0u; // bins of a column; 0 for none
@@ -15,21 +15,21 @@ void clear_column(uint column) {
     for (uint i = 0u; i < WINDOW; ++i) columns[i * COLUMNS + column] = 0.0;
 }
 
-// Adds a column to histogram `row`, and leaves it empty.
+// Adds a column to histogram `row` and empties the column.
 void flush_column(uint column, uint row, Run run) {
     if (run.cell == NO_RUN.cell) return;
     for (uint i = 0u; i < WINDOW; ++i) {
         float value = columns[i * COLUMNS + column];
         if (value == 0.0) continue;
         columns[i * COLUMNS + column] = 0.0;
-        // A window may reach beyond its row.
+        // A window may extend beyond its row.
         if (run.cell + i - (ORIGIN + PADDING) < scene.bins) accumulate(row + run.cell + i, value);
     }
 }
 
-// Adds a value at its place to histogram `row`, whose column and run these are.
+// Adds a value at its place to histogram `row`. `column` and `run` belong to that histogram.
 void deposit(uint column, uint row, Place place, float value, inout Run run) {
-    // Two questions, as the first is answered when the kernel is made.
+    // Two tests: WINDOW is a constant of the pipeline, so the first costs nothing.
     if (WINDOW == 0u) {
         accumulate_at(row, place, value, run);
         return;
@@ -54,7 +54,7 @@ void deposit(uint column, uint row, Place place, float value, inout Run run) {
     if (SPLIT != 0u) columns[at + COLUMNS] += parts.y;
 }
 
-// What is left at the end.
+// Adds to histogram `row` what the column or the run still holds.
 void finish_run(uint column, uint row, inout Run run) {
     if (WINDOW != 0u) flush_column(column, row, run);
     else flush(row, run);
