@@ -1,11 +1,11 @@
 //! The one error type: what is wrong, and how to mend it.
 
-/// What an [`Error`] is about.
+/// The subject of an [`Error`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A capture, truth or scene file that cannot be used.
     Input,
-    /// An option or setting that makes no sense, alone or with the capture.
+    /// An option or setting that is not valid, alone or with the capture.
     Options,
     /// No Vulkan loader, no device, a missing feature, a lost device.
     Device,
@@ -17,15 +17,15 @@ pub enum Kind {
     Cancelled,
 }
 
-/// Says what is wrong and where (`what`) and what to do about it (`mend`).
+/// What is wrong, and what to do about it.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{what}\n  {mend}")]
 pub struct Error {
-    /// What the error is about.
+    /// The subject.
     pub kind: Kind,
     /// What is wrong, and where.
     pub what: String,
-    /// What to do about it.
+    /// What the reader can do about it.
     pub mend: String,
 }
 
@@ -35,27 +35,27 @@ impl Error {
         Error { kind, what: what.into(), mend: mend.into() }
     }
 
-    /// An error of a capture, truth or scene file.
+    /// An error of [`Kind::Input`].
     pub fn input(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Input, what, mend)
     }
 
-    /// An error of an option or setting.
+    /// An error of [`Kind::Options`].
     pub fn options(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Options, what, mend)
     }
 
-    /// An error of a Vulkan device.
+    /// An error of [`Kind::Device`].
     pub fn device(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Device, what, mend)
     }
 
-    /// An error of memory that does not suffice.
+    /// An error of [`Kind::Memory`].
     pub fn memory(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Memory, what, mend)
     }
 
-    /// An error of a result that could not be written.
+    /// An error of [`Kind::Output`].
     pub fn output(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Error::new(Kind::Output, what, mend)
     }
@@ -67,5 +67,5 @@ impl Error {
     }
 }
 
-/// What every function of this crate that can fail returns.
+/// The result of everything that can fail.
 pub type Result<T> = std::result::Result<T, Error>;

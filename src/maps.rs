@@ -1,7 +1,7 @@
-//! Lateral maps: what a reconstruction yields and what the truth is given as.
+//! Lateral maps: the result of a reconstruction, and the truth to compare it with.
 //!
-//! All maps are stored `[ix * ny + iy]`, ix along +x, iy along +y; a pixel is a cell of the extent, its
-//! value belongs to the cell's centre. NaN = nothing there.
+//! All maps are stored `[ix * ny + iy]`, ix along +x, iy along +y. A pixel is a cell of the extent, and its value
+//! belongs to the cell's centre. NaN means that there is no surface.
 
 use crate::error::{Error, Result};
 
@@ -14,15 +14,15 @@ pub struct Maps {
     pub ny: usize,
     /// (xmin, xmax, ymin, ymax) in metres, outer edges of the cells.
     pub extent: [f64; 4],
-    /// Albedo at the depth map's voxel, in the solver's own scale. Never NaN; 0 where nothing is.
+    /// Albedo at the depth map's voxel, in the solver's own scale. Never NaN; 0 where there is no surface.
     pub albedo: Vec<f32>,
-    /// Depth z in metres; NaN = nothing there.
+    /// Depth z in metres; NaN = no surface.
     pub depth: Vec<f32>,
-    /// Unit normals; NaN = nothing there.
+    /// Unit normals; NaN = no surface.
     pub normal: Vec<[f32; 3]>,
     /// True where the albedo is above [`Maps::mask_fraction`] of its 99.9th percentile.
     pub mask: Vec<bool>,
-    /// The fraction that [`Maps::mask`] is made with.
+    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface.
     pub mask_fraction: f64,
 }
 
@@ -37,25 +37,25 @@ pub struct Truth {
     pub extent: [f64; 4],
     /// z of the first hit along +z from (x, y, 0) in metres; NaN = miss.
     pub depth: Vec<f32>,
-    /// Unit normal there, towards the wall; NaN = miss.
+    /// Unit normal there, toward the wall; NaN = miss.
     pub normal: Vec<[f32; 3]>,
-    /// True where the scene is hit.
+    /// True where there is surface.
     pub mask: Vec<bool>,
 }
 
 impl Maps {
-    /// The share of the 99.9th percentile above which a pixel counts as surface, unless another is given.
+    /// The default of [`Maps::mask_fraction`].
     pub const MASK_FRACTION: f64 = 0.3;
 
-    /// Which pixels are surface: albedo above `fraction` of its 99.9th percentile (of its maximum where that
-    /// percentile is zero) and above zero. NaN is never surface.
+    /// True for pixels that count as surface: albedo above `fraction` of [`Maps::white`] and above zero. NaN never
+    /// counts.
     pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {
         let threshold = (fraction * f64::from(Maps::white(albedo))) as f32;
         albedo.iter().map(|&a| a > threshold && a > 0.0).collect()
     }
 
-    /// The albedo that counts as white: the 99.9th percentile, or the maximum where that is zero (less than a
-    /// thousandth of the pixels lit), or 0 if nothing is lit.
+    /// The albedo that counts as white: the 99.9th percentile, or the maximum if that is zero (less than a thousandth
+    /// of the pixels is lit), or 0 if no pixel is lit.
     pub fn white(albedo: &[f32]) -> f32 {
         match percentile(albedo, 99.9) {
             Some(white) if white > 0.0 => white,
@@ -69,7 +69,7 @@ impl Maps {
         self.mask_fraction = fraction;
     }
 
-    /// Checks that all arrays hold nx * ny values and that the extent is one.
+    /// Checks that all arrays hold nx * ny values and that the extent is valid.
     ///
     /// # Errors
     /// `Kind::Input` naming the array that does not fit.
@@ -83,9 +83,9 @@ impl Maps {
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
 
-    /// The same maps with each pixel cut in `factor` × `factor`. Between pixels' centres the albedo is linear in both
-    /// directions, depths and normals are means weighed by it, of those pixels that are as deep as the heaviest, give or take
-    /// 2.5 pixels: nothing hangs between an edge and what lies behind it.
+    /// The same maps with each pixel cut into `factor` × `factor`. Between pixels' centres the albedo is linear in both
+    /// directions. Depths and normals are means weighted by the albedo, over the pixels within 2.5 pixels of the
+    /// heaviest one's depth: this leaves no points between an edge and the surface behind it.
     pub fn finer(&self, factor: usize) -> Maps {
         if factor <= 1 {
             return self.clone();
@@ -94,7 +94,7 @@ impl Maps {
         let [x0, x1, y0, y1] = self.extent;
         let edge = (2.5 * (x1 - x0) / self.nx as f64).max(2.5 * (y1 - y0) / self.ny as f64) as f32;
         let white = Maps::white(&self.albedo).max(f32::MIN_POSITIVE);
-        // The pixels that a new one lies between, and how much of it is of each.
+        // The pixels around a new one, and their shares.
         let between = |i: usize, n: usize| {
             let at = ((i as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(n - 1), at.fract())]
@@ -125,7 +125,7 @@ impl Maps {
         all
     }
 
-    /// The pixel whose cell holds (x, y), `None` outside the extent. Its centre is the nearest one.
+    /// The pixel whose cell contains (x, y), `None` outside the extent.
     pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {
         let cell = |v: f64, low: f64, high: f64, n: usize| {
             let at = (v - low) / (high - low) * n as f64;
@@ -142,7 +142,7 @@ impl Maps {
 }
 
 impl Truth {
-    /// Checks that all arrays hold nx * ny values and that the extent is one.
+    /// Checks that all arrays hold nx * ny values and that the extent is valid.
     ///
     /// # Errors
     /// `Kind::Input` naming the array that does not fit.

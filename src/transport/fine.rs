@@ -1,34 +1,33 @@
-//! Lengths in parts that fp32 adds without rounding, for scenes whose paths are very many bins long
+//! Lengths split into parts that fp32 adds without rounding, for scenes whose paths have very many bins
 //! (`glsl/include/place.glsl`).
 
 use glam::DVec3;
 
 use super::{Binning, Grid, Model};
 
-/// Paths of more bins than this are told apart only in parts: by fp32 alone a contribution would share its value between
-/// two bins with an error above some 1e-4 (docs/stability.md).
+/// Paths of more bins than this are computed in parts: in plain fp32 the shares of a contribution between two bins
+/// would have an error above about 1e-4 (docs/stability.md).
 const MOST_BINS: f64 = 700.0;
 
-/// The constants of exact places.
+/// The constants of places computed in parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fine {
     /// A power of two, metres: no distance is longer than 2^11 of it.
     pub grain: f64,
-    /// Bins per grain: 12 bits of them, so that up to 2^12 grains are an exact multiple, and the rest.
+    /// Bins per grain: the upper 12 bits, whose multiples are exact up to 2^12 grains, and the rest.
     pub bins_per_grain: [f64; 2],
-    /// Bins before the gate, and half a bin where two share a contribution: what is a multiple of the last of those
-    /// bits, and the rest.
+    /// Bins before the gate, plus half a bin with linear binning: a multiple of the last of those bits, and the rest.
     pub start_bins: [f64; 2],
 }
 
 impl Model {
-    /// Whether places are found in parts.
+    /// True if places are computed in parts.
     pub fn is_fine(&self, grid: &Grid) -> bool {
         let end = self.t_start + self.bins as f64 * self.bin_width;
         end.min(2.0 * self.longest_distance(grid)) / self.bin_width > MOST_BINS
     }
 
-    /// No point of the grid is farther from a point of the wall, metres.
+    /// Upper bound of the distance from a point of the wall to a point of the grid, metres.
     fn longest_distance(&self, grid: &Grid) -> f64 {
         let low = grid.origin - 0.5 * grid.pitch;
         let high = low + grid.pitch * DVec3::from_array(grid.n.map(|n| n as f64));
@@ -47,7 +46,7 @@ impl Model {
         };
         let mut start_bins = split(self.t_start / self.bin_width);
         if self.binning == Binning::Linear {
-            // What is shared by two bins counts from the first one's centre.
+            // A contribution shared by two bins is placed relative to the first one's centre.
             start_bins[1] += 0.5;
         }
         Fine { grain, bins_per_grain: split(bins), start_bins }

@@ -7,19 +7,19 @@ use crate::{Error, Result};
 /// Voxels of a brick: 8 × 8 × 8.
 pub const BRICK_VOXELS: usize = 512;
 
-/// The box that is reconstructed, in metres, outer faces of its voxels.
+/// The box that is reconstructed, up to the outer faces of its voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume {
-    /// Corner of the smallest coordinates.
+    /// Lowest corner, metres.
     pub min: DVec3,
-    /// Corner of the largest coordinates.
+    /// Highest corner, metres.
     pub max: DVec3,
 }
 
-/// A regular grid of voxels addressed by their centres.
+/// A regular grid of voxels.
 ///
-/// Storage is brick by brick (x fastest among bricks), Morton order inside a brick, as in
-/// `glsl/include/grid.glsl`; the last bricks may overhang the grid.
+/// Storage is brick by brick (x fastest among bricks), in Morton order inside a brick, as in
+/// `glsl/include/grid.glsl`. The last bricks may extend beyond the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// Voxels along x, y, z.
@@ -31,12 +31,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid of `lateral` × `lateral` voxels over the volume's x and y, and as many of `depth_pitch` along z
-    /// as its depth takes, their centres at whole multiples of the pitch (as in the paper, where depth
-    /// k · pitch is voxel k).
+    /// A grid of `lateral` × `lateral` voxels over the volume's x and y. Along z, voxels of `depth_pitch` metres fill
+    /// the volume's depth, with centres at whole multiples of the pitch (as in the paper, where depth k · pitch is
+    /// voxel k).
     ///
-    /// Errors: an empty or non-finite volume, no lateral voxels, a pitch that is not positive, more voxels
-    /// than 32-bit indices reach.
+    /// # Errors
+    /// An empty or non-finite volume, no lateral voxels, a pitch that is not positive, more than 2^30 voxels.
     pub fn new(volume: Volume, lateral: usize, depth_pitch: f64) -> Result<Grid> {
         let size = volume.max - volume.min;
         if !(size.is_finite() && size.min_element() > 0.0 && volume.min.is_finite()) {
@@ -57,7 +57,7 @@ impl Grid {
         let bricks = (lateral.div_ceil(8) as f64).powi(2) * (deep / 8.0).ceil();
         if bricks * BRICK_VOXELS as f64 > f64::from(1 << 30) {
             return Err(Error::memory(
-                format!("a grid of {lateral} x {lateral} x {deep} voxels is beyond 2^30"),
+                format!("a grid of {lateral} x {lateral} x {deep} voxels exceeds 2^30"),
                 "use a smaller --lateral or a larger --depth-pitch",
             ));
         }
@@ -66,7 +66,7 @@ impl Grid {
         Ok(Grid { n: [lateral, lateral, deep as usize], origin, pitch })
     }
 
-    /// The same box at `1 / factor` of the lateral resolution, a divisor of it.
+    /// The same box at `1 / factor` of the lateral resolution; `factor` divides it.
     pub fn coarser(&self, factor: usize) -> Grid {
         let f = factor as f64;
         let n = [self.n[0] / factor, self.n[1] / factor, self.n[2]];
@@ -75,22 +75,22 @@ impl Grid {
         Grid { n, origin: corner + 0.5 * pitch, pitch }
     }
 
-    /// Bricks of 8 × 8 × 8 voxels along each axis, the last ones in part beyond the grid.
+    /// Bricks along x, y, z.
     pub fn bricks(&self) -> [usize; 3] {
         self.n.map(|n| n.div_ceil(8))
     }
 
-    /// Voxels of the grid.
+    /// Number of voxels of the grid.
     pub fn voxels(&self) -> usize {
         self.n.iter().product()
     }
 
-    /// Voxels of the storage, overhang included.
+    /// Number of voxels of the storage, including those of bricks beyond the grid.
     pub fn storage(&self) -> usize {
         self.bricks().iter().product::<usize>() * BRICK_VOXELS
     }
 
-    /// Whether voxel `c` is one of the grid.
+    /// True if voxel `c` lies in the grid.
     pub fn contains(&self, c: [usize; 3]) -> bool {
         (0..3).all(|a| c[a] < self.n[a])
     }
@@ -102,7 +102,7 @@ impl Grid {
         brick * BRICK_VOXELS + (spread(c[0] % 8) | spread(c[1] % 8) << 1 | spread(c[2] % 8) << 2)
     }
 
-    /// Voxel of a storage index; may lie outside the grid in an overhanging brick.
+    /// Voxel of a storage index. It may lie outside the grid, as the last bricks may.
     pub fn voxel(&self, index: usize) -> [usize; 3] {
         let b = self.bricks();
         let (brick, inside) = (index / BRICK_VOXELS, index % BRICK_VOXELS);
@@ -110,7 +110,7 @@ impl Grid {
         std::array::from_fn(|a| at[a] * 8 + gather(inside >> a))
     }
 
-    /// Metres of a position counted in voxels.
+    /// Position in metres from a position in voxels (0 = centre of the first voxel).
     pub fn position(&self, g: DVec3) -> DVec3 {
         self.origin + g * self.pitch
     }

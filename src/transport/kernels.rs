@@ -1,4 +1,4 @@
-//! The compiled kernels, and the structs and numbers they share with the host (see `glsl/shared.rs`).
+//! The compiled kernels, and the structs and numbers that they share with the host (`glsl/shared.rs`).
 
 use crate::gpu::{Binding, Buffer, Constant, KernelCode};
 

@@ -1,4 +1,4 @@
-//! The numbers of a scene that kernels and their twins need.
+//! The model of a capture: what kernels and their twins need to know of it.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,11 +16,11 @@ pub enum Sampling {
     Fixed,
 }
 
-/// How a contribution enters the bins.
+/// How a contribution is added to the bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Binning {
-    /// All into the bin that its path falls in (the paper).
+    /// All to the bin that contains its path (the paper).
     Nearest,
     /// Shared linearly by the two bins whose centres bracket its path.
     Linear,
@@ -30,93 +30,93 @@ pub enum Binning {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Gradient {
-    /// Without the distance falloff (the paper): that of the objective weighted by the falloff.
+    /// Without the distance falloff (the paper): the gradient of the objective weighted by the falloff.
     Published,
-    /// Of the objective as it stands.
+    /// The gradient of the objective itself.
     Exact,
 }
 
-/// Everything that does not depend on the lateral resolution.
+/// A capture, scaled, with the numbers of its reconstruction that do not depend on the lateral resolution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// Wall points and how they pair.
+    /// Points of the relay wall, and how they make pairs.
     pub wall: Wall,
-    /// Every beginning of the list of pairs is spread over the wall ([`Model::spread`]).
+    /// True if the first n pairs are spread over the wall for every n ([`Model::spread`]).
     pub is_spread: bool,
-    /// How surfaces reflect.
+    /// How hidden surfaces reflect light.
     pub reflectance: Reflectance,
-    /// Bins of a histogram.
+    /// Gated bins of a histogram.
     pub bins: usize,
-    /// Width of a bin in metres of path.
+    /// Width of a bin, metres of path.
     pub bin_width: f64,
-    /// Leading edge of the first bin, metres of path.
+    /// Leading edge of bin 0, metres of path.
     pub t_start: f64,
     /// Measured histograms after scaling, `[pair * bins + bin]`.
     pub measured: Vec<f32>,
-    /// Bins of all pairs that the loss is a mean over: those of the capture, also where some are left out.
+    /// Number of bins of all pairs over which the loss is a mean: those of the capture, even if some are left out.
     pub elements: usize,
-    /// How the instrument spreads a path over bins; none where paths are taken for sharp.
+    /// How the instrument spreads a path over bins; `None` treats paths as sharp.
     pub pulse: Option<PulseTaps>,
     /// The measurement's peak after scaling.
     pub peak: f64,
     /// Counts per unit of `measured`.
     pub counts_per_unit: f64,
-    /// Length that scales r in the falloff, in metres: a quarter of the longest gated path.
+    /// Length that scales distances in the falloff, metres: a quarter of the longest gated path.
     pub reference: f64,
-    /// Nothing nearer than this to the wall plane z = 0 is ever active, in metres.
+    /// Voxels nearer than this to the wall plane z = 0 are never active, metres.
     pub min_depth: f64,
-    /// Where in a voxel its sample is taken.
+    /// Where the sample of a voxel lies.
     pub sampling: Sampling,
-    /// How a contribution falls into bins.
+    /// How a contribution is added to the bins.
     pub binning: Binning,
-    /// Which gradient is descended.
+    /// Which gradient the backward kernel gathers.
     pub gradient: Gradient,
-    /// Weight of the L1 term.
+    /// Paper's solver: weight α of the L1 term.
     pub l1: f64,
     /// Constant and learnt part of the noise term, relative to the peak; zero without one.
     pub noise: [f64; 2],
-    /// Adam's step length at first.
+    /// Adam: learning rate.
     pub learning_rate: f64,
-    /// Iterations over which the learning rate falls to nothing, 0 for never.
+    /// Iterations over which the learning rate falls to zero; 0 for a constant rate.
     pub decay_over: f64,
-    /// Adam's decay rates of the first and second moment.
+    /// Adam: decay of the first and of the second moment.
     pub betas: [f64; 2],
-    /// What Adam adds to the root of the second moment.
+    /// Adam: added to the root of the second moment.
     pub epsilon: f64,
-    /// Share of the smoothed albedo's maximum above which voxels are kept.
+    /// Domain reduction keeps voxels above this share of the largest smoothed albedo.
     pub keep_above: f64,
-    /// Seed of the samples.
+    /// Seed of the random samples.
     pub seed: u32,
     /// Vector solver: largest |v_xy| / |v_z|.
     pub cone: f64,
-    /// Vector solver: photon variance per measured value, and of an empty bin.
+    /// Vector solver: photon variance per measured value, and variance of an empty bin.
     pub variance: [f64; 2],
-    /// Vector solver: the group term in standard deviations of the gradient's photon noise.
+    /// Vector solver: weight of the group term, in standard deviations of the gradient's photon noise.
     pub noise_factor: f64,
     /// Vector solver: weight of the roughness term.
     pub roughness: f64,
 }
 
-/// The renderer multiplies by (lateral pitch)², in units of [`unit_of`], and this (METHOD: the paper's constant).
+/// The paper's constant. The renderer multiplies by it and by (lateral pitch)², in units of [`unit_of`].
 const RENDER_FACTOR: f64 = 2.0;
 
-/// Volumes of such widths have the metre as their unit, as the paper's do.
+/// Volumes of these widths, metres, use the metre as their unit, as the paper's do.
 const ORDINARY_WIDTHS: std::ops::RangeInclusive<f64> = 0.25..=8.0;
 
-/// The length that areas are counted in, metres: the volume's width where that is far from a metre. Albedo and step
-/// lengths are then those of a volume of one metre, whatever the scale.
+/// Unit of length for areas, metres: one, or the volume's width if that is far from one metre. Albedo and step lengths
+/// are then the same as for a volume of one metre.
 fn unit_of(grid: &Grid) -> f64 {
     let width = (grid.pitch.x * grid.n[0] as f64).max(grid.pitch.y * grid.n[1] as f64);
     if ORDINARY_WIDTHS.contains(&width) { 1.0 } else { width }
 }
 
-/// Cells of so many histograms of so many bins, with the padding before each and after the last.
+/// Number of cells of `pairs` histograms of `bins` bins, with the padding before each and after the last.
 pub fn cells(pairs: usize, bins: usize) -> usize {
     pairs * (bins + PADDING as usize) + PADDING as usize
 }
 
 impl Model {
-    /// Scales a capture to the given peak and takes the paper's defaults for the rest. `general`: see [`Wall::of`].
+    /// A capture scaled to the given peak, with the paper's defaults for the rest. `general`: see [`Wall::of`].
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
         let (wall, pair_of) = Wall::of(capture, reflectance, general);
         let histogram = |pair: &usize| &capture.histograms[pair * capture.bins..(pair + 1) * capture.bins];
@@ -158,28 +158,28 @@ impl Model {
         }
     }
 
-    /// Number of pairs.
+    /// Number of laser-sensor pairs.
     pub fn pairs(&self) -> usize {
         self.wall.pairs()
     }
 
-    /// Cells of the device from one histogram to the next: its bins, and before them what no bin is
+    /// Cells from one histogram to the next on the device: its bins, and the padding before them
     /// (`glsl/include/place.glsl`).
     pub fn stride(&self) -> usize {
         self.bins + PADDING as usize
     }
 
-    /// Bins of so many pairs, as `elements` counts them.
+    /// Number of bins of `pairs` pairs, counted as in `elements`.
     pub fn elements_of(&self, pairs: usize) -> usize {
         self.elements * pairs / self.pairs().max(1)
     }
 
-    /// Cells of all histograms.
+    /// Number of cells of all histograms.
     pub fn cells(&self) -> usize {
         cells(self.pairs(), self.bins)
     }
 
-    /// Of the cells of histograms or residuals those that are bins, `[pair * bins + bin]`.
+    /// The bins among the cells of histograms or residuals, `[pair * bins + bin]`.
     pub fn bins_of<T: Copy>(&self, cells: &[T]) -> Vec<T> {
         let padding = PADDING as usize;
         cells[..self.pairs() * self.stride()]
@@ -189,20 +189,20 @@ impl Model {
             .collect()
     }
 
-    /// Factor and addend from a path (of a confocal pair: from half of it) to its place in a row, as a part of its cells.
+    /// Factor and addend from a path (for confocal pairs: half of it) to its place in a row, as a share of its cells.
     fn place(&self) -> [f64; 2] {
         let stride = self.stride() as f64;
         let arms = if self.wall.geometry == Geometry::Confocal { 2.0 } else { 1.0 };
         let start = f64::from(PADDING - 1) - self.t_start / self.bin_width;
         let shift = match self.binning {
             Binning::Linear => -0.5 / stride,
-            // What lies on an edge counts to the bin that begins there, though fp32 may have it a little before.
+            // A path on an edge belongs to the bin that begins there, though fp32 may round it a little lower.
             Binning::Nearest => 2f64.powi(-22),
         };
         [arms / self.bin_width / stride, start / stride + shift]
     }
 
-    /// What power of the distance a confocal value falls off with.
+    /// The power of the distance with which a confocal value falls off.
     pub fn falloff_power(&self) -> i32 {
         if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
     }
@@ -218,23 +218,23 @@ impl Model {
         ((self.min_depth - grid.origin.z) / grid.pitch.z - 1e-6).ceil().max(0.0) as usize
     }
 
-    /// A sample nearer to a wall point than this contributes nothing: a quarter of the smallest voxel side.
+    /// A sample nearer to a wall point than this gives no light, metres: a quarter of the smallest voxel side.
     pub fn nearest(&self, grid: &Grid) -> f64 {
         0.25 * grid.pitch.min_element()
     }
 
-    /// The constants of `grid`'s kernels.
+    /// The scene that the kernels of `grid` read.
     pub fn scene(&self, grid: &Grid) -> SceneData {
         self.scene_of(grid, self.pairs())
     }
 
-    /// The same for the first `pairs` alone.
+    /// The scene that the kernels of `grid` read when they use the first `pairs` only.
     pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {
         let bricks = grid.bricks();
         let [scanned, others] =
             self.wall.geometry.counts(pairs, self.wall.scanned.len(), self.wall.others.len());
         let elements = self.elements_of(pairs);
-        // A sample strays half a voxel from its centre; what is nearer than `nearest` is dropped.
+        // A sample lies up to half a voxel from its centre; samples nearer than `nearest` give no light.
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
         let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
@@ -290,7 +290,7 @@ impl Model {
             variance_floor: self.variance[1] as f32,
             noise_factor: self.noise_factor as f32,
             roughness: self.roughness as f32,
-            // A little above, against rounding in the kernel.
+            // A margin for rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
         }
     }

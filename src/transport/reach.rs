@@ -1,4 +1,4 @@
-//! What of a volume and of the bins light can tell of at all: the rest is left out before anything is allocated.
+//! Which voxels and which bins light can reach. The others are left out before anything is allocated.
 
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ struct Block {
 }
 
 impl Block {
-    /// The voxels `low` to `high` of `grid`, with the half voxel that samples may stray.
+    /// The voxels `low` to `high` of `grid`, with half a voxel around them, as far as samples may lie.
     fn of(grid: &Grid, low: [usize; 3], high: [usize; 3]) -> Block {
         let at =
             |c: [usize; 3], shift: f64| grid.position(dvec3(c[0] as f64, c[1] as f64, c[2] as f64) + shift);
@@ -28,14 +28,14 @@ impl Block {
         (p - self.min).abs().max((p - self.max).abs()).length()
     }
 
-    /// Bounds of the paths of a pair over points of the box.
+    /// Lower and upper bound of the paths of a pair over points of the box, metres.
     fn paths(&self, wall: &Wall, pair: usize) -> [f64; 2] {
         let points = wall.points_of(pair).map(|n| wall.point(n)[0]);
         [points.map(|p| self.nearest(p)).iter().sum(), points.map(|p| self.farthest(p)).iter().sum()]
     }
 }
 
-/// The shortest and the longest path of any pair over any point of the box (bounds of them).
+/// Lower and upper bound of the paths of all pairs over points of the box, metres.
 fn paths(wall: &Wall, block: Block) -> [f64; 2] {
     let side = |points: &[DVec3]| {
         let near = points.iter().map(|p| block.nearest(*p)).fold(f64::INFINITY, f64::min);
@@ -51,13 +51,13 @@ fn paths(wall: &Wall, block: Block) -> [f64; 2] {
 }
 
 impl Model {
-    /// Whether a path of such bounds may reach a bin. A contribution is shared by the two bins around it.
+    /// True if a path between these bounds may reach a bin. A contribution is shared by the two bins around it.
     fn reaches(&self, [low, high]: [f64; 2]) -> bool {
         let end = self.t_start + self.bins as f64 * self.bin_width;
         high >= self.t_start - self.bin_width && low <= end + self.bin_width
     }
 
-    /// For every brick of `grid`, whether a pair's path over a point of it may reach a bin.
+    /// For every brick of `grid`: true if a pair's path over one of its points may reach a bin.
     pub fn reachable_bricks(&self, grid: &Grid) -> Vec<bool> {
         let bricks = grid.bricks();
         let one = |i: usize| {
@@ -70,8 +70,7 @@ impl Model {
         (0..bricks.iter().product()).into_par_iter().map(one).collect()
     }
 
-    /// Whether a sample of `grid` may be within [`Model::nearest`] of a wall point, or so little beyond that fp32 might
-    /// not tell.
+    /// True if a sample of `grid` may be within [`Model::nearest`] of a wall point, with a margin for rounding in fp32.
     pub fn touches(&self, grid: &Grid) -> bool {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
         let block = Block::of(grid, low, grid.n.map(|n| n - 1));
@@ -84,8 +83,8 @@ impl Model {
         !self.wall.all_points().all(|p| block.nearest(*p) > least)
     }
 
-    /// Leaves out the bins that no path over a voxel of `grid` reaches: they cannot change, so they add the same to
-    /// the loss at every step. Returns how many went.
+    /// Removes the bins that no path over a voxel of `grid` reaches. They cannot change, so they add a constant to the
+    /// loss. Returns the number of bins removed from each histogram.
     pub fn trim(&mut self, grid: &Grid) -> usize {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
         let [near, far] = paths(&self.wall, Block::of(grid, low, grid.n.map(|n| n - 1)));
@@ -122,17 +121,17 @@ mod tests {
         let grid = Grid { n: [4, 4, 8], origin: dvec3(0.0, 0.0, 0.0), pitch: DVec3::splat(0.1) };
         let touches = |points: &[DVec3], min_depth| model(points.to_vec(), min_depth).touches(&grid);
         let far = dvec3(5.0, 5.0, 0.0);
-        // In the grid, and where voxels are too near to the wall to be active.
+        // Points in the grid, also where voxels are too near to the wall to be active.
         assert!(touches(&[far, dvec3(0.1, 0.1, 0.4)], 0.2));
         assert!(!touches(&[far, dvec3(0.1, 0.1, 0.0)], 0.2));
         assert!(touches(&[far, dvec3(0.1, 0.1, 0.0)], 0.0));
-        // Voxels from 0.2 on, half a voxel nearer, a quarter of one before that.
+        // Voxels begin at 0.2, samples half a voxel nearer, and a quarter of a voxel before those is too near.
         assert!(touches(&[dvec3(0.1, 0.1, 0.126)], 0.2));
         assert!(!touches(&[dvec3(0.1, 0.1, 0.124)], 0.2));
-        // Beside the grid: voxels reach to 0.35.
+        // Points beside the grid: voxels extend to 0.35.
         assert!(touches(&[dvec3(0.374, 0.1, 0.4)], 0.2) && !touches(&[dvec3(0.376, 0.1, 0.4)], 0.2));
-        // A grid far away from its wall, by which fp32 might round.
+        // A wall point far away, which makes rounding in fp32 coarser.
         assert!(touches(&[dvec3(0.3755, 0.1, 0.4), dvec3(0.0, 1000.0, 0.0)], 0.2));
-        assert!(touches(&[dvec3(f64::NAN, 0.0, 0.0)], 0.2), "what is no number is no reason to leave it out");
+        assert!(touches(&[dvec3(f64::NAN, 0.0, 0.0)], 0.2), "a point that is no number proves nothing");
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How hidden surfaces send light back: what stands beside albedo and falloff (METHOD, light transport).
+/// How hidden surfaces reflect light: the factors of a value besides albedo and falloff.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Reflectance {
@@ -10,19 +10,19 @@ pub enum Reflectance {
     Cosine,
     /// Both cosines of the surface and both of the wall: matt surfaces.
     Lambertian,
-    /// No cosine, and the root of the falloff: what sends light back to where it came from.
+    /// No cosine, and the root of the falloff: surfaces that send light back to where it came from.
     Retroreflective,
     /// No cosine: albedo only.
     Isotropic,
 }
 
 impl Reflectance {
-    /// Whether a surface's direction matters.
+    /// True if the light depends on the surface's normal.
     pub fn has_normals(self) -> bool {
         matches!(self, Reflectance::Cosine | Reflectance::Lambertian)
     }
 
-    /// As kernels count them (`glsl/include/reflectance.glsl`).
+    /// The number that kernels use (`glsl/include/reflectance.glsl`).
     pub fn number(self) -> u32 {
         self as u32
     }

@@ -1,5 +1,5 @@
-//! An order of pairs of which every beginning is spread over the whole wall, so that a solver may work on a part of them
-//! without a copy of any data.
+//! An order of pairs in which the first n pairs are spread over the whole wall, for every n. A solver can then work on
+//! a part of the pairs without a copy of any data.
 
 use glam::DVec3;
 
@@ -8,10 +8,10 @@ use super::{Geometry, Model, Wall};
 /// Bits of a cell's number along one axis.
 const BITS: u32 = 15;
 
-/// The order in which `points` (of a pair one each, or two) are to stand. Points are sorted along a Z-order curve over
-/// the cells of the wall, and taken from that list in bit-reversed order: of n points the first n / 4^k are every
-/// 4^k-th along the curve. Where the points are a lattice with 2^k points to a side of its blocks, those are every
-/// 2^k-th in x and y; anywhere else, one out of every 4^k that are neighbours.
+/// The order for pairs whose points are `points`: one list, or two with two points per pair. Points are sorted along a
+/// Z-order curve over the cells of the wall and taken from there in bit-reversed order: of n points the first n / 4^k
+/// are every 4^k-th along the curve. On a lattice with 2^k points to a side of its blocks, those are every 2^k-th in x
+/// and y; elsewhere, one of every 4^k neighbours.
 pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {
     let count = points.first().map_or(0, |side| side.len());
     let axes: Vec<Vec<usize>> =
@@ -23,20 +23,19 @@ pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {
     let mut curve: Vec<usize> = (0..count).collect();
     curve.sort_by_cached_key(|i| along(*i));
     let mut order: Vec<usize> = (0..count).collect();
-    // Begun at the third of a block of 2, 4, 8, ... points, never at its edge: a coarse lattice is nearer to the middle.
+    // Starts a third into a block of 2, 4, 8, ... points, not at its edge: coarse lattices lie nearer to the middle.
     const MIDDLE: u64 = 0x3333_3333_3333_3333;
     order.sort_by_key(|rank| (*rank as u64 ^ MIDDLE).reverse_bits());
     order.into_iter().map(|rank| curve[rank]).collect()
 }
 
-/// The cell of each point along one axis: its column where many points share one, else its rank among the points in
-/// as many steps as there are points side by side. Ranks, not lengths: so a lattice whose points are not quite in their
-/// places gives its columns too.
+/// The cell of each point along one axis: its column if many points share one, else its rank, in as many steps as
+/// there are points side by side. Ranks instead of lengths give the columns of a slightly distorted lattice too.
 fn cells(points: &[DVec3], axis: impl Fn(&DVec3) -> f64) -> Vec<usize> {
     let mut sorted: Vec<usize> = (0..points.len()).collect();
     sorted.sort_by(|a, b| axis(&points[*a]).total_cmp(&axis(&points[*b])));
     let [low, high] = [sorted.first(), sorted.last()].map(|i| i.map_or(0.0, |i| axis(&points[*i])));
-    // What is closer is one coordinate.
+    // Points nearer than this share a coordinate.
     let near = 1e-6 * (high - low);
     let (mut column, mut at) = (0, low);
     let [mut columns, mut ranks] = [vec![0; points.len()], vec![0; points.len()]];
@@ -55,7 +54,7 @@ fn cells(points: &[DVec3], axis: impl Fn(&DVec3) -> f64) -> Vec<usize> {
 }
 
 impl Wall {
-    /// The wall of the first `pairs` alone.
+    /// The wall of the first `pairs` only.
     pub fn first(&self, pairs: usize) -> Wall {
         let [scanned, others] = self.geometry.counts(pairs, self.scanned.len(), self.others.len());
         let normals = |n: &Vec<DVec3>| {
@@ -70,8 +69,7 @@ impl Wall {
         }
     }
 
-    /// The order for [`spread_order`]'s sake of the scanned points and of the others, and the pair that comes to stand
-    /// at each place.
+    /// The order ([`spread_order`]) of the scanned and of the other points, and the pair that moves to each place.
     fn spread(&self) -> ([Vec<usize>; 2], Vec<usize>) {
         let (s, o) = (&self.scanned, &self.others);
         match self.geometry {
@@ -94,7 +92,7 @@ impl Wall {
 }
 
 impl Model {
-    /// Puts the pairs into an order of which every beginning is spread over the wall. In place: histograms are large.
+    /// Reorders the pairs so that the first n are spread over the wall, for every n. In place, as histograms are large.
     pub fn spread(&mut self) {
         let (sides, pairs) = self.wall.spread();
         let wall = &self.wall;
@@ -114,7 +112,7 @@ impl Model {
     }
 }
 
-/// Moves row `from[i]` of so many values to row i, for all i, along the cycles of the permutation.
+/// Moves row `from[i]` of `length` values to row i, for all i, along the cycles of the permutation.
 fn arrange(rows: &mut [f32], length: usize, from: &[usize]) {
     let mut done = vec![false; from.len()];
     let mut first = vec![0.0; length];
@@ -159,7 +157,7 @@ mod tests {
 
     #[test]
     fn beginnings_of_a_lattice_are_coarser_lattices() {
-        // Also where the points are not quite in their places, and where there are not as many in x as in y.
+        // Also if points are slightly displaced, and if x and y have different numbers of points.
         for (nx, ny, jitter) in [(64, 64, 0.0), (64, 64, 0.3), (96, 96, 0.0), (128, 32, 0.0)] {
             let points = lattice(nx, ny, jitter);
             let order = spread_order(&[&points]);
@@ -180,12 +178,12 @@ mod tests {
     fn beginnings_of_scattered_points_leave_no_hole() {
         let points: Vec<DVec3> = {
             let one = |i: usize, by: f64| (i as f64 * by).fract();
-            // Two irrational steps: no lattice, but nowhere dense or empty.
+            // Two irrational steps: no lattice, but an even density.
             (0..4000).map(|i| dvec3(one(i, 0.754_877_666), one(i, 0.569_840_291), 0.0)).collect()
         };
         let order = spread_order(&[&points]);
         for count in [250, 1000, 1500] {
-            // 7 x 7 squares of the wall have shares that differ less than by chance, where the variance is the mean.
+            // Counts in 7 x 7 squares of the wall differ less than by chance, where the variance is the mean.
             let mut held = [[0usize; 7]; 7];
             for i in &order[..count] {
                 held[(points[*i].x * 7.0) as usize][(points[*i].y * 7.0) as usize] += 1;

@@ -1,4 +1,4 @@
-//! The relay wall's points as kernels see them: which points there are, and which of them make pairs.
+//! The relay wall's points as kernels see them: the points, and which of them make pairs.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -10,17 +10,17 @@ use crate::capture::Capture;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Geometry {
-    /// Laser and sensor point are one: one distance.
+    /// Laser and sensor point are the same: one distance.
     Confocal,
-    /// Every pair has two points of its own: two distances.
+    /// Every pair has its own two points: two distances.
     TwoPoints,
-    /// Every scanned point with every other one: distances are found per point, not per pair.
+    /// Every scanned point with every other point: distances are computed per point, not per pair.
     Product,
 }
 
 impl Geometry {
-    /// Points of the scanned side, and of the other, that the first `pairs` have on a wall of so many: of a product whole
-    /// rows, each of all scanned points with another one, and so all scanned points unless there is one row only.
+    /// Number of scanned points and of other points that the first `pairs` use, on a wall with `scanned` and `others`.
+    /// In a product, `pairs` covers whole other points, each with all scanned points, unless there is one other point.
     pub fn counts(self, pairs: usize, scanned: usize, others: usize) -> [usize; 2] {
         match (self, others) {
             (Geometry::Confocal, _) => [pairs, 0],
@@ -31,17 +31,17 @@ impl Geometry {
     }
 }
 
-/// Wall points, in metres. Light is symmetric, so it does not matter which side is the laser's: the scanned side is
-/// the one with more distinct points.
+/// Points of the relay wall, in metres. Light is symmetric, so either side may be the laser's: the scanned side is the
+/// one with more distinct points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
-    /// How the points pair.
+    /// How the points make pairs.
     pub geometry: Geometry,
-    /// Points of the scanned side: one per pair, or the distinct ones of a product.
+    /// Scanned points: one per pair, or the distinct ones of a product.
     pub scanned: Vec<DVec3>,
-    /// Points of the other side likewise; none in a confocal scan.
+    /// Other points: one per pair, or the distinct ones of a product; none in a confocal scan.
     pub others: Vec<DVec3>,
-    /// Unit normals of the scanned points, then of the others. `None` where all are (0, 0, 1) or nobody asks.
+    /// Unit normals of the scanned points, then of the others. `None` if all are (0, 0, 1) or the model uses none.
     pub normals: Option<Vec<DVec3>>,
 }
 
@@ -51,9 +51,9 @@ impl Wall {
         Wall { geometry: Geometry::Confocal, scanned: points, others: vec![], normals: None }
     }
 
-    /// The wall of a capture for surfaces of such reflectance, and the capture's pair behind each pair of the wall.
-    /// Normals are taken where the model asks for them and the wall is curved; unknown ones count as (0, 0, 1).
-    /// `general` leaves nothing out: two points per pair, normals of all.
+    /// The wall of a capture for surfaces with this reflectance, and the capture's pair for each pair of the wall.
+    /// Normals are kept if the reflectance needs them and the wall is curved; unknown ones count as (0, 0, 1).
+    /// `general` leaves nothing out: two points per pair, and all normals.
     pub fn of(capture: &Capture, reflectance: Reflectance, general: bool) -> (Wall, Vec<usize>) {
         let curved = general || (reflectance == Reflectance::Lambertian && !capture.is_planar());
         let filled =
@@ -97,7 +97,7 @@ impl Wall {
         }
     }
 
-    /// The scanned and the other point of a pair, counted through both lists.
+    /// Numbers of a pair's scanned and other point, counted through both lists.
     pub fn points_of(&self, pair: usize) -> [usize; 2] {
         let scanned = self.scanned.len();
         match self.geometry {
@@ -107,14 +107,14 @@ impl Wall {
         }
     }
 
-    /// Point and unit normal by a number of [`Wall::points_of`].
+    /// Point, metres, and unit normal of a number from [`Wall::points_of`].
     pub fn point(&self, number: usize) -> [DVec3; 2] {
         let scanned = self.scanned.len();
         let point = if number < scanned { self.scanned[number] } else { self.others[number - scanned] };
         [point, self.normals.as_ref().map_or(DVec3::Z, |n| n[number])]
     }
 
-    /// Optical path in metres of a pair over a hidden point.
+    /// Path of a pair over a hidden point, metres.
     pub fn path(&self, pair: usize, x: DVec3) -> f64 {
         self.points_of(pair).map(|p| self.point(p)[0].distance(x)).iter().sum()
     }
@@ -124,7 +124,7 @@ impl Wall {
         self.scanned.iter().chain(&self.others)
     }
 
-    /// As the kernels read it: points, other points, normals where there are any; (x, y, z, 0) each.
+    /// The wall as kernels read it: scanned points, other points, then normals if there are any; (x, y, z, 0) each.
     pub fn words(&self) -> Vec<[f32; 4]> {
         let all = self.all_points().chain(self.normals.iter().flatten());
         all.map(|p| [p.x as f32, p.y as f32, p.z as f32, 0.0]).collect()

@@ -5,7 +5,7 @@ use super::{Raw, Twin, random3};
 use crate::transport::kernels::{LEVEL_SHIFT, LEVELS};
 use crate::transport::{BRICK_VOXELS, Grid, Model};
 
-/// The first domain: what is not too near and within reach of a bin.
+/// The first domain: voxels that are not too near and within reach of a bin.
 pub fn initialise(twin: &Twin) -> Vec<bool> {
     let near = twin.model.near_z(twin.grid);
     let reachable = twin.model.reachable_bricks(twin.grid);
@@ -22,8 +22,7 @@ pub fn initialise_raw(twin: &Twin, span: f64) -> Vec<Raw> {
     (0..twin.grid.storage()).map(|i| [albedo(i), 0.0, 0.0, 0.0]).collect()
 }
 
-/// Weights 0..=radius of a Gaussian of `sigma` voxels cut off at `truncate` sigmas, summing to 1 over both
-/// sides.
+/// Weights 0..=radius of a Gaussian of `sigma` voxels, cut off at `truncate` sigmas. They sum to 1 over both sides.
 pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
     let radius = (truncate * sigma + 0.5) as usize;
     let half: Vec<f64> = (0..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
@@ -56,7 +55,8 @@ pub fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {
     volume
 }
 
-/// The domain after a reduction: above the given share of the maximum, not too near and within reach of a bin.
+/// The domain after a reduction: voxels above the share [`Model::keep_above`] of the maximum, not too near and within
+/// reach of a bin.
 pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {
     let above = twin.model.keep_above * smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     let near = twin.model.near_z(twin.grid);
@@ -68,13 +68,13 @@ pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {
     smooth.iter().enumerate().map(keep).collect()
 }
 
-/// How many voxels that may be active there are at each level below the largest smoothed value: steps of a
-/// thirty-second of an octave, by the upper bits of the float, the highest last; what lies below all counts with the lowest.
+/// Number of voxels that may be active at each level below the largest smoothed value, the highest level last. Levels
+/// are steps of a thirty-second of an octave, by the upper bits of the float. Values below all count in the lowest.
 pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {
     let mut levels = vec![0; LEVELS as usize];
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     let key = |v: f64| (v as f32).to_bits() >> LEVEL_SHIFT;
-    // Nothing is too dim here.
+    // Every value above zero counts.
     let model = Model { keep_above: 0.0, ..twin.model.clone() };
     let allowed = threshold(&Twin { model: &model, grid: twin.grid }, smooth);
     for (value, _) in smooth.iter().zip(allowed).filter(|(_, allowed)| *allowed) {
@@ -84,8 +84,8 @@ pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {
     levels
 }
 
-/// The least smoothed value of which, and of all larger ones, there are no more than `room`; 0 if that is all of them above
-/// the share `above` of the largest, `peak`. The highest level is never left out.
+/// The least smoothed value such that at most `room` voxels are as large; 0 if all voxels above the share `above` of
+/// the largest value, `peak`, fit. The highest level always stays.
 pub fn room(levels: &[u32], peak: f64, above: f64, room: usize) -> f64 {
     let mut counted = 0;
     let fits = |n: &&u32| {
@@ -100,7 +100,7 @@ pub fn room(levels: &[u32], peak: f64, above: f64, room: usize) -> f64 {
     if least > above * peak { least } else { 0.0 }
 }
 
-/// Neighbours of active voxels, all 26, that are not active.
+/// The rim: voxels among the 26 neighbours of an active voxel that are not active.
 pub fn rim(grid: &Grid, active: &[bool]) -> Vec<bool> {
     let mut rim = vec![false; active.len()];
     for i in (0..active.len()).filter(|i| active[*i]) {
@@ -117,24 +117,24 @@ pub fn rim(grid: &Grid, active: &[bool]) -> Vec<bool> {
     rim
 }
 
-/// Indices of the active voxels, then of their rim: what samples read, in the order that state lies in.
+/// Indices of the active voxels, then of their rim: the voxels that samples read, in the order of their state.
 pub fn touched(grid: &Grid, active: &[bool]) -> Vec<u32> {
     [compact(active), compact(&rim(grid, active))].concat()
 }
 
-/// Indices of what is set, in storage order.
+/// Indices of the set voxels, in storage order.
 pub fn compact(mask: &[bool]) -> Vec<u32> {
     (0..mask.len() as u32).filter(|i| mask[*i as usize]).collect()
 }
 
-/// State after a change of the domain: zero where nothing was touched before it.
+/// State after a change of the domain: zero for voxels that were not touched before it.
 pub fn carry(touched: &[u32], state: &[Raw]) -> Vec<Raw> {
     let mut carried = vec![[0.0; 4]; state.len()];
     touched.iter().for_each(|i| carried[*i as usize] = state[*i as usize]);
     carried
 }
 
-/// State at twice the lateral resolution: trilinear, cell-centred, clamped at the edges.
+/// State at twice the lateral resolution: bilinear in x and y, cell-centred, clamped at the edges.
 pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
     let mut doubled = vec![[0.0; 4]; fine.storage()];
     for (i, value) in doubled.iter_mut().enumerate() {
@@ -159,24 +159,24 @@ pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
     doubled
 }
 
-/// The domain at twice the lateral resolution: active where the parent was.
+/// The domain at twice the lateral resolution: a voxel is active if its parent was.
 pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
     let child = |c: [usize; 3]| fine.contains(c) && active[coarse.index([c[0] / 2, c[1] / 2, c[2]])];
     (0..fine.storage()).map(|i| child(fine.voxel(i))).collect()
 }
 
-/// A lateral column's surface.
+/// The surface in one column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {
-    /// Albedo there.
+    /// Albedo, in the solver's own scale.
     pub albedo: f64,
-    /// Of the brightest active voxel or, of vectors, of the farthest of its surface, metres.
+    /// Depth, metres: of the brightest active voxel, or for vectors of the farthest voxel of its surface.
     pub depth: f64,
-    /// Unit normal there.
+    /// Unit normal.
     pub normal: DVec3,
 }
 
-/// The surface of every column `ix * ny + iy`. None where nothing is above zero.
+/// The surface of every column `ix * ny + iy`. `None` if no albedo in it is above zero.
 pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool]) -> Vec<Option<Column>> {
     let albedo: Vec<f64> =
         raw.iter().zip(active).map(|(r, a)| if *a { r[0].max(0.0) } else { 0.0 }).collect();
@@ -186,8 +186,8 @@ pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool]) -> Vec<Option<Column>>
     })
 }
 
-/// Columns by the brightest voxel of a volume. `surface` gives the albedo, the voxel whose depth it is, and a direction of any
-/// length there.
+/// Columns by the brightest voxel of a volume. For that voxel `surface` gives the albedo, the z index of the surface,
+/// and its direction at any length.
 pub(super) fn columns(
     twin: &Twin,
     volume: &[f64],

@@ -1,7 +1,7 @@
-//! The kernels in float64 on the CPU, one function per kernel and of its name. They are what the kernels are
-//! tested against, written for clarity, not speed.
+//! The kernels in float64 on the CPU: one function per kernel, with its name. The kernels are tested against them.
+//! They are written for clarity, not speed.
 //!
-//! State lies in the grid's storage order ([`Grid::index`]); lists are storage indices in that order.
+//! State is in the grid's storage order ([`Grid::index`]); lists hold storage indices in that order.
 
 mod domain;
 mod optimise;
@@ -36,7 +36,7 @@ use super::{Grid, Model};
 /// A scene at one lateral resolution.
 #[derive(Debug, Clone, Copy)]
 pub struct Twin<'a> {
-    /// What does not depend on the resolution.
+    /// The capture and the numbers of its reconstruction.
     pub model: &'a Model,
     /// The voxels.
     pub grid: &'a Grid,

@@ -3,9 +3,10 @@ use glam::DVec3;
 use super::{Raw, Twin, sample_point};
 use crate::transport::Sampling;
 
-/// One step of Adam on the touched voxels, the gradient gathered from the samples around each.
+/// One step of Adam on the touched voxels, with the gradient gathered from the samples around each.
 ///
-/// `gradient` is per active voxel; `raw`, `first` and `second` are per storage index and change in place.
+/// `gradient` has an entry per active voxel; `raw`, `first` and `second` have one per storage index and change in
+/// place.
 #[allow(clippy::too_many_arguments)] // the kernel's bindings
 pub fn update(
     twin: &Twin,
@@ -50,8 +51,8 @@ pub fn update(
     }
 }
 
-/// One step of Adam on the noise weights, from the residual that the renderer's gradient uses. State is
-/// (weight, first moment, second moment), one per bin or one per histogram.
+/// One step of Adam on the noise weights, from the residual that the volume's gradient uses. State is (weight, first
+/// moment, second moment), one per bin or one per histogram.
 pub fn noise(twin: &Twin, step: u32, residual: &[f64], state: &mut [[f64; 3]]) {
     let m = twin.model;
     let per_histogram = state.len() != residual.len();
@@ -77,7 +78,7 @@ pub fn learning_rate(twin: &Twin, iteration: u32) -> f64 {
     m.learning_rate * (0.5 + 0.5 * (std::f64::consts::PI * done).cos())
 }
 
-/// Kingma & Ba 2015, algorithm 1.
+/// Adam: Kingma & Ba 2015, algorithm 1.
 fn adam(twin: &Twin, rate: f64, step: u32, gradient: f64, [value, first, second]: &mut [f64; 3]) {
     let m = twin.model;
     let [b1, b2] = m.betas;

@@ -1,4 +1,4 @@
-/// Three numbers in [0, 1) from a voxel's storage index, the iteration and a stream: the kernels' own bits.
+/// Three numbers in [0, 1) from a voxel's storage index, the iteration and a stream: the same bits as in the kernels.
 /// PCG3D, Jarzynski & Olano 2020, "Hash functions for GPU rendering".
 pub fn random3(index: u32, iteration: u32, stream: u32, seed: u32) -> [f64; 3] {
     let v = [index, iteration, seed ^ stream.wrapping_mul(0x9e37_79b9)];

@@ -3,22 +3,22 @@ use glam::{DVec3, dvec3};
 use super::{Raw, Twin, Way, pulse, random3};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
-/// A surface element: what a voxel's sample shows to every pair.
+/// The surface element of a voxel's sample, as every pair sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Its place, metres.
+    /// Position, metres.
     pub point: DVec3,
-    /// Its albedo.
+    /// Albedo.
     pub albedo: f64,
-    /// Its unit normal.
+    /// Unit normal; in the vector solver the vector albedo · normal.
     pub normal: DVec3,
-    /// Length of the normal before it was normalised.
+    /// Length of the normal before normalization.
     pub length: f64,
 }
 
 const BASE_NORMAL: DVec3 = dvec3(0.0, 0.0, -1.0);
 
-/// Where the sample of voxel `index` lies, counted in voxels.
+/// Position of the sample of voxel `index`, in voxels.
 pub fn sample_point(twin: &Twin, index: u32, iteration: u32) -> DVec3 {
     let c = twin.grid.voxel(index as usize).map(|c| c as f64);
     let centre = DVec3::from_array(c);
@@ -49,7 +49,7 @@ pub fn sample(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw]) -> Vec<S
         .collect()
 }
 
-/// The (up to eight) voxels that are interpolated at `g`, with their weights.
+/// The voxels (up to eight) that are interpolated at `g`, with their weights.
 fn corners(twin: &Twin, g: DVec3) -> Vec<(usize, f64)> {
     let mut all = vec![];
     let base = g.floor();
@@ -74,29 +74,29 @@ pub(super) fn toward_wall(v: Raw) -> DVec3 {
     dvec3(v[1], v[2], v[3]).clamp(DVec3::splat(-10.0), DVec3::splat(10.0)).map(f64::tanh) + BASE_NORMAL
 }
 
-/// From a sample to a wall point of a pair.
+/// The arm from a sample to a wall point of a pair.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Arm {
     pub toward: DVec3,
     pub distance: f64,
     /// (reference / distance)², or its root for retroreflective surfaces; 0 for a degenerate pair.
     pub falloff: f64,
-    /// Cosine at the wall, and the wall's normal.
+    /// Cosine at the wall.
     pub wall: f64,
     pub wall_normal: DVec3,
 }
 
-/// A pair as a sample sees it: the arms to the scanned point and to the other one.
+/// A pair as a sample sees it: the arms to the scanned point and to the other point.
 pub(super) struct Kernel {
     pub arms: [Arm; 2],
     pub falloff: f64,
-    /// What no surface of unit albedo shows more of: the falloff, and the wall's cosines where they count.
+    /// Upper bound of the value at unit albedo: the falloff, times the wall's cosines for Lambertian surfaces.
     pub most: f64,
     /// Path in bins from the leading edge of bin 0.
     pub bin: f64,
 }
 
-/// METHOD, light transport: value = albedo · cosines · falloff at path r_l + r_s.
+/// The arms of a pair: value = albedo · cosines · falloff, at path r_l + r_s.
 fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
     let m = twin.model;
     let arms = m.wall.points_of(pair).map(|number| {
@@ -120,8 +120,8 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
     }
 }
 
-/// What a surface vector (unit, or albedo · normal) shows to a pair, without the falloff, and its slope there. A
-/// surface without a direction shows its albedo alone.
+/// Light that a surface vector (unit, or albedo · normal) sends to a pair, without the falloff, and its derivative by
+/// the vector. Without normals it is 1.
 pub(super) fn shine(reflectance: Reflectance, arms: &[Arm; 2], v: DVec3) -> (f64, DVec3) {
     let [a, b] = arms;
     match reflectance {
@@ -162,7 +162,7 @@ pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
     accumulate(twin, samples, |k, s| s.albedo * shine(reflectance, &k.arms, s.normal).0 * k.falloff)
 }
 
-/// The same with any value of a sample to a pair.
+/// Accumulated histograms of the samples, like [`forward`], with `value` for a sample's value to a pair.
 pub(super) fn accumulate(
     twin: &Twin,
     samples: &[Sample],
@@ -182,8 +182,8 @@ pub(super) fn accumulate(
     sums
 }
 
-/// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are the noise
-/// term's, one per bin or one per histogram; empty without one. Both ways go through the model's pulse.
+/// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are those of the noise
+/// term, one per bin or one per histogram; empty without a noise term. Both directions go through the model's pulse.
 pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>, f64) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
@@ -208,7 +208,7 @@ pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>,
     (pulse(twin, &gradient, Way::Back), loss)
 }
 
-/// Every pair's kernel of a sample, with the residual that its path sees.
+/// Calls `hear` with every pair's kernel of a sample, and the residual at its path.
 pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl FnMut(&Kernel, f64)) {
     let bins = twin.model.bins;
     for pair in 0..twin.model.pairs() {
@@ -218,8 +218,8 @@ pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl F
     }
 }
 
-/// The same with the rise of the residual beside it, from the one to the other of the two bins that linear binning shares a
-/// path between.
+/// Calls `hear` like [`gather`], with linear binning, and adds the residual's rise from the first to the second of the
+/// two bins around the path.
 pub(super) fn gather_rising(
     twin: &Twin,
     s: &Sample,
@@ -265,20 +265,20 @@ pub fn backward(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Raw> {
         .collect()
 }
 
-/// Sum of |albedo| over the samples, the trace's L1 column.
+/// Sum of |albedo| over the samples: the trace's L1 column.
 pub fn finish(samples: &[Sample]) -> f64 {
     samples.iter().map(|s| s.albedo.abs()).sum()
 }
 
-/// The loss that the solver minimises: mean squared error plus α Σ|albedo| / voxels.
+/// The loss of the paper's solver: mean squared error plus α Σ|albedo| / voxels.
 pub fn objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw], weights: &[f64]) -> f64 {
     let samples = sample(twin, iteration, active, raw);
     let (_, loss) = residual(twin, &forward(twin, &samples), weights);
     loss + twin.model.l1 / twin.grid.voxels() as f64 * finish(&samples)
 }
 
-/// The same with every bin's squared difference weighted by (t / (2 reference))⁴, t the bin's centre: the
-/// objective whose exact gradient is the published, falloff-free one (METHOD, section 4).
+/// [`objective`] with every bin's squared difference weighted by (t / (2 reference))⁴, t the bin's centre. Its exact
+/// gradient is the published one, without the falloff.
 pub fn weighted_objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw]) -> f64 {
     let m = twin.model;
     let samples = sample(twin, iteration, active, raw);

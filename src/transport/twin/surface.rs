@@ -1,5 +1,5 @@
-//! The surface's kernels: pixels with a depth and an albedo. Lists are by pixel, `columns` tells where each is among the
-//! maps' `ix * ny + iy`; every pixel has as many samples as the next.
+//! The surface's kernels: pixels with a depth and an albedo. Lists are by pixel; `columns` gives each pixel's index in
+//! the maps, `ix * ny + iy`. Every pixel has the same number of samples.
 
 use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
 
@@ -9,54 +9,53 @@ use super::{Sample, Twin, forward, residual_weighted};
 use crate::transport::Reflectance;
 use crate::transport::kernels::*;
 
-/// A pixel's depth in metres and its albedo, or what there is for each: a gradient, a moment. The albedo is per area of the
-/// surface, or, of surfaces that show the same to all sides, per area of the wall.
+/// A pixel's depth and albedo, or a value for each of them: a gradient, a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Height {
-    /// Of the depth: metres, or per metre.
+    /// Depth, metres.
     pub depth: f64,
-    /// Of the albedo.
+    /// Albedo per area of the surface; for reflectances without normals, per lateral area.
     pub albedo: f64,
 }
 
-/// What a pixel has to do with one of its neighbours.
+/// The bond of a pixel to one of its neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bond {
     /// The neighbour's number.
     pub other: usize,
-    /// Way to it, in pixels.
+    /// Offset to the neighbour, pixels.
     pub way: [i32; 2],
-    /// How strongly the prior holds both together.
+    /// Weight of the bond, 0 to 1.
     pub weight: f64,
-    /// What the pixel's slopes gain by a metre that the neighbour is deeper.
+    /// Derivative of the pixel's slopes by the neighbour's depth, per metre.
     pub stencil: DVec2,
 }
 
-/// The buffer `surface_weights`.
+/// The content of the buffer `surface_weights`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SurfaceWeights {
-    /// Weight of the bending term.
+    /// Weight of squared distances of pixels from their neighbours' planes.
     pub bend: f64,
-    /// Weight of the term of neighbours' albedos.
+    /// Weight of squared differences of neighbouring albedos.
     pub jump: f64,
-    /// Step lengths of depth and albedo.
+    /// First steps of depths, metres, and of albedos.
     pub rates: Height,
-    /// Iterations so far.
+    /// Iterations over which steps fall to zero.
     pub iterations: f64,
-    /// The largest gradients so far of pixels' own depths and albedos.
+    /// Largest gradients so far by pixels' own depths and albedos.
     pub largest: Height,
-    /// Pixels.
+    /// Sigma of the Gaussian that smooths albedos, pixels.
     pub smooth: f64,
-    /// Pixels.
+    /// First sigma of the Gaussian that spreads gradients, pixels.
     pub spread: f64,
-    /// Weight of the term that keeps pixels dark.
+    /// Weight of the term that keeps few pixels lit.
     pub sparse: f64,
-    /// That term grows with the albedo far below this value, and with its logarithm far above.
+    /// Albedo above which more albedo adds little to that term.
     pub faint: f64,
 }
 
 impl SurfaceWeights {
-    /// Takes in what [`surface_combine`] has found.
+    /// Updates `largest` from the output of [`surface_combine`].
     pub fn see(&mut self, combined: &[Combined]) {
         for c in combined {
             self.largest.depth = self.largest.depth.max(c.height.depth.abs());
@@ -64,7 +63,7 @@ impl SurfaceWeights {
         }
     }
 
-    /// What a pixel of such an albedo costs for being lit, and what more of it does.
+    /// The term that keeps few pixels lit, for one pixel with this albedo, and its derivative by the albedo.
     fn lit(&self, albedo: f64) -> [f64; 2] {
         match self.sparse > 0.0 {
             true => [
@@ -93,13 +92,13 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
     }
 }
 
-/// Slope across which neighbours are half as bound.
+/// Slope between two pixels that halves their bond.
 const EDGE: f64 = 2.5;
 
-/// Weight of no slope at all, where neighbours count up to one each.
+/// Weight of zero slope; each neighbour weighs up to one.
 const LEVEL: f64 = 1e-3;
 
-/// Where a pixel is among the others.
+/// Lateral position of a pixel, in pixels.
 fn place(twin: &Twin, column: u32) -> [i32; 2] {
     let rows = twin.grid.n[1] as u32;
     [(column / rows) as i32, (column % rows) as i32]
@@ -109,7 +108,7 @@ fn pitch(twin: &Twin) -> DVec2 {
     twin.grid.pitch.truncate()
 }
 
-/// Side of a square as large as a pixel.
+/// Side of a square with a pixel's area, metres.
 fn size(twin: &Twin) -> f64 {
     (twin.grid.pitch.x * twin.grid.pitch.y).sqrt()
 }
@@ -118,12 +117,12 @@ fn metres(twin: &Twin, way: [i32; 2]) -> DVec2 {
     dvec2(way[0].into(), way[1].into()) * pitch(twin)
 }
 
-/// Every pixel's neighbours. A pixel's slopes are those of the plane that fits it (with a weight of one) and them best, where
-/// the plane's slopes per pixel are held to zero a little.
+/// Bonds of every pixel to its neighbours. A pixel's slopes are those of the plane that fits the pixel (with a weight
+/// of one) and its neighbours best. A small weight pulls the plane's slopes per pixel toward zero.
 pub fn surface_bonds(twin: &Twin, columns: &[u32], heights: &[Height]) -> Vec<Vec<Bond>> {
     let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
     let of_pixel = |pixel: usize| {
-        // A plane's value at a neighbour, as coefficients of its height here and its two slopes.
+        // A plane's value at a neighbour, as coefficients of its depth at the pixel and its two slopes.
         let row = |way: [i32; 2]| dvec3(1.0, way[0].into(), way[1].into());
         let weight = |other: usize, way: [i32; 2]| {
             let steep = (heights[other].depth - heights[pixel].depth) / (EDGE * size(twin));
@@ -148,23 +147,24 @@ pub fn surface_bonds(twin: &Twin, columns: &[u32], heights: &[Height]) -> Vec<Ve
     (0..columns.len()).map(of_pixel).collect()
 }
 
-/// What a pixel with such slopes faces.
+/// Unit normal, toward the wall, of a pixel with these slopes.
 fn facing(slope: DVec2) -> DVec3 {
     slope.extend(-1.0).normalize()
 }
 
-/// How much surface a pixel with such slopes holds, over its own area; one where that changes nothing that is seen.
+/// Area of a pixel's surface over its lateral area. Without normals, albedo is per lateral area, and this is 1.
 fn stretch(twin: &Twin, slope: DVec2) -> f64 {
     if twin.model.reflectance.has_normals() { slope.extend(-1.0).length() } else { 1.0 }
 }
 
-/// Of a pixel's points (1 or 4) the k-th, from its centre, metres.
+/// Offset of a pixel's k-th point (of 1 or 4) from its centre, metres.
 fn part(twin: &Twin, k: usize, points: usize) -> DVec2 {
     let quarter = |k: usize| [-0.25, 0.25][k];
     if points == 1 { DVec2::ZERO } else { dvec2(quarter(k / 2), quarter(k % 2)) * pitch(twin) }
 }
 
-/// Slopes of every pixel, and its samples: so many points of its tilted square, as deep as the grid at least and at most.
+/// Slopes of every pixel, and its samples: `points` (1 or 4) points of its tilted square, with depths limited to the
+/// grid's.
 pub fn surface_points(
     twin: &Twin,
     columns: &[u32],
@@ -195,19 +195,19 @@ pub fn surface_points(
 /// The gradient at a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pull {
-    /// Along albedo * normal; zero for surfaces without a direction.
+    /// By the vector albedo · normal; zero for reflectances without normals.
     pub vector: DVec3,
-    /// Of the sample's albedo.
+    /// By the albedo.
     pub albedo: f64,
-    /// Of the sample's depth.
+    /// By the depth, per metre.
     pub depth: f64,
 }
 
-/// What a metre of depth adds to a pair's kernel of a sample of unit albedo: the product rule over its factors.
+/// Derivative by depth of a pair's kernel for a sample of unit albedo: the product rule over its factors.
 fn deeper(twin: &Twin, k: &Kernel, normal: DVec3) -> f64 {
     let model = twin.model;
     let power = f64::from(model.falloff_power()) / 2.0;
-    // How direction, falloff and wall's cosine of an arm change as the sample moves along z.
+    // Derivatives of an arm's direction and falloff as the sample moves along z.
     let turned = k.arms.map(|arm| (arm.toward * arm.toward.z - DVec3::Z) / arm.distance);
     let fallen = k.arms.map(|arm| arm.falloff * power * arm.toward.z / arm.distance);
     let [a, b] = k.arms;
@@ -226,7 +226,7 @@ fn deeper(twin: &Twin, k: &Kernel, normal: DVec3) -> f64 {
     of_falloff * shown + k.falloff * of_shine
 }
 
-/// Gradients of the samples, whose normals are unit ones.
+/// Gradients at the samples, which have unit normals.
 pub fn surface_gather(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<Pull> {
     let of_sample = |s: &Sample| {
         let mut pull = Pull::default();
@@ -246,22 +246,21 @@ pub fn surface_gather(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<
     samples.iter().map(of_sample).collect()
 }
 
-/// The gradient of a pixel's own depth, albedo and slopes, the latter as if they did not come from depths, and its half
-/// of the prior that it shares with each neighbour.
+/// The gradient by a pixel's own depth, albedo and slopes, and its energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Combined {
-    /// Of the pixel's slopes.
+    /// Gradient by the slopes, as if they did not depend on depths.
     pub slope: DVec2,
-    /// Of the pixel's own depth and albedo.
+    /// Gradient by depth and albedo.
     pub height: Height,
-    /// Its share of the prior.
+    /// The pixel's part of the prior: half of each pair's, and its own.
     pub energy: f64,
 }
 
-/// Gathers the pulls of every pixel's samples and adds the prior
+/// Combines the gradients of every pixel's samples and adds the prior: for each pair of neighbours
 ///   bond * (bend (off / size)² + jump (a_i - a_j)²) / 2
-/// of each two neighbours, `off` being how far the one is off the plane through the other whose slopes are the mean of both,
-/// and what every pixel costs for being lit.
+/// where `off` is the distance along z of one pixel from the plane through the other with the mean slopes of both; and
+/// for every pixel the term that keeps few of them lit.
 pub fn surface_combine(
     twin: &Twin,
     bonds: &[Vec<Bond>],
@@ -280,7 +279,7 @@ pub fn surface_combine(
             let light = share * heights[pixel].albedo;
             all.height.albedo += share * stretched * p.albedo;
             all.slope += p.depth * part(twin, k, points);
-            // The normal is (slope, -1) over its length; a steeper pixel holds more surface.
+            // The normal is (slope, -1) over its length; a steeper pixel has more surface.
             let n = facing(slope);
             let across = (p.vector - n * n.dot(p.vector)) / slope.extend(-1.0).length();
             all.slope += light * stretched * across.truncate();
@@ -296,7 +295,7 @@ pub fn surface_combine(
         combined.energy += energy;
         combined.height.albedo += rise;
     }
-    // Each two neighbours once.
+    // Each pair of neighbours once.
     for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
         let (j, way, size) = (b.other, metres(twin, b.way), size(twin));
         if i > j {
@@ -315,7 +314,7 @@ pub fn surface_combine(
     all
 }
 
-/// The gradient of every depth and albedo: slopes are made of depths.
+/// The gradient by every depth and albedo, with the part that reaches depths through the slopes.
 pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Height> {
     let mut all: Vec<Height> = combined.iter().map(|c| c.height).collect();
     for (pixel, bonds) in bonds.iter().enumerate() {
@@ -328,9 +327,9 @@ pub fn surface_gradient(bonds: &[Vec<Bond>], combined: &[Combined]) -> Vec<Heigh
     all
 }
 
-/// The `gradient` by which step `number` (from 1) goes: each pixel's spread over those around it, by a Gaussian to its second
-/// sigma that narrows to the pixel itself in three fifths of the iterations, and stops at the edges that there were when bonds
-/// came from `depths`.
+/// The gradient for step `number` (from 1): each pixel's gradient is spread over the pixels around it, by a Gaussian up
+/// to two sigmas. The Gaussian narrows to the pixel itself in three fifths of the iterations, and stops at edges of
+/// `depths`, from which the bonds come.
 pub fn surface_pull(
     twin: &Twin,
     columns: &[u32],
@@ -364,8 +363,8 @@ pub fn surface_pull(
     spread
 }
 
-/// Step `number` (from 1) of Adam, whose rate falls as half a cosine to a fiftieth of the first, and which takes no gradient
-/// for less than a thousandth of the largest; `moments` are the first and the second one of each pixel.
+/// Step `number` (from 1) of Adam. Its rate falls as half a cosine to a fiftieth of the first; its denominator is at
+/// least a thousandth of the largest gradient. `moments` are the first and the second moment of each pixel.
 pub fn surface_step(
     twin: &Twin,
     gradient: &[Height],
@@ -393,8 +392,8 @@ pub fn surface_step(
     }
 }
 
-/// The maps' columns of the pixels, which had such albedos there: their geometric mean with the surface's own as the wall
-/// sees it, under a Gaussian of so many pixels, to its second sigma, in which what is no surface is dark.
+/// The maps' columns of the pixels. The albedo is the geometric mean of `albedo`, the map's own, and the surface's per
+/// lateral area, smoothed by a Gaussian of `sigma` pixels up to two sigmas; pixels without surface count as dark.
 pub fn surface_extract(
     twin: &Twin,
     columns: &[u32],
@@ -424,7 +423,7 @@ pub fn surface_extract(
     (0..heights.len()).map(of_pixel).collect()
 }
 
-/// What is minimised while `bonds` stay: the weighted mean squared error and the prior.
+/// The surface's objective while `bonds` stay: the weighted mean squared error and the prior.
 pub fn surface_objective(
     twin: &Twin,
     columns: &[u32],
@@ -440,7 +439,7 @@ pub fn surface_objective(
         let plane = heights[i].depth + 0.5 * (slopes[i] + slopes[b.other]).dot(metres(twin, b.way));
         let off = (heights[b.other].depth - plane) / size(twin);
         let jump = heights[i].albedo - heights[b.other].albedo;
-        // Every two neighbours come twice.
+        // Each pair of neighbours comes twice.
         prior += 0.5 * b.weight * (weights.bend * off.powi(2) + weights.jump * jump.powi(2)) / 2.0;
     }
     loss[0] + prior

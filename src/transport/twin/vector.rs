@@ -1,5 +1,5 @@
-//! The vector solver's kernels. Vectors are albedo * normal, by storage index or, where a list of active voxels
-//! is given, by slot.
+//! The vector solver's kernels. Vectors are albedo * normal. They are by storage index or, next to a list of active
+//! voxels, by slot.
 
 use glam::{DVec3, dvec3};
 
@@ -8,10 +8,10 @@ use super::pulse::{Way, pulse};
 use super::render::{Kernel, accumulate, gather, shine};
 use super::{Sample, Twin, forward};
 
-/// Toward the wall: how a voxel that holds nothing would shine.
+/// Toward the wall: the direction in which a zero vector may grow.
 const TOWARD_WALL: DVec3 = dvec3(0.0, 0.0, -1.0);
 
-/// Centres of the active voxels as samples of unit weight in no direction.
+/// Centres of the active voxels as samples of unit weight with zero vectors.
 pub fn points(twin: &Twin, active: &[u32]) -> Vec<Sample> {
     let centre = |i: &u32| DVec3::from_array(twin.grid.voxel(*i as usize).map(|c| c as f64));
     let sample =
@@ -19,8 +19,7 @@ pub fn points(twin: &Twin, active: &[u32]) -> Vec<Sample> {
     active.iter().map(sample).collect()
 }
 
-/// y = v + beta (v - v before), as the directions of the active voxels' samples; as their albedo too where surfaces
-/// have no direction.
+/// y = v + beta (v - v before) as the vectors of the active voxels' samples; without normals, as their albedo too.
 pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], beta: f64) -> Vec<Sample> {
     let mut samples = points(twin, active);
     for (s, i) in samples.iter_mut().zip(active) {
@@ -36,15 +35,15 @@ pub fn extrapolate(twin: &Twin, active: &[u32], v: &[DVec3], before: &[DVec3], b
 /// A voxel's part of the roughness term.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rough {
-    /// Half of what it has with each neighbour.
+    /// Half of the energy of each pair with a neighbour.
     pub energy: f64,
-    /// The term's slope along its vector.
+    /// Gradient by the voxel's vector.
     pub gradient: DVec3,
 }
 
-/// The roughness of the active voxels' vectors, the samples' directions: the sum over neighbours of
-/// mu |y_i - y_j|² / 2, where mu is the smaller one's roughness * lambda² / (D peak²), or what its step allows. `bounds` are
-/// (D, lambda) by storage index.
+/// The roughness of the samples' vectors: the sum over pairs of neighbours of mu |y_i - y_j|² / 2, where mu is the
+/// smaller one of roughness * lambda² / (D peak²), limited to share * D / 12 so that it allows steps of D. `bounds` are
+/// (D, lambda) by storage index; `share` is the share of D that a step divides by.
 pub fn roughness(
     twin: &Twin,
     active: &[u32],
@@ -63,7 +62,7 @@ pub fn roughness(
     let mut all = vec![Rough::default(); active.len()];
     for (a, i) in active.iter().enumerate().filter(|_| peak > 0.0) {
         let here = grid.voxel(*i as usize);
-        // Each pair once, from its lower side.
+        // Each pair of neighbours once, from its lower side.
         for axis in 0..3 {
             let mut there = here;
             there[axis] += 1;
@@ -79,14 +78,14 @@ pub fn roughness(
     all
 }
 
-/// Accumulated histograms without the surface's cosines, before the render scale: no vectors of at
-/// most the samples' albedos in length give more.
+/// Accumulated histograms without the surface's cosines, before the render scale: an upper bound for all vectors that
+/// are no longer than the samples' albedos.
 pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
     accumulate(twin, samples, |k, s| s.albedo * k.most)
 }
 
-/// d(weighted mean squared error) / d(accumulated value) of every bin, that error, and the plain one. Without
-/// `measure` the measurement counts as nothing. Both ways go through the model's pulse.
+/// d(weighted mean squared error) / d(accumulated value) of every bin, then the weighted error and the plain one.
+/// Without `measure` the measurement counts as zero. Both directions go through the model's pulse.
 pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Vec<f64>, [f64; 2]) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
@@ -102,7 +101,7 @@ pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Ve
     (pulse(twin, &gradient, Way::Back), loss)
 }
 
-/// dLoss / d(vector) of every sample; one without a direction shines toward the wall.
+/// dLoss / d(vector) of every sample; a zero vector counts as directed toward the wall.
 pub fn gradient_vectors(twin: &Twin, samples: &[Sample], residual: &[f64]) -> Vec<DVec3> {
     let reflectance = twin.model.reflectance;
     let of_sample = |s: &Sample| {
@@ -134,7 +133,7 @@ pub fn shrink(v: DVec3, by: f64) -> DVec3 {
     v.normalize_or_zero() * (v.length() - by).max(0.0)
 }
 
-/// What a voxel's step adds to the partial sums.
+/// A voxel's parts of the partial sums of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Told {
     /// The group term and the roughness at y.
@@ -143,8 +142,9 @@ pub struct Told {
     pub against: f64,
 }
 
-/// The proximal gradient step from y, the samples' directions (their `length` is the roughness there): v and `before` change in place. `bounds` are
-/// (D, lambda) by storage index; `share` is what part of D is divided by. A voxel without a bound holds nothing.
+/// The proximal gradient step from y, the samples' vectors; their `length` is the energy of the roughness there. `v`
+/// and `before` change in place. `bounds` are (D, lambda) by storage index; `share` is the share of D that the step
+/// divides by. A voxel whose D is zero becomes zero.
 #[allow(clippy::too_many_arguments)] // the kernel's bindings
 pub fn step(
     twin: &Twin,
@@ -170,21 +170,21 @@ pub fn step(
     active.iter().zip(samples).zip(gradient).map(one).collect()
 }
 
-/// How bright voxels are expected to be, as weights of their bounds: `shares` are smoothed albedos over the largest.
+/// Expected brightness of voxels, as weights of their bounds. `shares` are smoothed albedos over the largest one.
 pub fn expect(shares: &[f64], power: f64) -> Vec<f64> {
     shares.iter().map(|s| ((s + 0.05) / 1.05).powf(power)).collect()
 }
 
-/// Which bound.
+/// The bounds that [`bound`] computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
-    /// D, of a residual that is the weighted isotropic rendering of the domain.
+    /// D, from a residual that is the weighted isotropic rendering of the domain.
     Step,
-    /// lambda, of a residual that holds the weighted variances.
+    /// lambda, from a residual that holds the weighted variances.
     Noise,
 }
 
-/// Bounds of the samples, their albedos being the weights of the step's.
+/// Bounds at the samples. For [`Bound::Step`] the samples' albedos are its weights.
 pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> Vec<f64> {
     samples
         .iter()
@@ -198,7 +198,7 @@ pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> 
         .collect()
 }
 
-/// Variance of every bin's residual, seen from the paths.
+/// Variance of every bin's residual, taken back through the pulse to the paths.
 pub fn variance(twin: &Twin) -> Vec<f64> {
     let m = twin.model;
     let render = f64::from(m.scene(twin.grid).render_scale);
@@ -210,7 +210,7 @@ pub fn variance(twin: &Twin) -> Vec<f64> {
     pulse(twin, &of_bins, Way::Squared)
 }
 
-/// Weighted histograms, convolved along time with `hat`: its weights at 0, 1, 2, ... to either side.
+/// Weighted histograms, convolved along time with `hat`, the weights at 0, 1, 2, ... bins to either side.
 pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
     let m = twin.model;
     let filtered = |histogram: &[f32], bin: usize| -> f64 {
@@ -221,8 +221,8 @@ pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
     m.measured.chunks(m.bins).flat_map(|h| (0..m.bins).map(move |b| filtered(h, b))).collect()
 }
 
-/// Back-projection of filtered histograms into every voxel that is not too near, by storage index: with the
-/// cosine of a surface that faces the wall, without the falloff, zero for negative sums.
+/// Back-projection of filtered histograms into every voxel that is not too near, by storage index. It uses the cosine
+/// of a surface that faces the wall and no falloff; negative sums become zero.
 pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {
     let grid = twin.grid;
     let near = twin.model.near_z(grid);
@@ -242,7 +242,7 @@ pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {
     volume
 }
 
-/// After a change of the domain: what is inactive holds nothing, and the momentum rests.
+/// State after a change of the domain: inactive voxels are zero, and the momentum is at rest.
 pub fn settle(active: &[bool], v: &mut [DVec3], before: &mut [DVec3], momentum: &mut Momentum) {
     for (v, _) in v.iter_mut().zip(active).filter(|(_, a)| !**a) {
         *v = DVec3::ZERO;
@@ -254,11 +254,11 @@ pub fn settle(active: &[bool], v: &mut [DVec3], before: &mut [DVec3], momentum: 
 /// FISTA's state between iterations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Momentum {
-    /// The t of FISTA's sequence.
+    /// FISTA's t.
     pub t: f64,
     /// Extrapolation of the next iteration.
     pub beta: f64,
-    /// Of the iteration before.
+    /// Objective of the previous iteration.
     pub objective: f64,
     /// Restarts so far.
     pub restarts: f64,
@@ -266,9 +266,9 @@ pub struct Momentum {
     pub share: f64,
 }
 
-/// The momentum after an iteration of such an objective and sum of [`Told::against`]: FISTA's sequence (Beck &
-/// Teboulle 2009), restarted where the step went against the momentum or the objective rose (O'Donoghue & Candès
-/// 2015) by more than fp32 sums are off. Where it rose, steps become shorter, down to the bound's own.
+/// The momentum after an iteration with this objective and sum of [`Told::against`]: FISTA's sequence (Beck & Teboulle
+/// 2009), restarted where the step went against the momentum, or where the objective rose (O'Donoghue & Candès 2015) by
+/// more than the rounding of fp32 sums. Where it rose, steps become shorter, down to 1 / D.
 pub fn finish_accelerated(before: Momentum, objective: f64, against: f64) -> Momentum {
     let rose = objective > (1.0 + 1e-5) * before.objective;
     let share = if rose { (1.5 * before.share).min(1.0) } else { before.share };
@@ -279,20 +279,20 @@ pub fn finish_accelerated(before: Momentum, objective: f64, against: f64) -> Mom
     Momentum { t, beta: (before.t - 1.0) / t, objective, share, ..before }
 }
 
-/// What the solver minimises: the weighted mean squared error plus the sum of lambda |v|.
+/// The objective of the vector solver: the weighted mean squared error plus the sum of lambda |v|.
 pub fn objective_vectors(twin: &Twin, samples: &[Sample], lambda: &[f64]) -> f64 {
     let (_, loss) = residual_weighted(twin, &forward(twin, samples), true);
     loss[0] + samples.iter().zip(lambda).map(|(s, l)| l * s.normal.length()).sum::<f64>()
 }
 
-/// Lengths of the active vectors, 0 elsewhere: what the reduction smooths.
+/// Lengths of the active vectors, 0 elsewhere; the reduction smooths them.
 pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {
     v.iter().zip(active).map(|(v, a)| if *a { v.length() } else { 0.0 }).collect()
 }
 
-/// The surface of every column, from the voxels within two lateral voxels' depth of the longest vector: a slanted
-/// surface fills several, each with less. Albedo is the 3/2 norm of their lengths, depth that of the farthest one that
-/// is longer than half of the longest, whose direction is the normal.
+/// The surface of every column, from the voxels within a depth of two lateral voxels around the longest vector, because
+/// a slanted surface fills several voxels, each with less. Albedo is the 3/2 norm of their lengths. Depth is that of
+/// the farthest vector longer than half of the longest. The normal is the direction of the longest.
 pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
     let grid = twin.grid;
     let reach = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
