@@ -5,49 +5,48 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::maps::{Maps, Truth};
 
-/// Fractions tried for `best_iou`.
+/// Mask fractions that are tried for `best_iou`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
 
-/// Figures of a reconstruction against truth. Lengths in metres, angles in degrees.
+/// Figures of a reconstruction against truth. Lengths are in metres, angles in degrees.
 ///
-/// *Predicted* pixels are those whose albedo is above `fraction` of the map's 99.9th percentile and whose
-/// depth is known. *Hit* pixels are predicted and in the true mask. A figure over no pixel at all is `None`
-/// (null in JSON), never 0 or NaN.
+/// *Predicted* pixels have an albedo above `fraction` of the map's 99.9th percentile and a known depth. *Hit* pixels
+/// are predicted and in the true mask. A figure over no pixels is `None` (null in JSON), never 0 or NaN.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
-    /// Share of the 99.9th percentile of the albedo above which a pixel is predicted.
+    /// Mask fraction: share of the albedo's 99.9th percentile.
     pub fraction: f64,
-    /// Pixels of the truth's grid that are predicted, true, and both.
+    /// Predicted pixels of the truth's grid.
     pub predicted_pixels: usize,
     /// Pixels of the true mask.
     pub true_pixels: usize,
-    /// Pixels that are both.
+    /// Hit pixels: predicted and true.
     pub hit_pixels: usize,
     /// |predicted ∩ mask| / |mask|; `None` if the mask is empty.
     pub completeness: Option<f64>,
     /// |predicted ∩ mask| / |predicted ∪ mask|; `None` if both are empty.
     pub iou: Option<f64>,
-    /// Over the hit pixels.
+    /// Mean absolute error of depth over the hit pixels.
     pub depth_mae: Option<f64>,
-    /// Root mean square of the same.
+    /// Root mean square error of depth over the hit pixels.
     pub depth_rmse: Option<f64>,
-    /// The paper's convention: over the whole mask, a missing pixel has depth 0.
+    /// Mean absolute error of depth in the paper's convention: over the whole mask, missing pixels have depth 0.
     pub depth_mae_whole: Option<f64>,
-    /// Root mean square of the same.
+    /// Root mean square error of depth in the paper's convention.
     pub depth_rmse_whole: Option<f64>,
-    /// Mean angle between true and found normals over the hit pixels with a normal.
+    /// Mean angle between true and found normals over the hit pixels that have a normal.
     pub normal_error_deg: Option<f64>,
     /// The paper's figure: mean absolute error of the normals' components, over the same pixels.
     pub normal_mae: Option<f64>,
-    /// The best IoU over [`SWEEP`] and the fraction that gave it.
+    /// The best IoU over [`SWEEP`].
     pub best_iou: Option<f64>,
     /// The fraction of `best_iou`.
     pub best_fraction: Option<f64>,
-    /// The figures at `best_fraction`: for comparing methods, whose albedos fall off differently, so that at one
-    /// fixed fraction one method's errors are over all of the surface and another's over its bright part only.
+    /// The figures at `best_fraction`, for comparing methods. Their albedos fall off differently: at one fixed fraction
+    /// the errors of one method cover the whole surface, those of another its bright part only.
     #[serde(default)]
     pub at_best: Option<AtBest>,
-    /// (fraction, IoU) over [`SWEEP`]; left out of JSON if empty.
+    /// (fraction, IoU) over [`SWEEP`]; not in the JSON if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sweep: Vec<[f64; 2]>,
 }
@@ -55,29 +54,29 @@ pub struct Metrics {
 /// Figures over the hit pixels of the mask with the best IoU.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct AtBest {
-    /// Pixels that are predicted and true.
+    /// Hit pixels: predicted and true.
     pub hit_pixels: usize,
     /// |predicted ∩ mask| / |mask|.
     pub completeness: Option<f64>,
-    /// Mean absolute depth error, metres.
+    /// Mean absolute error of depth.
     pub depth_mae: Option<f64>,
-    /// Root mean square depth error, metres.
+    /// Root mean square error of depth.
     pub depth_rmse: Option<f64>,
-    /// Mean angle between true and found normals, degrees.
+    /// Mean angle between true and found normals.
     pub normal_error_deg: Option<f64>,
 }
 
 impl Metrics {
-    /// The same figures without the sweep, for one line of a trace.
+    /// The figures without the sweep, for one line of a trace.
     pub fn brief(mut self) -> Metrics {
         self.sweep.clear();
         self
     }
 }
 
-/// Measures maps against truth. The maps are looked up at the centre of each of the truth's pixels, nearest
-/// cell; the extents may differ (what lies outside the maps is not predicted, what lies outside the truth is
-/// not looked at). `fraction` of the albedo's 99.9th percentile separates surface from nothing.
+/// Measures maps against truth. For each pixel of the truth it reads the maps' cell that contains the pixel's centre.
+/// The extents may differ: pixels outside the maps are not predicted, and cells outside the truth are ignored. Surface
+/// is where the albedo is above `fraction` of its 99.9th percentile.
 ///
 /// # Errors
 /// `Kind::Options` unless `fraction` is in [0, 1); `Kind::Input` if arrays and sizes do not agree.
@@ -136,7 +135,7 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
     })
 }
 
-/// For each of the truth's pixels the pixel of the maps at its centre.
+/// For each pixel of the truth, the maps' pixel at its centre.
 fn look_up(maps: &Maps, truth: &Truth) -> Vec<Option<usize>> {
     let grid = (0..truth.nx).flat_map(|ix| (0..truth.ny).map(move |iy| (ix, iy)));
     grid.map(|(ix, iy)| {
@@ -146,11 +145,11 @@ fn look_up(maps: &Maps, truth: &Truth) -> Vec<Option<usize>> {
     .collect()
 }
 
-/// The maps' pixel if it counts as surface.
+/// The maps' pixel, if it counts as surface.
 fn predicted(maps: &Maps, pixel: Option<usize>, threshold: f64) -> Option<usize> {
     pixel.filter(|&p| {
         let albedo = maps.albedo[p];
-        // In float32 as in `Maps::mask_of`, so that both agree on pixels at the threshold.
+        // In float32 as in `Maps::mask_of`, so both agree on pixels at the threshold.
         albedo > threshold as f32 && albedo > 0.0 && maps.depth[p].is_finite()
     })
 }
@@ -212,7 +211,7 @@ struct Depths {
 }
 
 impl Depths {
-    /// Adds an error; a truth without depth (NaN inside the mask) says nothing.
+    /// Adds an error. Pixels without a true depth (NaN inside the mask) do not count.
     fn add(&mut self, error: f64) {
         if error.is_finite() {
             self.absolute.add(error.abs());
@@ -241,7 +240,7 @@ impl Mean {
 /// Angle in degrees, `None` if a vector is zero or not a number.
 fn angle_between(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     let (a, b) = (glam::DVec3::from(a), glam::DVec3::from(b));
-    // atan2 keeps small angles exact where acos of a rounded cosine would not.
+    // atan2 keeps small angles exact; acos of a rounded cosine does not.
     let degrees = a.cross(b).length().atan2(a.dot(b)).to_degrees();
     (a.length() > 0.0 && b.length() > 0.0 && degrees.is_finite()).then_some(degrees)
 }

@@ -1,4 +1,4 @@
-//! How good a reconstruction is, against true maps, and how soon.
+//! Compares reconstructions with true maps, and the times that methods take to reach a figure.
 
 pub mod metrics;
 pub mod reach;

@@ -1,27 +1,27 @@
-//! How long a method takes to be as good as another.
+//! The time that a method takes to be as good as another.
 
 use serde::{Deserialize, Serialize};
 
-/// When a figure was as good as a target. Seconds are solve seconds at a point of the trace, so they are late by
-/// up to one step of the trace and never early; `None`: not within the run.
+/// The time at which a figure was as good as a target. Times are solve seconds at points of the trace, so they are late
+/// by up to one step of the trace and never early. `None`: not within the run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reach {
-    /// What had to be reached; `None` if there is no such figure, or if several were asked for together.
+    /// The target; `None` if there is no such figure, or if several were required together.
     pub target: Option<f64>,
-    /// The first point as good as that. It may be a passing one, of few pixels for instance.
+    /// Seconds at the first point that is as good. Later points may be worse again, for instance if it had few pixels.
     pub first_s: Option<f64>,
-    /// The point from which on all were as good, up to the last.
+    /// Seconds at the point after which all points are as good, itself included.
     pub kept_s: Option<f64>,
 }
 
-/// Looks for the points that are `good` in a trace of (seconds, good or not).
+/// Finds the first and the lasting good point of a trace of (seconds, good).
 pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {
     let first = trace.iter().find(|(_, good)| *good);
     let bad = trace.iter().rposition(|(_, good)| !good).map_or(0, |last_bad| last_bad + 1);
     Reach { target, first_s: first.map(|p| p.0), kept_s: trace.get(bad).map(|p| p.0) }
 }
 
-/// The middle value, or the mean of the two in the middle; `None` of nothing.
+/// The middle value, or the mean of the two middle values; `None` without values.
 pub fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! The scenes that can be named.
+//! The built-in scenes.
 
 use super::{Mesh, Object, Scene, figure, letter, rectangle, sphere, torus};
 use crate::{Error, Result};
@@ -29,7 +29,7 @@ impl Scene {
         named(spec)
     }
 
-    /// The built-in scenes: name and a line about each.
+    /// Name and one-line description of each built-in scene.
     pub fn known() -> &'static [(&'static str, &'static str)] {
         KNOWN
     }
@@ -74,7 +74,7 @@ fn letters(text: &str) -> Result<Vec<Mesh>> {
             "name the scene letter-Z, letters-SU or the like",
         ));
     }
-    // One letter fills most of a 1 m wall's width; several share it.
+    // One letter fills most of the width of a 1 m wall; several letters share it.
     let (height, pitch) = [(0.6, 0.0), (0.45, 0.46), (0.34, 0.33)][count - 1];
     let place = |i: usize| dvec3((i as f64 - 0.5 * (count - 1) as f64) * pitch, 0.0, 0.6 + 0.15 * i as f64);
     text.chars().enumerate().map(|(i, name)| letter(name, place(i), height)).collect()

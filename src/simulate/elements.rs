@@ -1,8 +1,8 @@
 //! Cuts the scene's surfaces into small elements, the samples of the renderer.
 //!
-//! Triangles above the wanted area are halved across their longest edge until they are small and compact;
-//! each piece is an element with one random point. Triangles much smaller than that are gathered into
-//! clusters of about the wanted area.
+//! Triangles above the wanted area are halved across their longest edge until they are small and compact; each piece
+//! becomes an element with one random point. Triangles much smaller than the wanted area are gathered into clusters of
+//! about that area.
 
 use super::Scene;
 use glam::DVec3;
@@ -10,25 +10,25 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
 
-/// Triangles of one cluster face alike: least cosine (of 30°) to the first.
+/// Least cosine (of 30°) between the normals of a cluster's triangles and the first one's.
 const ALIKE: f64 = 0.866;
 
 /// A small flat piece of surface.
 pub(super) struct Element {
     /// A random point of the piece: light and visibility are evaluated here.
     pub point: DVec3,
-    /// The piece's corners: they say how its light spreads over path lengths.
+    /// The piece's corners: their paths define how its light spreads over path lengths.
     pub corners: [DVec3; 3],
-    /// Unit geometric normal: decides what the element faces.
+    /// Unit geometric normal: decides which wall points the element faces.
     pub facing: DVec3,
-    /// Shading normal at `point`, or the mean over a cluster: enters the cosine.
+    /// Shading normal for the cosine: at `point`, or the mean over a cluster.
     pub normal: DVec3,
     /// Albedo times area.
     pub weight: f64,
     pub object: usize,
 }
 
-/// A triangle of the scene with a share of its own corners' normals.
+/// A part of a triangle of the scene, with interpolated normals.
 #[derive(Clone, Copy)]
 struct Piece {
     corners: [DVec3; 3],
@@ -37,7 +37,7 @@ struct Piece {
     object: usize,
 }
 
-/// Cuts the scene into `count` to about three times as many elements.
+/// Cuts the scene into elements: between `count` and about three times as many.
 pub(super) fn elements(scene: &Scene, count: usize, seed: u64) -> Vec<Element> {
     let mut rng = Pcg64::seed_from_u64(seed);
     let total: f64 = scene.objects.iter().map(|o| o.mesh.total_area()).sum();
@@ -95,8 +95,7 @@ fn halve(piece: Piece, wanted: f64, out: &mut Vec<Piece>) {
     }
 }
 
-/// Gathers triangles that are smaller than an element into clusters: neighbours on a space-filling curve
-/// that face alike.
+/// Gathers triangles smaller than an element into clusters: neighbours on a space-filling curve with similar normals.
 fn gather(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out: &mut Vec<Element>) {
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for p in &fine {
@@ -120,8 +119,8 @@ fn gather(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out
     }
 }
 
-/// One element for a cluster: all of its area, one random point of it, its mean normal, and a triangle
-/// that has the cluster's centroid and spread.
+/// One element for a cluster: its whole area, one random point, its mean normal, and a triangle with the cluster's
+/// centroid and second moments.
 fn merge(cluster: &[Piece], albedo: f64, rng: &mut Pcg64) -> Element {
     let area: f64 = cluster.iter().map(Piece::area).sum();
     let mut left = rng.random::<f64>() * area;
@@ -131,14 +130,14 @@ fn merge(cluster: &[Piece], albedo: f64, rng: &mut Pcg64) -> Element {
     });
     let chosen = chosen.unwrap_or(&cluster[0]);
     let (point, _) = chosen.random_point(rng);
-    // Not unit where the cluster bends: its cosine is then the mean of its triangles' cosines.
+    // Shorter than one where the cluster is curved: the cosine is then the mean of the triangles' cosines.
     let bent = |p: &Piece| (p.normals[0] + p.normals[1] + p.normals[2]) * (p.area() / 3.0);
     let normal = cluster.iter().map(bent).sum::<DVec3>() / area;
     let mean: DVec3 = cluster.iter().map(|p| p.centre() * p.area()).sum::<DVec3>() / area;
     let facing: DVec3 = cluster.iter().map(|p| p.facing * p.area()).sum();
     let (u, v) = facing.normalize_or(chosen.facing).any_orthonormal_pair();
-    // Second moments in the tangent plane; a triangle's are those of its corners over twelve, plus its
-    // centre's.
+    // Second moments in the tangent plane. A triangle's moments are those of its corners over twelve, plus those of
+    // its centre.
     let [mut uu, mut uv, mut vv] = [0.0; 3];
     for p in cluster {
         let mut add = |d: DVec3, weight: f64| {
@@ -184,7 +183,7 @@ impl Piece {
     }
 }
 
-/// Which of the six sides of a cube a direction points to.
+/// The side of a cube, 0 to 5, that a direction points to.
 fn side(n: DVec3) -> usize {
     let a = n.abs();
     let axis = if a.x >= a.y && a.x >= a.z {

@@ -3,10 +3,10 @@
 use super::{Mesh, capsule, ellipsoid};
 use glam::{DVec3, dvec3};
 
-/// A standing figure with one arm (towards +x) raised, as convex solids that overlap at the joints.
+/// A standing figure with one arm (toward +x) raised, as convex solids that overlap at the joints.
 ///
-/// `centre` is the middle of the figure in metres, `height` its height from foot to the raised hand. It
-/// faces the wall; each part is a mesh of its own, so that shadow rays skip the part they start from.
+/// `centre` is the middle of the figure and `height` its height from the feet to the raised hand, both in metres. It
+/// faces the wall. Each part is a separate mesh, so shadow rays skip the part that they start from.
 pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {
     // Coordinates in units of the height: x right, y up from the middle, z away from the wall.
     let at = |x: f64, y: f64, z: f64| centre + dvec3(x, y, z) * height;
@@ -26,7 +26,7 @@ pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {
         limb(at(-0.115, 0.215, 0.0), 0.050, at(-0.205, 0.055, 0.01), 0.040),
         limb(at(-0.205, 0.055, 0.01), 0.040, at(-0.225, -0.105, -0.07), 0.030),
         ellipsoid(at(-0.227, -0.125, -0.078), dvec3(0.030, 0.036, 0.034) * height),
-        // Legs, a step apart, and feet towards the wall.
+        // Legs, a step apart, and feet toward the wall.
         limb(at(0.060, hip, 0.0), 0.075, at(0.090, -0.270, -0.015), 0.052),
         limb(at(0.090, -0.270, -0.015), 0.052, at(0.105, -0.460, 0.0), 0.036),
         limb(at(0.105, -0.470, 0.0), 0.030, at(0.120, -0.474, -0.075), 0.026),

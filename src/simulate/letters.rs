@@ -1,14 +1,14 @@
 //! Flat letters A–Z, facing the wall.
 //!
-//! A letter is strokes of one width. Where strokes meet they overlap, and overlapping triangles would
-//! reflect twice; so the strokes' union is taken as a signed distance and its outline traced on a fine
-//! grid, inner cells merged into blocks.
+//! A letter consists of strokes of one width. Strokes overlap where they meet, and overlapping triangles would reflect
+//! twice. So the union of the strokes is computed as a signed distance, and its outline is traced on a fine grid, with
+//! inner cells merged into blocks.
 
 use super::Mesh;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3, dvec2};
 
-/// Stroke width, width of the box and edge of a tracing cell, all over the letter's height.
+/// Stroke width, width of the box and edge of a tracing cell, as shares of the letter's height.
 const STROKE: f64 = 0.18;
 const WIDTH: f64 = 0.8;
 const CELL: f64 = 1.0 / 80.0;
@@ -16,10 +16,10 @@ const CELL: f64 = 1.0 / 80.0;
 const BLOCK: usize = 8;
 
 /// The letter `name` (A–Z, either case) of the given height in metres, in the plane z = `centre.z`,
-/// centred at `centre`, facing -z. Reads properly where +x points right and +y up.
+/// centred at `centre`, facing -z. It reads correctly with +x to the right and +y up.
 ///
 /// # Errors
-/// A character that is no letter, or a height that is not a positive number.
+/// A character that is not a letter, or a height that is not a positive number.
 pub fn letter(name: char, centre: DVec3, height: f64) -> Result<Mesh> {
     let strokes = strokes(name.to_ascii_uppercase()).ok_or_else(|| {
         Error::options(format!("there is no letter {name:?}"), "choose one of the letters A to Z")
@@ -101,8 +101,8 @@ enum Stroke {
     Arc([f64; 2], [f64; 2], [f64; 2]),
 }
 
-/// Centre lines as segments in units of the letter's height. Ends that run into the box's edge are drawn
-/// out beyond it, so that the clipped letter has flat ends there.
+/// Centre lines as segments in units of the letter's height. Ends at the box's edge are extended beyond it, so the
+/// clipped letter has flat ends there.
 fn centre_lines(strokes: &[Stroke]) -> Vec<(DVec2, DVec2)> {
     let map = |u: f64, v: f64| DVec2::splat(0.5 * STROKE) + dvec2(u * (WIDTH - STROKE), v * (1.0 - STROKE));
     let leaves = |at: f64, way: f64| (at == 0.0 && way < -1e-9) || (at == 1.0 && way > 1e-9);

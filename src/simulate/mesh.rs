@@ -10,15 +10,16 @@ pub struct Mesh {
     pub triangles: Vec<[DVec3; 3]>,
     /// Unit shading normals per corner, same length as `triangles`.
     pub normals: Vec<[DVec3; 3]>,
-    /// Whether a part of the mesh can hide another part that faces the same wall point. False for
-    /// convex solids and flat shapes, whose rendering then needs no shadow rays against themselves.
+    /// True if a part of the mesh can hide another part that faces the same wall point. False for convex solids and
+    /// flat shapes: they need no shadow rays against themselves.
     pub self_occluding: bool,
 }
 
 /// How to place a mesh in the scene. Applied in the order: fit, rotate, translate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// Scale (and centre at the origin) so that the largest side of the bounding box is this many metres.
+    /// Scales the mesh so that the largest side of its bounding box has this length, metres, and centres it at the
+    /// origin.
     pub fit: Option<f64>,
     /// Scale about the origin, after `fit`.
     pub scale: f64,
@@ -66,7 +67,7 @@ impl Mesh {
         self
     }
 
-    /// The mesh placed as `placement` says.
+    /// The mesh moved to `placement`.
     ///
     /// # Errors
     /// A fit, scale, rotation or shift that is not finite, or a fit or scale that is not above zero.
@@ -107,7 +108,7 @@ impl Mesh {
         self.self_occluding |= other.self_occluding;
     }
 
-    /// Adds a triangle, wound so that it faces along its normals; drops it if it has no area.
+    /// Adds a triangle, wound so that it faces along its normals. A triangle without area is dropped.
     pub(super) fn push(&mut self, [a, b, c]: [DVec3; 3], [na, nb, nc]: [DVec3; 3]) {
         let cross = (b - a).cross(c - a);
         if cross.length_squared() < 1e-24 * (b - a).length_squared().max((c - a).length_squared()) {

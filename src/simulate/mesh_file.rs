@@ -10,12 +10,12 @@ use std::{collections::HashMap, fs::File, io::BufReader, path::Path};
 /// Corners whose faces meet at less than this angle (cosine of 40°) share a smooth normal.
 const CREASE: f64 = 0.766;
 
-/// Loads the triangles of a `.obj` or `.ply` file, in the file's units and axes; polygons are cut into
-/// fans, missing normals are made smooth except across creases, and a mesh wound inside out is turned.
+/// Loads the triangles of a `.obj` or `.ply` file, in the file's units and axes. Polygons are cut into fans, missing
+/// normals become smooth except across creases, and a mesh that is wound inside out is turned.
 ///
 /// # Errors
-/// A file that is missing or of another format, without triangles, with coordinates that are not finite
-/// or indices that point nowhere.
+/// A file that is missing, has another format or no triangles, coordinates that are not finite, or indices out of
+/// range.
 pub fn load_mesh(path: &Path) -> Result<Mesh> {
     let file = File::open(path).map_err(|e| {
         Error::input(
@@ -33,8 +33,8 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     soup.and_then(build).map_err(|e| e.at(path.display()))
 }
 
-/// If the path ends like a mesh file, the file's stem and its mesh as a scene's object: 0.6 m large, 0.8 m before the
-/// wall and facing it.
+/// The stem and the mesh of a mesh file, scaled to 0.6 m, 0.8 m in front of the wall and facing it; `None` if the path
+/// does not have the extension of a mesh file.
 pub(super) fn scene(path: &Path) -> Option<Result<(String, Mesh)>> {
     if !matches!(extension(path).as_str(), "obj" | "ply") {
         return None;
@@ -53,7 +53,7 @@ fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
-/// Vertices and faces as read; normals per face corner where the file has them.
+/// Vertices and faces as read, and normals per face corner if the file has them.
 #[derive(Default)]
 struct Soup {
     points: Vec<DVec3>,
@@ -158,12 +158,12 @@ fn read_ply(reader: BufReader<File>) -> Result<Soup> {
             let read =
                 faces.read_payload_for_element(&mut reader, element, &header).map_err(|e| broken(&e))?;
             for face in read {
-                // An index below zero becomes one that is surely out of range and is reported as such.
+                // A negative index becomes one that is certainly out of range, which is reported later.
                 soup.faces.push(face.0.iter().map(|&i| usize::try_from(i).unwrap_or(usize::MAX)).collect());
                 soup.normals.push(None);
             }
         } else {
-            // Elements must be read in the order of the header, wanted or not.
+            // All elements must be read, in the order of the header.
             let read =
                 vertices.read_payload_for_element(&mut reader, element, &header).map_err(|e| broken(&e))?;
             if name == "vertex" {
@@ -210,7 +210,7 @@ fn build(soup: Soup) -> Result<Mesh> {
     }
     if mesh.triangles.is_empty() {
         return Err(Error::input(
-            "the file holds no triangle with an area",
+            "the file has no triangle with an area",
             "give a mesh with faces, not a point cloud or curves",
         ));
     }
@@ -219,8 +219,8 @@ fn build(soup: Soup) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Smooth normals for triangles without: the area-weighted mean over faces around the same position that
-/// bend less than the crease angle.
+/// Smooth normals for triangles without normals: the area-weighted mean over the faces around a position whose angle is
+/// below the crease angle.
 fn smooth(mesh: &mut Mesh, missing: &[(usize, [usize; 3])], points: &[DVec3]) {
     let key = |i: usize| points[i].to_array().map(f64::to_bits);
     let mut around: HashMap<[u64; 3], Vec<usize>> = HashMap::new();
@@ -247,7 +247,7 @@ fn turn_outside(mesh: &mut Mesh) {
     let middle = 0.5 * (lo + hi);
     let volume: f64 =
         mesh.triangles.iter().map(|&[a, b, c]| (a - middle).dot((b - middle).cross(c - middle))).sum();
-    // Open or flat meshes enclose next to nothing: leave them as they are.
+    // Open or flat meshes enclose almost no volume and stay as they are.
     if volume < -1e-3 * (hi - lo).max_element().powi(3) {
         mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         for n in &mut mesh.normals {

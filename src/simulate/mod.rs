@@ -1,8 +1,8 @@
-//! Simulated captures: a hidden scene of meshes → transient histograms and true maps.
+//! Simulates captures: from a hidden scene of meshes to transient histograms and true maps.
 //!
-//! A [`Scene`] is objects (triangle mesh and albedo) before a square relay wall, flat at z = 0 or curved, that is
-//! scanned by laser and sensor in any [`Layout`]. [`simulate`] renders the light transport by area sampling with true visibility and adds
-//! photon noise if the scene asks for it; [`truth`] gives depth, normals and mask seen from the wall.
+//! A [`Scene`] has objects (triangle mesh and albedo) and a square relay wall, flat at z = 0 or curved. Laser and
+//! sensor scan the wall in a [`Layout`]. [`simulate`] renders the light transport by area sampling with true visibility
+//! and adds photon noise if the scene has any; [`truth`] gives depth, normals and mask seen from the wall.
 //!
 //! ```
 //! use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};

@@ -7,7 +7,7 @@ use rand_distr::{Distribution, Poisson};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Most photons or dark counts per bin: integers stay exact in the capture's single precision.
+/// Most photons or dark counts per bin: up to here integers are exact in the capture's single precision.
 const MOST_COUNTS: f64 = 1e7;
 
 /// Mean dark counts of every bin.
@@ -19,18 +19,17 @@ pub enum Dark {
     Counts(f64),
 }
 
-/// The capture as photon counts: scaled so that its strongest bin expects `photons` counts, dark counts
-/// added, drawn from Poisson distributions. The same seed gives the same counts on any number of threads.
+/// The capture as photon counts: scaled so that its strongest bin expects `photons` counts, with dark counts added, and
+/// drawn from Poisson distributions. A seed gives the same counts on any number of threads.
 ///
 /// # Errors
-/// Photons or dark counts out of range, or a capture without signal or with values that are negative or
-/// not finite.
+/// Photons or dark counts out of range, a capture without signal, or values that are negative or not finite.
 pub fn photon_noise(capture: &Capture, photons: f64, dark: Dark, seed: u64) -> Result<Capture> {
     check(Some(photons), dark)?;
     let values = &capture.histograms;
     if let Some(i) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
         return Err(Error::input(
-            format!("bin {} of pair {} holds {}", i % capture.bins, i / capture.bins, values[i]),
+            format!("bin {} of pair {} is {}", i % capture.bins, i / capture.bins, values[i]),
             "photon noise needs expected values that are finite and not negative",
         ));
     }
@@ -53,7 +52,7 @@ pub fn photon_noise(capture: &Capture, photons: f64, dark: Dark, seed: u64) -> R
         let mut rng = Pcg64::seed_from_u64(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ stream);
         for value in histogram {
             let mean = *value as f64 * scale + background;
-            // A mean of 0 has no distribution: no photons.
+            // Poisson::new refuses a mean of 0, which means no photons.
             *value = Poisson::new(mean).map_or(0.0, |counts| counts.sample(&mut rng) as f32);
         }
     });
@@ -74,12 +73,12 @@ pub(super) fn check(photons: Option<f64>, dark: Dark) -> Result<()> {
     }
     match photons {
         Some(photons) if !(photons > 0.0 && photons <= MOST_COUNTS) => Err(Error::options(
-            format!("the strongest bin is to expect {photons} photons"),
+            format!("the photons expected in the strongest bin are {photons}"),
             format!("give a number of photons above 0 and up to {MOST_COUNTS:.0}"),
         )),
         None if amount > 0.0 => Err(Error::options(
             "dark counts are set, but no photons",
-            "set the photons expected in the strongest bin, too; without them values are not counts",
+            "set the photons expected in the strongest bin too; without them values are not counts",
         )),
         _ => Ok(()),
     }

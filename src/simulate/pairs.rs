@@ -10,25 +10,25 @@ use rand_pcg::Pcg64;
 /// How a scan of n × n wall points pairs laser and sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Layout {
-    /// Laser and sensor at every scan point together: n² pairs.
+    /// Laser and sensor together at every scan point: n² pairs.
     #[default]
     Confocal,
-    /// The laser at one spot (x, y in metres), the sensor at every scan point: n² pairs.
+    /// The laser at one point, the sensor at every scan point: n² pairs.
     OneLaser {
-        /// The laser point, metres.
+        /// The laser point (x, y), metres.
         spot: DVec2,
     },
-    /// The sensor at one spot (x, y in metres), the laser at every scan point: n² pairs.
+    /// The sensor at one point, the laser at every scan point: n² pairs.
     OneSensor {
-        /// The sensor point, metres.
+        /// The sensor point (x, y), metres.
         spot: DVec2,
     },
-    /// Every one of `lasers` × `lasers` laser points with every scan point: lasers² · n² pairs.
+    /// Each of `lasers` × `lasers` laser points with every scan point: lasers² · n² pairs.
     Exhaustive {
-        /// Laser points per side.
+        /// Laser points per side, at the centres of cells of the wall.
         lasers: usize,
     },
-    /// Laser and sensor points anywhere on the wall, drawn for each pair anew by `seed`: n² pairs.
+    /// Random laser and sensor points on the wall for each pair: n² pairs.
     Irregular {
         /// Seed of the points.
         seed: u64,
@@ -36,7 +36,7 @@ pub enum Layout {
 }
 
 impl Layout {
-    /// Pairs of a scan of n × n points.
+    /// Number of pairs of a scan of n × n points.
     pub fn pair_count(self, scan: usize) -> f64 {
         let lasers = match self {
             Layout::Exhaustive { lasers } => lasers as f64,
@@ -45,7 +45,7 @@ impl Layout {
         (lasers * scan as f64).powi(2)
     }
 
-    /// The spot of one laser or one sensor point.
+    /// The fixed laser or sensor point (x, y), metres, if the layout has one.
     pub fn spot(self) -> Option<DVec2> {
         match self {
             Layout::OneLaser { spot } | Layout::OneSensor { spot } => Some(spot),
@@ -54,7 +54,7 @@ impl Layout {
     }
 }
 
-/// Laser and sensor points of a scan, with the meanings of [`Capture`].
+/// Laser and sensor points of a scan, as in [`Capture`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pairs {
     /// Scan shape (X, Y): pair `ix * Y + iy`.
@@ -71,8 +71,8 @@ pub struct Pairs {
 
 impl Pairs {
     /// The pairs of a scan of n × n points, at the centres of the cells of a square wall (side in metres), with
-    /// normals if the wall is not flat. Exhaustive pairs stand laser point by laser point: the scan is
-    /// [laser points, sensor points].
+    /// normals if the wall is not flat. Exhaustive pairs are ordered by laser point: the scan is [laser points, sensor
+    /// points].
     pub fn new(layout: Layout, n: usize, wall: f64, shape: WallShape) -> Pairs {
         let grid = cell_centres(n, wall);
         let ([nx, ny], laser, sensor) = match layout {
@@ -115,17 +115,17 @@ impl Pairs {
         Pairs { scan: [n, n], laser, sensor, laser_normal: None, sensor_normal: None }
     }
 
-    /// Whether laser and sensor point are the same in every pair.
+    /// True if laser and sensor point are the same in every pair.
     pub fn is_confocal(&self) -> bool {
         self.laser == self.sensor
     }
 
-    /// Whether the sensor is the scanned side, as [`Capture::scanned_points`] tells it.
+    /// True if the sensor is the scanned side, as in [`Capture::scanned_points`].
     pub fn sensor_scans(&self) -> bool {
         !self.capture(0, 1.0, vec![]).laser_scans()
     }
 
-    /// A capture of these pairs.
+    /// A capture of these pairs with `histograms` `[pair * bins + bin]`; `bin_width` is in metres of path.
     pub(super) fn capture(&self, bins: usize, bin_width: f64, histograms: Vec<f32>) -> Capture {
         let (laser, sensor) = (self.laser.clone(), self.sensor.clone());
         Capture {

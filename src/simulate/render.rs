@@ -8,14 +8,14 @@ use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// How long to sample.
+/// The accuracy of a rendering.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderOptions {
     /// Wanted noise: RMS error over RMS value of the histogram bins, e.g. 0.01.
     pub noise: f64,
-    /// Most surface samples to use, seen from every pair.
+    /// Largest number of surface samples; each is seen from every pair.
     pub max_samples: usize,
-    /// Seed of the samples (the photon noise has its own, [`Scene::seed`]).
+    /// Seed of the samples; the photon noise has its own, [`Scene::seed`].
     pub seed: u64,
 }
 
@@ -25,21 +25,21 @@ impl Default for RenderOptions {
     }
 }
 
-/// A rendered capture and how good it is.
+/// A rendered capture and its noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendering {
     /// The capture.
     pub capture: Capture,
-    /// Achieved noise: RMS error over RMS value, from the difference of two independent halves of the
-    /// samples. Photon noise is not part of it.
+    /// Achieved noise: RMS error over RMS value, from the difference of two independent halves of the samples. It does
+    /// not include photon noise.
     pub noise: f64,
     /// Surface samples used, both halves together.
     pub samples: usize,
-    /// Whether `noise` is within the wanted bound; false if `max_samples` came first.
+    /// True if `noise` is within the wanted bound, false if `max_samples` was reached first.
     pub converged: bool,
 }
 
-/// Renders the scene's scan, spreads it by the instrument's pulse and adds its photon noise, if it has any.
+/// Renders the scene's scan, spreads it by the instrument's pulse and adds photon noise, if the scene has them.
 ///
 /// # Errors
 /// Those of [`render`] and [`photon_noise`].
@@ -65,23 +65,22 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     render_pairs(scene, &scene.pairs(), options)
 }
 
-/// Renders the histograms of any pairs of wall points; of the scene's wall and scan only the number of bins
-/// comes.
+/// Renders the histograms of any pairs of wall points. The scene's wall and scan are used for the number of bins only.
 ///
-/// A surface element at x with albedo ρ, normal n and area A adds ρ·A·g / (r_l² r_s²) at path r_l + r_s,
-/// where it is seen from both wall points (or faces both, without [`Scene::occlusion`]):
+/// A surface element with albedo ρ, normal n and area A adds ρ·A·g / (r_l² r_s²) at path r_l + r_s, if it is visible
+/// from both wall points (without [`Scene::occlusion`]: if it faces both):
 ///
 /// | reflectance | g |
 /// |---|---|
 /// | [`Reflectance::Cosine`] | max(0, n·ω) toward the scanned side (see [`Capture::scanned_points`]) |
-/// | [`Reflectance::Lambertian`] | max(0, n·ω_l) max(0, n·ω_s) max(0, -m_l·ω_l) max(0, -m_s·ω_s), m the wall's normals |
-/// | [`Reflectance::Retroreflective`] | 1, with 1 / (r_l r_s) in place of 1 / (r_l² r_s²) |
+/// | [`Reflectance::Lambertian`] | max(0, n·ω_l) max(0, n·ω_s) max(0, -m_l·ω_l) max(0, -m_s·ω_s), m the wall's normals
+/// | | [`Reflectance::Retroreflective`] | 1, with 1 / (r_l r_s) in place of 1 / (r_l² r_s²) |
 /// | [`Reflectance::Isotropic`] | 1 |
 ///
-/// Surfaces are one-sided and opaque. Each element's light
-/// is spread over the path lengths between its corners. What falls outside the bins is dropped.
+/// Surfaces are one-sided and opaque. Each element's light is spread over the path lengths between its corners. Light
+/// outside the bins is dropped.
 ///
-/// Samples are doubled until the noise is within `options.noise` or `options.max_samples` is reached. The
+/// The number of samples is doubled until the noise is within `options.noise` or `options.max_samples` is reached. The
 /// result depends on the seed, not on the number of threads.
 ///
 /// # Errors
@@ -99,7 +98,7 @@ pub fn render_pairs(scene: &Scene, pairs: &Pairs, options: &RenderOptions) -> Re
         sensor_scans: pairs.sensor_scans(),
     };
     let count = pairs.laser.len();
-    // The number of samples is found on a few pairs; then all pairs must meet the bound.
+    // A few pairs give the number of samples; then all pairs must meet the bound.
     let few: Vec<usize> = (0..count).step_by(count.div_ceil(PILOT_PAIRS)).collect();
     let all: Vec<usize> = (0..count).collect();
     let mut wanted = FIRST_SAMPLES.min(options.max_samples / 8).max(1);
@@ -152,8 +151,7 @@ struct Renderer<'a> {
 }
 
 impl Renderer<'_> {
-    /// Two independent sets of samples. One cuts the surfaces finer, so that their difference shows the
-    /// error of the cutting, too.
+    /// Two independent sets of samples. One cuts the surfaces finer, so their difference includes the error of cutting.
     fn halves(&self, count: usize, seed: u64) -> [Vec<Element>; 2] {
         [(count, 1), (2 * count, 2)].map(|(count, half)| {
             elements(self.scene, count, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half))
@@ -195,7 +193,7 @@ impl Renderer<'_> {
                 continue;
             }
             let value = e.weight * self.transport(e.normal, to_l, to_s, wall);
-            // Also false for NaN: an element on a wall point.
+            // The condition is also false for NaN, that is for an element on a wall point.
             if !(value > 0.0 && value.is_finite()) {
                 continue;
             }
@@ -203,8 +201,8 @@ impl Renderer<'_> {
                 let r = p.distance(laser);
                 (r + if self.confocal { r } else { p.distance(sensor) } - start) / width
             };
-            // Paths are convex, so the corners' mean is too long: shift them to the mean over the
-            // triangle, three quarters of the centre's path and a quarter of the corners' mean.
+            // Paths are convex, so the mean of the corners' paths is too long. Shift them to the mean over the
+            // triangle: three quarters of the centre's path and a quarter of the corners' mean.
             let corners = e.corners.map(path);
             let centre = path((e.corners[0] + e.corners[1] + e.corners[2]) / 3.0);
             let shift = 0.75 * (centre - (corners[0] + corners[1] + corners[2]) / 3.0);
@@ -221,7 +219,8 @@ impl Renderer<'_> {
         histogram
     }
 
-    /// g / (r_l² r_s²), or g / (r_l r_s) for retroreflective targets, for the vectors from the surface point to laser and sensor point.
+    /// g / (r_l² r_s²), or g / (r_l r_s) for retroreflective surfaces. `to_l` and `to_s` lead from the surface point to
+    /// the laser and the sensor point.
     fn transport(&self, n: DVec3, to_l: DVec3, to_s: DVec3, wall: [DVec3; 2]) -> f64 {
         let (l2, s2) = (to_l.length_squared(), to_s.length_squared());
         let falloff = 1.0 / (l2 * s2);
@@ -247,8 +246,8 @@ impl Renderer<'_> {
     }
 }
 
-/// Adds `value` to the bins as a flat triangle's area spreads over path length: `path` holds the corners'
-/// paths in units of bins. The part outside the histogram is dropped.
+/// Adds `value` to the bins like the area of a flat triangle over path length. `path` holds the corners' paths in bins.
+/// The part outside the histogram is dropped.
 fn deposit(histogram: &mut [f64], mut path: [f64; 3], value: f64) {
     path.sort_by(f64::total_cmp);
     let [a, b, c] = path;

@@ -1,4 +1,4 @@
-//! What to simulate: objects, wall, scan, bins, reflectance, noise.
+//! A scene to simulate: objects, wall, scan, bins, reflectance, noise.
 
 use super::{Dark, Layout, Mesh, Pairs, WallShape};
 use crate::capture::Pulse;
@@ -12,7 +12,7 @@ const MOST_VALUES: f64 = 4_294_967_296.0;
 /// A mesh with one albedo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
-    /// Its surface, metres.
+    /// The surface.
     pub mesh: Mesh,
     /// Albedo, 0 or above; 1 for the built-in scenes.
     pub albedo: f64,
@@ -21,7 +21,7 @@ pub struct Object {
 /// A hidden scene and how it is measured. All fields may be changed after [`Scene::named`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// A short name for people.
+    /// A short name for readers.
     pub name: String,
     /// Hidden objects at z > 0, in metres.
     pub objects: Vec<Object>,
@@ -33,17 +33,17 @@ pub struct Scene {
     pub scan: usize,
     /// How laser and sensor points are paired.
     pub layout: Layout,
-    /// Whether surfaces hide what is behind them, from the laser or from the sensor. The wall hides nothing.
+    /// True if surfaces hide those behind them from laser and sensor. The wall hides nothing.
     pub occlusion: bool,
     /// Bin width in metres of path.
     pub bin_width: f64,
-    /// Number of bins; `None`: enough for every path of the scene, a multiple of 32.
+    /// Number of bins; `None`: enough for every path of the scene, and a multiple of 32.
     pub bins: Option<usize>,
     /// Leading edge of bin 0 in metres of path.
     pub t_start: f64,
-    /// How surfaces reflect; the formulas stand at [`super::render_pairs`].
+    /// How surfaces reflect light; [`super::render_pairs`] gives the formulas.
     pub reflectance: Reflectance,
-    /// How the instrument spreads a path over time; `None`: not at all.
+    /// How the instrument spreads a path over time; `None`: it does not.
     pub pulse: Option<Pulse>,
     /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
@@ -54,8 +54,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of the given objects with the usual setting: a flat wall of 1 m, 32 × 32 points, confocal, bins
-    /// of 6 mm from path 0, cosine, with occlusion, no noise.
+    /// A scene of the given objects with the default setting: a flat wall of 1 m, 32 × 32 points, confocal, bins of
+    /// 6 mm from path 0, cosine reflectance, occlusion, no noise.
     pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {
         Scene {
             name: name.into(),
@@ -89,8 +89,7 @@ impl Scene {
             let wall = [(-half, -half), (half, -half), (-half, half), (half, half)];
             let wall = wall.map(|(x, y)| DVec3::new(x, y, 0.0));
             let corners = || self.objects.iter().flat_map(|o| o.mesh.triangles.iter().flatten());
-            // The farthest point of a triangle from any wall point is a corner from a wall corner; a bump is
-            // nearer.
+            // The largest distance from a triangle to the wall is between two corners; a bump is nearer.
             let from = |points: &[DVec3]| {
                 corners().flat_map(|p| points.iter().map(|q| p.distance(*q))).fold(0.0, f64::max)
             };
@@ -117,8 +116,9 @@ impl Scene {
     /// Checks that the scene can be rendered.
     ///
     /// # Errors
-    /// Settings that are not finite or out of range, no triangles, a corner that is not finite or not in
-    /// front of the whole wall (z > 0 of a flat one), a negative albedo, dark counts without photons, or too large a capture.
+    /// Settings that are not finite or out of range, no triangles, a corner that is not finite or not in front of the
+    /// whole wall (z > 0 for a flat wall), a negative albedo, dark counts without photons, or a capture that is too
+    /// large.
     pub fn check(&self) -> Result<()> {
         let positive = |what: &str, value: f64, unit: &str| {
             if value.is_finite() && value > 0.0 {

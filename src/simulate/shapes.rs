@@ -4,7 +4,7 @@ use super::Mesh;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// A parametric surface: `point(u, v)` gives position and outward unit normal, u and v in [0, 1].
+/// A parametric surface: `point(u, v)` returns position and outward unit normal, u and v in [0, 1].
 fn surface(nu: usize, nv: usize, point: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Mesh {
     let at = |i: usize, j: usize| point(i as f64 / nu as f64, j as f64 / nv as f64);
     let mut mesh = Mesh::default();
@@ -19,7 +19,7 @@ fn surface(nu: usize, nv: usize, point: impl Fn(f64, f64) -> (DVec3, DVec3)) -> 
 }
 
 fn on_sphere(u: f64, v: f64) -> DVec3 {
-    // Exact poles, so that the slivers around them collapse and are dropped.
+    // Exact poles: the triangles without area around them are dropped.
     let ring = if u == 0.0 || u == 1.0 { 0.0 } else { (PI * u).sin() };
     let turn = if v == 1.0 { 0.0 } else { TAU * v };
     DVec3::new(ring * turn.cos(), (PI * u).cos(), ring * turn.sin())
@@ -52,7 +52,7 @@ pub fn capsule(from: DVec3, from_radius: f64, to: DVec3, to_radius: f64) -> Mesh
     }
     let axis = span / length;
     let (across, along) = axis.any_orthonormal_pair();
-    // Normals whose axial part is above this touch the sphere at `to`, the others the one at `from`.
+    // Angle between the axis and the normals where the sphere at `to` meets the cone.
     let turn = ((from_radius - to_radius) / length).clamp(-1.0, 1.0).acos();
     let rings = 5;
     surface(2 * rings + 1, 28, |u, v| {

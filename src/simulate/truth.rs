@@ -7,11 +7,11 @@ use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Side of the maps unless one asks for another.
+/// Default side of the maps, pixels.
 pub const DEFAULT_RESOLUTION: usize = 128;
 
-/// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each
-/// pixel's centre on the wall. Normals are unit, smooth where the mesh is, and point towards the wall.
+/// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's centre
+/// on the wall. Normals are unit vectors toward the wall, smooth where the mesh is.
 ///
 /// # Errors
 /// A scene that [`Scene::check`] refuses, or a resolution of 0 or above 16384.
@@ -29,7 +29,7 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
         .map(|k| {
             let at = |i: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * scene.wall;
             let from = DVec3::new(at(k / n), at(k % n), 0.0);
-            // A ray exactly along an edge may slip between two triangles; one just beside it does not.
+            // A ray exactly along an edge may pass between two triangles; a ray just beside it does not.
             let beside = DVec3::new(1.7e-6, 2.9e-6, 0.0) * scene.wall;
             let hit = surfaces.first_hit(from, DVec3::Z);
             let hit = hit.or_else(|| surfaces.first_hit(from + beside, DVec3::Z));
@@ -52,7 +52,7 @@ fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
     let ([a, b, c], [na, nb, nc]) = (mesh.triangles[hit.triangle], mesh.normals[hit.triangle]);
     let plane = (b - a).cross(c - a);
     let depth = (a - from).dot(plane) / plane.z;
-    // Seen edge on, the plane's depth means little.
+    // The plane's depth is not reliable if the triangle is seen edge-on.
     let depth = if (depth - hit.distance).abs() < 1e-3 * scene.wall { depth } else { hit.distance };
     let p = from + DVec3::Z * depth;
     let area = plane.length_squared();
@@ -61,12 +61,12 @@ fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
     }
     let (u, v) = ((c - b).cross(p - b).dot(plane) / area, (a - c).cross(p - c).dot(plane) / area);
     let normal = (na * u + nb * v + nc * (1.0 - u - v)).try_normalize().unwrap_or(plane.normalize());
-    // The side towards the wall, whichever way the mesh is wound.
+    // Toward the wall, whichever way the mesh is wound.
     let normal = if plane.z > 0.0 { -normal } else { normal };
     Some((depth, towards_wall(normal)))
 }
 
-/// A smooth normal at a silhouette may lean away from the wall by a hair: lay it flat.
+/// A smooth normal at a silhouette may point slightly away from the wall: its z component becomes zero then.
 fn towards_wall(n: DVec3) -> DVec3 {
     if n.z <= 0.0 { n } else { DVec3::new(n.x, n.y, 0.0).try_normalize().unwrap_or(-DVec3::Z) }
 }

@@ -7,10 +7,10 @@ use obvhs::ray::{Ray, RayHit};
 use obvhs::{BvhBuildParams, triangle::Triangle};
 use std::time::Duration;
 
-/// The scene's surfaces, ready for rays.
+/// The scene's surfaces, prepared for rays.
 pub(super) struct Surfaces {
     objects: Vec<Surface>,
-    /// How far rays start off their surface, in metres.
+    /// Distance at which rays start from their surface, metres.
     offset: f64,
 }
 
@@ -37,7 +37,7 @@ impl Surfaces {
         Surfaces { objects, offset: 2e-5 * size }
     }
 
-    /// Whether no surface lies between `from`, on `object` with outward normal `normal`, and `to`.
+    /// True if no surface lies between `from`, a point of `object` with outward normal `normal`, and `to`.
     pub fn visible(&self, from: DVec3, normal: DVec3, object: usize, to: DVec3) -> bool {
         let mut ray = None;
         for (i, surface) in self.objects.iter().enumerate() {

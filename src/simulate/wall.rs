@@ -2,7 +2,7 @@
 
 use glam::{DVec3, dvec3};
 
-/// Height of the bump and its standard deviation, as shares of the wall's side.
+/// Height and standard deviation of the bump, as shares of the wall's side.
 const BUMP_HEIGHT: f64 = 0.1;
 const BUMP_WIDTH: f64 = 0.2;
 
@@ -12,26 +12,26 @@ pub enum WallShape {
     /// The plane z = 0.
     #[default]
     Flat,
-    /// A Gaussian bump towards the hidden scene in the wall's middle: a tenth of the wall's side high, its
-    /// standard deviation a fifth of the side.
+    /// A Gaussian bump toward the hidden scene in the wall's middle. Its height is a tenth of the wall's side, its
+    /// standard deviation a fifth.
     Bump,
 }
 
 impl WallShape {
-    /// The point of a wall of the given side (metres) at (x, y).
+    /// The point at (x, y) of a wall of the given side, all in metres.
     pub fn point(self, x: f64, y: f64, side: f64) -> DVec3 {
         dvec3(x, y, self.height(x, y, side))
     }
 
-    /// The wall's unit normal there, towards the hidden scene; `None` for a flat wall.
+    /// The wall's unit normal at (x, y), toward the hidden scene; `None` for a flat wall.
     pub fn normal(self, x: f64, y: f64, side: f64) -> Option<DVec3> {
         let width = BUMP_WIDTH * side;
         let slope = self.height(x, y, side) / (width * width);
-        // z falls along x by x/σ² of itself.
+        // dz/dx = -z x / σ².
         (self == WallShape::Bump).then(|| dvec3(slope * x, slope * y, 1.0).normalize())
     }
 
-    /// The largest z of the wall.
+    /// The largest z of the wall, metres.
     pub fn front(self, side: f64) -> f64 {
         self.height(0.0, 0.0, side)
     }
