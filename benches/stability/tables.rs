@@ -12,7 +12,7 @@ use fixtures::device::vectors::run_iteration;
 use fixtures::device::{ACCUMULATIONS, set_counts, write_samples};
 use fixtures::extreme::{Case, Passes, cases, passes, passes_of, plain_kernels, solve};
 
-/// The targets, relative to the largest value and to the largest of each histogram.
+/// Targets: error over the largest value, and over the largest value of each histogram.
 pub const LARGEST: f64 = 1e-4;
 const HISTOGRAM: f64 = 1e-3;
 
@@ -33,7 +33,7 @@ fn figures(p: &Passes) -> String {
     format!("{:.0e} / {:.0e} / {:.0e}", p.forward.largest, p.forward.histogram, p.gradient)
 }
 
-/// Worst over the paths, and the worst of float sums with kernels as they are for ordinary scenes.
+/// Worst errors over the accumulation paths, with the scene's kernels and with those of ordinary scenes.
 fn both(gpu: &Gpu, case: &Case) -> [Passes; 2] {
     let [mut now, mut before] = [Passes::default(); 2];
     for a in ACCUMULATIONS {
@@ -52,11 +52,12 @@ fn both(gpu: &Gpu, case: &Case) -> [Passes; 2] {
 
 pub fn cases(gpu: &Gpu) -> String {
     let mut out = String::from(
-        "## Cases\n\nPasses: the worst of all accumulation paths, forward relative to the largest value / to the \
-         largest of each histogram / gradient. Before: the same with the kernels of ordinary scenes, where the scene \
-         now has others. Iterations: vectors over the longest, objective over the first one, and vectors shorter than a hundredth of the \
-         longest over the longest of those.\n\n\
-         | case | voxels | passes | before | held | 10 iterations | 60 iterations |\n|---|--:|---|---|---|---|---|\n",
+        "## Cases\n\n\
+         *Passes*: worst relative error over all accumulation paths. Forward, over the largest value / forward, over the \
+         largest value of each histogram / gradient. *Ordinary kernels*: the same with the kernels of ordinary scenes, \
+         if the scene has special ones. *Iterations*: error of vectors over the longest / of the objective over the first \
+         one / of vectors shorter than a hundredth of the longest, over the longest of those.\n\n\
+         | case | voxels | passes | ordinary kernels | on target | 10 iterations | 60 iterations |\n|---|--:|---|---|---|---|---|\n",
     );
     for case in cases::all() {
         let [now, before] = both(gpu, &case);
@@ -83,7 +84,9 @@ pub fn cases(gpu: &Gpu) -> String {
 }
 
 pub fn crowded(gpu: &Gpu) -> String {
-    let mut out = String::from("| equal additions to a bin | passes | before | held |\n|--:|---|---|---|\n");
+    let mut out = String::from(
+        "| equal additions to a bin | passes | ordinary kernels | on target |\n|--:|---|---|---|\n",
+    );
     for (lateral, deep) in [(16, 64), (32, 64), (64, 64), (100, 100)] {
         let [now, before] = both(gpu, &cases::crowded(lateral, deep));
         let before = if before == Passes::default() { "–".into() } else { figures(&before) };
@@ -99,16 +102,16 @@ pub fn crowded(gpu: &Gpu) -> String {
     out
 }
 
-/// Iterations that a stiff scene is given.
+/// Most iterations of a stiff scene.
 const MOST: usize = 400;
 
 pub fn stiff() -> String {
     let mut out = format!(
-        "## Stiffness\n\nCondition of the weighted normal operator AᵀWA on albedos (largest over smallest eigenvalue \
-         above 1e-12 of the largest), of D^-½ AᵀWA D^-½ with D the bound that a voxel's step divides by, and the spread \
-         of D. Iterations until the albedos are within a tenth / a hundredth of the truth (root of the \
-         mean squared relative error over voxels, so that dim and far ones count), by the twins, with one step \
-         for all voxels (1 / largest D, the \"before\") and with one each; – is more than {MOST}.\n\n\
+        "## Stiffness\n\nCondition (largest eigenvalue over the smallest above 1e-12 of it) of the weighted normal \
+         operator AᵀWA on albedos, and of D^-½ AᵀWA D^-½, where D is the bound that a voxel's step divides by; then the \
+         spread of D. Iterations of the twins until the albedos are within a tenth / a hundredth of the truth: with one \
+         step for all voxels (1 / largest D), and with a step per voxel; – is more than {MOST}. The error is the root of \
+         the mean squared relative error over voxels, so dim and far ones count.\n\n\
          | case | voxels | condition | scaled by D | spread of D | one step | a step per voxel |\n|---|--:|--:|--:|--:|---|---|\n"
     );
     let stiff = [
@@ -139,7 +142,7 @@ pub fn stiff() -> String {
 
 pub fn long(gpu: &Gpu) -> String {
     let mut out = String::from(
-        "## Long runs\n\nObjective of the vector solver on the device, over that of the first iteration.\n\n\
+        "## Long runs\n\nObjective of the vector solver on the device, over its value in the first iteration.\n\n\
          | case | 10 | 100 | 1,000 | 10,000 | restarts | not finite |\n|---|--:|--:|--:|--:|--:|--:|\n",
     );
     let count = 10_000;
@@ -163,11 +166,11 @@ pub fn long(gpu: &Gpu) -> String {
     out
 }
 
-/// Medians of paired runs of the passes, with the scene's kernels over those of ordinary scenes.
+/// Times of the passes with the scene's kernels over those of ordinary scenes: medians of paired runs.
 pub fn cost(gpu: &Gpu) -> String {
     let mut out = String::from(
-        "## Cost\n\nTime of a pass with the kernels that such a scene gets, over that with those of ordinary scenes; \
-         medians of 15 pairs in turns, this device.\n\n| scene | forward | gradient |\n|---|--:|--:|\n",
+        "## Cost\n\nTime of a pass with the scene's special kernels, over its time with the kernels of ordinary \
+         scenes; medians of 15 pairs of runs in turns, on this device.\n\n| scene | forward | gradient |\n|---|--:|--:|\n",
     );
     let crowded = cases::crowded(64, 64);
     for (what, case) in [("exact places", cases::dense_narrow()), ("sums by runs", crowded)] {
@@ -190,7 +193,7 @@ pub fn cost(gpu: &Gpu) -> String {
                     run_iteration(&mut jobs[k], 0, &[kernel]);
                     start.elapsed().as_secs_f64()
                 });
-                // The first compiles.
+                // The first turn compiles.
                 if turn > 0 {
                     ratios.push(seconds[0] / seconds[1]);
                 }
