@@ -1,15 +1,15 @@
 #!/bin/sh
-# Checks and times one device by the release binary alone: no cargo, no compiler, no network.
+# Checks and times one device with the release binary alone: no cargo, no compiler, no network.
 #
 #   benches/gpu.sh [--quick] [--device DEVICE] [BINARY]      BINARY: target/release/thirdbounce
 #
-# 1. Every pass of both solvers on every accumulation path against its float64 twin, and what the device does at most.
+# 1. Every pass of both solvers on every accumulation path against its float64 twin, and the device's limits.
 #    Stops here if a pass is wrong.
-# 2. Both solvers on the paper's scene (32 x 32 points, 128 x 128 voxels), simulated on the spot: every kernel.
-# 3. The same with the sizes of workgroups, chunks and columns that trials find the fastest here.
+# 2. Both solvers on the paper's scene (32 x 32 points, 128 x 128 voxels), simulated first: every kernel.
+# 3. The same with the fastest sizes of workgroups, chunks and columns that trials find.
 # 4. Every accumulation path, in short runs of the paper's solver.
-# Prints a table of each and writes benches/results/<device>-<driver>.json. --quick takes a scene that two CPU cores
-# solve in seconds, and marks the file so.
+# Prints a table of each and writes benches/results/<device>-<driver>.json. --quick uses a scene that two CPU cores
+# solve in seconds, and marks the file as quick.
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -38,11 +38,11 @@ binary=$(cd "$(dirname "$binary")" && pwd)/$(basename "$binary")
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-# Sizes found earlier must not count, nor stay.
+# Ignores sizes from earlier runs, and leaves none.
 export XDG_CACHE_HOME="$work/cache"
-# Files by their bare names, so that no result tells where it was made.
+# File names without folders, so no result contains a local path.
 cd "$work"
-# The device's words may hold spaces.
+# The device's name may contain spaces.
 profile() { if [ -n "$device" ]; then "$binary" profile --device "$device" "$@"; else "$binary" profile "$@"; fi; }
 title() { printf '\n== %s\n' "$1"; }
 
@@ -82,7 +82,7 @@ for path in owned float fixed fixed32 cas; do
     fi
 done
 
-# The first "name" and "driver" of the check are the device's.
+# The first "name" and "driver" in the check's output are the device's.
 word() { sed -n "s/^ *\"$1\": \"\\(.*\\)\",*\$/\\1/p" check.json | head -n 1; }
 slug() { printf '%s' "$1" | tr -cs 'A-Za-z0-9.' '-' | sed 's/^-*//; s/-*$//' | cut -c 1-60; }
 mkdir -p "$here/results"

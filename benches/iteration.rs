@@ -1,5 +1,5 @@
-//! What an iteration costs beside its pairs: with an empty list of active voxels, kernel by kernel; and what time
-//! stamps behind every command add, by runs with and without in turns.
+//! The cost of an iteration without pairs (an empty list of active voxels), kernel by kernel; and the cost of time
+//! stamps after every command, by runs with and without them in turns.
 //!
 //!     cargo bench --bench iteration
 
@@ -22,9 +22,9 @@ fn main() {
     stamps();
 }
 
-/// Iterations of both solvers that have nothing to do.
+/// Iterations of both solvers without active voxels.
 fn empty() {
-    // Stamps tell the kernels apart, but on a processor each flushes the queue: without them is what it costs.
+    // Time stamps separate the kernels, but on a CPU each one flushes the queue. The cost is measured without them.
     for stamped in [false, true] {
         let gpu = gpu(stamped);
         println!(
@@ -109,7 +109,7 @@ fn stamps() {
     });
     let mut seconds: [Vec<f64>; 2] = [vec![], vec![]];
     for run in 0..18 {
-        // Who is first changes, so that a drift of the machine hits both.
+        // The order alternates, so a drift of the machine affects both.
         for k in [run % 2, 1 - run % 2] {
             let done = solve(&devices[k], &capture, grid, &options);
             if run > 1 {
@@ -133,8 +133,8 @@ fn stamps() {
     );
 }
 
-/// Device seconds of a solve. A device that is the processor shares it with others, whose work must not count: there
-/// it is the processor's seconds of this program.
+/// Device seconds of a solve. A CPU device shares the processor with other programs, whose work must not count: there
+/// it is this program's CPU time.
 fn solve(gpu: &Gpu, capture: &thirdbounce::capture::Capture, grid: Grid, options: &VectorOptions) -> f64 {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
@@ -146,10 +146,10 @@ fn solve(gpu: &Gpu, capture: &thirdbounce::capture::Capture, grid: Grid, options
     }
 }
 
-/// Seconds that this program has had of all processors together, where the system tells (Linux: hundredths).
+/// CPU seconds of this program over all processors, if the system provides them (Linux: in hundredths).
 fn processor_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in brackets may hold spaces; behind it the 12th and 13th fields are user's and system's ticks.
+    // The name in brackets may contain spaces. Of the fields behind it, the 12th and 13th are user and system ticks.
     let fields: Vec<&str> = stat.rsplit(')').next()?.split_whitespace().collect();
     let ticks = |i: usize| fields.get(i)?.parse::<f64>().ok();
     Some((ticks(11)? + ticks(12)?) / 100.0)

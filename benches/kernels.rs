@@ -1,4 +1,4 @@
-//! The passes over pairs on a synthetic scene, every accumulation path in one process, by the device's clock.
+//! Times the passes over pairs on a synthetic scene by the device's clock, every accumulation path in one process.
 //!
 //!     cargo bench --bench kernels [-- FILTER]        THIRDBOUNCE_DEVICE names another device
 //!
@@ -16,7 +16,7 @@ fn kernels(c: &mut Criterion) {
     let gpu = gpu(true);
     println!("{} ({})", gpu.info.name, gpu.info.driver);
     let (side, active) = (32, 20_480);
-    // Straight to the histograms, or through private columns; chunks of the latter stay below lavapipe's loop limit.
+    // Straight to the histograms, or through private columns. Chunks for columns stay below lavapipe's loop limit.
     let ways = |a| [(a, 0), (a, 64)].into_iter().filter(|w| w.1 == 0 || w.0 != Accumulation::Owned);
     for (accumulation, window) in ACCUMULATIONS.into_iter().flat_map(ways) {
         let tuned = |t: &mut Tuning| {

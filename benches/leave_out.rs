@@ -1,5 +1,5 @@
-//! What leaving out saves: for each thing that a scene may do without, the same iterations with and without it, in
-//! turns, as the table of docs/leave-out.md.
+//! The savings of what plans leave out: for each part that a scene may not need, the same iterations with and without
+//! it, in turns. Prints the table of docs/leave-out.md.
 //!
 //!     cargo bench --bench leave_out
 
@@ -17,7 +17,7 @@ use thirdbounce::solve::{
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Grid, Model, Reflectance, Sampling};
 
-/// Runs of each side; iterations of a run.
+/// Runs of each side, and iterations of a run.
 const RUNS: usize = 7;
 const COUNT: u32 = 4;
 
@@ -104,7 +104,7 @@ fn main() {
         paper_side(&gpu, &confocal, grid, &paper.clone().with(|o| o.sampling = Sampling::Fixed)),
         paper_side(&gpu, &confocal, grid, &paper),
     );
-    // Bins from 1.8 m on see only what is deeper than 0.55 m or so, far off the axis.
+    // Bins from 1.8 m see only voxels deeper than about 0.55 m, far off the axis.
     let gated = confocal.gated(Gate { from: 1.8, to: f64::INFINITY }).expect("a gate inside");
     compare(
         "unreached bricks and bins",
@@ -127,7 +127,7 @@ fn main() {
     );
 }
 
-/// Pairs of every point with those that `kept` keeps of the others.
+/// A capture whose pairs are every point with those of the other points that `kept` keeps.
 fn spread(base: &Capture, kept: impl Fn(usize, usize) -> bool) -> Capture {
     let points = &base.sensor;
     let combine = |other: usize| (0..points.len()).map(move |p| (other, p));
@@ -163,7 +163,7 @@ fn vector_side<'g>(
     let mut plan = plan(&model, grid, &options, gpu);
     change(&mut plan);
     let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
-    // Every voxel active: the back-projection is asked to keep all that is above nothing.
+    // Every voxel is active: the back-projection keeps all values above zero.
     let mut start =
         vector::start(&job.plan, job.plan.finest(), &options.with(|o| o.domain.start_above = 0.0));
     everything(&job, &mut start);
@@ -183,11 +183,11 @@ fn paper_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: &PaperOp
 }
 
 fn plan(model: &Model, grid: Grid, options: &dyn Needs, gpu: &Gpu) -> Plan {
-    // The scan's resolution is as good as the grid's: one level.
+    // The scan is as fine as the grid: one level.
     Plan::new(model, grid, [grid.n[0]; 2], options, &gpu.abilities(), false).expect("a plan")
 }
 
-/// All voxels of the storage active, so that both sides of a comparison walk the same list.
+/// Activates all voxels of the storage, so both sides of a comparison walk the same list.
 fn everything(job: &OnDevice<'_>, start: &mut Schedule) {
     start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), u32::MAX);
     start.extend(compact(&job.plan, job.plan.finest()));
@@ -204,7 +204,7 @@ fn compare<'g>(what: &str, of: &str, mut without: Side<'g>, mut with: Side<'g>) 
             for _ in 0..COUNT {
                 side.job.executor.run(&side.each).expect("an iteration runs");
             }
-            // The first warms up.
+            // The first run warms up.
             if run > 0 {
                 seconds[k].push(start.elapsed().as_secs_f64() / f64::from(COUNT));
             }

@@ -1,7 +1,7 @@
-//! How the cost of a pair depends on the size of the scene: active voxels by laser-sensor pairs. Once a device is
-//! full the cost should not change; the last line tells by how much it does.
+//! The cost of a pair by the size of the scene: active voxels by laser-sensor pairs. On a full device the cost should
+//! be constant; the last line prints by how much it changes.
 //!
-//!     cargo bench --bench scaling [-- --most PAIRS]      scenes of more voxel-pairs than this are left out
+//!     cargo bench --bench scaling [-- --most PAIRS]      leaves out scenes of more voxel-pairs than this
 //!                                                        [default: 3e7 on a CPU, 1e11 elsewhere]
 
 mod scene;
@@ -41,7 +41,7 @@ fn main() {
         }
         println!();
     }
-    // A device counts as full from a tenth of the largest scene's work on.
+    // A device counts as full at a tenth of the largest scene's work.
     let largest = all.iter().fold(0.0f64, |m, a| m.max(a.0));
     for (k, name) in ["forward", "backward"].into_iter().enumerate() {
         let full: Vec<f64> = all.iter().filter(|a| a.0 >= 0.1 * largest).map(|a| a.1[k]).collect();
@@ -55,7 +55,7 @@ fn main() {
     }
 }
 
-/// Pairs and seconds of each, forward and backward; nothing if the scene does not fit.
+/// Number of pairs, and seconds per pair forward and backward; `None` if the scene does not fit.
 fn measure(gpu: &thirdbounce::gpu::Gpu, side: usize, active: usize) -> Option<(f64, [f64; 2])> {
     let mut job = job(gpu, side, active, Accumulation::Auto, |_| {}).ok()?;
     let level = *job.plan.finest();

@@ -1,5 +1,5 @@
-//! Whole solves of a small simulated scene by both solvers, on the host's clock: plan, memory, uploads, iterations,
-//! maps.
+//! Times whole solves of a small simulated scene by both solvers, on the host's clock: plan, memory, uploads,
+//! iterations, maps.
 //!
 //!     cargo bench --bench solves
 

@@ -1,4 +1,4 @@
-//! What benches share: a synthetic scene of any size, and a job on it.
+//! Shared by the benches: a synthetic scene of any size, and a job on it.
 #![allow(dead_code)] // each bench uses its part
 
 use glam::dvec3;
@@ -10,7 +10,7 @@ use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 pub const ACCUMULATIONS: [Accumulation; 5] =
     [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas];
 
-/// The device that THIRDBOUNCE_DEVICE names, by index or part of its name; otherwise the best there is.
+/// The device that THIRDBOUNCE_DEVICE names, by index or part of its name; otherwise the best one.
 pub fn gpu(timings: bool) -> Gpu {
     let device = std::env::var("THIRDBOUNCE_DEVICE").ok();
     Gpu::open(&GpuOptions { device, timings, ..GpuOptions::default() }).unwrap_or_else(|e| panic!("{e}"))
@@ -38,7 +38,7 @@ pub fn grid(active: usize) -> Grid {
     Grid::new(volume, lateral, 0.5 / deep).expect("a plain grid")
 }
 
-/// The paper's solver on such a scene, every voxel active once its schedule has begun.
+/// The paper's solver on this scene. Every voxel is active after its start schedule.
 pub fn job(
     gpu: &Gpu,
     side: usize,
@@ -51,7 +51,7 @@ pub fn job(
         o.iterations = 64;
     });
     let model = Model::new(&capture(side), Reflectance::Cosine, 10.0, false);
-    // The scan's resolution is as good as the grid's: one level.
+    // The scan is as fine as the grid: one level.
     let grid = grid(active);
     let mut plan = Plan::new(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;
     tune(&mut plan.tuning);

@@ -1,4 +1,4 @@
-//! Stiff and extreme cases: writes docs/stability.md and the plots beside it.
+//! Stiff and extreme cases. Writes docs/stability.md and its plots.
 //!
 //!     cargo bench --bench stability        THIRDBOUNCE_DEVICE names another device
 
@@ -10,7 +10,7 @@ use std::path::Path;
 
 use thirdbounce::gpu::{Gpu, GpuOptions};
 
-/// What is not measured but decided or explained.
+/// The parts of the page that are written by hand.
 const ABOUT: [&str; 2] = [include_str!("about.md"), include_str!("findings.md")];
 
 fn main() {

@@ -57,7 +57,7 @@ fn dynamic_range(gpu: &Gpu, folder: &Path) -> String {
     plot(folder, "dynamic-range", "Error against dynamic range", axes, curves)
 }
 
-/// The case's histograms as photons, so many in the brightest bin.
+/// The case with photon counts for histograms, with a mean of `peak` in the brightest bin.
 fn counted(case: &Case, peak: f64) -> Case {
     let mut case = case.clone();
     let mut random = rand_pcg::Pcg64::seed_from_u64(1);
@@ -88,7 +88,7 @@ fn photons(gpu: &Gpu, folder: &Path) -> String {
     plot(folder, "photons", "Error against photon count", axes, curves)
 }
 
-/// The share of all light that is in another bin than the twin's, where a contribution goes to one bin.
+/// The share of all light that is in another bin than in the twin, with nearest binning.
 fn misplaced(gpu: &Gpu, case: &Case, plain: bool) -> f64 {
     let mut case = case.clone();
     case.model.binning = Binning::Nearest;

@@ -1,14 +1,17 @@
-//! How stiff a scene is: the spectrum of its weighted normal operator, and iterations to a given residual.
+//! Stiffness of a scene: the spectrum of its weighted normal operator, and the iterations to a given error.
 
 use glam::DVec3;
 use thirdbounce::transport::twin::{self, Sample};
 
 use fixtures::extreme::{Case, cases, solve};
 
-/// Condition of the normal operator on albedos, by itself and scaled by the bound D that steps divide by.
+/// Condition of the normal operator on albedos.
 pub struct Condition {
+    /// Voxels of the operator.
     pub voxels: usize,
+    /// Condition of the operator.
     pub plain: f64,
+    /// Condition of the operator scaled by the bound D that steps divide by.
     pub scaled: f64,
     /// Largest over smallest D.
     pub spread: f64,
@@ -16,10 +19,11 @@ pub struct Condition {
 
 /// Eigenvalues below this share of the largest are rounding errors of the operator.
 const RANK: f64 = 1e-12;
-/// Voxels of the largest operator that is taken apart.
+/// Most voxels of an operator whose eigenvalues are computed.
 const MOST: usize = 220;
 
-/// Of the isotropic model (albedos alone, so the operator is linear) on so many of the case's voxels.
+/// The condition for the isotropic model (albedos alone, so the operator is linear) on at most [`MOST`] of the case's
+/// voxels.
 pub fn condition(case: &Case) -> Condition {
     let mut case = cases::as_albedos(case);
     let every = case.active.len().div_ceil(MOST).max(1);
@@ -55,7 +59,7 @@ pub fn condition(case: &Case) -> Condition {
     }
 }
 
-/// Largest over smallest of those that are not rounding errors.
+/// Largest over smallest of the values that are not rounding errors.
 fn ratio(values: Vec<f64>) -> f64 {
     let largest = values.iter().fold(0.0f64, |a, b| a.max(*b));
     values.iter().filter(|v| **v > RANK * largest).fold(0.0, |a: f64, v| a.max(largest / v))
@@ -88,12 +92,12 @@ fn eigenvalues(mut m: Vec<Vec<f64>>) -> Vec<f64> {
     (0..n).map(|i| m[i][i]).collect()
 }
 
-/// Iterations until the albedos are within a tenth and a hundredth of the truth, as the root of the mean over voxels of
-/// the squared relative error: what is dim and far counts as what is bright and near. None within `most`.
+/// Iterations until the albedos are within a tenth and a hundredth of the truth; `None` if not within `most`. The error
+/// is the root of the mean squared relative error over voxels: dim and far ones count as much as bright and near ones.
 pub fn iterations_to(case: &Case, most: usize, scalar: bool) -> [Option<usize>; 2] {
     let case = cases::as_albedos(case);
     let points = solve::centres(&case);
-    // What no bin sees cannot be found.
+    // Voxels that no bin sees cannot be reconstructed.
     let seen = case.active.iter().zip(solve::bounds(&case, &points)).filter(|(_, b)| b[0] > 0.0);
     let lit: Vec<usize> = seen.map(|(i, _)| *i as usize).filter(|i| case.truth[*i] != DVec3::ZERO).collect();
     let mut reached = [None; 2];

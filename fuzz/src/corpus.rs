@@ -1,4 +1,4 @@
-//! Writes the first inputs, the fixtures of the tests, into corpus/TARGET, or into the folder given instead of corpus:
+//! Writes the first inputs, the fixtures of the tests, to corpus/TARGET; an argument replaces the folder `corpus`:
 //! `cargo run --bin corpus [FOLDER]`.
 
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ fn main() {
         if let Some(target) = targets.iter().find(|t| name.starts_with(**t)) {
             put(target, &file);
         }
-        // The same capture as our own formats write it.
+        // The same capture, written in our own formats.
         let mut capture = read_given(&opened, &given).expect("a whole fixture").capture;
         for (target, ending) in [("npz", "npz"), ("ytal", "h5")] {
             let path = scratch.join(format!("from_{name}.{ending}"));

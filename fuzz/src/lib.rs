@@ -1,16 +1,16 @@
-//! What all fuzz targets do: open bytes as a capture. Any error will do, a panic or a hang will not, and what opens
-//! must be sound.
+//! Shared by all fuzz targets: open bytes as a capture. An error is fine, a panic or a hang is a finding, and a capture
+//! that opens must be valid.
 
 use std::sync::Once;
 
 use thirdbounce::capture::formats::hdf5::is_guarded;
 use thirdbounce::capture::{Given, read_given};
 
-/// libFuzzer's hook ends the process at any panic; one of the HDF5 reader is caught and becomes an error.
+/// libFuzzer's hook ends the process at any panic. A panic of the HDF5 reader is caught and becomes an error.
 static HOOK: Once = Once::new();
 
-/// Opens bytes as a file of that name. Each process has a folder of its own, so that several may run side by side;
-/// no other file is ever in it.
+/// Opens bytes as a file with this name. Each process has its own folder, without other files, so several may run side
+/// by side.
 pub fn open(bytes: &[u8], name: &str, given: &Given) {
     HOOK.call_once(|| {
         let ends = std::panic::take_hook();

@@ -61,11 +61,12 @@ pub fn assert_held(rows: &[Row]) {
 }
 
 const HEAD: &str = "# Reliability\n\n\
-    Faults that are done to the engine, and what came of them. `make soak` runs every case and writes this page area by \
-    area (`cargo test --release --locked --test reliability -- --ignored`); `make test` runs a sample of the same cases.\n\n\
-    A case holds if it ends within its time limit in success or in one clear error that says how to mend it, with \
-    nothing half-written, nothing left allocated, and the next solve in the same process as good as ever. *Errors* counts \
-    the different ones that were said; the most frequent stands beside it with its fix.\n";
+    Faults that tests cause in the engine, and the outcome. `make soak` runs every case and writes this page area by \
+    area (`cargo test --release --locked --test reliability -- --ignored`); `make test` runs a sample of the same \
+    cases.\n\n\
+    A case holds if it ends within its time limit, in success or in one clear error that says how to fix it. No file \
+    may be half-written, no memory may stay allocated, and the next solve in the same process must work as before. \
+    *Errors* is the number of different errors; the most frequent one follows with its fix.\n";
 
 /// Replaces the section of an area in docs/reliability.md.
 pub fn write(area: &str, rows: &[Row]) {
