@@ -82,10 +82,10 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
     assert_valid(&gpu);
 }
 
-/// A state's buffers, in the order that tests give them.
+/// A state's buffers, in the order that tests use.
 const STATE: [Buffer; 3] = [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND];
 
-/// Writes a domain and the state of what it touches, all three by storage index; what is touched is returned.
+/// Writes a domain and the state of the voxels that it touches, by storage index. Returns the touched voxels.
 fn hold(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
     let touched = write_touched(job, grid, domain);
     for (buffer, state) in STATE.into_iter().zip(state) {
@@ -94,7 +94,7 @@ fn hold(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>;
     touched
 }
 
-/// Moments that tell their voxels apart.
+/// Moments that differ from voxel to voxel.
 fn moments(raw: &[Raw], by: f64) -> Vec<Raw> {
     raw.iter().map(|r| r.map(|v| f64::from((by * v) as f32))).collect()
 }
@@ -133,7 +133,7 @@ pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         model.keep_above = keep;
         let twin = Twin { model: &model, grid: &grid };
         let (mut raw, mut domain) = state(&model, &grid, 0.8, 4);
-        // One bright blob in dim surroundings, its edge in the space that is too near. It outgrows its domain.
+        // One bright blob in dim surroundings. Its edge is too near to be active, and it outgrows its domain.
         for (i, r) in raw.iter_mut().enumerate() {
             let c = grid.voxel(i).map(|v| v as f64);
             let d2 = (c[0] - 4.0).powi(2) + (c[1] - 7.0).powi(2) + (c[2] - 2.0).powi(2);
@@ -155,7 +155,7 @@ pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
         assert!(share > 0.005 && share < 0.9, "the test prunes something and keeps something: {share}");
         assert_lists(&mut job, &grid, &kept, true);
-        // What stays keeps its state to the bit, what has not been touched before has none.
+        // Voxels that stay touched keep their state to the bit; those that were not touched before have none.
         let now = twin::touched(&grid, &kept);
         assert!(now.iter().any(|i| !touched.contains(i)) && now.iter().any(|i| touched.contains(i)));
         for (buffer, state) in STATE.into_iter().zip(&state) {
@@ -201,7 +201,7 @@ pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     assert_eq!(job.plan.levels.len(), 2);
     assert_eq!(job.plan.levels[0].grid, coarse);
     let (raw, domain) = state(&model, &coarse, 0.3, 5);
-    // Slots are the coarse level's.
+    // Slots of the coarse level.
     let coarse_touched = write_touched(&mut job, &coarse, &domain);
     write_state(&mut job, buffer::RAW, &coarse_touched, &raw);
     let schedule = double(&job.plan, &job.plan.levels[0], &job.plan.levels[1]);
@@ -215,7 +215,7 @@ pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let want = twin::carry(&touched, &twin::carry_doubled(&coarse, &fine, &kept));
     let got = read_state(&mut job, buffer::RAW, &touched, fine.storage());
     assert!(error(got.concat(), want.concat()) < 1e-6);
-    // What is active now was interpolated from touched voxels alone.
+    // Active voxels are interpolated from touched voxels only.
     let whole = twin::carry_doubled(&coarse, &fine, &raw);
     let active = twin::compact(&split);
     assert!(error(twin::carry(&active, &got).concat(), twin::carry(&active, &whole).concat()) < 1e-6);

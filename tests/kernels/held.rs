@@ -1,4 +1,4 @@
-//! Which test holds which pass: none is without a twin and a test against it, unless its row says why.
+//! The table of passes and tests: every pass has a twin and a test against it, or its row says why not.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,14 +12,15 @@ use thirdbounce::solve::{PASSES, Pass, Twin, paper, vector};
 use crate::{domain, paper as of_paper, surface, surface_gather, vector as of_vector};
 use crate::{vector_domain, vector_forward, vector_momentum};
 
-/// Passes and the tests that hold them against their twins.
+/// Passes, and the tests that compare them with their twins.
 macro_rules! held {
     ($($($pass:path),+ => $test:path;)*) => {
         &[$((&[$(&$pass),+], $test)),*]
     };
 }
 
-/// Beside what `thirdbounce profile --check` holds on a user's device ([`CHECKS`]).
+/// Passes that tests hold, in addition to those that `thirdbounce profile --check` holds on a user's device
+/// ([`CHECKS`]).
 static HELD: &[(&[&Pass], fn())] = held! {
     SAMPLE => of_paper::sample;
     FORWARD => of_paper::forward_on_every_accumulation_path;
@@ -76,12 +77,12 @@ fn every_pass_has_a_twin_and_a_test_against_it() {
             Twin::None(why) => assert!(why.len() > 30, "{pass:?} has no twin: its row must say why"),
         }
     }
-    // The tests are different ones: a table of copies would hold nothing.
+    // The tests differ: a table that repeats one test would hold nothing.
     let tests: BTreeSet<usize> = HELD.iter().map(|(_, test)| *test as usize).collect();
     assert!(tests.len() > 20, "{}", tests.len());
 }
 
-/// The sources of the tests that compare.
+/// The sources of the tests that compare with twins.
 fn sources() -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut folders: Vec<PathBuf> =

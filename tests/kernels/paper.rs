@@ -113,7 +113,7 @@ pub fn forward_on_every_accumulation_path() {
     assert_valid(&gpu);
 }
 
-/// The scale of fixed-point accumulation, as `glsl/include/fixed.glsl` has it.
+/// The scale of fixed-point accumulation, as in `glsl/include/fixed.glsl`.
 fn fixed_exponent(peak: f32, bound: f32, count: u32) -> i32 {
     let exponent = |v: f32| if v == 0.0 { 0 } else { v.log2().floor() as i32 + 1 };
     let bits = if count == 0 { 0 } else { 32 - count.leading_zeros() as i32 };
@@ -137,7 +137,7 @@ pub fn residual_with_and_without_noise_term() {
             let mut job = job(&gpu, &model, &grid, &o);
             let elements = model.pairs() * model.bins;
             let mut random = Random::new(6);
-            // Sums around the measured size, negative ones among them, so that the clamp is met.
+            // Sums of about the measured size. Some are negative, which tests the clamp.
             let render = f64::from(model.scene(&grid).render_scale);
             let sums: Vec<f64> = (0..elements).map(|_| random.uniform(-2.0, 10.0) / render).collect();
             let weights: Vec<f64> =
@@ -211,7 +211,7 @@ pub fn backward_published_and_exact() {
         for gradient in [Gradient::Published, Gradient::Exact] {
             let mut model = model(5, 64, 9);
             (model.binning, model.gradient) = (binning, gradient);
-            // As strong as the data's part, so that neither hides the other.
+            // As strong as the data term, so neither hides the other.
             model.l1 = 5000.0;
             let grid = grid();
             let twin = Twin { model: &model, grid: &grid };
@@ -288,7 +288,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
         let sizes = [(constant::VOXELS, voxels), (constant::SLICES, slices)];
         remake(&mut job, &sizes);
         let mut s = Schedule::default();
-        // Two dispatches as for many pairs: the first ones, then the rest on top of their sums.
+        // Two dispatches, as for many pairs: the second adds to the sums of the first.
         let groups = (samples.len() as u32).div_ceil(voxels);
         let scene = job.plan.finest().scene;
         s.fill(buffer::COUNTS, 4, samples.len() as u32);
@@ -307,7 +307,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
 #[test]
 pub fn update_continuous_and_fixed() {
     let gpu = gpu();
-    // At iteration 4 the learning rate is whole, half of it, next to nothing, nothing.
+    // At iteration 4 the learning rate is full, half, almost zero, zero.
     let decays = [(0.0, 1.0), (8.0, 0.5), (4.5, 0.0302), (3.0, 0.0)];
     for ((decay_over, rate), sampling) in
         decays.into_iter().zip([Sampling::Continuous, Sampling::Fixed].repeat(2))

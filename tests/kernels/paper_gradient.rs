@@ -1,5 +1,5 @@
-//! Gradients against finite differences of the objective they are the gradient of, in float64; the kernels are
-//! held to the same functions in `kernels.rs`.
+//! Gradients against finite differences of their objective, in float64. `paper.rs` compares the kernels with the same
+//! functions.
 
 use fixtures::device::*;
 use glam::dvec3;
@@ -7,9 +7,9 @@ use thirdbounce::capture::PulseTaps;
 use thirdbounce::transport::twin::{self, Raw, Twin, Way};
 use thirdbounce::transport::{Binning, Gradient, Grid, Model, Sampling, Volume, Wall};
 
-/// Adjoint of the sampling, as `update` gathers it: gradients at samples to gradients of voxels.
+/// Adjoint of the sampling, as in `update`: from gradients at samples to gradients of voxels.
 fn to_voxels(twin: &Twin, iteration: u32, active: &[u32], gradient: &[Raw]) -> Vec<Raw> {
-    // One step of a gradient descent without moments and with a huge epsilon is the gradient times lr / epsilon.
+    // One step of Adam without moments and with a huge epsilon is the gradient times lr / epsilon.
     let mut model = twin.model.clone();
     (model.betas, model.epsilon, model.learning_rate) = ([0.0, 0.0], 1e12, 1e12);
     let plain = Twin { model: &model, grid: twin.grid };
@@ -63,14 +63,14 @@ fn check_noise(pulse: Option<PulseTaps>) {
     let samples = twin::sample(&twin, 0, &active, &raw);
     let accumulated = twin::forward(&twin, &samples);
     let (residual, _) = twin::residual(&twin, &accumulated, &weights);
-    // The term is added to what the instrument shows: it learns from the residual before that goes back to the paths.
+    // The noise term is added after the pulse, so it learns from the residual before the adjoint of the pulse.
     let shown = twin::pulse(&twin, &accumulated, Way::Spread);
     let (of_bins, _) = twin::residual(&Twin { model: &sharp, grid: &grid }, &shown, &weights);
     assert!(of_bins.contains(&0.0), "some bins are clamped");
     let gradient = to_voxels(&twin, 0, &active, &twin::backward(&twin, &samples, &residual));
     assert_gradient(&raw, &gradient, |r| twin::objective(&twin, 0, &active, r, &weights));
 
-    // The weights' own gradient, by one step of Adam from rest: its first moment is (1 - beta1) g.
+    // The gradient by the weights, from one step of Adam at rest: its first moment is (1 - beta1) g.
     let mut state: Vec<[f64; 3]> = weights.iter().map(|w| [*w, 0.0, 0.0]).collect();
     twin::noise(&twin, 1, &of_bins, &mut state);
     for i in (0..weights.len()).step_by(53) {
@@ -85,7 +85,7 @@ fn check_noise(pulse: Option<PulseTaps>) {
     }
 }
 
-/// Every reflectance over every kind of pairs and walls, sharp and through a pulse.
+/// Every reflectance over every kind of pairs and walls, with sharp paths and with a pulse.
 #[test]
 fn exact_gradient_of_every_model_pair_and_wall() {
     for (geometry, reflectance, curved) in variants() {

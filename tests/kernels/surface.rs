@@ -1,5 +1,5 @@
-//! What the surface's kernels compute, against the float64 twins, on random input in poisoned buffers; the stage as a whole
-//! is in `surface_solve.rs`.
+//! The surface's kernels against the float64 twins, on random input in poisoned buffers. The whole stage is tested in
+//! `tests/solvers/surface.rs`.
 
 use fixtures::device::surfaces::*;
 use fixtures::device::vectors::{read_floats, scene};
@@ -13,13 +13,13 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bond, Height, Pull, Raw, SurfaceWeights, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
-/// Number of a neighbour among the eight, as kernels count them.
+/// Number of a neighbour among the eight, as in the kernels.
 fn slot(way: [i32; 2]) -> usize {
     let k = (3 * (way[0] + 1) + way[1] + 1) as usize;
     if k > 4 { k - 1 } else { k }
 }
 
-/// Stencils as kernels store them, zero where no neighbour is.
+/// Stencils as kernels store them, zero where there is no neighbour.
 fn stencils(bonds: &[Vec<Bond>]) -> Vec<f64> {
     let mut all = vec![DVec2::ZERO; 8 * bonds.len()];
     for (pixel, bonds) in bonds.iter().enumerate() {
@@ -46,7 +46,7 @@ pub fn bonds_and_points() {
         let model = Model { reflectance, ..scene(3, 40, 1) };
         let twin = Twin { model: &model, grid: &grid };
         let mut field = Field { each, ..field(&grid, 2) };
-        // Beside the rest a spike that leaves the grid on both sides of it.
+        // One more spike that leaves the grid on both sides.
         let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
         let middle = field.len() / 2;
         field.heights[middle].depth = f64::from(near as f32);
@@ -66,7 +66,8 @@ pub fn bonds_and_points() {
         assert!(read::<u32>(&mut job, buffer::HEIGHT_MOMENTS, 4 * field.len()).iter().all(|m| *m == 0));
         let got = read_floats(&mut job, buffer::STENCILS, 16 * field.len());
         let e = error(got, stencils(&bonds));
-        // Where pixels lie on a slanted line, what remains of their products is a thousandth: some hundred times the rounding.
+        // For pixels on a slanted line the determinant cancels to a thousandth, about a hundred times the rounding
+        // error.
         assert!(e < 3e-5, "{e}");
         let pixels: Vec<[u32; 4]> = read(&mut job, buffer::PIXELS, field.len());
         assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
@@ -82,7 +83,7 @@ pub fn bonds_and_points() {
         assert!(each == 1 || clamped(near) > 1 && clamped(far) > 1);
         let got = read_raw(&mut job, buffer::SAMPLE_POINTS, samples.len());
         for (g, w) in got.iter().zip(&samples) {
-            // Metres; a depth takes in a slope, which is known to 1e-5 of at most 5, times a quarter of a pixel.
+            // Metres. A depth includes a slope (at most 5, accurate to 1e-5) times a quarter of a pixel.
             assert!(
                 (dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-5 * 5.0 * pitches(&grid),
                 "{g:?} {w:?}"
@@ -104,7 +105,7 @@ pub fn bonds_and_points() {
     assert_valid(&gpu);
 }
 
-/// Random gradients at the points of a field whose depths have moved since its bonds were found.
+/// Random gradients at the points of a field whose depths have moved since its bonds were computed.
 #[test]
 pub fn combine() {
     let gpu = gpu();
@@ -144,7 +145,7 @@ pub fn combine() {
                 }
             })
             .collect();
-        // The prior alone, and beside the data as large as they.
+        // The prior alone, and together with data of the same size.
         for [bend, jump, sparse] in
             [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 16.0], [0.5, 0.25, 8.0], [0.0; 3]]
         {
@@ -163,7 +164,8 @@ pub fn combine() {
             let e =
                 error(got.iter().flat_map(|g| [g[0], g[1]]), want.iter().flat_map(|c| c.slope.to_array()));
             assert!(e < 3e-6, "{reflectance:?} {weights:?}: slopes {e}");
-            // What is off a plane is a small difference of depths, which fp32 knows to 3e-8 m in pixels of 0.08 m.
+            // The distance from a plane is a small difference of depths, which fp32 holds to 3e-8 m in pixels of 0.08
+            // m.
             let e = error(got.iter().map(|g| g[2]), want.iter().map(|c| c.height.depth));
             assert!(e < 3e-6, "{reflectance:?} {weights:?}: depths {e}");
             let e = error(got.iter().map(|g| g[3]), want.iter().map(|c| c.height.albedo));
@@ -181,7 +183,7 @@ pub fn combine() {
 #[test]
 pub fn several_steps() {
     let gpu = gpu();
-    // By a pixel's own gradient; by those around it, over 1.5 pixels at first and by a Gaussian that leaves the maps.
+    // Steps by a pixel's own gradient, by gradients spread over 1.5 pixels, and by a Gaussian that leaves the maps.
     [0.0, 1.5, 6.0].into_iter().for_each(|spread| check_steps(&gpu, spread));
     assert_valid(&gpu);
 }
@@ -199,7 +201,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
         jump: 0.0,
         rates: Height { depth: 0.25, albedo: 16.0 },
         iterations: 6.0,
-        // Small gradients of depth are rounding, then; none of albedo is.
+        // Then small gradients of depth count as rounding, and none of albedo does.
         largest: Height { depth: 1.0 / 8192.0, albedo: 0.0 },
         smooth: 1.0,
         spread,
@@ -212,7 +214,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
     let (mut dark, mut ends) = (0, 0);
     let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
     for number in 1..=6 {
-        // Of all sizes. One pixel has none at all.
+        // Gradients of all sizes. One pixel has none.
         let scale = 10f64.powi(4 * number as i32 - 14);
         let mut one =
             |k: usize| f64::from((scale * random.uniform(-0.7, 1.0) * [1.0, 1.0, 30.0, 9.0][k]) as f32);
@@ -235,7 +237,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
         assert!(spread > 0.0 || field.heights[alone] == before[alone]);
         run_surface(&mut job, field.len(), number as usize - 1, &["surface_pull", "surface_step"]);
         let got = read_heights(&mut job, field.len());
-        // A depth that is next to balanced goes by a quotient of two small numbers.
+        // The step of a nearly balanced depth is a quotient of two small numbers.
         for (k, e) in [0, 1].map(|k| (k, error(halves(&got)[k].clone(), halves(&field.heights)[k].clone()))) {
             assert!(e < 3e-6, "spread {spread} step {number}, {k}: {e}");
         }
@@ -288,7 +290,7 @@ pub fn extract() {
     assert_valid(&gpu);
 }
 
-/// The schedule as a whole, with the weights that the stage has: every iteration from what the one before left.
+/// The whole schedule, with the stage's own weights: every iteration starts from the result of the previous one.
 #[test]
 pub fn iterations_in_a_row() {
     let gpu = gpu();
@@ -303,7 +305,7 @@ pub fn iterations_in_a_row() {
     assert_valid(&gpu);
 }
 
-/// A residual back through the taps that `words` begin with.
+/// A residual through the adjoint of the taps at the start of `words`.
 fn blurred(residual: &[f64], words: &[f32], bins: usize) -> Vec<f64> {
     let (before, count) = (words[0] as usize, words[1] as usize);
     let taps = PulseTaps { before, weights: words[2..2 + count].iter().map(|w| f64::from(*w)).collect() };
@@ -323,7 +325,7 @@ fn check_iterations(
     let model = variant(&scene(5, 48, 9), geometry, reflectance, curved, 62);
     let model = measured(&model, &grid, &field, 63);
     let twin = Twin { model: &model, grid: &grid };
-    // Of the iterations the first go by blurred residuals.
+    // The first iterations use blurred residuals.
     let o = surface_options(&grid, each).with(|o| {
         o.accumulation = accumulation;
         o.surface.blur = 0.5;
@@ -384,8 +386,8 @@ fn check_iterations(
     let what = format!("{geometry:?} {reflectance:?}");
     let loss = |w: &[f64; 3]| w[0] + w[2];
     assert!(loss(&want[ROWS - 1]) < 0.9 * loss(&want[0]), "{what}: {want:?}");
-    // A point next to the centre of a bin may be to either side of it, and what it then pulls at is one of some thousand
-    // parts of a gradient. Of a gradient that is small itself Adam makes a step as large as of any.
+    // A point next to a bin's centre may fall to either side of it, which changes one of about a thousand parts of a
+    // gradient. Adam takes as large a step for a small gradient as for a large one.
     for (row, want) in rows.iter().zip(&want) {
         let got = [TRACE_OBJECTIVE, TRACE_DATA, TRACE_L1].map(|i| f64::from(f32::from_bits(row[i as usize])));
         for k in 0..3 {

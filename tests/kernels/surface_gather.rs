@@ -10,7 +10,7 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Sample, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
-/// A gather's input: samples of a field none of which is about to change its bins, random residuals.
+/// A gather's input: random residuals, and samples of a field that are not about to change their bins.
 struct GatherCase {
     model: Model,
     grid: Grid,
@@ -53,7 +53,7 @@ impl GatherCase {
             self.model.reflectance,
             self.model.wall.normals.is_some()
         );
-        // Each has units of its own.
+        // Each component has its own unit.
         let depth = |g: &Raw| if directed { g[3] } else { g[1] };
         let e = error(got.iter().map(depth), want.iter().map(|p| p.depth));
         assert!(e < tolerance, "{what}: depth {e}");
@@ -69,7 +69,7 @@ impl GatherCase {
     }
 }
 
-/// An iteration's gather, which is to run in so many dispatches, against its twin; the job that did it.
+/// Compares an iteration's gather, which must run in `dispatches` dispatches, with its twin. Returns the job.
 fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> OnDevice<'g> {
     let mut job = job(gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
     case.write(&mut job);
@@ -93,7 +93,7 @@ pub fn gather_of_every_model_pair_and_wall() {
     assert_valid(&gpu);
 }
 
-/// Paths of so many bins that places among them are found in parts.
+/// Paths with so many bins that places are computed in parts.
 #[test]
 fn gather_of_long_paths() {
     let gpu = gpu();
@@ -116,7 +116,7 @@ fn gather_in_slices_and_groups() {
         remake(&mut job, &[(constant::VOXELS, voxels), (constant::SLICES, slices)]);
         case.write(&mut job);
         let mut s = Schedule::default();
-        // Two dispatches, that the second may add to the first.
+        // Two dispatches: the second adds to the first.
         for (first, last, flags) in [(0, 10, 0), (10, pairs, BACKWARD_CONTINUE)] {
             s.dispatch(
                 &surface::passes::SURFACE_GATHER,
@@ -138,7 +138,7 @@ fn gather_over_more_pairs_than_a_dispatch_takes() {
     for (model, dispatches) in models {
         let case = GatherCase::new(model, grid, 24);
         assert!(case.samples.len() > 20, "{}", case.samples.len());
-        // Sums of 1e5 values of both signs, whose largest sum is a hundredth of what is added up.
+        // Sums of 1e5 values of both signs. The largest sum is a hundredth of the sum of magnitudes.
         check_gather(&gpu, &case, dispatches, 1e-4);
     }
     assert_valid(&gpu);

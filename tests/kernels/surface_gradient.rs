@@ -1,5 +1,5 @@
-//! The mathematics of the surface in float64: its gradient against finite differences. The kernels are held to the same
-//! functions in `surface_kernels.rs`.
+//! The mathematics of the surface in float64: its gradient against finite differences. `surface.rs` compares the
+//! kernels with the same functions.
 
 use fixtures::device::surfaces::*;
 use fixtures::device::*;
@@ -25,7 +25,7 @@ fn scene() -> (Model, Grid) {
     (vectors::scene(4, 48, 51), Grid::new(volume, 6, 0.05).unwrap())
 }
 
-/// A field whose bonds are those of other depths, as they are between renewals.
+/// A field with the bonds of other depths, as between two renewals.
 fn bent(twin: &Twin, seed: u64) -> (Field, Vec<Vec<Bond>>) {
     let mut field = field(twin.grid, seed);
     let bonds = field.bonds(twin);
@@ -42,8 +42,8 @@ fn gradient(twin: &Twin, field: &Field, bonds: &[Vec<Bond>], weights: &SurfaceWe
     twin::surface_gradient(bonds, &combined)
 }
 
-/// Every derivative of `objective` against central differences, which must agree to 1e-6 of the largest of its kind. Steps on
-/// which a path changes its bins or a cosine its sign are left out: no derivative is to be had there.
+/// Compares every derivative of `objective` with central differences: they must agree to 1e-6 of the largest of their
+/// kind. Steps on which a path changes its bins or a cosine its sign are left out, as no derivative exists there.
 fn check(
     twin: &Twin,
     field: &mut Field,
@@ -93,7 +93,7 @@ fn the_gradient_is_the_slope_of_the_objective() {
         let twin = Twin { model: &model, grid: &grid };
         let (mut field, bonds) = bent(&twin, 61);
         field.each = [4, 1][i % 2];
-        // As large as the data term's share, for one in three.
+        // For one case in three, as large as the data term's share.
         let weights =
             SurfaceWeights { bend: [0.0, 1e-3, 0.0][i % 3], jump: [0.0, 0.0, 1e-7][i % 3], ..NO_PRIOR };
         let weights = SurfaceWeights { sparse: [0.0, 1e-6, 1e-5][i % 3], faint: 20.0, ..weights };
@@ -124,7 +124,7 @@ fn the_prior_alone_has_its_gradient_and_both_halves_of_its_energy() {
     check(&twin, &mut field, &bonds, &gradient, false, prior);
 }
 
-/// The prior lets planes of one albedo be, however tilted, and slopes of a plane are the plane's.
+/// The prior is zero for planes of one albedo at any tilt, and the slopes of a plane are the plane's.
 #[test]
 fn a_plane_is_its_own_fit() {
     let (model, grid) = scene();
@@ -138,7 +138,7 @@ fn a_plane_is_its_own_fit() {
     }
     let bonds = field.bonds(&twin);
     let (slopes, samples) = field.points(&twin, &bonds);
-    // What holds them level takes a thousandth.
+    // The weight of zero slope changes them by a thousandth.
     let fitted = slopes.iter().zip(&bonds).filter(|(_, b)| b.len() > 3);
     assert!(fitted.clone().count() > 20);
     for (s, _) in fitted {

@@ -1,5 +1,5 @@
-//! What the vector solver's kernels compute from samples and histograms, against the float64 twins, on random
-//! input in poisoned buffers.
+//! The vector solver's kernels on samples and histograms against the float64 twins, on random input in poisoned
+//! buffers.
 
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -28,7 +28,7 @@ fn check_extrapolate(reflectance: Reflectance) {
     if !directed {
         v.iter_mut().chain(&mut before).for_each(|v| *v = v.z * DVec3::Z);
     }
-    // Some have no bound, for some the step limits the roughness, for some the noise does.
+    // Some voxels have no bound; for some the step limits the roughness, for some the noise does.
     let mut random = Random::new(5);
     let mut bound = || if random.uniform(0.0, 1.0) < 0.1 { 0.0 } else { random.uniform(0.0, 1.0) };
     let mut pair = || [6.0 * bound(), bound()].map(|b| f64::from(b as f32));
@@ -52,7 +52,7 @@ fn check_extrapolate(reflectance: Reflectance) {
             assert!((dvec3(g[0], g[1], g[2]) - w.point).length() < 1e-6, "{g:?} {w:?}");
             assert!((g[3] - w.albedo).abs() < 1e-6, "{g:?} {w:?}");
         }
-        // (y, energy) and slope; where surfaces have no direction y is the albedo, and energy lies beside the slope.
+        // (y, energy) and slope. Without normals y is the albedo, and the energy is stored next to the slope.
         let sums = read_raw(&mut job, buffer::GRADIENT, active.len());
         let energy: Vec<f64> = if directed {
             let normals = read_raw(&mut job, buffer::SAMPLE_NORMALS, active.len());
@@ -79,7 +79,8 @@ fn check_extrapolate(reflectance: Reflectance) {
     assert_valid(&gpu);
 }
 
-/// A step's input: gradients of about the size of the bounds, some of them none, group terms that end some.
+/// A step's input: gradients of about the size of the bounds, some of them zero, and group terms that remove some
+/// voxels.
 struct StepCase {
     model: Model,
     grid: Grid,
@@ -110,7 +111,7 @@ impl StepCase {
         let gradient = case.gradient(&case.samples());
         let largest = gradient.iter().fold(0.0f64, |a, g| a.max(g.length()));
         for (i, g) in case.active.iter().zip(&gradient) {
-            // A voxel that faces away has next to no gradient; divided by as little, its rounding would show.
+            // A voxel that faces away has almost no gradient. Divided by that little, its rounding would show.
             let size = g.length().max(0.05 * largest);
             let bound = [size * random.uniform(0.5, 2.0), size * random.uniform(0.0, 1.2)];
             let none = random.uniform(0.0, 1.0) < 0.1;
@@ -123,7 +124,7 @@ impl StepCase {
         Twin { model: &self.model, grid: &self.grid }
     }
 
-    /// Directions at y, and some roughness there.
+    /// Samples with directions at y and some roughness.
     fn samples(&self) -> Vec<Sample> {
         let y = twin::extrapolate(&self.twin(), &self.active, &self.v, &self.before, BETA);
         let mut random = Random::new(41);
@@ -131,7 +132,7 @@ impl StepCase {
         rounded(&y.into_iter().map(rough).collect::<Vec<_>>())
     }
 
-    /// What the roughness has left in the sums.
+    /// The gradient of the roughness, with which the sums begin.
     fn rough(&self) -> Vec<DVec3> {
         let along = if self.model.reflectance.has_normals() { DVec3::ONE } else { DVec3::Z };
         let one = |v: DVec3| (0.2 * v * along).map(|v| f64::from(v as f32));
@@ -166,7 +167,7 @@ impl StepCase {
         set_counts(job, self.active.len(), 1.0);
     }
 
-    /// What is left on the device after a step in groups of so many voxels, against the twin.
+    /// Compares the state after a step, in groups of `group` voxels, with the twin.
     fn check(&self, job: &mut OnDevice<'_>, group: usize) {
         let samples = self.samples();
         let gradient = self.gradient(&samples);
@@ -219,7 +220,7 @@ fn step_in_slices_and_groups() {
         job.executor.run(&s).unwrap();
         case.check(&mut job, voxels as usize);
     }
-    // The case has what a step can meet.
+    // The case contains every situation that a step can meet.
     let y = case.samples();
     let g = case.gradient(&y);
     let mut seen = [0; 5];
@@ -247,7 +248,7 @@ pub fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
     assert_valid(&gpu);
 }
 
-/// The sums of the first dispatch go on in the next.
+/// The second dispatch continues the sums of the first.
 #[test]
 fn gathers_over_more_pairs_than_a_dispatch_takes() {
     let gpu = gpu();
@@ -258,7 +259,7 @@ fn gathers_over_more_pairs_than_a_dispatch_takes() {
     assert_valid(&gpu);
 }
 
-/// The kernels that gather over pairs against their twins; each is to run in so many dispatches.
+/// Compares the kernels that gather over pairs with their twins. Each must run in `dispatches` dispatches.
 fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize) {
     let twin = case.twin();
     let mut job = job(gpu, &case.model, &case.grid, &vector_options(&case.grid));
@@ -300,7 +301,7 @@ fn check_bounds(job: &mut OnDevice<'_>, twin: &Twin, active: &[u32], seed: u64) 
             want[*i as usize] = b;
         }
         let e = error(got.iter().map(|b| b[k]), want);
-        // Sums of many positive values in fp32 drift with their number.
+        // The error of fp32 sums of positive values grows with their number.
         let pairs = twin.model.pairs() as f64;
         assert!(e < 1e-5 + 2e-9 * pairs, "{what:?}: {e}");
     }
@@ -316,7 +317,7 @@ fn bounds_of_active_voxels_only() {
     assert_valid(&gpu);
 }
 
-/// The variances as paths see them, which the noise bound gathers.
+/// The variances taken back to the paths, which the noise bound gathers.
 fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
     let mut job = job(gpu, model, grid, &vector_options(grid));
     run_start(&mut job, &["variance", "pulse_noise"]);
@@ -329,7 +330,7 @@ fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
 pub fn variance_filter_and_backproject() {
     let gpu = gpu();
     let mut model = scene(4, 50, 19);
-    // A background taken off leaves negative values.
+    // A subtracted background leaves negative values.
     model.measured.iter_mut().for_each(|m| *m -= 2.0);
     let grid = grid();
     let twin = Twin { model: &model, grid: &grid };

@@ -9,7 +9,7 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
 
-/// After the domain has changed to `mask`: nothing outside it, momentum at rest, lists, points.
+/// Checks the state after the domain has changed to `mask`: zero outside, momentum at rest, lists, points.
 fn check_settled(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
     let count = twin.grid.storage();
     let (mut want, mut before) = (v.to_vec(), vec![DVec3::NAN; count]);
@@ -54,7 +54,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     assert!(share > 0.02 && share < 0.9, "{share}");
     assert_eq!(read_mask(&mut job, buffer::MASK, grid.storage()), kept);
     check_settled(&mut job, &twin, &kept, &v, momentum);
-    // Bounds stay with their voxels; what has become active has none yet.
+    // Bounds stay with their voxels; newly active voxels have none yet.
     let stayed = twin::compact(&kept);
     let got = read_bounds(&mut job, &stayed, grid.storage());
     let stays = |i: &u32| domain[*i as usize];
@@ -64,7 +64,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     assert_valid(&gpu);
 }
 
-/// A domain that there is no room for keeps the brightest, and what is listed never exceeds the room.
+/// A domain that exceeds the room keeps its brightest voxels, and the list never exceeds the room.
 #[test]
 pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let gpu = gpu();
@@ -80,7 +80,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     for room in [count(&all) + 1, count(&all) / 2, 40, 1] {
-        // There must be room for what is there already.
+        // The voxels that are active already must fit.
         job.plan.capacity = count(&domain).max(room);
         job.upload().unwrap();
         let active = write_domain(&mut job, &domain);
@@ -116,7 +116,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
         let told_least = f64::from(f32::from_bits(told[COUNT_LEAST_SMOOTH as usize]));
         assert_eq!(told_least, least, "room for {room}");
         assert_eq!(least > 0.0, room < count(&all));
-        // The iteration after it tells.
+        // The next iteration reports it.
         run_iteration(&mut job, 3, &["finish"]);
         let rows: &[[u32; TRACE_ROW as usize]] =
             bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
@@ -133,7 +133,8 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     assert_valid(&gpu);
 }
 
-/// Vectors of a domain as an iteration leaves them, with no light and the momentum at rest; its active voxels.
+/// Writes the vectors of a domain as an iteration leaves them, without light and with the momentum at rest. Returns the
+/// active voxels.
 fn hold(job: &mut OnDevice<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
     let active = write_domain(job, domain);
     write_vectors(job, buffer::RAW, &active, v);
@@ -143,7 +144,7 @@ fn hold(job: &mut OnDevice<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
     active
 }
 
-/// D and lambda that the solver finds for a domain whose voxels are expected so bright, by storage index.
+/// D and lambda of the solver for a domain with the expected brightness `expected`, by storage index.
 fn bounds_of(twin: &Twin, mask: &[bool], expected: &[f64]) -> Vec<[f64; 2]> {
     let active = twin::compact(mask);
     let mut points = twin::points(twin, &active);
@@ -166,13 +167,13 @@ fn check_bounds_of(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], expected:
     }
 }
 
-/// Weights of the bounds after a reduction that left so much.
+/// Weights of the bounds after a reduction that left this smoothed albedo.
 fn expected(smooth: &[f64], power: f64) -> Vec<f64> {
     let most = smooth.iter().copied().fold(0.0, f64::max);
     twin::expect(&smooth.iter().map(|s| s / most).collect::<Vec<_>>(), power)
 }
 
-/// The iteration finds samples of unit weight, whatever the bounds took them for.
+/// An iteration starts with samples of unit weight, whatever weights the bounds used.
 fn check_points(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool]) {
     let want = twin::points(twin, &twin::compact(mask));
     let got: Vec<[f32; 4]> = read(job, buffer::SAMPLE_POINTS, want.len());
@@ -184,7 +185,8 @@ fn check_points(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool]) {
     }
 }
 
-/// Bounds renewed beside a reduction lean on what it smoothed; with a power of zero all voxels count alike.
+/// Bounds that are renewed with a reduction use its smoothed albedo as weights; with a power of zero all weights are
+/// one.
 #[test]
 pub fn bounds_weigh_voxels_by_how_bright_they_are() {
     let gpu = gpu();
@@ -234,7 +236,7 @@ pub fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     assert_eq!(level, 1);
     job.executor.run(&s).unwrap();
 
-    // What the reduction leaves out still counts where its neighbours are interpolated.
+    // Voxels that the reduction leaves out still count in the interpolation of their neighbours.
     let kept_model = Model { keep_above: 0.5, ..model.clone() };
     let smooth = twin::smooth(&coarse, twin::lengths(&v, &domain), &job.plan.taps);
     let kept = twin::threshold(&Twin { model: &kept_model, grid: &coarse }, &smooth);
@@ -247,7 +249,7 @@ pub fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
         twin::carry_doubled(&coarse, &fine, &raw).iter().map(|r| dvec3(r[0], r[1], r[2])).collect();
     let twin = Twin { model: &model, grid: &fine };
     check_settled(&mut job, &twin, &split, &doubled, REST);
-    // As bright as its parent was.
+    // A child is expected to be as bright as its parent.
     let of_coarse = expected(&smooth, 1.5);
     let parent = |i: usize| {
         let [x, y, z] = fine.voxel(i);
@@ -328,7 +330,7 @@ fn extract_takes_a_column_from_all_of_its_surface() {
     assert_valid(&gpu);
 }
 
-/// The scene of the paper, which its code takes 1,659 MB for: 32 x 32 confocal points, 128 x 128 x 333 voxels.
+/// The scene of the paper: 32 x 32 confocal points, 128 x 128 x 333 voxels. The paper's code takes 1,659 MB for it.
 #[test]
 fn the_papers_scene_takes_150_megabytes() {
     let gpu = gpu();

@@ -1,5 +1,5 @@
-//! What the vector solver renders, and what is left of the measurement, on every accumulation path, against the float64 twins,
-//! on random input in poisoned buffers.
+//! The vector solver's rendering and residual on every accumulation path against the float64 twins, on random input in
+//! poisoned buffers.
 
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -10,8 +10,8 @@ use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
-/// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window` bins
-/// if that is not zero; `bounding` renders the bound.
+/// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window`
+/// bins if that is not zero; `bounding` renders the bound.
 fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, bounding: bool, window: u32) {
     let gpu = gpu();
     let active = twin::compact(&state(model, grid, 0.5, 4).1);
@@ -34,7 +34,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
         if bounding { twin::forward_bound(&twin, &samples) } else { twin::forward(&twin, &samples) }
     };
     assert!(accumulated.iter().any(|v| *v != 0.0));
-    // Measured is about what is rendered.
+    // The measurement is close to the rendering.
     let render = f64::from(model.scene(grid).render_scale);
     let shown = twin::pulse(&Twin { model: &model, grid }, &accumulated, Way::Spread);
     model.measured = shown.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
@@ -44,7 +44,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let o = vector_options(grid).with(|o| o.accumulation = accumulation);
     let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
-        // Below the loop limit even if every voxel moves the window; several chunks at that.
+        // Below the loop limit even if every voxel moves the window, and still several chunks.
         t.chunk = if window > 0 { 192 } else { t.chunk };
     });
     write_samples(&mut job, &samples);
@@ -95,8 +95,8 @@ pub fn forward_and_weighted_residual_on_every_accumulation_path() {
     }
 }
 
-/// What the instrument shows, on every accumulation path: a pulse with a tail, one that lies before or behind its path, one
-/// as long as the histogram, and one that changes nothing.
+/// Pulses on every accumulation path: with a tail, before or behind the path, as long as the histogram, and one that
+/// changes nothing.
 #[test]
 pub fn forward_and_weighted_residual_through_a_pulse() {
     let (base, grid) = (scene(5, 61, 3), grid());

@@ -1,6 +1,6 @@
-//! The mathematics of the vector solver in float64: its gradient against finite differences, the bound that its
-//! steps come from, that a step never leads uphill, and its proximal map. The kernels are held to the same
-//! functions in `vector_kernels.rs` and `vector_domain.rs`.
+//! The mathematics of the vector solver in float64: its gradient against finite differences, the bound for its steps,
+//! steps that never lead uphill, and its proximal map. `vector.rs` and `vector_domain.rs` compare the kernels with the
+//! same functions.
 
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
@@ -25,7 +25,7 @@ fn vectors(grid: &Grid, cone: f64, random: &mut Random) -> Vec<DVec3> {
     (0..grid.storage()).map(|_| one()).collect()
 }
 
-/// (D, lambda) of the samples, as the solver finds them.
+/// (D, lambda) of the samples, as the solver computes them.
 fn bounds(twin: &Twin, samples: &[Sample]) -> Vec<[f64; 2]> {
     let (rendered, _) = twin::residual_weighted(twin, &twin::forward_bound(twin, samples), false);
     let d = twin::bound(twin, samples, &rendered, Bound::Step);
@@ -60,7 +60,7 @@ fn the_gradient_is_the_slope_of_the_weighted_objective() {
     }
 }
 
-/// Each pair's energy is half here and half there, and none is so stiff that a step of 1 / (share D) would overshoot.
+/// Each pair's energy is half in either voxel, and none is so stiff that a step of 1 / (share D) would overshoot.
 #[test]
 fn the_roughness_gradient_is_its_slope_and_its_stiffness_is_within_the_bound() {
     let (mut m, grid, active) = scene(35, 1.5);
@@ -85,7 +85,7 @@ fn the_roughness_gradient_is_its_slope_and_its_stiffness_is_within_the_bound() {
     assert_gradient(&raw, &gradient, energy);
     let most = |(i, s): (&u32, &Sample)| 0.5 * bounds[*i as usize][0] * s.normal.length_squared();
     assert!(energy(&raw) <= 0.5 * active.iter().zip(&samples).map(most).sum::<f64>());
-    // Alike vectors are not rough.
+    // Equal vectors have no roughness.
     assert_eq!(energy(&vec![[0.3, 0.1, -1.0, 0.0]; grid.storage()]), 0.0);
 }
 
@@ -122,13 +122,13 @@ fn the_bound_majorises_the_normal_operator() {
         let total: f64 = d.iter().sum();
         let ones = energy(&isotropic, &points);
         assert!((ones / total - 1.0).abs() < 1e-9, "{ones} {total}");
-        // The wall's cosines make the Lambertian bound smaller. It is one too: a step may go 2 / sqrt(3) as far as a
-        // vector is long, for so steep can the product of two cosines be.
+        // The wall's cosines make the Lambertian bound smaller. It is still a bound: a step may be up to 2 / sqrt(3)
+        // times as long as the vector, because the product of two cosines can be that steep.
         let of_lambertian = bounds(&Twin { model: &lambertian, grid: &grid }, &points);
         let of_lambertian: Vec<f64> = of_lambertian.iter().map(|b| b[0]).collect();
         assert!(of_lambertian.iter().zip(&d).all(|(l, d)| *l > 0.0 && l < d));
 
-        // All toward the wall: less than one, for no cosine is, but not by much over a wall of 1 m.
+        // All vectors toward the wall: cosines are below one, but not by much over a wall of 1 m.
         let facing = with(&mut |_| (1.0, DVec3::NEG_Z));
         let share = energy(&cosine, &facing) / total;
         assert!(share < 1.0 && share > 0.3, "{share}");
@@ -136,7 +136,7 @@ fn the_bound_majorises_the_normal_operator() {
 
         let mut random = Random::new(seed + 2);
         for _ in 0..20 {
-            // Signed scalars, often far from all of one sign and size.
+            // Scalars of both signs and of very different size.
             let x: Vec<f64> = (0..d.len()).map(|_| random.uniform(-1.0, 1.0).powi(5)).collect();
             let bound: f64 = d.iter().zip(&x).map(|(d, x)| d * x * x).sum();
             assert!(energy(&isotropic, &with(&mut |i| (x[i], DVec3::ZERO))) <= bound);
@@ -151,8 +151,8 @@ fn the_bound_majorises_the_normal_operator() {
     }
 }
 
-/// So do the bounds of any positive weights, and they are tight where all x are the weights: bright voxels then take
-/// longer steps than among equals, and dim ones shorter.
+/// The same holds for bounds with any positive weights. They are tight where all x equal the weights: bright voxels
+/// then take longer steps than with equal weights, dim ones shorter steps.
 #[test]
 fn a_bound_of_any_weights_majorises_the_normal_operator() {
     let (base, grid, active) = scene(71, 2.0);
@@ -179,7 +179,7 @@ fn a_bound_of_any_weights_majorises_the_normal_operator() {
     }
     for _ in 0..20 {
         let v = vectors(&grid, 2.0, &mut random);
-        // Often the bright ones shine where the weights have dim ones.
+        // Often voxels are bright where the weights are small.
         let samples: Vec<Sample> = points
             .iter()
             .zip(&active)
@@ -220,10 +220,9 @@ fn plain_steps(seed: u64, cone: f64, reflectance: Reflectance) -> [f64; 2] {
     [worst, objectives[99] / objectives[0]]
 }
 
-/// Where every vector of the cone shines on every pair, the model is linear and the bound's proof is whole. In a
-/// wide cone a step may cross the edge where a cosine starts, onto a bin that is too bright already; the bound does
-/// not know of it, and near the minimum the objective may rise by less than a thousandth. (It is for such rises
-/// that finish.comp restarts.)
+/// If every vector of the cone is seen by every pair, the model is linear and the proof of the bound is complete. In a
+/// wide cone a step may cross the edge where a cosine starts, and add to a bin that is too bright already. The bound
+/// does not cover this: near the minimum the objective may rise by less than a thousandth. finish.comp restarts then.
 #[test]
 fn a_plain_step_never_raises_the_objective() {
     let cases = [
@@ -250,7 +249,7 @@ fn the_cone_takes_the_nearest_of_its_points() {
             assert!(inside(p), "{v} to {p}");
             assert!((twin::into_cone(cone, p) - p).length() < 1e-12, "a point of the cone stays");
             assert!(!inside(v) || p == v);
-            // No other point of it is nearer: random ones, ones near the answer, the apex.
+            // No other point of the cone is nearer: random points, points near the answer, the apex.
             let near = (v - p).length();
             assert!(near <= v.length());
             for i in 0..400 {
@@ -266,8 +265,8 @@ fn the_cone_takes_the_nearest_of_its_points() {
     assert_eq!(twin::into_cone(2.0, DVec3::ZERO), DVec3::ZERO);
 }
 
-/// shrink is the proximal map of the length, and after the cone that of the length on the cone. (Before it, it
-/// would not be: the cone shortens, and less would be taken off than the group term asks for.)
+/// shrink is the proximal map of the length. Applied after the cone, it is the proximal map of the length on the cone.
+/// Applied before, it is not: the cone shortens the vector, and too little would be removed.
 #[test]
 fn shrink_is_the_proximal_map_of_the_length() {
     let mut random = Random::new(72);

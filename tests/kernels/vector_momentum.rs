@@ -1,5 +1,5 @@
-//! What an iteration of the vector solver leaves for the next: sums, momentum and length of steps, on the device against the
-//! float64 twin.
+//! The values that an iteration of the vector solver passes to the next: sums, momentum and length of steps, on the
+//! device against the float64 twin.
 
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -18,11 +18,11 @@ pub fn finish_decides_on_the_momentum() {
     write_momentum(&mut job, want);
     let (mut rises, mut turns) = (0, 0);
     for i in 0..24 {
-        // Falls for a while, with a rise now and then; against the momentum now and then.
+        // The objective falls, with an occasional rise; some steps go against the momentum.
         let rise = i % 7 == 6;
         let level = 1.0 / f64::from(1 + i) + if rise { 2.0 } else { 0.0 };
         if i > 0 && i % 7 == 0 {
-            // A rise by rounding, which is none, and one by more.
+            // A rise within rounding does not count, a larger one does.
             for (more, rose) in [(1.0 + 3e-6, false), (1.0 - 3e-6, false), (1.0 + 5e-5, true)] {
                 let share = want.share;
                 let risen = want.objective * more;
@@ -78,7 +78,7 @@ pub fn finish_decides_on_the_momentum() {
     assert_valid(&gpu);
 }
 
-/// FISTA's sequence, by its own recurrence: t grows by about a half, beta toward one.
+/// FISTA's sequence by its recurrence: t grows by about a half, beta tends to one.
 #[test]
 fn momentum_grows_until_a_restart() {
     let mut m = REST;

@@ -1,5 +1,5 @@
-//! What the vector solver takes from a capture before its first iteration: background, variance, the filter's hat,
-//! and a domain that keeps every true surface.
+//! The vector solver's work on a capture before its first iteration: background, variance, the filter's hat, and a
+//! domain that keeps every true surface.
 
 use fixtures::captures::changed;
 use fixtures::device::*;
@@ -12,7 +12,7 @@ use thirdbounce::solve::{VectorOptions, background, default_volume, variance_per
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::buffer;
 
-/// Photon counts of 16 x 16 pairs: a peak of the given size on a dark level.
+/// Photon counts of 16 x 16 pairs: a peak of the given size on a level of dark counts.
 fn counts(peak: f64, dark: f64, at: f64, seed: u64) -> Capture {
     let mut random = Pcg64::seed_from_u64(seed);
     let (scan, bins) = ([16, 16], 256);
@@ -29,7 +29,7 @@ fn counts(peak: f64, dark: f64, at: f64, seed: u64) -> Capture {
     made
 }
 
-/// The same pairs with these values, which are no photon counts.
+/// The same pairs with these values, which are not photon counts.
 fn values(capture: &Capture, histograms: Vec<f32>) -> Capture {
     changed(capture, |c| (c.integer_counts, c.histograms) = (false, histograms))
 }
@@ -45,7 +45,7 @@ fn background_is_the_dark_level_behind_the_signal() {
 
 #[test]
 fn there_is_no_background_where_the_signal_ends_the_histogram() {
-    // The strongest bin is among the last: what is there is signal.
+    // The strongest bin is among the last, so the values there are signal.
     for at in [245.0, 250.0, 255.0] {
         assert_eq!(background(&counts(60.0, 1.0, at, 5)), 0.0, "{at}");
     }
@@ -62,7 +62,7 @@ fn variance_per_count_is_the_scale_of_scaled_photons() {
         let found = variance_per_count(&scaled) / f64::from(factor);
         assert!((found - 1.0).abs() < 0.2, "{factor}: {found}");
     }
-    // Without noise there is next to none, and from nothing nothing is taken.
+    // Without noise the background is almost zero, and nothing is subtracted from zero.
     let smooth = |i: usize| 100.0 + 50.0 * (i as f32 / 40.0).sin();
     let silent = values(&photons, (0..photons.histograms.len()).map(|i| smooth(i % 256)).collect());
     assert!(variance_per_count(&silent) < 1e-3);
@@ -73,12 +73,12 @@ fn variance_per_count_is_the_scale_of_scaled_photons() {
 #[test]
 fn the_model_carries_the_noise_in_its_own_units() {
     let capture = counts(500.0, 4.0, 90.0, 8);
-    // General, so that no bin goes.
+    // General, so that all bins stay.
     let o = VectorOptions::default().with(|o| o.general = true);
     let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), 16, capture.bin_width).unwrap();
     let model = vector::model(&capture, &grid, &o);
     let scale = 1.0 / model.counts_per_unit;
-    // A bin of n counts has the variance n, whatever was taken off; so has one of the background alone.
+    // A bin of n counts has the variance n, whatever was subtracted; so has a bin with background only.
     for (counts, value) in capture.histograms.iter().zip(&model.measured).step_by(37) {
         let variance = model.variance[0] * f64::from(*value) + model.variance[1];
         let want = f64::from(*counts) * scale * scale;
@@ -147,7 +147,7 @@ fn nothing_true_is_pruned_by_the_start() {
                 inside && mask[grid.index(n.map(|v| v as usize))]
             })
         };
-        // A solver whose vectors end at the cone cannot hold what is steeper, at the edge of a sphere.
+        // The cone limits vectors, so the solver cannot represent steeper surfaces at the edge of a sphere.
         let steep = |pixel: usize| -f64::from(true_maps.normal[pixel][2]) < 1.0 / o.cone.hypot(1.0);
         let pixels: Vec<usize> = (0..true_maps.mask.len()).filter(|p| true_maps.mask[*p]).collect();
         let share = |of: &dyn Fn(usize) -> bool| {

@@ -35,7 +35,7 @@ fn every_layout_is_of_its_kind_and_loses_no_path() {
             assert_eq!((c.pair_kind(), c.pair_count()), (kind, pairs), "{layout:?}");
             assert_eq!(c.is_planar(), shape == WallShape::Flat);
             assert_eq!(c.laser_normal.is_some(), shape == WallShape::Bump);
-            // Twice the bins hold no more.
+            // Twice the bins contain no more light.
             let more = rendered(&Scene { bins: Some(2 * c.bins), ..scene.clone() });
             (0..pairs).for_each(|p| assert!((total(&c, p) / total(&more, p) - 1.0).abs() < 1e-6));
         }
@@ -48,7 +48,7 @@ fn every_layout_is_of_its_kind_and_loses_no_path() {
 
 #[test]
 fn the_cosine_is_that_of_the_scanned_side() {
-    // A patch that faces +x: of two fixed spots the far one has the smaller cosine.
+    // A patch that faces +x: the farther of two fixed points has the smaller cosine.
     let normal = dvec3(0.6, 0.0, -0.8);
     let mut scene =
         scene(vec![rectangle(dvec3(0.0, 0.0, 0.6), DVec3::Y * 0.002, normal.cross(DVec3::Y) * 0.002)]);
@@ -137,7 +137,7 @@ fn the_bump_agrees_with_an_independent_renderer() {
     };
     let at = |name: &str| Path::new(&data).join(name);
     let other = read(&at("z_bumpwall_confocal_32.npz")).unwrap();
-    // Their letter, pixel by pixel.
+    // The other renderer's letter, pixel by pixel.
     let truth = thirdbounce::export::npz::read_truth(&at("truth_z_bumpwall_confocal_32.npz")).unwrap();
     let mut letter = Mesh::default();
     for k in (0..truth.mask.len()).filter(|k| truth.mask[*k]) {
@@ -154,7 +154,7 @@ fn the_bump_agrees_with_an_independent_renderer() {
     assert!(off < 2e-4, "the walls differ by {off} m");
     let normals = other.laser_normal.as_ref().unwrap().iter().zip(ours.laser_normal.as_ref().unwrap());
     let off = normals.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-    // Theirs come from a mesh.
+    // The other renderer's normals come from a mesh.
     assert!(off < 0.02, "the normals differ by {off}");
     (scene.bin_width, scene.bins) = (other.bin_width, Some(other.bins));
     let ours = rendered(&scene);

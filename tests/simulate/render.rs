@@ -1,4 +1,4 @@
-//! The simulator against analytic values, symmetry, its own laws, and an independent renderer.
+//! The simulator against analytic values, symmetries, its own noise estimate, and an independent renderer.
 
 use glam::{DVec3, dvec3};
 use std::path::Path;
@@ -52,7 +52,7 @@ fn small_patch_has_the_analytic_value_in_the_right_bin() {
             let (l, s) = (pairs.laser[pair] - centre, pairs.sensor[pair] - centre);
             let (cos_l, cos_s) = (normal.dot(l) / l.length(), normal.dot(s) / s.length());
             let g = match reflectance {
-                // As many laser as sensor points: the sensor's side counts as scanned.
+                // With as many laser as sensor points the sensor's side counts as scanned.
                 Cosine => cos_s,
                 Retroreflective => l.length() * s.length(),
                 Isotropic => 1.0,
@@ -71,7 +71,7 @@ fn small_patch_has_the_analytic_value_in_the_right_bin() {
 fn bins_start_where_they_say_and_drop_the_rest() {
     let mut scene = scene(vec![plate(dvec3(0.0, 0.0, 0.505), 0.0005)]);
     scene.scan = 1;
-    // Path 1.01 lies in the bin from 1.0.
+    // Path 1.01 lies in the bin that begins at 1.0.
     scene.t_start = 0.4;
     scene.bin_width = 0.1;
     scene.bins = Some(8);
@@ -131,7 +131,7 @@ fn plate_in_front_hides_the_one_behind() {
     let both = fine(&scene(vec![front.clone(), behind.clone()]), 0.02).capture;
     let alone = fine(&scene(vec![front]), 0.02).capture;
     let open = fine(&scene(vec![behind]), 0.02).capture;
-    // From the middle of the wall nothing of the plate behind is seen; two of its paths begin at 1.2.
+    // The middle of the wall does not see the plate behind; two of that plate's paths begin at 1.2.
     let middle = 2 * 6 + 2;
     let late = |c: &Capture| sum(&histogram(c, middle)[200..]);
     assert!(late(&open) > 0.0);
@@ -161,7 +161,7 @@ fn stated_noise_holds_against_a_finer_rendering() {
     assert!(finer.converged);
     let error = distance(&coarse.capture.histograms, &finer.capture.histograms);
     assert!(error < 2.0 * coarse.noise && error > 0.3 * coarse.noise, "{error} {}", coarse.noise);
-    // A limit on samples is kept and told.
+    // A limit on samples is kept and reported.
     let few = RenderOptions { noise: 1e-6, max_samples: 3000, ..RenderOptions::default() };
     scene.objects.truncate(2);
     assert!(!render(&scene, &few).unwrap().converged);
@@ -206,9 +206,8 @@ fn photon_noise_has_poisson_mean_and_variance() {
     assert_ne!(pair.histograms[..bins / 2], pair.histograms[bins / 2..]);
 }
 
-/// Against a path tracer's rendering of the same spheres, where THIRDBOUNCE_DATA names the folder that
-/// holds it. Its
-/// own noise is 1-3 % per bin.
+/// Against a path tracer's rendering of the same spheres, if THIRDBOUNCE_DATA names the folder with it. Its own noise
+/// is 1-3 % per bin.
 #[test]
 fn spheres_match_an_independent_renderer() {
     let Some(folder) = std::env::var_os("THIRDBOUNCE_DATA") else {

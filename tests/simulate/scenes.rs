@@ -30,12 +30,12 @@ fn letters_read_properly_with_x_right_and_y_up() {
     assert!(filled("letter:z", [0.45, 0.55], [0.45, 0.55]) > 0.98);
     assert!(filled("letter:z", [0.62, 0.72], [0.68, 0.78]) > 0.9);
     assert_eq!(filled("letter:z", [0.05, 0.3], [0.6, 0.75]), 0.0);
-    // U opens upwards, T has its bar on top, S is no mirrored S.
+    // U opens upwards, T has its bar on top, S is not mirrored.
     assert_eq!(filled("letter-U", [0.35, 0.65], [0.5, 1.0]), 0.0);
     assert!(filled("letter-T", [0.0, 1.0], [0.86, 0.98]) > 0.98);
     assert_eq!(filled("letter-S", [0.7, 1.0], [0.58, 0.65]), 0.0);
     assert!(filled("letter-S", [0.02, 0.15], [0.7, 0.78]) > 0.9);
-    // All letters differ and none overlaps itself: area = what the mask shows.
+    // All letters differ and none overlaps itself: the mesh's area equals the mask's.
     for name in 'A'..='Z' {
         let mesh = letter(name, dvec3(0.0, 0.0, 0.6), 0.6).unwrap();
         let mut scene = Scene::new("letter", vec![Object { mesh, albedo: 1.0 }]);
@@ -130,7 +130,7 @@ fn obj_and_ply_meshes_load_and_place() {
         assert!((placed.geometric_normal(0) + DVec3::Z).length() < 1e-9);
         assert_eq!(scene.name, "quad");
     }
-    // A cube wound inside out is turned, and keeps its creases.
+    // A cube that is wound inside out is turned and keeps its creases.
     let mut cube = String::new();
     for i in 0..8 {
         cube += &format!("v {} {} {}\n", i & 1, i >> 1 & 1, i >> 2);
