@@ -3,6 +3,7 @@
 mod calibrate;
 mod commands;
 mod compare;
+mod examples;
 mod profile;
 mod pulse;
 mod scans;

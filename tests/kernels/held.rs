@@ -19,9 +19,12 @@ macro_rules! held {
     };
 }
 
+/// Passes, and a test that holds them.
+type Held = (&'static [&'static Pass], fn());
+
 /// Passes that tests hold, in addition to those that `thirdbounce profile --check` holds on a user's device
 /// ([`CHECKS`]).
-static HELD: &[(&[&Pass], fn())] = held! {
+static HELD: &[Held] = held! {
     SAMPLE => of_paper::sample;
     FORWARD => of_paper::forward_on_every_accumulation_path;
     FORWARD, BACKWARD => of_paper::forward_and_backward_of_every_model_pair_and_wall;

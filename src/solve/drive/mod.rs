@@ -52,6 +52,12 @@ impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
     }
 }
 
+/// The schedule of iteration i (from 0) at a level.
+type Iteration<'s> = Box<dyn Fn(&Plan, &Level, usize) -> Schedule + 's>;
+
+/// What is due after so many iterations, before the next one. It may move the level on.
+type Due<'s> = Box<dyn Fn(&Plan, &mut usize, usize) -> Schedule + 's>;
+
 /// A solver as its driver sees it.
 pub(super) struct Steps<'s> {
     /// What it runs at, in turn.
@@ -59,9 +65,9 @@ pub(super) struct Steps<'s> {
     /// Before the first iteration.
     pub start: Schedule,
     /// Iteration i (from 0) at a level.
-    pub iteration: Box<dyn Fn(&Plan, &Level, usize) -> Schedule + 's>,
+    pub iteration: Iteration<'s>,
     /// What is due after so many iterations, before the next one; may move the level on.
-    pub due: Box<dyn Fn(&Plan, &mut usize, usize) -> Schedule + 's>,
+    pub due: Due<'s>,
     /// Leaves the level's maps in `columns_host`.
     pub extract: Box<dyn Fn(&Level) -> Schedule + 's>,
     /// Passes whose faults may show in the trace.

@@ -1,0 +1,37 @@
+//! The programs in `examples/` run.
+
+use std::process::Command;
+
+use fixtures::command::{program, succeed};
+
+/// Runs an example that cargo built beside the command; its output.
+fn example(name: &str, arguments: &[&str]) -> String {
+    let path = program().with_file_name("examples").join(name);
+    let output = Command::new(&path).args(arguments).output().expect("cargo test builds the examples");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}: {errors}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn a_file_becomes_maps() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, result] = ["c.npz", "result"].map(|n| folder.path().join(n).display().to_string());
+    succeed(&["simulate", "sphere", "--out", &file, "--scan", "8", "--bin-width", "0.03", "--noise", "0.2"]);
+    let text = example("reconstruct", &[&file, &result]);
+    assert!(text.contains("8 x 8 = 64 pairs") && text.contains("maps.npz"), "{text}");
+    assert!(folder.path().join("result/maps.npz").is_file());
+    let text = example("plan", &[&file]);
+    assert!(text.contains("paper: ") && text.contains("vector: ") && text.contains("forward"), "{text}");
+}
+
+#[test]
+fn arrays_in_memory_become_a_place() {
+    let text = example("from_arrays", &[]);
+    let place = |line: &str| -> Vec<f64> {
+        let line = text.lines().find(|l| l.starts_with(line)).expect("a line");
+        line.split_whitespace().filter_map(|word| word.parse().ok()).collect()
+    };
+    let off = place("hidden").iter().zip(place("found")).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 0.04, "{text}");
+}
