@@ -1,7 +1,7 @@
 //! Options as declarations: one row has an option's name, type, default, range and text.
 //!
 //! The struct, its defaults, its checks, its keys in reports, the command line and the keys of comparisons all come from the
-//! rows. [`options!`] declares them.
+//! rows. The macro `options!` declares them.
 
 use std::fmt;
 
