@@ -49,8 +49,10 @@ vec3 compare(uint cell, uint pair, uint bin) {
 
 void main() {
     uint group = group_index();
-    uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
     uint end = cell_count();
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sums.
+    if (group * WORKGROUP * RESIDUAL_BINS >= end) return;
+    uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
     vec3 squared = vec3(0.0);
     // A remainder costs a CPU more than all else here: compute it once, then subtract.
     uint pair = first / scene.stride;

@@ -51,6 +51,8 @@ vec4 interpolate(vec3 g) {
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint group = group_index();
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes leave together.
+    if (group * WORKGROUP >= counts[COUNT_ACTIVE]) return;
     uint slot = group * WORKGROUP + lane;
     float magnitude = 0.0;
     if (slot < counts[COUNT_ACTIVE]) {

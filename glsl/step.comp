@@ -56,6 +56,8 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     uint slice = gl_LocalInvocationID.y;
     uint group = group_index();
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sums. All lanes leave together.
+    if (group * VOXELS >= counts[COUNT_ACTIVE]) return;
     uint slot = group * VOXELS + lane;
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 point = owned ? sample_points[slot] : vec4(0.0);

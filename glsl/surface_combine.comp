@@ -25,6 +25,8 @@ layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_part
 #include "heights.glsl"
 
 void main() {
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes leave together.
+    if (group_index() * WORKGROUP >= push.last) return;
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     float energy = 0.0;
     if (pixel < push.last) {
