@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build demo test soak lint api bench clean
+.PHONY: all setup build demo test instrumented soak lint api bench clean
 all: build
 
 setup:
@@ -16,6 +16,10 @@ demo: build
 
 test: setup
 	cargo test --locked
+
+# Kernels and solvers under GPU-assisted validation: the layer checks every access inside the kernels.
+instrumented: setup
+	THIRDBOUNCE_UNOPTIMISED=1 THIRDBOUNCE_TEST_INSTRUMENTED=1 cargo test --locked --test kernels --test solvers
 
 # The long tests: long runs, every injected fault. They write docs/reliability.md.
 soak: setup

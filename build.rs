@@ -74,9 +74,13 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("variance", "variance.comp", &[]),
 ];
 
+/// Set this variable and kernels are compiled as they are written.
+const UNOPTIMISED: &str = "THIRDBOUNCE_UNOPTIMISED";
+
 fn main() {
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-env-changed={UNOPTIMISED}");
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
     let compiler = shaderc::Compiler::new().unwrap_or_else(|e| {
         panic!("shaderc does not start ({e}). On Debian: apt-get install libshaderc-dev; elsewhere cmake, git, python3 and a C++ compiler let the shaderc crate build itself")
@@ -148,7 +152,11 @@ fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u
     let mut options = shaderc::CompileOptions::new().expect("shaderc gives options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
-    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    // The validation layer cannot instrument loops as the optimiser leaves them: for runs with GPU-assisted validation.
+    options.set_optimization_level(match env::var_os(UNOPTIMISED) {
+        Some(_) => shaderc::OptimizationLevel::Zero,
+        None => shaderc::OptimizationLevel::Performance,
+    });
     // Keeps the names of blocks and constants: the host binds by name.
     options.set_generate_debug_info();
     options.set_warnings_as_errors();

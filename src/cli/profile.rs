@@ -115,9 +115,16 @@ fn check_device(args: &Args) -> Result<()> {
         thirdbounce::job::check_file(file)?;
     }
     let DeviceArgs { device, validation, .. } = &args.device;
-    let gpu =
-        Gpu::open(&GpuOptions { device: device.clone(), validation: *validation, ..GpuOptions::default() })?;
-    let checks = check::check(&gpu)?;
+    let open = |robust| {
+        let options =
+            GpuOptions { device: device.clone(), validation: *validation, robust, ..GpuOptions::default() };
+        Gpu::open(&options)
+    };
+    let checked = open(true)?;
+    let checks = check::check(&checked)?;
+    checked.close().iter().for_each(|message| say(&format!("validation: {message}")));
+    // What a device offers is measured as runs use it: without checks of bounds.
+    let gpu = open(false)?;
     let limits = limits::measure(&gpu)?;
     let mut text = format!("device    {} ({})\n", gpu.info.name, gpu.info.driver);
     text += &format!("{:<10}{:<10}{:<14}{:>14}{:>10}\n", "solver", "adding", "pass", "error", "allowed");

@@ -1,7 +1,7 @@
 //! Choosing and opening a device.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::{ext, khr, vk};
 
@@ -17,6 +17,11 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Turn on the Khronos validation layer with synchronisation checks.
     pub validation: bool,
+    /// Turn on the validation layer with checks of every access inside the kernels (GPU-assisted validation) in place of
+    /// those of synchronisation: slow. Wants kernels that were compiled as they are written (`build.rs`).
+    pub instrumented: bool,
+    /// Have the device check the bounds of buffers where it can (`robustBufferAccess`): costs time.
+    pub robust: bool,
     /// Time every command by itself and keep what host and device did when: [`Gpu::take_recording`].
     pub timings: bool,
     /// What is to go wrong; for tests.
@@ -62,7 +67,8 @@ pub struct Gpu {
     pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
     /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
     pub(super) tick: f64,
-    pub(super) queue: vk::Queue,
+    // Vulkan wants one thread at a time to use a queue: nothing but `queue()` reaches it.
+    queue: Mutex<vk::Queue>,
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
@@ -97,7 +103,7 @@ impl Gpu {
     /// Opens the device that `options` name, or the best one. Errors: no loader, no device, no device of that
     /// name, a required feature missing; each says what to do.
     pub fn open(options: &GpuOptions) -> Result<Gpu> {
-        let instance = Arc::new(Instance::new(options.validation)?);
+        let instance = Arc::new(Instance::new(options.validation, options.instrumented)?);
         let all = instance.list();
         let (physical, info) = choose(&all, options.device.as_deref())?;
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
@@ -126,6 +132,7 @@ impl Gpu {
         }
         unsafe { instance.raw.get_physical_device_features2(physical, &mut offered) };
         let int64_shader = offered.features.shader_int64 == vk::TRUE;
+        let robust = options.robust && offered.features.robust_buffer_access == vk::TRUE;
         let float = has_atomic_float && atomic_float.shader_buffer_float32_atomic_add == vk::TRUE;
         let int64 = int64_shader && v12.shader_buffer_int64_atomics == vk::TRUE;
         if v12.timeline_semaphore != vk::TRUE {
@@ -157,7 +164,8 @@ impl Gpu {
         let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
             .timeline_semaphore(true)
             .shader_buffer_int64_atomics(int64);
-        let use_features = vk::PhysicalDeviceFeatures::default().shader_int64(int64);
+        let use_features =
+            vk::PhysicalDeviceFeatures::default().shader_int64(int64).robust_buffer_access(robust);
         let priorities = [1.0];
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
@@ -199,7 +207,7 @@ impl Gpu {
             recorder: options.timings.then(Recorder::new),
             statistics,
             tick: if has_timestamps { f64::from(l.timestamp_period) } else { 0.0 },
-            queue,
+            queue: Mutex::new(queue),
             family,
             physical,
             has_budget,
@@ -220,7 +228,13 @@ impl Gpu {
 
     /// What the validation layer has said since the device was opened; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
-        self.instance.messages.lock().map(|m| m.clone()).unwrap_or_default()
+        self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The queue, for this thread alone as long as the guard is held.
+    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        // A handle cannot be left half-changed, so a thread that panicked has spoilt nothing.
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Bytes still free for this process on the device's largest heap, as the driver tells it.

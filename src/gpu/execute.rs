@@ -1,13 +1,13 @@
 //! Submits schedules, waits for them and keeps the times.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 
 use ash::vk;
 
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::stamps;
 use super::recording::{KernelMade, Mark};
-use super::{Arena, Command, Constant, Gpu, Kernel, KernelCode, Place, Point, Schedule, Stage};
+use super::{Arena, Buffer, Command, Constant, Gpu, Kernel, KernelCode, Place, Point, Schedule, Stage};
 use crate::Result;
 
 /// Calls and device seconds of one kernel.
@@ -22,7 +22,7 @@ pub struct KernelTime {
 pub struct Ticket(u64);
 
 pub(super) struct Flight {
-    ticket: Ticket,
+    pub ticket: Ticket,
     pub commands: vk::CommandBuffer,
     pub queries: vk::QueryPool,
     /// Time stamps that it takes: one before all commands, one after, and those that `marks` name.
@@ -30,19 +30,23 @@ pub(super) struct Flight {
     /// Commands by themselves and the stages they belong to, where they are timed.
     pub marks: Vec<Mark>,
     pub stages: Vec<Stage>,
+    /// Buffers of the host's memory that it reads, and that it writes.
+    pub shared: [BTreeSet<Buffer>; 2],
 }
 
 /// Runs schedules over the buffers of an arena, in order of submission.
 pub struct Executor<'g> {
     pub(super) gpu: &'g Gpu,
-    pub arena: Arena<'g>,
+    pub(super) arena: Arena<'g>,
     pub(super) pipelines: HashMap<Kernel, Pipeline>,
     pub(super) sets: DescriptorSets,
     pool: vk::CommandPool,
     timeline: vk::Semaphore,
     submitted: u64,
-    flights: VecDeque<Flight>,
+    pub(super) flights: VecDeque<Flight>,
     spare: Vec<vk::CommandBuffer>,
+    /// Whether there are canaries to look at.
+    pub(super) guarded: bool,
     times: BTreeMap<&'static str, KernelTime>,
     gpu_seconds: f64,
 }
@@ -74,11 +78,18 @@ impl<'g> Executor<'g> {
             submitted: 0,
             flights: VecDeque::new(),
             spare: vec![],
+            guarded: false,
             times: BTreeMap::new(),
             gpu_seconds: 0.0,
         };
         executor.poison()?;
+        executor.set_canaries()?;
         Ok(executor)
+    }
+
+    /// The buffers it works on.
+    pub fn arena(&self) -> &Arena<'g> {
+        &self.arena
     }
 
     /// Makes `kernel` from `code` with some specialization constants set.
@@ -138,7 +149,15 @@ impl<'g> Executor<'g> {
     /// A submission to be.
     pub(super) fn flight(&self, commands: vk::CommandBuffer, queries: vk::QueryPool) -> Flight {
         let ticket = Ticket(self.submitted + 1);
-        Flight { ticket, commands, queries, stamps: 0, marks: vec![], stages: vec![] }
+        Flight {
+            ticket,
+            commands,
+            queries,
+            stamps: 0,
+            marks: vec![],
+            stages: vec![],
+            shared: Default::default(),
+        }
     }
 
     /// Submits what is recorded.
@@ -154,8 +173,9 @@ impl<'g> Executor<'g> {
             .signal_semaphores(&semaphores)
             .push_next(&mut timeline)];
         let submitted = gpu.strike(Point::Submission).and_then(|()| {
-            // SAFETY: the command buffer is recorded and not in flight; one thread owns the queue (`&mut self`).
-            unsafe { gpu.raw().queue_submit(gpu.queue, &info, vk::Fence::null()) }
+            let queue = gpu.queue();
+            // SAFETY: the command buffer is recorded and not in flight; no other thread uses the queue meanwhile.
+            unsafe { gpu.raw().queue_submit(*queue, &info, vk::Fence::null()) }
         });
         if let Err(e) = submitted {
             self.land(flight);
@@ -270,10 +290,14 @@ impl<'g> Executor<'g> {
 
 impl Drop for Executor<'_> {
     fn drop(&mut self) {
+        self.look_at_canaries();
         let device = self.gpu.raw();
-        // SAFETY: nothing is in flight after the wait (a lost device counts as idle); all was made by this.
+        let (semaphores, values) = ([self.timeline], [self.submitted]);
+        let all = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle), whatever others do
+        // on the queue; all was made by this.
         unsafe {
-            let _ = device.device_wait_idle();
+            let _ = device.wait_semaphores(&all, u64::MAX);
             for f in self.flights.drain(..) {
                 device.destroy_query_pool(f.queries, None);
             }

@@ -3,10 +3,12 @@
 //! A device opened without any (the default) pays one comparison where a fault could be.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
 
 use ash::vk;
 
 use super::Gpu;
+use super::guard::Guarded;
 
 /// A call that may fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,6 +37,9 @@ pub struct Faults {
     pub poison: Option<u32>,
     /// Run the workgroups of every dispatch in another order, drawn from this seed, and wait between dispatches: slow.
     pub shuffle: Option<u64>,
+    /// Put a canary behind every buffer, bound with it, and look at all of them when an executor is dropped:
+    /// [`Gpu::take_guarded`]. Takes twice the memory, whatever the budget.
+    pub guard: bool,
 }
 
 impl Faults {
@@ -48,11 +53,17 @@ pub(super) struct Struck {
     pub faults: Faults,
     reached: [AtomicU64; Point::ALL.len()],
     lost: AtomicBool,
+    pub guarded: Mutex<Guarded>,
 }
 
 impl Struck {
     pub fn new(faults: Faults) -> Struck {
-        Struck { faults, reached: Default::default(), lost: AtomicBool::new(false) }
+        Struck {
+            faults,
+            reached: Default::default(),
+            lost: AtomicBool::new(false),
+            guarded: Mutex::default(),
+        }
     }
 
     fn strike(&self, point: Point) -> Result<(), vk::Result> {
@@ -105,7 +116,7 @@ impl Gpu {
     pub fn close(self) -> Vec<String> {
         let messages = self.instance.messages.clone();
         drop(self);
-        messages.lock().map(|m| m.clone()).unwrap_or_default()
+        messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 

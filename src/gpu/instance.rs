@@ -1,7 +1,7 @@
 //! The Vulkan loader, the instance and what devices there are.
 
 use std::ffi::{CStr, c_void};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::{ext, vk};
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ impl std::fmt::Display for DeviceKind {
 /// A Vulkan device as the loader lists it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DeviceInfo {
-    /// Position in the list, what `--device` takes.
+    /// Position in the list: a [`super::GpuOptions::device`].
     pub index: usize,
     pub name: String,
     pub kind: DeviceKind,
@@ -61,7 +61,10 @@ pub(super) struct Instance {
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 impl Instance {
-    pub fn new(validation: bool) -> Result<Instance> {
+    /// With the validation layer if asked for; `instrumented`: with its checks in kernels rather than those of
+    /// synchronisation. Errors: no loader, an old one, no layer, no driver.
+    pub fn new(validation: bool, instrumented: bool) -> Result<Instance> {
+        let validation = validation || instrumented;
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             Error::device(
@@ -97,7 +100,12 @@ impl Instance {
             .application_name(c"thirdbounce")
             .engine_name(c"thirdbounce")
             .api_version(vk::API_VERSION_1_2);
-        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let enabled = if instrumented {
+            vk::ValidationFeatureEnableEXT::GPU_ASSISTED
+        } else {
+            vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION
+        };
+        let enabled = [enabled];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
         let mut info = vk::InstanceCreateInfo::default()
             .application_info(&application)
@@ -190,7 +198,7 @@ impl Drop for Instance {
 
 /// Every Vulkan device of this machine. Errors: no loader, no driver.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
-    Ok(Instance::new(false)?.list().into_iter().map(|(_, info)| info).collect())
+    Ok(Instance::new(false, false)?.list().into_iter().map(|(_, info)| info).collect())
 }
 
 pub(super) fn version_text(v: u32) -> String {
@@ -208,8 +216,6 @@ unsafe extern "system" fn collect(
         let text = (*data).message_as_c_str().map(|m| m.to_string_lossy().into_owned()).unwrap_or_default();
         (text, &*(messages as *const Mutex<Vec<String>>))
     };
-    if let Ok(mut list) = messages.lock() {
-        list.push(text);
-    }
+    messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     vk::FALSE
 }

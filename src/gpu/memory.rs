@@ -1,6 +1,7 @@
 //! Device memory: every buffer is stated before anything is allocated, then all are made at once.
 
 use std::collections::BTreeMap;
+use std::ptr::NonNull;
 use std::sync::atomic::Ordering::Relaxed;
 
 use ash::vk;
@@ -9,6 +10,7 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
+use super::guard::{CANARY_BACK, CANARY_PART, LEAST_CANARY};
 use super::state::SIZE_BACK;
 use super::{Buffer, Gpu, Point};
 use crate::{Error, Result};
@@ -42,17 +44,20 @@ impl BufferPlan {
     }
 }
 
+#[derive(Clone, Copy)]
 pub(super) struct Made {
     pub handle: vk::Buffer,
+    /// As the plan states it.
     pub bytes: u64,
+    /// Bytes behind those, which nothing may write: 0 unless the device is opened with [`super::Faults::guard`].
+    pub canary: u64,
     pub place: Place,
-    allocation: Option<Allocation>,
 }
 
 /// All buffers of one job.
 pub struct Arena<'g> {
     gpu: &'g Gpu,
-    buffers: BTreeMap<Buffer, Made>,
+    buffers: BTreeMap<Buffer, (Made, Option<Allocation>)>,
     // Dropped before the device: `gpu` outlives it by its lifetime.
     allocator: Option<Allocator>,
     bytes: u64,
@@ -68,7 +73,7 @@ impl<'g> Arena<'g> {
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
         let _span = gpu.span("allocate");
         check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
-        let layout = Layout::both(plan, gpu.one_memory);
+        let layout = Layout::both(&guarded(gpu, plan), gpu.one_memory);
         let own_from = layout.map(|l| l.own_from);
         let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
@@ -90,7 +95,12 @@ impl<'g> Arena<'g> {
         if gpu.shuffle().is_some() {
             arena.add(&BufferPlan::new(SIZE_BACK, 12, Place::Readback))?;
         }
-        match budget.filter(|b| arena.taken() > *b) {
+        if gpu.guards() {
+            let stated = arena.bytes;
+            arena.add(&BufferPlan::new(CANARY_BACK, CANARY_PART, Place::Readback))?;
+            arena.bytes = stated;
+        }
+        match budget.filter(|b| !gpu.guards() && arena.taken() > *b) {
             None => Ok(arena),
             Some(budget) => Err(over(plan, arena.taken(), budget, true)),
         }
@@ -102,7 +112,8 @@ impl<'g> Arena<'g> {
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let info = vk::BufferCreateInfo::default().size(plan.bytes).usage(usage);
+        let canary = if self.gpu.guards() { canary_of(plan.bytes) } else { 0 };
+        let info = vk::BufferCreateInfo::default().size(plan.bytes + canary).usage(usage);
         let device = self.gpu.raw();
         let refused = |what: String| {
             Error::memory(
@@ -116,8 +127,8 @@ impl<'g> Arena<'g> {
         let handle = handle.map_err(|e| refused(e.to_string()))?;
         let name = plan.buffer.to_string();
         self.gpu.name(handle, &name);
-        let made = Made { handle, bytes: plan.bytes, place: plan.place, allocation: None };
-        self.buffers.insert(plan.buffer, made);
+        let made = Made { handle, bytes: plan.bytes, canary, place: plan.place };
+        self.buffers.insert(plan.buffer, (made, None));
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");
         strike().map_err(|e| refused(e.to_string()))?;
@@ -139,17 +150,17 @@ impl<'g> Arena<'g> {
             })
             .map_err(|e| refused(e.to_string()))?;
         let (memory, offset) = unsafe { (allocation.memory(), allocation.offset()) };
-        self.bytes += allocation.size();
+        self.bytes += allocation.size() - canary;
         self.gpu.allocated.fetch_add(allocation.size(), Relaxed);
-        if let Some(b) = self.buffers.get_mut(&plan.buffer) {
-            b.allocation = Some(allocation);
+        if let Some((_, held)) = self.buffers.get_mut(&plan.buffer) {
+            *held = Some(allocation);
         }
         strike()
             .and_then(|()| unsafe { device.bind_buffer_memory(handle, memory, offset) })
             .map_err(|e| refused(e.to_string()))
     }
 
-    /// Bytes allocated, host-visible ones included.
+    /// Bytes allocated, host-visible ones included; canaries are not.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -159,43 +170,43 @@ impl<'g> Arena<'g> {
         self.allocator.as_ref().map_or(0, Allocator::capacity)
     }
 
-    /// Name, place and handle of every buffer.
-    pub(super) fn handles(&self) -> Vec<(Buffer, Place, vk::Buffer)> {
-        self.buffers.iter().map(|(n, b)| (*n, b.place, b.handle)).collect()
+    /// Every buffer.
+    pub(super) fn buffers(&self) -> Vec<(Buffer, Made)> {
+        self.buffers.iter().map(|(buffer, (made, _))| (*buffer, *made)).collect()
     }
 
     /// Bytes of every buffer.
     pub fn sizes(&self) -> BTreeMap<Buffer, u64> {
-        self.buffers.iter().map(|(n, b)| (*n, b.bytes)).collect()
+        self.buffers.iter().map(|(buffer, (made, _))| (*buffer, made.bytes)).collect()
+    }
+
+    /// Bytes of a buffer. Panics if the plan does not hold it.
+    pub fn size(&self, buffer: Buffer) -> u64 {
+        self.get(buffer).bytes
     }
 
     pub(super) fn get(&self, buffer: Buffer) -> &Made {
+        &self.held(buffer).0
+    }
+
+    fn held(&self, buffer: Buffer) -> &(Made, Option<Allocation>) {
         self.buffers.get(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"))
     }
 
-    /// The bytes of an upload or readback buffer.
-    pub fn mapped(&self, buffer: Buffer) -> &[u8] {
-        let a = self.get(buffer).allocation.as_ref().and_then(Allocation::mapped_slice);
-        a.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
-    }
-
-    /// The same, to write. The device must not be using the buffer.
-    pub fn mapped_mut(&mut self, buffer: Buffer) -> &mut [u8] {
-        let a = self
-            .buffers
-            .get_mut(&buffer)
-            .and_then(|b| b.allocation.as_mut())
-            .and_then(Allocation::mapped_slice_mut);
-        a.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
+    /// Where an upload or readback buffer begins in the host's memory: valid for its bytes and its canary, as
+    /// long as the arena lives. The device may be writing there.
+    pub(super) fn pointer(&self, buffer: Buffer) -> NonNull<u8> {
+        let mapped = self.held(buffer).1.as_ref().and_then(Allocation::mapped_ptr);
+        mapped.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible")).cast()
     }
 }
 
 impl Drop for Arena<'_> {
     fn drop(&mut self) {
-        // SAFETY: the executor that used these buffers waits for the device before it is dropped.
-        for (_, b) in std::mem::take(&mut self.buffers) {
+        // SAFETY: the executor that used these buffers waits for its work before it is dropped.
+        for (_, (b, allocation)) in std::mem::take(&mut self.buffers) {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
-            if let (Some(a), Some(allocator)) = (b.allocation, self.allocator.as_mut()) {
+            if let (Some(a), Some(allocator)) = (allocation, self.allocator.as_mut()) {
                 let bytes = a.size();
                 // What is not given back still counts as allocated.
                 if allocator.free(a).is_ok() {
@@ -205,6 +216,17 @@ impl Drop for Arena<'_> {
         }
         self.allocator = None;
     }
+}
+
+/// Bytes of the canary behind a buffer of so many: half of all, but of small buffers more.
+fn canary_of(bytes: u64) -> u64 {
+    bytes.max(LEAST_CANARY)
+}
+
+/// What is allocated for a plan: with a canary behind every buffer where the device guards them.
+fn guarded(gpu: &Gpu, plan: &[BufferPlan]) -> Vec<BufferPlan> {
+    let canary = |b: &BufferPlan| if gpu.guards() { canary_of(b.bytes) } else { 0 };
+    plan.iter().map(|b| BufferPlan { bytes: b.bytes + canary(b), ..b.clone() }).collect()
 }
 
 /// Blocks of memory that buffers share are multiples of this, and at most so large (gpu-allocator's bounds).

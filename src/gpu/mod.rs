@@ -6,6 +6,8 @@
 mod device;
 mod execute;
 mod faults;
+mod guard;
+mod host;
 mod instance;
 mod memory;
 mod names;
@@ -19,6 +21,7 @@ mod state;
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use faults::{Faults, Point};
+pub use guard::{Guarded, Overrun};
 pub use instance::{DeviceInfo, DeviceKind, devices};
 pub use memory::{Arena, BufferPlan, Place, check};
 pub use names::{Buffer, Constant, Kernel};

@@ -144,7 +144,7 @@ impl Pipeline {
 
     pub fn destroy(&self, gpu: &Gpu) {
         let device = gpu.raw();
-        // SAFETY: the executor waits for the device first; null handles are allowed.
+        // SAFETY: the executor waits for its work first; null handles are allowed.
         unsafe {
             device.destroy_pipeline(self.handle, None);
             device.destroy_shader_module(self.module, None);
@@ -203,7 +203,12 @@ impl DescriptorSets {
         let infos: Vec<_> = key
             .1
             .iter()
-            .map(|b| [vk::DescriptorBufferInfo::default().buffer(*b).range(vk::WHOLE_SIZE)])
+            .zip(pipeline.bindings.iter().zip(buffers))
+            .map(|(handle, (b, buffer))| {
+                // Whole with its canary: a write past the end must arrive. Nothing writes uniforms, whose range is limited.
+                let range = if b.uniform { arena.get(*buffer).bytes } else { vk::WHOLE_SIZE };
+                [vk::DescriptorBufferInfo::default().buffer(*handle).range(range)]
+            })
             .collect();
         let writes: Vec<_> = pipeline
             .bindings
@@ -224,7 +229,7 @@ impl DescriptorSets {
 
     pub fn destroy(&mut self, gpu: &Gpu) {
         for pool in self.pools.drain(..) {
-            // SAFETY: the executor waits for the device first.
+            // SAFETY: the executor waits for its work first.
             unsafe { gpu.raw().destroy_descriptor_pool(pool, None) };
         }
     }

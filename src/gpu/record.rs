@@ -97,6 +97,7 @@ impl Executor<'_> {
                     }
                     Step::Run(command) => {
                         let (reads, writes) = self.accesses(command);
+                        self.share(flight, &reads, &writes);
                         if pending.conflicts(&reads, &writes) {
                             barrier(device, c);
                             pending.clear();
@@ -322,7 +323,7 @@ mod tests {
         s.dispatch(Kernel::named("count"), [1, 1, 1]).with([3u32, 0, 0, 0]);
         s.copy(buffer::RESULT, BACK, 4);
         executor.run(&s).unwrap();
-        let counted = bytemuck::cast_slice::<u8, u32>(executor.arena.mapped(BACK))[0];
+        let counted = executor.read::<u32>(BACK, ..)[0];
         let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
         assert!(messages.is_empty(), "{messages:?}");
         assert_eq!(counted, 6);

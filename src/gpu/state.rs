@@ -5,6 +5,7 @@ use ash::vk;
 
 use super::execute::{Executor, Ticket};
 use super::faults::shuffled;
+use super::memory::Made;
 use super::{Buffer, Command, Place, Schedule, Size};
 use crate::Result;
 
@@ -15,10 +16,15 @@ pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 const PARTS: u32 = 8;
 
 impl Executor<'_> {
-    /// Runs what `write` records, and waits.
-    fn at_once(&mut self, write: impl FnOnce(&ash::Device, vk::CommandBuffer)) -> Result<()> {
+    /// Runs what `write` records, and waits. It uses the buffers `reads` and `writes`.
+    pub(super) fn at_once(
+        &mut self,
+        [reads, writes]: [&[Buffer]; 2],
+        write: impl FnOnce(&ash::Device, vk::CommandBuffer),
+    ) -> Result<()> {
         let commands = self.command_buffer()?;
-        let flight = self.flight(commands, vk::QueryPool::null());
+        let mut flight = self.flight(commands, vk::QueryPool::null());
+        self.share(&mut flight, reads, writes);
         let device = self.gpu.raw();
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let all = vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE;
@@ -55,9 +61,11 @@ impl Executor<'_> {
         for offset in (0..bytes).step_by(part as usize) {
             let size = part.min(bytes - offset);
             let region = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
-            // SAFETY: both buffers live as long as the executor, and the region lies within them.
-            self.at_once(|device, c| unsafe { device.cmd_copy_buffer(c, from, to, &region) })?;
-            all.extend_from_slice(&self.arena.mapped(through)[..size as usize]);
+            self.at_once([&[buffer], &[through]], |device, c| {
+                // SAFETY: both buffers live as long as the executor, and the region lies within them.
+                unsafe { device.cmd_copy_buffer(c, from, to, &region) }
+            })?;
+            all.extend(self.read::<u8>(through, ..size as usize));
         }
         Ok(all)
     }
@@ -67,13 +75,15 @@ impl Executor<'_> {
     pub fn restore(&mut self, buffer: Buffer, content: &[u8], through: Buffer) -> Result<()> {
         assert!(content.len() as u64 <= self.arena.get(buffer).bytes, "restoring beyond `{buffer}`");
         let (from, to) = (self.arena.get(through).handle, self.arena.get(buffer).handle);
-        let part = self.arena.mapped(through).len();
+        let part = self.arena.size(through) as usize;
         for (i, piece) in content.chunks(part).enumerate() {
-            self.arena.mapped_mut(through)[..piece.len()].copy_from_slice(piece);
+            self.write(through, piece);
             let dst_offset = (i * part) as u64;
             let region = [vk::BufferCopy { src_offset: 0, dst_offset, size: piece.len() as u64 }];
-            // SAFETY: as in `download`.
-            self.at_once(|device, c| unsafe { device.cmd_copy_buffer(c, from, to, &region) })?;
+            self.at_once([&[through], &[buffer]], |device, c| {
+                // SAFETY: as in `download`.
+                unsafe { device.cmd_copy_buffer(c, from, to, &region) }
+            })?;
         }
         Ok(())
     }
@@ -81,19 +91,20 @@ impl Executor<'_> {
     /// Fills every buffer with the word that tests ask for, so that what is read before it is written shows.
     pub(super) fn poison(&mut self) -> Result<()> {
         let Some(word) = self.gpu.poison() else { return Ok(()) };
-        let all = self.arena.handles();
-        for (name, place, _) in &all {
-            if *place != Place::Device {
-                self.arena
-                    .mapped_mut(*name)
-                    .chunks_mut(4)
-                    .for_each(|w| w.copy_from_slice(&word.to_le_bytes()));
-            }
+        self.fill_all(word, |b| [0, b.bytes])
+    }
+
+    /// Fills a part of every buffer (offset and bytes), and waits.
+    pub(super) fn fill_all(&mut self, word: u32, part: impl Fn(&Made) -> [u64; 2]) -> Result<()> {
+        let all = self.arena.buffers();
+        for (buffer, b) in all.iter().filter(|(_, b)| b.place != Place::Device) {
+            self.fill_shared(*buffer, part(b), word);
         }
-        self.at_once(|device, c| {
-            for (.., handle) in all.iter().filter(|b| b.1 == Place::Device) {
-                // SAFETY: the buffers live as long as the executor.
-                unsafe { device.cmd_fill_buffer(c, *handle, 0, vk::WHOLE_SIZE, word) };
+        self.at_once([&[], &[]], |device, c| {
+            for (_, b) in all.iter().filter(|(_, b)| b.place == Place::Device) {
+                let [offset, bytes] = part(b);
+                // SAFETY: the buffers live as long as the executor, and the part lies within.
+                unsafe { device.cmd_fill_buffer(c, b.handle, offset, bytes, word) };
             }
         })
     }
@@ -116,8 +127,7 @@ impl Executor<'_> {
                 });
                 let ticket = self.submit_as_it_is(&std::mem::take(&mut part))?;
                 self.wait(ticket)?;
-                let counts: &[u32] = bytemuck::cast_slice(&self.arena.mapped(SIZE_BACK)[..12]);
-                *size = Size::Groups([counts[0], counts[1], counts[2]]);
+                *size = Size::Groups(self.read::<[u32; 3]>(SIZE_BACK, ..1)[0]);
             }
             part.commands.push(command);
         }
@@ -162,7 +172,7 @@ mod tests {
         let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
         let fresh = executor.download(STATE, DOWN).unwrap();
         assert!(fresh.len() == 1000 && fresh.chunks(4).all(|w| w == 0xdead_beef_u32.to_le_bytes()));
-        assert!(executor.arena.mapped(UP).contains(&0xde));
+        assert!(executor.read::<u32>(UP, ..).iter().all(|w| *w == 0xdead_beef));
         let content: Vec<u8> = (0..1000u32).map(|i| (i * 7 % 251) as u8).collect();
         executor.restore(STATE, &content, UP).unwrap();
         assert_eq!(executor.download(STATE, DOWN).unwrap(), content);

@@ -120,6 +120,7 @@ impl Request {
             validation: self.validation,
             timings: self.timings,
             faults: self.faults,
+            ..GpuOptions::default()
         })
     }
 

@@ -169,7 +169,7 @@ pub(super) fn download(job: &mut OnDevice<'_>) -> Result<BTreeMap<String, Vec<u8
     let mut all = BTreeMap::new();
     for b in job.plan.buffers.iter().filter(|b| lives(b)) {
         let content = if b.buffer == TRACE {
-            job.executor.arena.mapped(TRACE).to_vec()
+            job.executor.read::<u8>(TRACE, ..)
         } else {
             job.executor.download(b.buffer, DOWN)?
         };
@@ -204,7 +204,7 @@ pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> 
     for buffer in living {
         let content = &buffers[&buffer.to_string()];
         if buffer == TRACE {
-            job.executor.arena.mapped_mut(TRACE).copy_from_slice(content);
+            job.executor.write(TRACE, content);
         } else {
             job.executor.restore(buffer, content, UP)?;
         }

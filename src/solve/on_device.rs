@@ -70,9 +70,9 @@ pub struct VolumeMap {
 
 /// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.
 pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Result<()> {
-    let size = executor.arena.mapped(UPLOAD).len();
+    let size = executor.arena().size(UPLOAD) as usize;
     for (i, part) in bytes.chunks(size).enumerate() {
-        executor.arena.mapped_mut(UPLOAD)[..part.len()].copy_from_slice(part);
+        executor.write(UPLOAD, part);
         let mut s = Schedule::default();
         s.commands.push(Command::Copy {
             from: UPLOAD,
@@ -87,9 +87,8 @@ pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Resu
 }
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where surfaces have no direction.
-pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Maps {
-    let columns: &[[f32; 8]] = bytemuck::cast_slice(arena.mapped(COLUMNS_HOST));
-    let columns = &columns[..grid.n[0] * grid.n[1]];
+pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool) -> Maps {
+    let columns: Vec<[f32; 8]> = executor.read(COLUMNS_HOST, ..grid.n[0] * grid.n[1]);
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
     let albedo: Vec<f32> = columns.iter().map(|c| c[0]).collect();
     Maps {
@@ -107,16 +106,15 @@ pub(super) fn read_maps(arena: &Arena<'_>, grid: &Grid, has_normals: bool) -> Ma
     }
 }
 
-/// These rows of the trace, of iterations that are over.
+/// These rows of the trace. Nothing is under way.
 pub(super) fn trace_rows(device: &OnDevice<'_>, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
-    let all: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(device.executor.arena.mapped(buffer::TRACE));
-    all[rows].to_vec()
+    device.executor.read(buffer::TRACE, rows)
 }
 
 /// The volume whose mask and active voxels' state were copied to the host; `albedo` is that of a voxel's state.
-pub(super) fn read_volume(arena: &Arena<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
-    let raw: &[[f32; 4]] = bytemuck::cast_slice(arena.mapped(RAW_HOST));
-    let mask: &[u32] = bytemuck::cast_slice(arena.mapped(MASK_HOST));
+pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
+    let raw: Vec<[f32; 4]> = executor.read(RAW_HOST, ..);
+    let mask: Vec<u32> = executor.read(MASK_HOST, ..);
     let active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
     let mut all = vec![0.0; grid.voxels()];
     for (slot, i) in (0..grid.storage()).filter(active).enumerate() {

@@ -53,7 +53,7 @@ pub(super) fn finish(
         s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
         s.copy(buffer::MASK, MASK_HOST, storage / 8);
         job.executor.run(&s)?;
-        Some(read_volume(&job.executor.arena, &driven.level.grid, albedo))
+        Some(read_volume(&job.executor, &driven.level.grid, albedo))
     } else {
         None
     };
@@ -66,7 +66,7 @@ pub(super) fn finish(
         empty_loss: empty_loss(&job.model),
         pairs: driven.pairs,
         solve_seconds: driven.seconds,
-        device_bytes: job.executor.arena.bytes(),
+        device_bytes: job.executor.arena().bytes(),
         full,
         surface_left: false,
         lateral: driven.level.grid.n[0],

@@ -254,7 +254,7 @@ pub fn extract_finds_the_brightest_voxel_of_every_column() {
     write_state(&mut job, buffer::RAW, &touched, &raw);
     let schedule = extract(job.plan.finest());
     job.executor.run(&schedule).unwrap();
-    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped(COLUMNS_HOST));
+    let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let want = twin::extract(&twin, &raw, &domain);
     let (mut found, mut empty) = (0, 0);
     for (g, w) in got.iter().zip(&want) {

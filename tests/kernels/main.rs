@@ -13,3 +13,4 @@ mod vector_forward;
 mod vector_gradient;
 mod vector_momentum;
 mod vector_start;
+mod wide;

@@ -363,9 +363,7 @@ pub fn finish_sums_and_resets() {
     write(&mut job, buffer::L1_PARTIALS, &l1);
     set_counts(&mut job, 777, 1.25);
     run(&mut job, &["finish"], 2, 1);
-    let bytes = 4 * TRACE_ROW as usize;
-    let row: Vec<u32> =
-        bytemuck::pod_collect_to_vec(&job.executor.arena.mapped(buffer::TRACE)[2 * bytes..3 * bytes]);
+    let row = job.executor.read::<[u32; TRACE_ROW as usize]>(buffer::TRACE, 2..3)[0];
     let sum = |v: &[f32]| v.iter().map(|x| f64::from(*x)).sum::<f64>();
     let part = |k: usize| sum(&loss.iter().skip(k).step_by(2).copied().collect::<Vec<f32>>()) / 800.0;
     assert!((f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize])) / part(0) - 1.0).abs() < 1e-6);

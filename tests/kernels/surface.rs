@@ -269,8 +269,7 @@ pub fn extract() {
         write(&mut job, buffer::COLUMNS, &before);
         let s = surface::extract(job.plan.finest(), field.len());
         job.executor.run(&s).unwrap();
-        let got: Vec<[f32; 8]> =
-            bytemuck::pod_collect_to_vec(&job.executor.arena.mapped(COLUMNS_HOST)[..32 * columns]);
+        let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..columns);
         let slopes = field.points(&twin, &bonds).0;
         let want =
             twin::surface_extract(&twin, &field.columns, &field.heights, &slopes, &field.albedo, smooth);
@@ -380,9 +379,7 @@ fn check_iterations(
         let pull = twin::surface_pull(&twin, &field.columns, &depths, &gradient, &weights, number);
         twin::surface_step(&twin, &pull, &weights, number, &mut field.heights, &mut moments);
     }
-    let rows: Vec<[u32; TRACE_ROW as usize]> = bytemuck::pod_collect_to_vec(
-        &job.executor.arena.mapped(buffer::TRACE)[..ROWS * TRACE_ROW as usize * 4],
-    );
+    let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..ROWS);
     let what = format!("{geometry:?} {reflectance:?}");
     let loss = |w: &[f64; 3]| w[0] + w[2];
     assert!(loss(&want[ROWS - 1]) < 0.9 * loss(&want[0]), "{what}: {want:?}");

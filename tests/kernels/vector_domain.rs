@@ -118,8 +118,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
         assert_eq!(least > 0.0, room < count(&all));
         // The next iteration reports it.
         run_iteration(&mut job, 3, &["finish"]);
-        let rows: &[[u32; TRACE_ROW as usize]] =
-            bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
+        let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
         assert_eq!(rows[3][TRACE_LEAST as usize], told[COUNT_LEAST_SMOOTH as usize]);
         let kept: Vec<bool> = all.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
         let differ = read_mask(&mut job, buffer::MASK, grid.storage());
@@ -307,7 +306,7 @@ fn extract_takes_a_column_from_all_of_its_surface() {
     write_vectors(&mut job, buffer::RAW, &active, &v);
     let s = extract(job.plan.finest());
     job.executor.run(&s).unwrap();
-    let got: Vec<[f32; 8]> = bytemuck::pod_collect_to_vec(job.executor.arena.mapped(COLUMNS_HOST));
+    let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let brightest = twin::lengths(&v, &domain);
     let (mut found, mut empty, mut together, mut farther) = (0, 0, 0, 0);
     for (i, (g, w)) in got.iter().zip(twin::extract_vectors(&twin, &v, &domain)).enumerate() {

@@ -63,9 +63,8 @@ pub fn finish_decides_on_the_momentum() {
         close(got.objective, want.objective);
         close(got.share, want.share);
         assert_eq!(got.restarts, want.restarts);
-        let bytes = 4 * TRACE_ROW as usize;
-        let row = &job.executor.arena.mapped(buffer::TRACE)[i as usize * bytes..][..bytes];
-        let row: Vec<u32> = bytemuck::pod_collect_to_vec(row);
+        let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
+        let row = rows[i as usize];
         let told = |k: u32| f64::from(f32::from_bits(row[k as usize]));
         close(told(TRACE_OBJECTIVE), data(0) / elements as f64);
         close(told(TRACE_DATA), data(1) / elements as f64);

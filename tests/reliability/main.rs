@@ -3,6 +3,7 @@
 //! docs/reliability.md.
 
 mod budget;
+mod canaries;
 mod disk;
 mod injected;
 mod killed;
@@ -68,6 +69,11 @@ fn the_validation_layer_has_nothing_to_say() {
     assert_held(&valid::rows(Share(7)));
 }
 
+#[test]
+fn nothing_is_written_past_an_end_and_two_solve_at_once() {
+    assert_held(&canaries::rows(Share(5)));
+}
+
 /// Asserts that all cases of an area held, and writes them to the page.
 fn all_of(area: &str, rows: &[Row]) {
     ledger::write(area, rows);
@@ -120,4 +126,10 @@ fn all_orders() {
 #[ignore = "long: make soak"]
 fn all_validation() {
     all_of("Validation layer", &valid::rows(Share(1)));
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn all_canaries() {
+    all_of("Canaries, two solves at once", &canaries::rows(Share(1)));
 }

@@ -102,7 +102,7 @@ pub fn vector(accumulation: Accumulation) -> VectorOptions {
 }
 
 pub fn open(faults: Faults, validation: bool) -> Gpu {
-    Gpu::open(&GpuOptions { validation, faults, ..GpuOptions::default() })
+    Gpu::open(&GpuOptions { validation, robust: true, faults, ..GpuOptions::default() })
         .expect("a Vulkan device and the validation layer: `make setup` installs both")
 }
 

@@ -79,8 +79,7 @@ fn the_papers_kernels_watch_too() {
             }
             let s = paper::iteration(&job.plan, job.plan.finest(), i, i + 1);
             job.executor.run(&s).unwrap();
-            let rows: &[[u32; TRACE_ROW as usize]] =
-                bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
+            let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
             let want = if i == 1 { fault } else { 0 };
             assert_eq!(first(rows[i as usize][TRACE_FAULTS as usize]), want, "{broken}, iteration {i}");
         }

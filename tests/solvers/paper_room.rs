@@ -132,7 +132,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let mut s = paper::iteration(&job.plan, job.plan.finest(), 3, 1);
     s.commands.retain(|c| c.name() == "finish");
     job.executor.run(&s).unwrap();
-    let rows: &[[u32; TRACE_ROW as usize]] = bytemuck::cast_slice(job.executor.arena.mapped(buffer::TRACE));
+    let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
     assert_eq!(rows[3][TRACE_LEAST as usize], counts[COUNT_LEAST_SMOOTH as usize]);
     assert_valid(&gpu);
 }

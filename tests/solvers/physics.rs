@@ -126,7 +126,7 @@ fn iterations_on_the_device_follow_the_twins() {
         let touched = twin::touched(&g, &domain);
         let (mut first, mut second) = (vec![[0.0; 4]; raw.len()], vec![[0.0; 4]; raw.len()]);
         let rows: Vec<[f32; thirdbounce::transport::kernels::TRACE_ROW as usize]> =
-            bytemuck::pod_collect_to_vec(job.executor.arena.mapped(buffer::TRACE));
+            job.executor.read(buffer::TRACE, ..);
         for i in 0..4 {
             let samples = twin::sample(&twin, i, &active, &raw);
             let (residual, loss) = twin::residual(&twin, &twin::forward(&twin, &samples), &[]);

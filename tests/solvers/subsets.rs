@@ -133,8 +133,7 @@ fn begun(job: &mut OnDevice<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, 
     let mut s = Schedule::default();
     (0..3).for_each(|i| s.extend(vector::iteration(&job.plan, &level, i)));
     job.executor.run(&s).expect("the schedule runs");
-    let rows = &job.executor.arena.mapped(buffer::TRACE)[..3 * 4 * TRACE_ROW as usize];
-    let rows = bytemuck::pod_collect_to_vec(rows);
+    let rows = job.executor.read(buffer::TRACE, ..3 * TRACE_ROW as usize);
     (read(job, buffer::BOUNDS, count), read(job, buffer::RAW, count), rows)
 }
 

@@ -195,7 +195,7 @@ impl<'g> Bench<'g> {
         s.extend(passes(probe, groups));
         s.copy(buffer::RESULT, BACK, u64::from(words) * 4);
         self.executor.run(&s)?;
-        let got: &[u32] = bytemuck::cast_slice(self.executor.arena.mapped(BACK));
+        let got: Vec<u32> = self.executor.read(BACK, ..words as usize);
         let did = [probe.turns, x, dispatches];
         // Words that no invocation owns stay as they were. A prime step meets every lane of some workgroup.
         let owned = if probe.per_turn == 4 && probe.turns == 64 { words.min(ATOMIC_WORDS) } else { words };
@@ -230,7 +230,7 @@ impl<'g> Bench<'g> {
         let seen = bytes.min(u64::from(GROUPS * LANES) * 4);
         after.copy(TO, BACK, seen);
         self.executor.run(&after)?;
-        let back: &[u32] = bytemuck::cast_slice(&self.executor.arena.mapped(BACK)[..seen as usize]);
+        let back: Vec<u32> = self.executor.read(BACK, ..seen as usize / 4);
         if back.iter().any(|w| *w != PATTERN) {
             return Err(self.wrong("a copy does not arrive"));
         }
@@ -258,7 +258,7 @@ impl<'g> Bench<'g> {
         let mut read = Schedule::default();
         read.copy(buffer::RESULT, BACK, 4);
         self.executor.run(&read)?;
-        let counted = bytemuck::cast_slice::<u8, u32>(self.executor.arena.mapped(BACK))[0];
+        let counted = self.executor.read::<u32>(BACK, ..1)[0];
         if u64::from(counted) != count {
             return Err(self.wrong(&format!("of {count} dispatches in order {counted} count")));
         }
@@ -307,7 +307,7 @@ mod tests {
             s.extend(passes(&off, 4));
             s.copy(buffer::RESULT, BACK, 4);
             bench.executor.run(&s).unwrap();
-            let word = bytemuck::cast_slice::<u8, u32>(bench.executor.arena.mapped(BACK))[0];
+            let word = bench.executor.read::<u32>(BACK, ..1)[0];
             assert!((probe.right)(word, 0, [off.turns, 4, 1]), "{}", probe.kernel.name);
             assert!(
                 !(probe.right)(word, 0, [probe.turns, 4, 1]),

@@ -9,6 +9,7 @@ use super::on_device::{OnDevice, read_maps};
 use super::{Level, Plan, TracePoint};
 use crate::gpu::{DeviceKind, Gpu, Schedule, Ticket};
 use crate::maps::Maps;
+use crate::transport::kernels::buffer;
 use crate::{Error, Kind, Result};
 
 mod clock;
@@ -339,7 +340,9 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
     fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {
         let l1_weight = (self.steps.l1_weight)(&flight.level);
         let passes = &self.steps.passes;
-        self.reader.read(self.device, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
+        // Blocks under way write other rows.
+        let rows = self.device.executor.read_behind(flight.ticket, buffer::TRACE, flight.rows.clone());
+        self.reader.read(&rows, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
     }
 
     /// The maps at a level. Waits for the device.
@@ -348,7 +351,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
         s.extend((self.steps.extract)(level));
         self.device.executor.run(&s)?;
-        Ok(read_maps(&self.device.executor.arena, &level.grid, self.device.plan.reflectance.has_normals()))
+        Ok(read_maps(&self.device.executor, &level.grid, self.device.plan.reflectance.has_normals()))
     }
 
     /// Waits for what is in flight and takes the result. What was under way when the fit was seen is part of it.

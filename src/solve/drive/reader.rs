@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use crate::solve::on_device::{OnDevice, trace_rows};
 use crate::solve::{Level, Pass, TracePoint};
 use crate::transport::kernels::*;
 use crate::{Error, Kind, Result};
@@ -16,14 +15,14 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// Reads the device's trace of some iterations, all run at `level`, and adds a point for the last. Yields it with
-    /// the objective's data term there. `seconds` are those of host and device.
+    /// Takes the `rows` of the device's trace that some iterations left, all run at `level`, and adds a point for the
+    /// last. Yields it with the objective's data term there. `seconds` are those of host and device.
     ///
     /// # Errors
     /// A fault of one of `passes`; a loss that is not finite.
     pub fn read(
         &mut self,
-        device: &OnDevice<'_>,
+        rows: &[[u32; TRACE_ROW as usize]],
         iterations: Range<usize>,
         level: &Level,
         l1_weight: f64,
@@ -32,8 +31,8 @@ impl Reader {
     ) -> Result<(TracePoint, f64)> {
         let (mut loss, mut data_loss, mut objective) = (0.0, 0.0, 0.0);
         let mut active = 0;
-        for (i, row) in iterations.clone().zip(trace_rows(device, iterations.clone())) {
-            check_faults(&row, i + 1, passes)?;
+        for (i, row) in iterations.clone().zip(rows) {
+            check_faults(row, i + 1, passes)?;
             active = row[TRACE_ACTIVE as usize] as usize;
             data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
             objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));

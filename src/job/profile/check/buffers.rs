@@ -35,7 +35,7 @@ pub fn read<T: bytemuck::Pod>(job: &mut OnDevice<'_>, from: Buffer, count: usize
     let (to, bytes) = (BACK, bytes as u64);
     s.commands.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
     job.executor.run(&s)?;
-    Ok(bytemuck::pod_collect_to_vec(&job.executor.arena.mapped(BACK)[..bytes as usize]))
+    Ok(job.executor.read(BACK, ..count))
 }
 
 pub fn read_floats(job: &mut OnDevice<'_>, from: Buffer, count: usize) -> Result<Vec<f64>> {

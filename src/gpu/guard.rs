@@ -1,0 +1,163 @@
+//! Canaries behind buffers, for tests: a known word behind the stated size of every buffer, bound with it, so that a kernel
+//! which writes past an end is found, and by name.
+
+use std::sync::PoisonError;
+
+use ash::vk;
+
+use super::execute::Executor;
+use super::memory::Made;
+use super::{Buffer, Gpu, Place};
+use crate::Result;
+
+/// The buffer that canaries on the device are read through.
+pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
+
+/// Its bytes: canaries are read in such parts.
+pub(super) const CANARY_PART: u64 = 1 << 20;
+
+/// Bytes of a canary at least.
+pub(super) const LEAST_CANARY: u64 = 64 << 10;
+
+const WORD: u32 = 0xca9a_41e5;
+
+/// A buffer that was written past its end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Overrun {
+    pub buffer: Buffer,
+    /// Bytes as stated.
+    pub bytes: u64,
+    /// The first byte that was written behind those, from the buffer's beginning.
+    pub at: u64,
+}
+
+/// What was seen of the canaries of executors that were dropped.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Guarded {
+    /// Buffers whose canaries were looked at.
+    pub buffers: usize,
+    pub overruns: Vec<Overrun>,
+}
+
+impl Gpu {
+    pub(super) fn guards(&self) -> bool {
+        self.struck.as_ref().is_some_and(|s| s.faults.guard)
+    }
+
+    /// What was seen since the device was opened or this was last called; nothing without [`super::Faults::guard`].
+    pub fn take_guarded(&self) -> Guarded {
+        let Some(struck) = &self.struck else { return Guarded::default() };
+        std::mem::take(&mut struck.guarded.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Executor<'_> {
+    /// Writes every canary.
+    pub(super) fn set_canaries(&mut self) -> Result<()> {
+        if !self.gpu.guards() {
+            return Ok(());
+        }
+        self.fill_all(WORD, |b| [b.bytes, b.canary])?;
+        self.guarded = true;
+        Ok(())
+    }
+
+    /// Looks at every canary and keeps what it finds. A device that fails here leaves the rest unseen, and uncounted.
+    pub(super) fn look_at_canaries(&mut self) {
+        let Some(struck) = self.gpu.struck.as_ref().filter(|_| self.guarded) else { return };
+        for (buffer, made) in self.arena.buffers() {
+            let Ok(found) = self.first_overrun(buffer, &made) else { return };
+            let mut guarded = struck.guarded.lock().unwrap_or_else(PoisonError::into_inner);
+            guarded.buffers += 1;
+            guarded.overruns.extend(found.map(|at| Overrun { buffer, bytes: made.bytes, at }));
+        }
+    }
+
+    /// The first byte of a canary that is not as it was, from the buffer's beginning.
+    fn first_overrun(&mut self, buffer: Buffer, made: &Made) -> Result<Option<u64>> {
+        if made.place != Place::Device {
+            // Waits for what is under way.
+            self.at_once([&[], &[]], |_, _| {})?;
+            return Ok(self.first_changed(buffer, [made.bytes, made.canary]).map(|at| made.bytes + at));
+        }
+        let (through, part) = (self.arena.get(CANARY_BACK).handle, self.arena.size(CANARY_BACK));
+        for offset in (0..made.canary).step_by(part as usize) {
+            let size = part.min(made.canary - offset);
+            let region = [vk::BufferCopy { src_offset: made.bytes + offset, dst_offset: 0, size }];
+            self.at_once([&[], &[CANARY_BACK]], |device, c| {
+                // SAFETY: both buffers live as long as the executor, and the region lies within them.
+                unsafe { device.cmd_copy_buffer(c, made.handle, through, &region) }
+            })?;
+            if let Some(at) = self.first_changed(CANARY_BACK, [0, size]) {
+                return Ok(Some(made.bytes + offset + at));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The first byte of a word of a host-visible buffer that is not the canary's, from `offset` on. Nothing is under way.
+    fn first_changed(&self, buffer: Buffer, [offset, bytes]: [u64; 2]) -> Option<u64> {
+        let mut words = vec![0u32; (bytes / 4) as usize];
+        self.copy_out(buffer, offset, bytemuck::cast_slice_mut(&mut words));
+        words.iter().position(|w| *w != WORD).map(|i| 4 * i as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::gpu::*;
+    use crate::transport::kernels::{buffer, kernel};
+
+    const DOWN: Buffer = Buffer::named("down");
+
+    /// Lets a kernel that writes a word per invocation run in so many groups of 64.
+    fn run(gpu: &Gpu, bound: Buffer, groups: u32) {
+        let plan = [
+            BufferPlan::new(buffer::RESULT, 3 << 20, Place::Device),
+            BufferPlan::new(DOWN, 256, Place::Readback),
+        ];
+        // The budget is for what is stated.
+        let arena = Arena::new(gpu, &plan, Some(8 << 20)).unwrap();
+        let mut executor = Executor::new(gpu, arena).unwrap();
+        executor.add_kernel(&kernel::LIMIT_FMA, &kernel::LIMIT_FMA, &[]).unwrap();
+        let mut s = Schedule::default();
+        s.dispatch(&kernel::LIMIT_FMA, [groups, 1, 1]).bind(buffer::RESULT, bound).with([1u32, 0, 0]);
+        executor.run(&s).unwrap();
+    }
+
+    fn open(options: &GpuOptions) -> Gpu {
+        Gpu::open(options).expect("a Vulkan device and the validation layer: `make setup` installs both")
+    }
+
+    /// What such a kernel leaves behind the end of a buffer.
+    fn seen(bound: Buffer, groups: u32) -> Guarded {
+        let faults = Faults { guard: true, ..Faults::default() };
+        let gpu = open(&GpuOptions { faults, ..GpuOptions::default() });
+        run(&gpu, bound, groups);
+        assert_eq!(gpu.allocated(), 0);
+        gpu.take_guarded()
+    }
+
+    #[test]
+    fn a_kernel_that_writes_past_an_end_is_found_by_buffer_and_place() {
+        let fit = (3 << 20) / 256;
+        for (buffer, bytes, groups) in [(buffer::RESULT, 3 << 20, fit), (DOWN, 256, 1)] {
+            assert_eq!(seen(buffer, groups), Guarded { buffers: 3, overruns: vec![] });
+            let overruns = vec![Overrun { buffer, bytes, at: bytes }];
+            assert_eq!(seen(buffer, groups + 1), Guarded { buffers: 3, overruns });
+        }
+        assert_eq!(open(&GpuOptions::default()).take_guarded(), Guarded::default());
+    }
+
+    #[test]
+    fn an_instrumented_kernel_tells_of_it() {
+        let messages = |groups| {
+            let gpu = open(&GpuOptions { instrumented: true, ..GpuOptions::default() });
+            run(&gpu, DOWN, groups);
+            gpu.close()
+        };
+        assert_eq!(messages(1), Vec::<String>::new());
+        let told = messages(2).join("\n");
+        assert!(told.contains("out of bounds"), "{told}");
+    }
+}

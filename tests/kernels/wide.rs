@@ -1,0 +1,164 @@
+//! Dispatches of more workgroups than the work fills. Where there are many, they are rounded up to whole rows of
+//! [`GROUPS_X`]: the groups beyond the work must write nothing, and change nothing.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use fixtures::device::surfaces::*;
+use fixtures::device::vectors::*;
+use fixtures::device::*;
+use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
+use thirdbounce::solve::surface::{self, Placed};
+use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper, vector};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::{Geometry, Model, Reflectance};
+
+/// More than 65,535 groups, in rows.
+const WIDE: [u32; 3] = [GROUPS_X, 2, 1];
+
+/// Sources of kernels whose groups are counted in rows.
+fn in_rows() -> BTreeSet<PathBuf> {
+    let glsl = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
+    let all = std::fs::read_dir(glsl).expect("the kernels").map(|e| e.expect("an entry").path());
+    let counts = |path: &PathBuf| {
+        path.is_file() && std::fs::read_to_string(path).expect("a source").contains("group_index()")
+    };
+    all.filter(counts).collect()
+}
+
+/// The source of a module: its name, or what it begins with.
+fn source_of(module: &str) -> PathBuf {
+    let glsl = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
+    let ends = module.match_indices('_').map(|(at, _)| at).chain([module.len()]);
+    let mut paths = ends.map(|end| glsl.join(format!("{}.comp", &module[..end])));
+    paths.rfind(|p| p.is_file()).expect("a source")
+}
+
+/// Runs schedules as they are, or with every kernel of [`in_rows`] at [`WIDE`], and collects the sources of those.
+struct Runs {
+    wide: bool,
+    seen: BTreeSet<PathBuf>,
+}
+
+impl Runs {
+    fn run(&mut self, job: &mut OnDevice<'_>, mut schedule: Schedule) {
+        for command in &mut schedule.commands {
+            let Command::Dispatch { kernel, size, .. } = command else { continue };
+            let pass = job.plan.passes.iter().find(|p| p.kernel == *kernel).expect("a pass of the plan");
+            let source = source_of((pass.code)(&job.plan).name);
+            if self.wide && in_rows().contains(&source) {
+                *size = Size::Groups(WIDE);
+                self.seen.insert(source);
+            }
+        }
+        job.executor.run(&schedule).expect("a schedule runs");
+    }
+}
+
+/// The trace and the content of some buffers, as words.
+fn left(job: &mut OnDevice<'_>, rows: usize, buffers: &[Buffer]) -> Vec<u32> {
+    let mut all: Vec<u32> = job.executor.read(buffer::TRACE, ..rows * TRACE_ROW as usize);
+    for buffer in buffers {
+        let words = job.plan.bytes_of(*buffer) as usize / 4;
+        all.extend(read::<u32>(job, *buffer, words));
+    }
+    all
+}
+
+fn of_pulse() -> Model {
+    Model { pulse: Some(tail()), noise: [0.02, 0.05], ..model(5, 48, 31) }
+}
+
+fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    let (model, grid) = (of_pulse(), grid());
+    let o = options(&model, &grid).with(|o| {
+        o.accumulation = Accumulation::Fixed;
+        o.domain.coarse_to_fine = true;
+        o.domain.double_every = 2;
+        o.domain.reduce_every = 1;
+        o.noise.term = NoiseTerm::Bin;
+    });
+    let mut job = job(gpu, &model, &grid, &o);
+    let mut level = 0;
+    let start = paper::initialise(&job.plan, &job.plan.levels[0]);
+    runs.run(&mut job, start);
+    for i in 0..3 {
+        let mut s = paper::iteration(&job.plan, &job.plan.levels[level], i, i + 1);
+        s.extend(paper::due(&job.plan, &o, &mut level, i as usize + 1));
+        runs.run(&mut job, s);
+    }
+    assert_eq!(level, 1, "doubling is among them");
+    let maps = thirdbounce::solve::extract(job.plan.finest());
+    runs.run(&mut job, maps);
+    left(&mut job, 3, &[buffer::MASK, buffer::COLUMNS])
+}
+
+fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    let model = Model { pulse: Some(tail()), ..scene(5, 48, 32) };
+    let grid = grid();
+    let o = vector_options(&grid).with(|o| {
+        o.accumulation = Accumulation::Fixed;
+        o.domain.coarse_to_fine = true;
+        o.domain.coarse_iterations = 2;
+        o.domain.reduce_every = 1;
+        o.bound_every = 3;
+        o.bound_power = 0.5;
+        // So that there is room for some voxels only.
+        o.domain.room = Some(0.4);
+    });
+    let mut job = job(gpu, &model, &grid, &o);
+    write(&mut job, buffer::HAT_TAPS, &vector::hat(2.0, model.bins));
+    let mut level = 0;
+    let start = vector::start(&job.plan, &job.plan.levels[0], &o);
+    runs.run(&mut job, start);
+    for i in 0..3 {
+        let mut s = vector::iteration(&job.plan, &job.plan.levels[level], i);
+        s.extend(vector::due(&job.plan, &o, &mut level, i as usize + 1));
+        runs.run(&mut job, s);
+    }
+    assert_eq!(level, 1, "doubling is among them");
+    left(&mut job, 3, &[buffer::MASK, buffer::COUNTS])
+}
+
+fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    let grid = oblong();
+    let field = field(&grid, 61);
+    let model = variant(&scene(5, 48, 9), Geometry::TwoPoints, Reflectance::Lambertian, true, 62);
+    let o = surface_options(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
+    let mut job = job(gpu, &model, &grid, &o);
+    let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };
+    let words = surface::weights(&model, &grid, job.plan.finest(), placed, &o.surface);
+    write(&mut job, buffer::SURFACE_WEIGHTS, &words);
+    field.write(&mut job);
+    zero_histograms(&mut job);
+    let mut s = surface::start(job.plan.finest(), field.len(), 4);
+    s.set(buffer::COUNTS, COUNT_FAULTS, 0);
+    s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
+    runs.run(&mut job, s);
+    for i in 0..2 {
+        let s = surface::iteration(&job.plan, job.plan.finest(), field.len(), i, i, None);
+        runs.run(&mut job, s);
+    }
+    let maps = surface::extract(job.plan.finest(), field.len());
+    runs.run(&mut job, maps);
+    left(&mut job, 2, &[buffer::HEIGHTS])
+}
+
+#[test]
+fn groups_beyond_the_work_write_nothing() {
+    let mut seen = BTreeSet::new();
+    for solve in [paper_solve, vector_solve, surface_solve] {
+        let [plain, wide] = [false, true].map(|wide| {
+            // Dropped at the end: no canary was touched.
+            let gpu = gpu();
+            let mut runs = Runs { wide, seen: BTreeSet::new() };
+            let left = solve(&gpu, &mut runs);
+            assert_valid(&gpu);
+            seen.append(&mut runs.seen);
+            left
+        });
+        assert!(plain == wide, "groups beyond the work change what is left");
+    }
+    let missed: Vec<_> = in_rows().difference(&seen).cloned().collect();
+    assert!(missed.is_empty() && seen.len() > 20, "never run at that size: {missed:?}");
+}
