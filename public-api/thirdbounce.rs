@@ -1,3 +1,46 @@
+pub mod advice {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Remedy {
+        Set(Setting),
+        SmallerJob { asked: Option<u64>, available: Option<u64> },
+    }
+    impl Remedy {
+        pub const SMALLER_JOB: Remedy = Remedy::SmallerJob {
+            asked: None,
+            available: None,
+        };
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Look {
+        Devices,
+        Capture,
+    }
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub enum Part {
+        Text(Cow<'static, str>),
+        Change(Remedy),
+        Look(Look),
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Eq)]
+    pub struct Advice(Vec<Part>);
+    impl Advice {
+        pub fn parts(&self) -> &[Part] {}
+        pub fn remedies(&self) -> impl Iterator<Item = Remedy> {}
+        pub fn names(&self, setting: Setting) -> bool {}
+        pub fn say(
+            &self,
+            changed: impl Fn(Remedy) -> String,
+            found: impl Fn(Look) -> String,
+        ) -> String {}
+        pub fn and(mut self, more: impl Into<Advice>) -> Advice {}
+    }
+    impl fmt::Display for Advice {}
+    impl Serialize for Advice {}
+    impl From<&'static str> for Advice {}
+    impl From<String> for Advice {}
+    impl<const N: usize> From<[Part; N]> for Advice {}
+    impl From<&[Part]> for Advice {}
+}
 pub mod capture {
     pub mod calibrate {
         #[derive(Debug, Clone, PartialEq)]
@@ -402,19 +445,19 @@ pub mod error {
     pub struct Error {
         pub kind: Kind,
         pub what: String,
-        pub mend: String,
+        pub mend: Advice,
     }
     impl Error {
         pub fn new(
             kind: Kind,
             what: impl Into<String>,
-            mend: impl Into<String>,
+            mend: impl Into<Advice>,
         ) -> Self {}
-        pub fn input(what: impl Into<String>, mend: impl Into<String>) -> Self {}
-        pub fn options(what: impl Into<String>, mend: impl Into<String>) -> Self {}
-        pub fn device(what: impl Into<String>, mend: impl Into<String>) -> Self {}
-        pub fn memory(what: impl Into<String>, mend: impl Into<String>) -> Self {}
-        pub fn output(what: impl Into<String>, mend: impl Into<String>) -> Self {}
+        pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
         pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
     }
     pub type Result<T> = std::result::Result<T, Error>;
@@ -551,6 +594,13 @@ pub mod export {
                 cover: f64,
             ) {}
             pub fn shrunk(&self, factor: usize) -> Picture {}
+            pub fn write(
+                &mut self,
+                words: &str,
+                at: [f32; 2],
+                em: f32,
+                colour: [u8; 3],
+            ) {}
             pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {}
             pub fn colour_bar(
                 &mut self,
@@ -640,13 +690,12 @@ pub mod export {
     }
     mod text {
         pub fn write(
-            picture: &mut Picture,
             text: &str,
             [mut x,
             y,
             ]: [f32; 2],
             em: f32,
-            colour: [u8; 3],
+            mut ink: impl FnMut([i32; 2], f64),
         ) {}
     }
     pub mod volume {
@@ -750,6 +799,8 @@ pub mod gpu {
         pub struct GpuOptions {
             pub device: Option<String>,
             pub validation: bool,
+            pub instrumented: bool,
+            pub robust: bool,
             pub timings: bool,
             pub faults: Faults,
         }
@@ -794,11 +845,10 @@ pub mod gpu {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub struct Ticket(u64);
         #[private_fields]
-        pub struct Executor<'g> {
-            pub arena: Arena<'g>,
-        }
+        pub struct Executor<'g> {}
         impl<'g> Executor<'g> {
             pub fn new(gpu: &'g Gpu, arena: Arena<'g>) -> Result<Executor<'g>> {}
+            pub fn arena(&self) -> &Arena<'g> {}
             pub fn add_kernel(
                 &mut self,
                 kernel: impl Into<Kernel>,
@@ -834,11 +884,28 @@ pub mod gpu {
             pub fail: Option<(Point, u64)>,
             pub poison: Option<u32>,
             pub shuffle: Option<u64>,
+            pub guard: bool,
         }
         impl Gpu {
             pub fn reached(&self, point: Point) -> u64 {}
             pub fn allocated(&self) -> u64 {}
             pub fn close(self) -> Vec<String> {}
+        }
+    }
+    mod guard {
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub struct Overrun {
+            pub buffer: Buffer,
+            pub bytes: u64,
+            pub at: u64,
+        }
+        #[derive(Debug, Clone, Default, PartialEq, Eq)]
+        pub struct Guarded {
+            pub buffers: usize,
+            pub overruns: Vec<Overrun>,
+        }
+        impl Gpu {
+            pub fn take_guarded(&self) -> Guarded {}
         }
     }
     mod instance {
@@ -900,8 +967,7 @@ pub mod gpu {
             pub fn bytes(&self) -> u64 {}
             pub fn taken(&self) -> u64 {}
             pub fn sizes(&self) -> BTreeMap<Buffer, u64> {}
-            pub fn mapped(&self, buffer: Buffer) -> &[u8] {}
-            pub fn mapped_mut(&mut self, buffer: Buffer) -> &mut [u8] {}
+            pub fn size(&self, buffer: Buffer) -> u64 {}
         }
         impl Drop for Arena<'_> {}
         pub fn check(
@@ -1061,6 +1127,7 @@ pub mod gpu {
     pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
     pub use execute::{Executor, KernelTime, Ticket};
     pub use faults::{Faults, Point};
+    pub use guard::{Guarded, Overrun};
     pub use instance::{DeviceInfo, DeviceKind, devices};
     pub use memory::{Arena, BufferPlan, Place, check};
     pub use names::{Buffer, Constant, Kernel};
@@ -1085,19 +1152,12 @@ pub mod gpu {
 }
 #[cfg(feature = "formats")]
 pub mod job {
-    mod account {
-        pub fn plain(value: &impl serde::Serialize) -> String {}
-    }
-    pub mod checkpoint {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Kept {
-            pub state: Checkpoint,
-            pub along: BTreeMap<usize, Metrics>,
-            pub snapshots: Vec<(usize, Maps)>,
-            pub pulse: Option<FoundPulse>,
-        }
-        pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
-        pub fn read(path: &Path) -> Result<Kept> {}
+    mod advice {
+        pub fn suggestions(
+            request: &Request,
+            loaded: &Loaded,
+            gpu: &Gpu,
+        ) -> Vec<(Setting, String)> {}
     }
     pub mod compare {
         #[derive(Debug, Clone, PartialEq)]
@@ -1159,12 +1219,25 @@ pub mod job {
             pictures: bool,
         ) -> Result<Evaluation> {}
     }
-    mod fit {
-        pub fn suggestions(
+    pub mod find_pulse {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct FoundPulse {
+            pub fwhm: f64,
+            pub trials: Vec<[f64; 2]>,
+            pub seconds: f64,
+            pub failed: Option<String>,
+        }
+        impl FoundPulse {
+            pub fn pulse(&self) -> Result<Option<Pulse>> {}
+            pub fn note(&self) -> String {}
+        }
+        pub fn settle<'c>(
             request: &Request,
-            loaded: &Loaded,
+            capture: &'c Capture,
             gpu: &Gpu,
-        ) -> Vec<String> {}
+            known: Option<FoundPulse>,
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {}
     }
     pub mod inspect {
         #[derive(Debug, Clone, Serialize)]
@@ -1179,7 +1252,7 @@ pub mod job {
             pub volume: Vec<f64>,
             pub device: Option<DeviceInfo>,
             pub plan: Option<Planned>,
-            pub problems: Vec<String>,
+            pub problems: Vec<Advice>,
         }
         #[derive(Debug, Clone, Serialize)]
         pub struct Planned {
@@ -1202,50 +1275,6 @@ pub mod job {
         pub fn check_file(file: &Path) -> Result<()> {}
     }
     pub mod profile {
-        mod account {
-            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-            pub struct KernelProfile {
-                pub name: String,
-                pub kernel: String,
-                pub code: String,
-                pub calls: u64,
-                pub seconds: f64,
-                pub share: f64,
-                pub pairs: f64,
-                pub pairs_per_s: Option<f64>,
-                pub share_of_limit: Option<f64>,
-                pub floor: Option<Floor>,
-                pub counts: Option<Counts>,
-                pub shared: Option<(Counts, u32)>,
-                pub statistics: BTreeMap<String, f64>,
-            }
-            #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-            pub struct Floor {
-                pub issue: f64,
-                pub special: f64,
-                pub load: f64,
-                pub atomic: f64,
-            }
-            impl Floor {
-                pub fn new(c: &Counts, l: &DeviceLimits, float_atomics: bool) -> Floor {}
-                pub fn seconds(&self) -> f64 {}
-                pub fn bound(&self) -> &'static str {}
-            }
-            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-            pub struct Gaps {
-                pub within_s: f64,
-                pub largest_within_s: f64,
-                pub between_s: f64,
-                pub largest_between_s: f64,
-            }
-            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-            pub struct IterationProfile {
-                pub count: usize,
-                pub seconds: f64,
-                pub pass_s: f64,
-                pub overhead_s: f64,
-            }
-        }
         pub mod check {
             mod buffers {
                 pub fn read<T: bytemuck::Pod>(
@@ -1336,6 +1365,50 @@ pub mod job {
             pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {}
             pub fn worst(all: &[Checked]) -> BTreeMap<(String, String), f64> {}
         }
+        mod kernels {
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct KernelProfile {
+                pub name: String,
+                pub kernel: String,
+                pub code: String,
+                pub calls: u64,
+                pub seconds: f64,
+                pub share: f64,
+                pub pairs: f64,
+                pub pairs_per_s: Option<f64>,
+                pub share_of_limit: Option<f64>,
+                pub floor: Option<Floor>,
+                pub counts: Option<Counts>,
+                pub shared: Option<(Counts, u32)>,
+                pub statistics: BTreeMap<String, f64>,
+            }
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+            pub struct Floor {
+                pub issue: f64,
+                pub special: f64,
+                pub load: f64,
+                pub atomic: f64,
+            }
+            impl Floor {
+                pub fn new(c: &Counts, l: &DeviceLimits, float_atomics: bool) -> Floor {}
+                pub fn seconds(&self) -> f64 {}
+                pub fn bound(&self) -> &'static str {}
+            }
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct Gaps {
+                pub within_s: f64,
+                pub largest_within_s: f64,
+                pub between_s: f64,
+                pub largest_between_s: f64,
+            }
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct IterationProfile {
+                pub count: usize,
+                pub seconds: f64,
+                pub pass_s: f64,
+                pub overhead_s: f64,
+            }
+        }
         pub mod limits {
             #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
             pub struct DeviceLimits {
@@ -1371,7 +1444,7 @@ pub mod job {
                 say: &mut dyn FnMut(&str),
             ) -> Result<Tuned> {}
         }
-        pub use account::{Floor, Gaps, IterationProfile, KernelProfile};
+        pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
         pub use limits::DeviceLimits;
         #[derive(Debug, Clone, PartialEq)]
         pub struct ProfileRequest {
@@ -1416,31 +1489,6 @@ pub mod job {
             hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
         ) -> Result<Profile> {}
         pub fn device_of(gpu: &Gpu) -> report::Device {}
-        pub fn write_json(
-            file: &std::path::Path,
-            value: &impl Serialize,
-            indented: bool,
-        ) -> Result<()> {}
-    }
-    pub mod pulse {
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct FoundPulse {
-            pub fwhm: f64,
-            pub trials: Vec<[f64; 2]>,
-            pub seconds: f64,
-            pub failed: Option<String>,
-        }
-        impl FoundPulse {
-            pub fn pulse(&self) -> Result<Option<Pulse>> {}
-            pub fn note(&self) -> String {}
-        }
-        pub fn settle<'c>(
-            request: &Request,
-            capture: &'c Capture,
-            gpu: &Gpu,
-            known: Option<FoundPulse>,
-            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-        ) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {}
     }
     mod request {
         #[derive(Debug, Clone, PartialEq)]
@@ -1476,7 +1524,7 @@ pub mod job {
         }
         pub fn memory_bytes(text: &str) -> Result<u64> {}
     }
-    mod scene {
+    mod simulated {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Simulation {
             pub scene: Scene,
@@ -1499,59 +1547,35 @@ pub mod job {
             before_writing: &mut dyn FnMut(),
         ) -> Result<Simulated> {}
     }
-    mod solver {
-        #[derive(Debug, Clone, PartialEq, Serialize)]
-        pub enum SolverOptions {
-            Paper(PaperOptions),
-            Vector(VectorOptions),
+    pub mod state_file {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Kept {
+            pub state: Checkpoint,
+            pub along: BTreeMap<usize, Metrics>,
+            pub snapshots: Vec<(usize, Maps)>,
+            pub pulse: Option<FoundPulse>,
         }
-        impl From<PaperOptions> for SolverOptions {}
-        impl From<VectorOptions> for SolverOptions {}
-        impl SolverOptions {
-            pub const NAMES: &[&str] = &["paper", "vector"];
-            pub const DEFAULT: &str = "vector";
-            pub fn name(&self) -> &'static str {}
-            pub fn check(&self) -> Result<()> {}
-            pub fn lateral(&self) -> usize {}
-            pub fn with_lateral(&self, lateral: usize) -> SolverOptions {}
-            pub fn sizes(&self) -> Sizes {}
-            pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {}
-            pub fn reflectance(&self) -> Reflectance {}
-            pub fn accumulation(&self) -> Accumulation {}
-            pub fn iterations(&self) -> usize {}
-            pub fn all_iterations(&self) -> usize {}
-            pub fn min_depth(&self) -> f64 {}
-            pub fn plan(
-                &self,
-                capture: &Capture,
-                grid: Grid,
-                abilities: &Abilities,
-                with_volume: bool,
-            ) -> Result<Plan> {}
-            pub fn outline(&self, plan: &Plan) -> Vec<Part> {}
-            pub fn solve<'b, 'w: 'b>(
-                &self,
-                gpu: &Gpu,
-                capture: &Capture,
-                grid: Grid,
-                memory: Option<u64>,
-                with_volume: bool,
-                beside: impl Into<Beside<'b, 'w>>,
-            ) -> Result<Reconstruction> {}
-        }
-        pub fn check_solver(name: &str) -> Result<()> {}
-        pub fn reflectance(name: &str) -> Result<Reflectance> {}
+        pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
+        pub fn read(path: &Path) -> Result<Kept> {}
     }
-    pub use account::plain;
+    mod words {
+        pub fn plain(value: &impl serde::Serialize) -> String {}
+        pub fn write_json(
+            file: &Path,
+            value: &impl Serialize,
+            indented: bool,
+        ) -> Result<()> {}
+    }
+    pub use crate::solve::{SolverOptions, check_solver, reflectance};
+    pub use advice::suggestions;
     pub use compare::{Compared, Comparison, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
-    pub use fit::suggestions;
     pub use inspect::{Inspection, inspect, schedule};
     pub use places::check_file;
     pub use request::{Request, memory_bytes};
-    pub use scene::{Simulated, Simulation, simulate};
-    pub use solver::{SolverOptions, check_solver, reflectance};
+    pub use simulated::{Simulated, Simulation, simulate};
+    pub use words::{plain, write_json};
     #[derive(Debug, Clone, Default, PartialEq)]
     pub struct Input {
         pub path: PathBuf,
@@ -1593,7 +1617,7 @@ pub mod job {
     pub fn preset_for(capture: &Capture) -> Preset {}
     #[derive(Debug, Clone)]
     pub struct Outcome {
-        pub report: report::Report,
+        pub report: Report,
         pub maps: Maps,
         pub truth: Option<Truth>,
         pub kernels: Vec<(&'static str, KernelTime)>,
@@ -1835,8 +1859,6 @@ pub mod simulate {
         }
         impl Scene {
             pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {}
-            pub fn named(spec: &str) -> Result<Scene> {}
-            pub fn known() -> &'static [(&'static str, &'static str)] {}
             pub fn set_albedo(&mut self, albedo: f64) {}
             pub fn bin_count(&self) -> usize {}
             pub fn pairs(&self) -> Pairs {}
@@ -1925,20 +1947,6 @@ pub mod solve {
         pub fn extract(level: &Level) -> Schedule {}
     }
     mod drive {
-        mod trace {
-            #[derive(Debug, Clone, Copy, PartialEq)]
-            pub struct TracePoint {
-                pub iteration: usize,
-                pub seconds: f64,
-                pub gpu_seconds: f64,
-                pub lateral: usize,
-                pub pairs: usize,
-                pub active: usize,
-                pub active_ratio: f64,
-                pub loss: f64,
-                pub data_loss: f64,
-            }
-        }
         #[derive(Debug, Clone)]
         pub struct Progress {
             pub point: TracePoint,
@@ -1980,11 +1988,86 @@ pub mod solve {
             ) -> Result<OnDevice<'g>> {}
             pub fn upload(&mut self) -> Result<()> {}
         }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct VolumeMap {
+            pub grid: Grid,
+            pub albedo: Vec<f32>,
+        }
         pub fn upload(
             executor: &mut Executor<'_>,
             buffer: Buffer,
             bytes: &[u8],
         ) -> Result<()> {}
+    }
+    pub mod option {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Preset {
+            Synthetic,
+            Captured,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Suit {
+            pub preset: Preset,
+            pub confocal: bool,
+            pub reflectance: Reflectance,
+        }
+        impl Suit {
+            pub const USUAL: Suit = Suit {
+                preset: Preset::Synthetic,
+                confocal: true,
+                reflectance: Reflectance::Cosine,
+            };
+            pub fn captured(&self) -> bool {}
+            pub fn retroreflective(&self) -> bool {}
+            pub fn lambertian(&self) -> bool {}
+        }
+        #[derive(Debug, Clone, Copy)]
+        pub struct Row {
+            pub key: &'static str,
+            pub group: &'static str,
+            pub lines: &'static [&'static str],
+            pub range: Range,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Range {
+            Count(usize, usize),
+            OneOf(&'static [usize]),
+            Seed,
+            Positive,
+            NotNegative,
+            Share,
+            Fraction,
+            Words(&'static [&'static str]),
+            Flag,
+            Sizes,
+            Internal,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Value {
+            Count(usize),
+            Number(f64),
+            Flag(bool),
+            Word(String),
+            Unset,
+        }
+        pub trait Options {
+            fn rows(&self) -> Vec<&'static Row>;
+            fn get(&self, key: &str) -> Option<Value>;
+            fn set(&mut self, key: &str, value: &Value) -> bool;
+            fn check_ranges(&self) -> Result<()> {}
+        }
+        impl Row {
+            pub fn name(&self) -> String {}
+            pub fn worded(&self, value: Value) -> Value {}
+            pub fn text(&self) -> String {}
+        }
+        impl fmt::Display for Value {}
+        pub trait Field {
+            fn value(&self) -> Value;
+            fn put(&mut self, value: &Value);
+        }
+        impl Field for Sizes {}
+        pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {}
     }
     mod outline {
         #[derive(Debug, Clone, PartialEq)]
@@ -2015,11 +2098,6 @@ pub mod solve {
     pub mod paper {
         mod options {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-            pub enum Preset {
-                Synthetic,
-                Captured,
-            }
-            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
             pub enum NoiseTerm {
                 Off,
                 Bin,
@@ -2029,49 +2107,6 @@ pub mod solve {
             pub enum Decay {
                 None,
                 Cosine,
-            }
-            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-            pub struct PaperOptions {
-                pub lateral: usize,
-                pub iterations: usize,
-                pub coarse_to_fine: bool,
-                pub double_every: usize,
-                pub restart_every: usize,
-                pub reduce: bool,
-                pub reduce_every: usize,
-                pub keep_above: f64,
-                pub smooth_sigma: f64,
-                pub smooth_truncate: f64,
-                pub room: Option<f64>,
-                pub min_depth: f64,
-                pub learning_rate: f64,
-                pub learning_rate_decay: Decay,
-                pub beta1: f64,
-                pub beta2: f64,
-                pub epsilon: f64,
-                pub l1: f64,
-                pub noise: NoiseTerm,
-                pub noise_base: f64,
-                pub noise_span: f64,
-                pub peak: f64,
-                pub initial_albedo: f64,
-                pub sampling: Sampling,
-                pub binning: Binning,
-                pub gradient: Gradient,
-                pub reflectance: Reflectance,
-                pub general: bool,
-                pub accumulation: Accumulation,
-                pub sizes: Sizes,
-                pub seed: u32,
-            }
-            impl PaperOptions {
-                pub fn preset(preset: Preset) -> PaperOptions {}
-                pub fn suited(
-                    mut self,
-                    confocal: bool,
-                    reflectance: Reflectance,
-                ) -> PaperOptions {}
-                pub fn check(&self) -> Result<()> {}
             }
         }
         mod schedule {
@@ -2092,7 +2127,7 @@ pub mod solve {
                 done: usize,
             ) -> Schedule {}
         }
-        pub use options::{Decay, NoiseTerm, PaperOptions, Preset};
+        pub use options::{Decay, Domain, Noise, NoiseTerm, PaperOptions};
         pub use schedule::{double, due, initialise, iteration, reduce, restart};
         pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {}
         pub fn reconstruct<'b, 'w: 'b>(
@@ -2105,55 +2140,6 @@ pub mod solve {
             beside: impl Into<Beside<'b, 'w>>,
         ) -> Result<Reconstruction> {}
         pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<Part> {}
-    }
-    mod pass {
-        pub struct Pass {
-            pub kernel: Kernel,
-            pub report: &'static str,
-            pub code: fn(&Plan) -> &'static KernelCode,
-            pub when: fn(&Plan) -> bool,
-            pub constants: &'static [(Constant, Value)],
-            pub pairs: Option<Voxels>,
-            pub faults: &'static [Fault],
-            pub twin: Twin,
-        }
-        #[derive(Debug, Clone, Copy)]
-        pub enum Value {
-            Is(u32),
-            Of(fn(&Plan) -> u32),
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Voxels {
-            Active,
-            Grid,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Fault {
-            pub bit: u32,
-            pub what: &'static str,
-            pub mend: &'static str,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Twin {
-            Function(&'static str),
-            None(&'static str),
-        }
-        impl Pass {
-            pub const fn of(
-                name: &'static str,
-                code: fn(&Plan) -> &'static KernelCode,
-            ) -> Pass {}
-            pub fn values(&self, plan: &Plan) -> Vec<(Constant, u32)> {}
-            pub fn reads(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
-            pub fn writes(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
-        }
-        impl From<&Pass> for Kernel {}
-        impl PartialEq for Pass {}
-        impl fmt::Debug for Pass {}
-    }
-    pub mod passes {
-        pub fn forward(plan: &Plan) -> &'static KernelCode {}
-        pub fn residual(plan: &Plan) -> &'static KernelCode {}
     }
     mod plan {
         mod buffers {
@@ -2196,6 +2182,55 @@ pub mod solve {
                 pub reachable: Buffer,
             }
             pub const AMPLE: usize = 32;
+        }
+        pub(in crate::solve) mod pass {
+            pub struct Pass {
+                pub kernel: Kernel,
+                pub report: &'static str,
+                pub code: fn(&Plan) -> &'static KernelCode,
+                pub when: fn(&Plan) -> bool,
+                pub constants: &'static [(Constant, Value)],
+                pub pairs: Option<Voxels>,
+                pub faults: &'static [Fault],
+                pub twin: Twin,
+            }
+            #[derive(Debug, Clone, Copy)]
+            pub enum Value {
+                Is(u32),
+                Of(fn(&Plan) -> u32),
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub enum Voxels {
+                Active,
+                Grid,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub struct Fault {
+                pub bit: u32,
+                pub what: &'static str,
+                pub mend: &'static [Part],
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub enum Twin {
+                Function(&'static str),
+                None(&'static str),
+            }
+            impl Pass {
+                pub const fn of(
+                    name: &'static str,
+                    code: fn(&Plan) -> &'static KernelCode,
+                ) -> Pass {}
+                pub fn values(&self, plan: &Plan) -> Vec<(Constant, u32)> {}
+                pub fn reads(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
+                pub fn writes(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
+            }
+            impl From<&Pass> for Kernel {}
+            impl PartialEq for Pass {}
+            impl fmt::Debug for Pass {}
+        }
+        pub mod passes {
+            pub fn forward(plan: &Plan) -> &'static KernelCode {}
+            pub fn residual(plan: &Plan) -> &'static KernelCode {}
         }
         mod tuning {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -2330,11 +2365,6 @@ pub mod solve {
         }
     }
     mod result {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct VolumeMap {
-            pub grid: Grid,
-            pub albedo: Vec<f32>,
-        }
         #[derive(Debug, Clone)]
         pub struct Reconstruction {
             pub maps: Maps,
@@ -2352,6 +2382,34 @@ pub mod solve {
             pub kernels: Vec<(&'static str, KernelTime)>,
         }
     }
+    mod solvers {
+        pub trait Solver: Options + super::Needs {
+            fn common(&self) -> Common;
+            fn check(&self) -> Result<()>;
+            fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
+            fn outline(&self, plan: &Plan) -> Vec<Part>;
+            fn solve(
+                &self,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+                beside: Beside<'_, '_>,
+            ) -> Result<Reconstruction>;
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Common {
+            pub lateral: usize,
+            pub iterations: [usize; 2],
+            pub reflectance: Reflectance,
+            pub accumulation: Accumulation,
+            pub sizes: Sizes,
+            pub min_depth: f64,
+        }
+        pub fn check_solver(name: &str) -> Result<()> {}
+        pub fn reflectance(name: &str) -> Result<Reflectance> {}
+    }
     pub mod surface {
         pub mod blur {
             pub const BLURS: usize = 4;
@@ -2366,8 +2424,8 @@ pub mod solve {
             ) -> Vec<f32> {}
         }
         mod needs {
-            pub fn more_taps(options: &VectorOptions) -> [usize; 2] {}
-            pub fn points_per_pixel(options: &VectorOptions, plan: &Plan) -> usize {}
+            pub fn more_taps(options: &SurfaceOptions) -> [usize; 2] {}
+            pub fn points_per_pixel(options: &SurfaceOptions, plan: &Plan) -> usize {}
             pub fn points_of(plan: &Plan) -> usize {}
             pub fn is_blurred(plan: &Plan) -> bool {}
             pub fn pixels(plan: &Plan) -> usize {}
@@ -2421,64 +2479,35 @@ pub mod solve {
                 first: &Grid,
                 level: &Level,
                 placed: Placed,
-                options: &VectorOptions,
+                options: &SurfaceOptions,
             ) -> [f32; SURFACE_WEIGHTS as usize] {}
         }
         pub use needs::{
             buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel,
         };
+        pub use options::SurfaceOptions;
         pub use pixels::Pixels;
         pub use schedule::{extract, iteration, points, start};
         pub use weights::{Placed, weights};
-        pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {}
+        pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
+    }
+    mod trace {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct TracePoint {
+            pub iteration: usize,
+            pub seconds: f64,
+            pub gpu_seconds: f64,
+            pub lateral: usize,
+            pub pairs: usize,
+            pub active: usize,
+            pub active_ratio: f64,
+            pub loss: f64,
+            pub data_loss: f64,
+        }
     }
     pub mod vector {
         mod hat {
             pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
-        }
-        mod options {
-            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-            pub struct VectorOptions {
-                pub lateral: usize,
-                pub iterations: usize,
-                pub coarse_to_fine: bool,
-                pub coarse_iterations: usize,
-                pub surface_iterations: usize,
-                pub pixels_per_voxel: Option<usize>,
-                pub surface_points: Option<usize>,
-                pub surface_blur: f64,
-                pub surface_sparsity: f64,
-                pub growth_iterations: usize,
-                pub all_pairs: bool,
-                pub reduce_every: usize,
-                pub bound_every: usize,
-                pub bound_power: f64,
-                pub step_share: f64,
-                pub keep_above: f64,
-                pub start_above: f64,
-                pub noise_factor: f64,
-                pub roughness: f64,
-                pub cone: f64,
-                pub reflectance: Reflectance,
-                pub general: bool,
-                pub background: bool,
-                pub room: Option<f64>,
-                pub stop: bool,
-                pub min_depth: f64,
-                pub peak: f64,
-                pub accumulation: Accumulation,
-                pub sizes: Sizes,
-            }
-            impl Default for VectorOptions {}
-            impl VectorOptions {
-                pub fn suited(
-                    mut self,
-                    confocal: bool,
-                    reflectance: Reflectance,
-                ) -> VectorOptions {}
-                pub fn pixels_per_voxel(&self) -> usize {}
-                pub fn check(&self) -> Result<()> {}
-            }
         }
         mod schedule {
             pub fn start(
@@ -2495,7 +2524,7 @@ pub mod solve {
             ) -> Schedule {}
         }
         pub use hat::hat;
-        pub use options::VectorOptions;
+        pub use options::{Domain, VectorOptions};
         pub use schedule::{due, iteration, start};
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
@@ -2513,18 +2542,21 @@ pub mod solve {
     pub use assume::{assume_reflectance, falloff_slope};
     pub use checkpoint::{Checkpoint, Identity, Keep};
     pub use domain::{compact, extract};
-    pub use drive::{Beside, Progress, TracePoint, Watch};
+    pub use drive::{Beside, Progress, Watch};
     pub use estimate::{background, expected_noise, variance_per_count};
     pub use extent::default_volume;
-    pub use on_device::{OnDevice, upload};
+    pub use on_device::{OnDevice, VolumeMap, upload};
+    pub use option::{Preset, Suit};
     pub use outline::{Part, Step, When};
-    pub use paper::{Decay, NoiseTerm, PaperOptions, Preset};
-    pub use pass::{Fault, Pass, Twin, Value, Voxels};
+    pub use paper::{Decay, NoiseTerm, PaperOptions};
     pub use plan::{
-        Accumulation, COLUMNS_HOST, Demand, LeftOut, Level, Needs, Plan, SMOOTH, Sizes,
-        Tuning, UPLOAD,
+        Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan,
+        SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
     };
-    pub use result::{Reconstruction, VolumeMap};
+    pub use result::Reconstruction;
+    pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
+    pub use surface::SurfaceOptions;
+    pub use trace::TracePoint;
     pub use vector::VectorOptions;
     pub static PASSES: &[&[&Pass]] = &[
         passes::ALL,
@@ -2582,17 +2614,6 @@ pub mod transport {
             Published,
             Exact,
         }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-        pub enum Reflectance {
-            Cosine,
-            Lambertian,
-            Retroreflective,
-            Isotropic,
-        }
-        impl Reflectance {
-            pub fn has_normals(self) -> bool {}
-            pub fn number(self) -> u32 {}
-        }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Model {
             pub wall: Wall,
@@ -2643,6 +2664,19 @@ pub mod transport {
             pub fn nearest(&self, grid: &Grid) -> f64 {}
             pub fn scene(&self, grid: &Grid) -> SceneData {}
             pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {}
+        }
+    }
+    mod reflectance {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum Reflectance {
+            Cosine,
+            Lambertian,
+            Retroreflective,
+            Isotropic,
+        }
+        impl Reflectance {
+            pub fn has_normals(self) -> bool {}
+            pub fn number(self) -> u32 {}
         }
     }
     mod spread {
@@ -3030,7 +3064,8 @@ pub mod transport {
         }
     }
     pub use grid::{BRICK_VOXELS, Grid, Volume};
-    pub use model::{Binning, Gradient, Model, Reflectance, Sampling, cells};
+    pub use model::{Binning, Gradient, Model, Sampling, cells};
+    pub use reflectance::Reflectance;
     pub use spread::spread_order;
     pub use wall::{Geometry, Wall};
 }

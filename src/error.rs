@@ -1,5 +1,7 @@
 //! The one error type: what is wrong, and how to mend it.
 
+use crate::advice::Advice;
+
 /// The subject of an [`Error`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -26,37 +28,37 @@ pub struct Error {
     /// What is wrong, and where.
     pub what: String,
     /// What the reader can do about it.
-    pub mend: String,
+    pub mend: Advice,
 }
 
 impl Error {
     /// An error of any kind.
-    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<Advice>) -> Self {
         Error { kind, what: what.into(), mend: mend.into() }
     }
 
     /// An error of [`Kind::Input`].
-    pub fn input(what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
         Error::new(Kind::Input, what, mend)
     }
 
     /// An error of [`Kind::Options`].
-    pub fn options(what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
         Error::new(Kind::Options, what, mend)
     }
 
     /// An error of [`Kind::Device`].
-    pub fn device(what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
         Error::new(Kind::Device, what, mend)
     }
 
     /// An error of [`Kind::Memory`].
-    pub fn memory(what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
         Error::new(Kind::Memory, what, mend)
     }
 
     /// An error of [`Kind::Output`].
-    pub fn output(what: impl Into<String>, mend: impl Into<String>) -> Self {
+    pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
         Error::new(Kind::Output, what, mend)
     }
 

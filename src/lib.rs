@@ -33,6 +33,7 @@
 
 #![deny(missing_docs)]
 
+pub mod advice;
 pub mod capture;
 pub mod error;
 #[cfg(feature = "formats")]

@@ -8,7 +8,7 @@ use thirdbounce::{Result, export};
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
 use super::progress::say;
 use super::solver::SolverArgs;
-use super::{interrupt, json, print, tables};
+use super::{advice, interrupt, json, print, tables};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -32,7 +32,8 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     args.grid.volume_only()?;
     let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
-    let found = job::inspect(&request, &loaded)?;
+    let mut found = job::inspect(&request, &loaded)?;
+    found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
     if let Some(place) = &args.png {
         let named = place.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) && !place.is_dir();
         let path = if named { place.clone() } else { place.join("capture.png") };

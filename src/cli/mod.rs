@@ -1,5 +1,6 @@
 //! The command line: one file per verb. What a verb does stands in the library.
 
+mod advice;
 mod calibrate;
 mod compare;
 mod convert;
@@ -99,7 +100,7 @@ pub fn main() -> ExitCode {
         }
         Ok(Err(e)) => {
             progress::say(&format!("error: {}", e.what));
-            progress::say(&format!("  {}", e.mend));
+            progress::say(&format!("  {}", advice::text(&e.mend)));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),

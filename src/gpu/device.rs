@@ -8,6 +8,7 @@ use ash::{ext, khr, vk};
 use super::faults::{Faults, Struck};
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
 use super::recording::Recorder;
+use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
 /// How to open a device.
@@ -114,7 +115,7 @@ impl Gpu {
                     info.name,
                     version_text(properties.api_version)
                 ),
-                "update its driver, or choose another device with --device (`thirdbounce devices` lists them)",
+                advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
             ));
         }
         let (family, has_timestamps) = compute_family(&instance, physical, &info)?;
@@ -138,7 +139,7 @@ impl Gpu {
         if v12.timeline_semaphore != vk::TRUE {
             return Err(Error::device(
                 format!("{} has no timeline semaphores, which are needed", info.name),
-                "update its driver, or choose another device with --device",
+                advice!["update its driver, or choose another device with " Device],
             ));
         }
 
@@ -183,7 +184,7 @@ impl Gpu {
         let raw = unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
             Error::device(
                 format!("{} does not open ({e})", info.name),
-                "another program may hold it, or its driver is broken; try another with --device",
+                advice!["another program may hold it, or its driver is broken; try another with " Device],
             )
         })?;
         let queue = unsafe { raw.get_device_queue(family, 0) };
@@ -290,15 +291,15 @@ impl Gpu {
         match result {
             vk::Result::ERROR_DEVICE_LOST => Error::device(
                 format!("{name} was lost while {doing}"),
-                "its driver was reset, often by a time limit for displays: try a smaller --lateral, or another --device",
+                advice!["its driver was reset, often by a time limit for displays: try " {Remedy::SMALLER_JOB} ", or another " Device],
             ),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::memory(
                 format!("{name} ran out of memory while {doing}"),
-                "close other programs that use it, or use a smaller --lateral or a larger --depth-pitch",
+                advice!["close other programs that use it, or use " {Remedy::SMALLER_JOB}],
             ),
             other => Error::device(
                 format!("{name} failed while {doing} ({other})"),
-                "update its driver, or choose another device with --device",
+                advice!["update its driver, or choose another device with " Device],
             ),
         }
     }
@@ -344,7 +345,7 @@ fn choose(
     found.cloned().ok_or_else(|| {
         Error::options(
             format!("no device is called {:?}", wanted.unwrap_or_default()),
-            format!("give --device an index or part of a name out of: {}", list()),
+            advice!["give " Device " an index or part of a name out of: " (list())],
         )
     })
 }
@@ -365,7 +366,7 @@ fn compute_family(
         .ok_or_else(|| {
             Error::device(
                 format!("{} has no compute queue", info.name),
-                "choose another device with --device",
+                advice!["choose another device with " Device],
             )
         })
 }

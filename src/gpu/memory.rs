@@ -13,6 +13,7 @@ use gpu_allocator::{AllocationSizes, MemoryLocation};
 use super::guard::{CANARY_BACK, CANARY_PART, LEAST_CANARY};
 use super::state::SIZE_BACK;
 use super::{Buffer, Gpu, Point};
+use crate::advice::{Advice, Remedy, advice};
 use crate::{Error, Result};
 
 /// Where a buffer lives.
@@ -118,7 +119,7 @@ impl<'g> Arena<'g> {
         let refused = |what: String| {
             Error::memory(
                 format!("the device refuses {} for buffer `{}` ({what})", size(plan.bytes), plan.buffer),
-                "use a smaller --lateral, a larger --depth-pitch or a narrower --gate",
+                advice!["use " {Remedy::SMALLER_JOB}],
             )
         };
         let strike = || self.gpu.strike(Point::Allocation);
@@ -282,7 +283,7 @@ pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool
                 size(b.bytes),
                 size(storage_range)
             ),
-            "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
+            advice!["use " {smaller(b.bytes, storage_range)}],
         ));
     }
     let [device, host] = Layout::both(plan, false);
@@ -297,7 +298,9 @@ fn over(plan: &[BufferPlan], total: u64, budget: u64, by_user: bool) -> Error {
     let mut largest: Vec<_> = plan.iter().collect();
     largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
     let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.buffer, size(b.bytes))).collect();
-    let whose = if by_user { "--memory allows" } else { "the device has free" };
+    let whose = if by_user { "the memory budget is" } else { "the device has free" };
+    let mend = Advice::from(advice!["use " {smaller(total, budget)}]);
+    let mend = if by_user { mend.and(advice![", or allow more with " Memory]) } else { mend };
     Error::memory(
         format!(
             "this job needs {} in whole blocks, {whose} {}; the largest buffers: {}",
@@ -305,8 +308,12 @@ fn over(plan: &[BufferPlan], total: u64, budget: u64, by_user: bool) -> Error {
             size(budget),
             names.join(", ")
         ),
-        "use a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride",
+        mend,
     )
+}
+
+fn smaller(asked: u64, available: u64) -> Remedy {
+    Remedy::SmallerJob { asked: Some(asked), available: Some(available) }
 }
 
 fn size(bytes: u64) -> String {
@@ -320,6 +327,7 @@ fn size(bytes: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::advice::Setting;
 
     #[test]
     fn buffers_share_a_block_while_it_holds_them() {
@@ -348,7 +356,8 @@ mod tests {
         assert!(check(&plan, 1 << 30, 8 << 20, false).is_ok(), "two blocks of 4 MiB");
         assert!(check(&plan, 1 << 30, 7 << 20, false).is_err());
         let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();
-        assert!(error.what.contains("`raw` 5 MiB") && error.what.contains("--memory"), "{error}");
+        assert!(error.what.contains("`raw` 5 MiB") && error.mend.names(Setting::Memory), "{error}");
+        assert!(error.mend.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
         let error = check(&plan, 1 << 20, 1 << 30, false).unwrap_err();
         assert!(error.what.contains("binds at most 1 MiB"), "{error}");
     }

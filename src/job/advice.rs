@@ -1,6 +1,7 @@
 //! What would fit where a job does not: other options, each tried on a plan of its own.
 
 use super::{Loaded, Request, find_pulse, load};
+use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::Gate;
 use crate::gpu::{Gpu, check};
 use crate::{Error, Kind};
@@ -14,19 +15,27 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
     if options.is_empty() {
         return error;
     }
-    let mend = format!("this would fit: {}; or a larger --depth-pitch", options.join(", or "));
+    let mut mend = Advice::from("this would fit: ");
+    for (i, (setting, value)) in options.into_iter().enumerate() {
+        let between = if i == 0 { "" } else { ", or " };
+        mend = mend.and(advice![(between) {Remedy::Set(setting)} (format!(" {value}"))]);
+    }
+    mend = mend.and(advice!["; or a larger " DepthPitch]);
+    if request.memory.is_some() {
+        mend = mend.and(advice![", or more " Memory]);
+    }
     Error { mend, ..error }
 }
 
-/// Options as they would be given, any one of which makes the job fit. Of each the least change that was tried.
-pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<String> {
+/// Settings with values, any one of which makes the job fit. Of each the least change that was tried.
+pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
     let fits = |request: &Request, loaded: &Loaded| fits_on(request, loaded, gpu);
     let lateral = request.solver.common().lateral;
     let smaller = (1..10).map(|k| lateral >> k).take_while(|n| *n >= 4);
     let smaller = smaller
         .map(|n| Request { solver: request.solver.with_lateral(n), ..request.clone() })
         .find(|request| fits(request, loaded))
-        .map(|request| format!("--lateral {}", request.solver.common().lateral));
+        .map(|request| (Setting::Lateral, request.solver.common().lateral.to_string()));
     let stride = loaded.input.stride.unwrap_or(1);
     // Loaded anew, as a user would: the stride comes before the gate, which may then be found elsewhere.
     let thinner = [2, 3, 4, 6, 8, 12, 16].map(|k| stride.saturating_mul(k)).into_iter().find(|stride| {
@@ -42,9 +51,9 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<String>
         let text = format!("{from:.3}:{:.3}", from + share * span);
         let gate = Gate::parse(&text).ok()?;
         let input = super::Input { gate: Some(gate), ..loaded.input.clone() };
-        load(&input).is_ok_and(|loaded| fits(request, &loaded)).then(|| format!("--gate {text}"))
+        load(&input).is_ok_and(|loaded| fits(request, &loaded)).then_some((Setting::Gate, text))
     });
-    [smaller, thinner.map(|n| format!("--stride {n}")), narrower].into_iter().flatten().collect()
+    [smaller, thinner.map(|n| (Setting::Stride, n.to_string())), narrower].into_iter().flatten().collect()
 }
 
 fn fits_on(request: &Request, loaded: &Loaded, gpu: &Gpu) -> bool {

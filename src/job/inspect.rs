@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::report::box_of;
 use super::{Loaded, Request, SolverOptions, advice, find_pulse};
+use crate::advice::{Advice, advice};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
 use crate::solve::{Accumulation, Part, Preset};
@@ -33,7 +34,7 @@ pub struct Inspection {
     /// Null if the solver cannot take this capture.
     pub plan: Option<Planned>,
     /// Why there is no device or no plan, or why it would not run.
-    pub problems: Vec<String>,
+    pub problems: Vec<Advice>,
 }
 
 /// What the solver would need of the device.
@@ -65,7 +66,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let device = match request.open() {
         Ok(gpu) => Some(gpu),
         Err(e) if e.kind == Kind::Device && request.device.is_none() => {
-            problems.push(format!("{}: {}. The plan is for a usual GPU.", e.what, e.mend));
+            problems.push(problem(e).and(". The plan is for a usual GPU."));
             None
         }
         Err(e) => return Err(e),
@@ -82,7 +83,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let plan = match request.solver.plan(&planned, grid, &abilities, request.volume_file.is_some()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
-            problems.push(what);
+            problems.push(what.into());
             None
         }
         Err(e) => return Err(e),
@@ -91,8 +92,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     if let (Some(gpu), Some(plan)) = (&device, &plan) {
         let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
         if let Err(e) = check(&plan.buffers, gpu.limits.storage_range, budget, request.memory.is_some()) {
-            let e = advice::advise(e, request, loaded, gpu);
-            problems.push(format!("{}: {}", e.what, e.mend));
+            problems.push(problem(advice::advise(e, request, loaded, gpu)));
         }
     }
     Ok(Inspection {
@@ -130,6 +130,11 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     let planned = find_pulse::to_plan(request, &loaded.capture)?;
     let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
     Ok(request.solver.solver().outline(&plan))
+}
+
+/// An error with its advice.
+fn problem(error: Error) -> Advice {
+    Advice::from(advice![(error.what) ": "]).and(error.mend)
 }
 
 /// What most discrete GPUs offer.

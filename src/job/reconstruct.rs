@@ -118,8 +118,9 @@ pub fn solve(
 /// A cancelled solve tells where it can be taken up again.
 fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Error {
     if let (Kind::Cancelled, Some(file), Some(iteration)) = (error.kind, &request.checkpoint, kept_at) {
-        error.mend = format!("--resume {} goes on after iteration {iteration}", file.display());
-        error.what += &format!(", {}", error.mend);
+        let mend = format!("--resume {} goes on after iteration {iteration}", file.display());
+        error.what += &format!(", {mend}");
+        error.mend = mend.into();
     }
     error
 }

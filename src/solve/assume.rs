@@ -54,9 +54,9 @@ pub fn falloff_slope(capture: &Capture) -> Option<[f64; 2]> {
     Some([xy / xx, (rest / xx / (seen.len() - 2) as f64).sqrt()])
 }
 
-/// The reflectance that `--model auto` takes, and why, in a sentence.
+/// The reflectance that an automatic model takes, and why, in a sentence.
 pub fn assume_reflectance(capture: &Capture) -> (Reflectance, String) {
-    let assumed = |why: String| (Reflectance::Cosine, format!("--model auto: {why}, cosine is assumed"));
+    let assumed = |why: String| (Reflectance::Cosine, format!("automatic model: {why}, cosine is assumed"));
     if !capture.is_confocal() {
         return assumed("pairs of two points tell nothing of the falloff".into());
     }
@@ -64,7 +64,7 @@ pub fn assume_reflectance(capture: &Capture) -> (Reflectance, String) {
         return assumed("the pairs are too few or too much alike to show the falloff".into());
     };
     let shown = format!("what a pair sees falls with its path to the power {slope:.1} ± {error:.1}");
-    let found = |model, kind: &str| (model, format!("--model auto: {shown}, as from {kind} surfaces"));
+    let found = |model, kind: &str| (model, format!("automatic model: {shown}, as from {kind} surfaces"));
     if slope > RETROREFLECTIVE_ABOVE {
         found(Reflectance::Retroreflective, "retroreflective")
     } else if slope < LAMBERTIAN_BELOW {

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::TracePoint;
 use super::on_device::OnDevice;
 use super::plan::{COLUMNS_HOST, UPLOAD};
+use crate::advice::{Part, advice};
 use crate::gpu::{Buffer, BufferPlan, Place};
 use crate::transport::kernels::buffer::{MEASURED, TRACE, WALL};
 use crate::{Error, Result};
@@ -118,7 +119,7 @@ impl Identity {
     /// # Errors
     /// The first thing that differs between what a state was kept of and what is `wanted` now.
     fn check(&self, wanted: &Identity) -> Result<()> {
-        let differs = |what: String, mend: &str| Err(Error::options(what, mend));
+        let differs = |what: String, mend: &[Part]| Err(Error::options(what, mend));
         for (name, now) in &wanted.settings {
             let then = self.settings.get(name).unwrap_or(&serde_json::Value::Null);
             if then != now {
@@ -127,14 +128,14 @@ impl Identity {
                         "the checkpoint was kept with {} = {then}, now it is {now}",
                         name.replace('_', "-")
                     ),
-                    "resume with the options that it was kept with, or start without --resume",
+                    &advice!["resume with the options that it was kept with, or start without " Resume],
                 );
             }
         }
         if self.capture != wanted.capture {
             return differs(
                 "the checkpoint is of another capture, or of another part of it".into(),
-                "resume with the capture, --stride, --gate and --wall that it was kept with, or start without --resume",
+                &advice!["resume with the capture, " Stride ", " Gate " and " Wall " that it was kept with, or start without " Resume],
             );
         }
         if self.version != wanted.version || self.plan != wanted.plan || self.buffers != wanted.buffers {
@@ -143,7 +144,7 @@ impl Identity {
                     "the checkpoint was kept by version {} for another grid or another kind of device",
                     self.version
                 ),
-                "resume with the same program, --volume, --depth-pitch and --device, or start without --resume",
+                &advice!["resume with the same program, " Volume ", " DepthPitch " and " Device ", or start without " Resume],
             );
         }
         Ok(())
@@ -189,14 +190,14 @@ pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> 
     {
         return Err(Error::input(
             format!("the checkpoint is of iteration {} of {}", state.iteration, job.plan.iterations[0]),
-            "it is damaged: start without --resume",
+            advice!["it is damaged: start without " Resume],
         ));
     }
     for b in job.plan.buffers.iter().filter(|b| lives(b)) {
         if buffers.get(&b.buffer.to_string()).map(|content| content.len() as u64) != Some(b.bytes) {
             return Err(Error::input(
                 format!("the checkpoint does not hold buffer `{}` of {} bytes", b.buffer, b.bytes),
-                "it is damaged: start without --resume",
+                advice!["it is damaged: start without " Resume],
             ));
         }
     }

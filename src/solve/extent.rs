@@ -2,6 +2,7 @@
 
 use glam::{DVec3, dvec3};
 
+use crate::advice::advice;
 use crate::capture::Capture;
 use crate::transport::Volume;
 use crate::{Error, Result};
@@ -33,7 +34,7 @@ pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
             format!(
                 "the last signal is at a path of {t_last:.3} m, a depth of {high:.3} m, and nothing nearer than {low:.3} m is reconstructed"
             ),
-            "give a smaller --min-depth, or check the capture's bin width and time zero (`thirdbounce info`)",
+            advice!["give a smaller " MinDepth ", or check the capture's bin width and time zero (" [Capture] ")"],
         ));
     }
     Ok(Volume { min: dvec3(x0, y0, low), max: dvec3(x1, y1, high) })

@@ -467,7 +467,10 @@ mod tests {
             let before = o.get(key).unwrap();
             o.set(key, &value);
             let error = o.check().unwrap_err();
-            assert!(error.what.contains(&key.replace('_', "-")) && error.mend.contains(want), "{error}");
+            assert!(
+                error.what.contains(&key.replace('_', "-")) && error.mend.to_string().contains(want),
+                "{error}"
+            );
             o.set(key, &before);
         }
         assert!(o.check().is_ok());

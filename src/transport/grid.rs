@@ -2,6 +2,7 @@
 
 use glam::{DVec3, dvec3};
 
+use crate::advice::advice;
 use crate::{Error, Result};
 
 /// Voxels of a brick: 8 × 8 × 8.
@@ -42,13 +43,13 @@ impl Grid {
         if !(size.is_finite() && size.min_element() > 0.0 && volume.min.is_finite()) {
             return Err(Error::options(
                 format!("the hidden volume is empty: from {} to {} m", volume.min, volume.max),
-                "check --gate and the wall's size against the capture (`thirdbounce info`)",
+                advice!["check " Gate " and the wall's size against the capture (" [Capture] ")"],
             ));
         }
         if lateral == 0 || !(depth_pitch.is_finite() && depth_pitch > 0.0) {
             return Err(Error::options(
                 format!("a grid of {lateral} lateral voxels with a depth pitch of {depth_pitch} m"),
-                "give --lateral at least 1 and --depth-pitch a positive length in metres",
+                advice!["give " Lateral " at least 1 and " DepthPitch " a positive length in metres"],
             ));
         }
         let first = (volume.min.z / depth_pitch - 1e-6).ceil().max(0.0);
@@ -58,7 +59,7 @@ impl Grid {
         if bricks * BRICK_VOXELS as f64 > f64::from(1 << 30) {
             return Err(Error::memory(
                 format!("a grid of {lateral} x {lateral} x {deep} voxels exceeds 2^30"),
-                "use a smaller --lateral or a larger --depth-pitch",
+                advice!["use a smaller " Lateral " or a larger " DepthPitch],
             ));
         }
         let pitch = dvec3(size.x / lateral as f64, size.y / lateral as f64, depth_pitch);

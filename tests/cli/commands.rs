@@ -260,7 +260,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--volume", "a.npz", "--volume", "b.npz"], 1, "second of its kind"),
         (&[&capture, "--depth-pitch", "100"], 1, "no voxel of 100 m"),
         (&[&capture, "--mask-fraction", "2"], 1, "--mask-fraction is 2"),
-        (&[&capture, "--memory", "1M"], 1, "--memory allows"),
+        (&[&capture, "--memory", "1M"], 1, "the memory budget is 1 MiB"),
         (&[&capture, "--memory", "much"], 1, "--memory is"),
         (&[&capture, "--truth", "/nonexistent/truth.npz"], 1, "/nonexistent/truth.npz"),
         (&[&capture, "--truth", &capture], 1, "gt_depth"),

@@ -41,10 +41,11 @@ impl Row {
 
 /// The error as text if it is clear, or why it is not.
 pub fn clear(error: &Error) -> Held {
-    if error.what.trim().len() < 8 || error.mend.trim().len() < 8 {
+    let mend = error.mend.to_string();
+    if error.what.trim().len() < 8 || mend.trim().len() < 8 {
         return Err(format!("the error says too little: {error}"));
     }
-    Ok(Some((error.what.clone(), error.mend.clone())))
+    Ok(Some((error.what.clone(), mend)))
 }
 
 /// Holds if `truth`.

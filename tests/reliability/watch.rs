@@ -7,6 +7,7 @@ use fixtures::captures::scaled;
 use fixtures::device::{assert_valid, gpu, options, state, unwatched, write, write_mask, write_raw};
 use fixtures::extreme::{cases, solve};
 use thirdbounce::Kind;
+use thirdbounce::advice::Setting;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
@@ -138,13 +139,16 @@ fn a_user_is_told_iteration_kernel_and_mend() {
     let failed = by_paper(&gpu, &capture, grid, &o).unwrap_err();
     assert_eq!(failed.kind, Kind::Options);
     assert!(failed.what.contains("iteration ") && failed.what.contains("kernel "), "{failed}");
-    assert!(failed.mend.contains("--learning-rate"), "{failed}");
+    assert!(failed.mend.names(Setting::LearningRate), "{failed}");
     let failed = by_paper(&gpu, &capture, grid, &paper_options().with(|o| o.peak = 1e25)).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel residual"), "{failed}");
-    assert!(failed.mend.contains("--peak"), "{failed}");
+    assert!(failed.mend.names(Setting::Peak), "{failed}");
     // The variances are the first values that are squared.
     let failed = by_vector(&gpu, &capture, grid, &vector_options().with(|o| o.peak = 1e25)).unwrap_err();
-    assert!(failed.what.contains("iteration 1: kernel bound") && failed.mend.contains("--peak"), "{failed}");
+    assert!(
+        failed.what.contains("iteration 1: kernel bound") && failed.mend.names(Setting::Peak),
+        "{failed}"
+    );
 }
 
 #[test]

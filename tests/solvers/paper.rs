@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use fixtures::device::*;
 use thirdbounce::Kind;
+use thirdbounce::advice::Setting;
 use thirdbounce::gpu::{Buffer, Gpu};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
@@ -269,7 +270,7 @@ fn what_cannot_run_is_refused_in_words() {
             .unwrap_err()
     };
     let error = refused(&capture, &o, Some(1 << 16));
-    assert!(error.kind == Kind::Memory && error.what.contains("--memory"), "{error}");
+    assert!(error.kind == Kind::Memory && error.mend.names(Setting::Memory), "{error}");
     let deep = Grid { n: [8, 8, 40_000], ..grid(&capture, &o) };
     let model = paper::model(&capture, &deep, &o);
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();

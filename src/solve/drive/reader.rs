@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::advice::advice;
 use crate::solve::{Level, Pass, TracePoint};
 use crate::transport::kernels::*;
 use crate::{Error, Kind, Result};
@@ -42,7 +43,7 @@ impl Reader {
                 return Err(Error::new(
                     Kind::Options,
                     format!("the loss is {loss} at iteration {}", i + 1),
-                    "use smaller steps or weights (--learning-rate, --l1, --peak), and check the capture (`thirdbounce info`)",
+                    advice!["use smaller steps or weights (" LearningRate ", " L1 ", " Peak "), and check the capture (" [Capture] ")"],
                 ));
             }
             self.pairs += (active * level.pairs) as u64;

@@ -1,5 +1,6 @@
 //! The passes that only the paper's solver has.
 
+use crate::advice::advice;
 use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
@@ -21,7 +22,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: "use a smaller --learning-rate, --initial-albedo or --roughness",
+            mend: &advice!["use a smaller " LearningRate ", " InitialAlbedo " or " Roughness],
         }],
         twin: twin!(sample),
         ..Pass::of("sample", |_| &kernel::SAMPLE)
@@ -33,7 +34,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_NOISE,
             what: "the noise term",
-            mend: "use a smaller --noise-span or --learning-rate",
+            mend: &advice!["use a smaller " NoiseSpan " or " LearningRate],
         }],
         twin: twin!(noise),
         ..Pass::of("noise", |_| &kernel::NOISE)
@@ -45,7 +46,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the gradient",
-            mend: "use a smaller --peak, or a larger --min-depth where voxels touch the wall",
+            mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
         }],
         twin: twin!(backward),
         ..Pass::of("backward", |_| &kernel::BACKWARD)
@@ -56,7 +57,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_UPDATE,
             what: "the next volume",
-            mend: "use a smaller --learning-rate or --peak, or --step-share 1",
+            mend: &advice!["use a smaller " LearningRate " or " Peak ", or " StepShare " 1"],
         }],
         twin: twin!(update),
         ..Pass::of("update", |_| &kernel::UPDATE)

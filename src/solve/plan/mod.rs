@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, cells};
@@ -330,13 +331,13 @@ fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
     if (model.pairs() as u64 * model.bins as u64) > 1 << 30 || model.cells() as u64 >= 1 << 31 {
         return Err(Error::memory(
             format!("{} pairs of {} bins are beyond 2^30 values", model.pairs(), model.bins),
-            "use a larger --stride or a narrower --gate",
+            advice!["use a larger " Stride " or a narrower " Gate],
         ));
     }
     // Kernels walk the depth of a column and the bins of a histogram in one loop each.
     for (what, count, mend) in [
-        ("voxels deep", grid.n[2], "use a larger --depth-pitch or a narrower --gate"),
-        ("bins long", model.bins, "use a narrower --gate, or add bins up before"),
+        ("voxels deep", grid.n[2], &advice!["use a larger " DepthPitch " or a narrower " Gate][..]),
+        ("bins long", model.bins, &advice!["use a narrower " Gate ", or add bins up before"]),
     ] {
         if count > LONGEST_LOOP {
             return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), mend));
@@ -353,8 +354,8 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
         Accumulation::Fixed if !offered.int64 => Accumulation::Fixed32,
         Accumulation::Float if !offered.float => {
             return Err(Error::options(
-                "--accumulation float: this device has no fp32 atomics (VK_EXT_shader_atomic_float)",
-                "leave --accumulation out, or choose fixed or cas",
+                "float accumulation was asked for: this device has no fp32 atomics (VK_EXT_shader_atomic_float)",
+                advice!["leave " Accumulation " out, or choose fixed or cas"],
             ));
         }
         other => other,

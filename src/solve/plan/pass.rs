@@ -7,6 +7,7 @@
 use std::fmt;
 
 use super::Plan;
+use crate::advice::Part;
 use crate::gpu::{Buffer, Constant, Kernel, KernelCode};
 
 /// One row.
@@ -55,7 +56,7 @@ pub struct Fault {
     /// What is not finite.
     pub what: &'static str,
     /// What may mend it.
-    pub mend: &'static str,
+    pub mend: &'static [Part],
 }
 
 /// The float64 twin of a pass.

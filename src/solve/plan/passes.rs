@@ -2,6 +2,7 @@
 
 use super::pass::{Fault, Pass, Twin, Value, Voxels, passes, twin};
 use super::{Accumulation, Plan};
+use crate::advice::advice;
 use crate::gpu::KernelCode;
 use crate::transport::Geometry;
 use crate::transport::kernels::*;
@@ -16,7 +17,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: "use a smaller --learning-rate, or a larger --min-depth where voxels touch the wall",
+            mend: &advice!["use a smaller " LearningRate ", or a larger " MinDepth " where voxels touch the wall"],
         }],
         twin: twin!(forward),
         ..Pass::of("forward", forward)
@@ -30,7 +31,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: "use a smaller --peak or --learning-rate, and check the counts (`thirdbounce info`)",
+            mend: &advice!["use a smaller " Peak " or " LearningRate ", and check the counts (" [Capture] ")"],
         }],
         twin: twin!(residual),
         ..Pass::of("residual", residual)

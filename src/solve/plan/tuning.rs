@@ -7,6 +7,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{LONGEST_LOOP, LOOP_LIMIT};
+use crate::advice::advice;
 use crate::gpu::{Abilities, DeviceKind};
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, Model};
@@ -104,7 +105,7 @@ impl FromStr for Sizes {
         for part in text.split(',') {
             let wrong = || {
                 Error::options(
-                    format!("--sizes {text}: {part:?} is no size"),
+                    format!("sizes {text}: {part:?} is no size"),
                     "write sizes as lanes=64,chunk=256,window=64,voxels=32,slices=4, or some of them",
                 )
             };
@@ -174,7 +175,7 @@ impl Tuning {
         }
         if t.turns(product) > LOOP_LIMIT {
             return Err(Error::options(
-                format!("--sizes {sizes}: a chunk of {} voxels loops longer than drivers allow", t.chunk),
+                format!("sizes {sizes}: a chunk of {} voxels loops longer than drivers allow", t.chunk),
                 "use a smaller chunk or window",
             ));
         }
@@ -196,7 +197,7 @@ impl Tuning {
         if tiles > device.limits.groups[0] as usize {
             return Err(Error::memory(
                 format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
-                "use a larger --stride",
+                advice!["use a larger " Stride],
             ));
         }
         Ok(())
@@ -210,10 +211,10 @@ impl Tuning {
     }
 
     fn check(&self, device: &Abilities, sizes: &Sizes) -> Result<()> {
-        let bad = |what: String, mend: &str| Err(Error::options(format!("--sizes {sizes}: {what}"), mend));
+        let bad = |what: String, mend: String| Err(Error::options(format!("sizes {sizes}: {what}"), mend));
         let none = sizes.named().into_iter().find(|(name, v)| *v == Some(0) && *name != "window");
         if let Some((name, _)) = none {
-            return bad(format!("{name} is 0"), "give 1 or more, or leave it out");
+            return bad(format!("{name} is 0"), "give 1 or more, or leave it out".into());
         }
         let invocations = device.limits.workgroup_invocations;
         for (what, size) in
@@ -221,16 +222,13 @@ impl Tuning {
         {
             if size.is_none_or(|s| s > invocations) {
                 let most = format!("use at most {invocations}");
-                return bad(
-                    format!("{what} are more invocations than a workgroup of this device has"),
-                    &most,
-                );
+                return bad(format!("{what} are more invocations than a workgroup of this device has"), most);
             }
         }
         if self.chunk > OWNED_CHUNK {
             return bad(
                 format!("a chunk of {} voxels is too long", self.chunk),
-                &format!("use at most {OWNED_CHUNK}"),
+                format!("use at most {OWNED_CHUNK}"),
             );
         }
         // Beside the columns a product holds 64 voxels' arms to the other points.
@@ -243,7 +241,7 @@ impl Tuning {
                     "{bytes} bytes of shared memory, where a workgroup has {}",
                     device.limits.shared_memory
                 ),
-                "use fewer lanes or a smaller window",
+                "use fewer lanes or a smaller window".into(),
             );
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
+use crate::advice::advice;
 use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
@@ -15,7 +16,7 @@ passes! {
 
     /// The slopes, and the points of every pixel.
     SURFACE_POINTS = Pass {
-        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: "use a smaller --peak" }],
+        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["use a smaller " Peak] }],
         twin: twin!(surface_points),
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
@@ -27,7 +28,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the surface's gradient",
-            mend: "use a smaller --peak, or a larger --min-depth where it touches the wall",
+            mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where it touches the wall"],
         }],
         twin: twin!(surface_gather),
         ..Pass::of("surface_gather", |_| &kernel::SURFACE_GATHER)
@@ -47,7 +48,7 @@ passes! {
 
     /// Adam on depths and albedos.
     SURFACE_STEP = Pass {
-        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: "use a smaller --peak" }],
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["use a smaller " Peak] }],
         twin: twin!(surface_step),
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };

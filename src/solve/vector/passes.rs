@@ -1,5 +1,6 @@
 //! The passes that only the vector solver has.
 
+use crate::advice::advice;
 use crate::solve::passes;
 use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
@@ -7,7 +8,7 @@ use crate::transport::kernels::*;
 const BOUND_FAULT: &[Fault] = &[Fault {
     bit: FAULT_BOUND,
     what: "the bounds of the steps",
-    mend: "use a smaller --peak or --noise-factor, and check the wall's points and the bins (`thirdbounce info`)",
+    mend: &advice!["use a smaller " Peak " or " NoiseFactor ", and check the wall's points and the bins (" [Capture] ")"],
 }];
 
 passes! {
@@ -114,7 +115,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: "use a smaller --learning-rate, --initial-albedo or --roughness",
+            mend: &advice!["use a smaller " LearningRate ", " InitialAlbedo " or " Roughness],
         }],
         twin: twin!(extrapolate),
         ..Pass::of("extrapolate", |_| &kernel::EXTRAPOLATE)
@@ -128,12 +129,12 @@ passes! {
             Fault {
                 bit: FAULT_BACKWARD,
                 what: "the gradient",
-                mend: "use a smaller --peak, or a larger --min-depth where voxels touch the wall",
+                mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
             },
             Fault {
                 bit: FAULT_UPDATE,
                 what: "the next volume",
-                mend: "use a smaller --learning-rate or --peak, or --step-share 1",
+                mend: &advice!["use a smaller " LearningRate " or " Peak ", or " StepShare " 1"],
             },
         ],
         twin: twin!(step),

@@ -1,0 +1,44 @@
+//! Advice in the words of the command line: flags for settings, verbs for places to look.
+
+use thirdbounce::advice::{Advice, Look, Remedy, Setting};
+
+/// The advice with flags and verbs in it.
+pub fn text(advice: &Advice) -> String {
+    let changed = |remedy| match remedy {
+        Remedy::Set(setting) => flag(setting),
+        Remedy::SmallerJob { .. } => {
+            "a smaller --lateral, a larger --depth-pitch, a narrower --gate or a larger --stride".into()
+        }
+    };
+    let found = |look| match look {
+        Look::Devices => "`thirdbounce devices`".into(),
+        Look::Capture => "`thirdbounce info`".into(),
+    };
+    advice.say(changed, found)
+}
+
+fn flag(setting: Setting) -> String {
+    format!("--{}", setting.name().replace('_', "-"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_has_its_flag() {
+        let command = super::super::command();
+        let verbs: Vec<_> = command.get_subcommands().collect();
+        let has = |long: &str| {
+            verbs.iter().any(|verb| verb.get_arguments().any(|arg| arg.get_long() == Some(long)))
+        };
+        assert!(has("lateral") && !has("lateral-voxels"));
+        for setting in Setting::ALL {
+            assert!(has(flag(*setting).trim_start_matches("--")), "{setting:?}");
+        }
+        let smaller = text(&[thirdbounce::advice::Part::Change(Remedy::SMALLER_JOB)].into());
+        let flags: Vec<_> =
+            smaller.split_whitespace().filter_map(|w| w.trim_end_matches(',').strip_prefix("--")).collect();
+        assert!(flags.len() == 4 && flags.iter().all(|f| has(f)), "{flags:?}");
+    }
+}
