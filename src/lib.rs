@@ -32,6 +32,7 @@
 //! ```
 
 #![deny(missing_docs)]
+#![warn(clippy::too_many_lines)]
 
 pub mod advice;
 pub mod capture;

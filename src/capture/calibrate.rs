@@ -56,13 +56,9 @@ pub struct Calibration {
 /// The most bins that a shift may have: as many as the longest histogram that is reconstructed.
 const FARTHEST: usize = 32_767;
 
-/// Estimates the shift of time zero among those of up to `reach` bins in either direction.
-///
 /// # Errors
-/// `Kind::Options` if `reach` is 0 or above 32,767; `Kind::Input` if the capture is not confocal, or if it leaves the shift
-/// undetermined: too few histograms have a peak, the best shift lies at the end of the range, no shift makes it the
-/// capture of one small target, or all shifts do about as well.
-pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
+/// A reach that makes no sense; a capture that is not confocal.
+fn check_asked(capture: &Capture, reach: usize) -> Result<()> {
     if reach == 0 {
         return Err(Error::options("--reach 0 leaves no shift to try", "give a number of bins, usually 40"));
     }
@@ -78,27 +74,12 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
             "calibrate with a confocal capture of one small target",
         ));
     }
-    let mut seen: Vec<Seen> = (capture.histograms.chunks_exact(capture.bins).zip(&capture.sensor))
-        .filter_map(|(h, w)| {
-            let (bin, counts, together) = middle(h)?;
-            Some(Seen { wall: *w, path: capture.t_start + bin * capture.bin_width, counts, together })
-        })
-        .collect();
-    let width = capture.bin_width;
-    let at = |seen: &[Seen], shift: f64| fit(seen, shift).map_or(f64::INFINITY, |f| f.residual);
-    let best = |seen: &[Seen]| {
-        let shifts = (0..=2 * reach).map(|k| (k as f64 - reach as f64) * width);
-        shifts.min_by(|a, b| at(seen, *a).total_cmp(&at(seen, *b))).unwrap_or(0.0)
-    };
-    // Again and again without the histograms whose peak is not the target's.
-    for _ in 0..6 {
-        let Some(found) = fit(&seen, best(&seen)) else { break };
-        let mut off: Vec<f64> = found.left.iter().map(|v| v.abs()).collect();
-        off.sort_unstable_by(f64::total_cmp);
-        let most = (3.0 * off[off.len() / 2]).max(width);
-        let mut left = found.left.into_iter();
-        seen.retain(|_| left.next().is_some_and(|v| v.abs() <= most));
-    }
+    Ok(())
+}
+
+/// # Errors
+/// Peaks that are not those of one small target.
+fn check_peaks(capture: &Capture, seen: &[Seen]) -> Result<()> {
     if seen.len() < 12 || 2 * seen.len() < capture.pair_count() {
         return Err(Error::input(
             format!(
@@ -122,6 +103,60 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
             MEND,
         ));
     }
+    Ok(())
+}
+
+/// The standard error of the shift, metres of path, from the residuals two bins before and after it.
+///
+/// # Errors
+/// A residual that hardly depends on the shift.
+fn error_of(found: &Fit, beside: [f64; 2], peaks: usize, width: f64) -> Result<f64> {
+    // The squared residual grows as a parabola; an error of the shift that the rest cannot tell apart.
+    let beside = 0.5 * (beside[0].powi(2) + beside[1].powi(2));
+    let growth = (beside - found.residual.powi(2)) / (2.0 * width).powi(2);
+    let error = found.residual / (growth.max(0.0) * peaks as f64).sqrt();
+    if error.is_nan() || error > MOST_UNSURE * width {
+        return Err(Error::input(
+            format!(
+                "time zero is undetermined: the residual is flat, and tells the shift to {:.1} bins only",
+                error / width
+            ),
+            format!("take a wider wall, a nearer target or more light; {MEND}"),
+        ));
+    }
+    Ok(error)
+}
+
+/// Estimates the shift of time zero among those of up to `reach` bins in either direction.
+///
+/// # Errors
+/// `Kind::Options` if `reach` is 0 or above 32,767; `Kind::Input` if the capture is not confocal, or if it leaves the shift
+/// undetermined: too few histograms have a peak, the best shift lies at the end of the range, no shift makes it the
+/// capture of one small target, or all shifts do about as well.
+pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
+    check_asked(capture, reach)?;
+    let mut seen: Vec<Seen> = (capture.histograms.chunks_exact(capture.bins).zip(&capture.sensor))
+        .filter_map(|(h, w)| {
+            let (bin, counts, together) = middle(h)?;
+            Some(Seen { wall: *w, path: capture.t_start + bin * capture.bin_width, counts, together })
+        })
+        .collect();
+    let width = capture.bin_width;
+    let at = |seen: &[Seen], shift: f64| fit(seen, shift).map_or(f64::INFINITY, |f| f.residual);
+    let best = |seen: &[Seen]| {
+        let shifts = (0..=2 * reach).map(|k| (k as f64 - reach as f64) * width);
+        shifts.min_by(|a, b| at(seen, *a).total_cmp(&at(seen, *b))).unwrap_or(0.0)
+    };
+    // Again and again without the histograms whose peak is not the target's.
+    for _ in 0..6 {
+        let Some(found) = fit(&seen, best(&seen)) else { break };
+        let mut off: Vec<f64> = found.left.iter().map(|v| v.abs()).collect();
+        off.sort_unstable_by(f64::total_cmp);
+        let most = (3.0 * off[off.len() / 2]).max(width);
+        let mut left = found.left.into_iter();
+        seen.retain(|_| left.next().is_some_and(|v| v.abs() <= most));
+    }
+    check_peaks(capture, &seen)?;
     let coarse = best(&seen);
     let curve: Vec<[f64; 2]> = (0..=2 * reach)
         .map(|k| (k as f64 - reach as f64) * width)
@@ -151,19 +186,8 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
             MEND,
         ));
     }
-    // The squared residual grows as a parabola; an error of the shift that the rest cannot tell apart.
-    let beside = 0.5 * (at(&seen, shift - 2.0 * width).powi(2) + at(&seen, shift + 2.0 * width).powi(2));
-    let growth = (beside - found.residual.powi(2)) / (2.0 * width).powi(2);
-    let error = found.residual / (growth.max(0.0) * seen.len() as f64).sqrt();
-    if error.is_nan() || error > MOST_UNSURE * width {
-        return Err(Error::input(
-            format!(
-                "time zero is undetermined: the residual is flat, and tells the shift to {:.1} bins only",
-                error / width
-            ),
-            format!("take a wider wall, a nearer target or more light; {MEND}"),
-        ));
-    }
+    let left = [shift - 2.0 * width, shift + 2.0 * width].map(|shift| at(&seen, shift));
+    let error = error_of(&found, left, seen.len(), width)?;
     Ok(Calibration { shift, error, residual: found.residual, target: found.target, curve, used: seen.len() })
 }
 

@@ -100,6 +100,121 @@ impl Drop for OwnedDevice {
     }
 }
 
+/// The features and extensions of a device that are used.
+struct Offered {
+    float: bool,
+    int64: bool,
+    robust: bool,
+    has_budget: bool,
+    has_statistics: bool,
+}
+
+impl Offered {
+    /// # Errors
+    /// A device without timeline semaphores.
+    fn by(
+        instance: &Instance,
+        physical: vk::PhysicalDevice,
+        info: &DeviceInfo,
+        options: &GpuOptions,
+    ) -> Result<Offered> {
+        // SAFETY: the physical device is the instance's.
+        let extensions =
+            unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
+        let has_atomic_float = offers(ext::shader_atomic_float::NAME);
+        if has_atomic_float {
+            features = features.push_next(&mut atomic_float);
+        }
+        // SAFETY: the chained structs outlive the call.
+        unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
+        let features = features.features;
+        if v12.timeline_semaphore != vk::TRUE {
+            return Err(Error::device(
+                format!("{} has no timeline semaphores, which are needed", info.name),
+                advice!["update its driver, or choose another device with " Device],
+            ));
+        }
+        let has_statistics = options.timings
+            && offers(khr::pipeline_executable_properties::NAME)
+            && offers_statistics(instance, physical);
+        Ok(Offered {
+            float: has_atomic_float && atomic_float.shader_buffer_float32_atomic_add == vk::TRUE,
+            int64: features.shader_int64 == vk::TRUE && v12.shader_buffer_int64_atomics == vk::TRUE,
+            robust: options.robust && features.robust_buffer_access == vk::TRUE,
+            has_budget: offers(ext::memory_budget::NAME),
+            has_statistics,
+        })
+    }
+
+    /// Opens the device with all of this.
+    ///
+    /// # Errors
+    /// A device that does not open.
+    fn create(
+        &self,
+        instance: &Instance,
+        physical: vk::PhysicalDevice,
+        info: &DeviceInfo,
+        family: u32,
+    ) -> Result<ash::Device> {
+        let named = [
+            (self.float, ext::shader_atomic_float::NAME),
+            (self.has_budget, ext::memory_budget::NAME),
+            (self.has_statistics, khr::pipeline_executable_properties::NAME),
+        ];
+        let wanted: Vec<_> = named.iter().filter(|n| n.0).map(|n| n.1.as_ptr()).collect();
+        let mut use_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
+        let mut use_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
+            .shader_buffer_float32_atomics(true)
+            .shader_buffer_float32_atomic_add(true);
+        let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
+            .timeline_semaphore(true)
+            .shader_buffer_int64_atomics(self.int64);
+        let use_features =
+            vk::PhysicalDeviceFeatures::default().shader_int64(self.int64).robust_buffer_access(self.robust);
+        let priorities = [1.0];
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let mut create = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&wanted)
+            .enabled_features(&use_features)
+            .push_next(&mut use_v12);
+        if self.float {
+            create = create.push_next(&mut use_float);
+        }
+        if self.has_statistics {
+            create = create.push_next(&mut use_statistics);
+        }
+        // SAFETY: the physical device is the instance's; the chained structs outlive the call.
+        unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
+            Error::device(
+                format!("{} does not open ({e})", info.name),
+                advice!["another program may hold it, or its driver is broken; try another with " Device],
+            )
+        })
+    }
+}
+
+fn limits_of(instance: &Instance, physical: vk::PhysicalDevice, l: &vk::PhysicalDeviceLimits) -> Limits {
+    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+    // SAFETY: the physical device is the instance's; the chained struct outlives the call.
+    unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+    Limits {
+        storage_range: u64::from(l.max_storage_buffer_range),
+        workgroup_invocations: l.max_compute_work_group_invocations,
+        shared_memory: l.max_compute_shared_memory_size,
+        groups: l.max_compute_work_group_count,
+        subgroup: subgroup.subgroup_size,
+    }
+}
+
 impl Gpu {
     /// Opens the device that `options` name, or the best one. Errors: no loader, no device, no device of that
     /// name, a required feature missing; each says what to do.
@@ -120,98 +235,25 @@ impl Gpu {
         }
         let (family, has_timestamps) = compute_family(&instance, physical, &info)?;
 
-        // SAFETY (whole function): handles come from the live instance; chained structs live until the call.
-        let extensions =
-            unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-        let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
-        let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
-        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-        let mut offered = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
-        let has_atomic_float = offers(ext::shader_atomic_float::NAME);
-        if has_atomic_float {
-            offered = offered.push_next(&mut atomic_float);
-        }
-        unsafe { instance.raw.get_physical_device_features2(physical, &mut offered) };
-        let int64_shader = offered.features.shader_int64 == vk::TRUE;
-        let robust = options.robust && offered.features.robust_buffer_access == vk::TRUE;
-        let float = has_atomic_float && atomic_float.shader_buffer_float32_atomic_add == vk::TRUE;
-        let int64 = int64_shader && v12.shader_buffer_int64_atomics == vk::TRUE;
-        if v12.timeline_semaphore != vk::TRUE {
-            return Err(Error::device(
-                format!("{} has no timeline semaphores, which are needed", info.name),
-                advice!["update its driver, or choose another device with " Device],
-            ));
-        }
-
-        let has_budget = offers(ext::memory_budget::NAME);
-        let has_statistics = options.timings
-            && offers(khr::pipeline_executable_properties::NAME)
-            && offers_statistics(&instance, physical);
-        let mut wanted = Vec::new();
-        if float {
-            wanted.push(ext::shader_atomic_float::NAME.as_ptr());
-        }
-        if has_budget {
-            wanted.push(ext::memory_budget::NAME.as_ptr());
-        }
-        if has_statistics {
-            wanted.push(khr::pipeline_executable_properties::NAME.as_ptr());
-        }
-        let mut use_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
-            .pipeline_executable_info(true);
-        let mut use_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
-            .shader_buffer_float32_atomics(true)
-            .shader_buffer_float32_atomic_add(true);
-        let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
-            .timeline_semaphore(true)
-            .shader_buffer_int64_atomics(int64);
-        let use_features =
-            vk::PhysicalDeviceFeatures::default().shader_int64(int64).robust_buffer_access(robust);
-        let priorities = [1.0];
-        let queues =
-            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let mut create = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&wanted)
-            .enabled_features(&use_features)
-            .push_next(&mut use_v12);
-        if float {
-            create = create.push_next(&mut use_float);
-        }
-        if has_statistics {
-            create = create.push_next(&mut use_statistics);
-        }
-        let raw = unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
-            Error::device(
-                format!("{} does not open ({e})", info.name),
-                advice!["another program may hold it, or its driver is broken; try another with " Device],
-            )
-        })?;
+        let offered = Offered::by(&instance, physical, &info, options)?;
+        let raw = offered.create(&instance, physical, &info, family)?;
+        // SAFETY: the family was asked for with one queue.
         let queue = unsafe { raw.get_device_queue(family, 0) };
-        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-        let mut p2 = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
-        unsafe { instance.raw.get_physical_device_properties2(physical, &mut p2) };
-        let l = properties.limits;
         let names = instance.debug_names.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
-        let statistics =
-            has_statistics.then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
+        let statistics = offered
+            .has_statistics
+            .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
         let gpu = Gpu {
             info,
-            accumulations: Accumulations { float, int64 },
-            limits: Limits {
-                storage_range: u64::from(l.max_storage_buffer_range),
-                workgroup_invocations: l.max_compute_work_group_invocations,
-                shared_memory: l.max_compute_shared_memory_size,
-                groups: l.max_compute_work_group_count,
-                subgroup: subgroup.subgroup_size,
-            },
+            accumulations: Accumulations { float: offered.float, int64: offered.int64 },
+            limits: limits_of(&instance, physical, &properties.limits),
             recorder: options.timings.then(Recorder::new),
             statistics,
-            tick: if has_timestamps { f64::from(l.timestamp_period) } else { 0.0 },
+            tick: if has_timestamps { f64::from(properties.limits.timestamp_period) } else { 0.0 },
             queue: Mutex::new(queue),
             family,
             physical,
-            has_budget,
+            has_budget: offered.has_budget,
             struck: options.faults.any().then(|| Struck::new(options.faults)),
             one_memory: one_memory(&instance, physical),
             allocated: AtomicU64::new(0),

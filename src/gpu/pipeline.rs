@@ -20,6 +20,37 @@ pub(super) struct Pipeline {
 /// Push constants are as large for every kernel.
 pub(super) const PUSH_BYTES: u32 = 4 * PUSH_WORDS as u32;
 
+/// A binding as its layout has it.
+fn slot(b: &Binding) -> vk::DescriptorSetLayoutBinding<'static> {
+    vk::DescriptorSetLayoutBinding::default()
+        .binding(b.slot)
+        .descriptor_type(descriptor_type(b))
+        .descriptor_count(1)
+        .stage_flags(vk::ShaderStageFlags::COMPUTE)
+}
+
+/// Values of specialization constants as Vulkan takes them.
+///
+/// # Panics
+/// If the kernel has no constant of that name.
+fn specialization(
+    code: &KernelCode,
+    constants: &[(Constant, u32)],
+) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
+    // Every constant the caller names must exist: a misspelt one would silently keep its default.
+    let mut entries = Vec::new();
+    let mut data = Vec::new();
+    for (constant, value) in constants {
+        let known = code.constants.iter().find(|c| c.0 == *constant);
+        let known = known.unwrap_or_else(|| panic!("kernel `{}` has no constant {constant}", code.name));
+        entries.push(
+            vk::SpecializationMapEntry::default().constant_id(known.1).offset(data.len() as u32).size(4),
+        );
+        data.extend_from_slice(&value.to_le_bytes());
+    }
+    (entries, data)
+}
+
 impl Pipeline {
     pub fn new(
         gpu: &Gpu,
@@ -30,28 +61,8 @@ impl Pipeline {
         let device = gpu.raw();
         let doing = format!("making kernel `{name}`");
         let failed = |e| gpu.failed(&doing, e);
-        let slots: Vec<_> = code
-            .bindings
-            .iter()
-            .map(|b| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(b.slot)
-                    .descriptor_type(descriptor_type(b))
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        // Every constant the caller names must exist: a misspelt one would silently keep its default.
-        let mut entries = Vec::new();
-        let mut data = Vec::new();
-        for (constant, value) in constants {
-            let known = code.constants.iter().find(|c| c.0 == *constant);
-            let known = known.unwrap_or_else(|| panic!("kernel `{}` has no constant {constant}", code.name));
-            entries.push(
-                vk::SpecializationMapEntry::default().constant_id(known.1).offset(data.len() as u32).size(4),
-            );
-            data.extend_from_slice(&value.to_le_bytes());
-        }
+        let slots: Vec<_> = code.bindings.iter().map(slot).collect();
+        let (entries, data) = specialization(code, constants);
         let words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
             Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew")
         })?;

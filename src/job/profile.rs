@@ -24,7 +24,8 @@ use super::words::{plain, write_json};
 use super::{Loaded, Request, places, reconstruct};
 use crate::export::{self, report};
 use crate::gpu::{Gpu, HostSpan, Recording};
-use crate::solve::Progress;
+use crate::solve::{Plan, Progress};
+use crate::transport::Grid;
 use crate::{Error, Result};
 
 pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
@@ -133,17 +134,7 @@ pub fn profile(
 
     let mut recording = gpu.take_recording();
     let prepare_s = complete(&mut recording, began, loaded.seconds);
-    let near = |g: &crate::transport::Grid| {
-        let layers = ((request.solver.common().min_depth - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
-        g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
-    };
-    let voxels = result
-        .plan
-        .levels
-        .iter()
-        .chain(&result.plan.pixel_levels)
-        .map(|l| (l.grid.n[0] as u64, near(&l.grid)))
-        .collect();
+    let voxels = voxels_of(&result.plan, request.solver.common().min_depth);
     let kernels = kernels::times(&recording, &result.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -173,6 +164,16 @@ pub fn profile(
         write_json(file, &profile, true)?;
     }
     Ok(profile)
+}
+
+/// Voxels that are not too near, by the lateral resolution of a level.
+fn voxels_of(plan: &Plan, min_depth: f64) -> BTreeMap<u64, usize> {
+    let far = |g: &Grid| {
+        let layers = ((min_depth - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
+        g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
+    };
+    let levels = plan.levels.iter().chain(&plan.pixel_levels);
+    levels.map(|l| (l.grid.n[0] as u64, far(&l.grid))).collect()
 }
 
 fn check_clock(gpu: &Gpu) -> Result<()> {

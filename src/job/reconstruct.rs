@@ -47,16 +47,14 @@ pub fn solve(
     let mut failed = None;
     // What is gathered on the way, heard of by the watch and kept with the state.
     let gathered = RefCell::new((BTreeMap::new(), Vec::new()));
-    let mut known = None;
-    let from = match resumed {
-        Some(kept) => {
-            kept.check(request)?;
-            known = kept.pulse;
-            *gathered.borrow_mut() = (kept.along, kept.snapshots);
-            Some(kept.state)
-        }
-        None => None,
-    };
+    if let Some(kept) = &resumed {
+        kept.check(request)?;
+    }
+    let known = resumed.as_ref().and_then(|kept| kept.pulse.clone());
+    let from = resumed.map(|kept| {
+        *gathered.borrow_mut() = (kept.along, kept.snapshots);
+        kept.state
+    });
     let (capture, found) = find_pulse::settle(request, &loaded.capture, gpu, known, hear)?;
     let capture = &*capture;
     let kept_at = Cell::new(None);

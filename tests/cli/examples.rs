@@ -7,7 +7,10 @@ use fixtures::command::{program, succeed};
 /// Runs an example that cargo built beside the command; its output.
 fn example(name: &str, arguments: &[&str]) -> String {
     let path = program().with_file_name("examples").join(name);
-    let output = Command::new(&path).args(arguments).output().expect("`cargo test` or `cargo build --examples` builds the examples");
+    let output = Command::new(&path)
+        .args(arguments)
+        .output()
+        .expect("`cargo test` or `cargo build --examples` builds the examples");
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{name}: {errors}");
     String::from_utf8_lossy(&output.stdout).into_owned()
