@@ -249,7 +249,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--beta1", "1"], 1, "--beta1 is 1"),
         (&[&capture, "--lateral", "0"], 1, "--lateral is 0"),
         (&[&capture, "--iterations", "99999999999"], 1, "--iterations"),
-        (&[&capture, "--lateral", "4096", "--depth-pitch", "1e-9"], 1, "beyond 2^30"),
+        (&[&capture, "--lateral", "4096", "--depth-pitch", "1e-9"], 1, "exceeds 2^30"),
         (&[&capture, "--depth-pitch", "NaN"], 1, "depth pitch of NaN"),
         (&[&capture, "--depth-pitch", "0"], 1, "depth pitch of 0"),
         (&[&capture, "--volume", "1,2,3"], 1, "--volume"),
