@@ -30,9 +30,10 @@ impl Given {
         });
     }
 
-    /// The name of the first that `options` lack.
+    /// The name of the first that `options` lack. The seed suits every solver: it draws `--subset`, too.
     pub fn foreign(&self, options: &SolverOptions) -> Option<String> {
-        let lacking = self.0.iter().find(|(key, _)| options.get(key).is_none())?.0;
+        let lacks = |(key, _): &&(&str, Value)| *key != "seed" && options.get(key).is_none();
+        let lacking = self.0.iter().find(lacks)?.0;
         let rows = SolverOptions::all_rows();
         rows.iter()
             .find(|(row, _)| row.key == lacking)
