@@ -41,7 +41,6 @@ pub mod error;
 pub mod export;
 #[cfg(feature = "formats")]
 pub mod files;
-#[allow(missing_docs)]
 pub mod gpu;
 #[allow(missing_docs)]
 #[cfg(feature = "formats")]
@@ -49,7 +48,6 @@ pub mod job;
 pub mod maps;
 pub mod measure;
 pub mod simulate;
-#[allow(missing_docs)]
 pub mod solve;
 pub mod transport;
 

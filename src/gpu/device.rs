@@ -43,24 +43,34 @@ pub struct Accumulations {
 pub struct Limits {
     /// Largest binding of one buffer in bytes.
     pub storage_range: u64,
+    /// Invocations in a workgroup at most.
     pub workgroup_invocations: u32,
+    /// Shared memory of a workgroup, bytes.
     pub shared_memory: u32,
+    /// Workgroups in a dispatch at most, along x, y and z.
     pub groups: [u32; 3],
+    /// Invocations in a subgroup.
     pub subgroup: u32,
 }
 
 /// What a plan must know of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Abilities {
+    /// What kind of device it is.
     pub kind: DeviceKind,
+    /// How it adds to memory.
     pub accumulations: Accumulations,
+    /// Its limits.
     pub limits: Limits,
 }
 
 /// An opened device with one compute queue.
 pub struct Gpu {
+    /// The device as the loader lists it.
     pub info: DeviceInfo,
+    /// How it adds to memory.
     pub accumulations: Accumulations,
+    /// Its limits.
     pub limits: Limits,
     /// What happened when, where it was asked for.
     pub(super) recorder: Option<Recorder>,
@@ -265,6 +275,7 @@ impl Gpu {
         Ok(gpu)
     }
 
+    /// What a plan must know of this device.
     pub fn abilities(&self) -> Abilities {
         Abilities { kind: self.info.kind, accumulations: self.accumulations, limits: self.limits }
     }

@@ -13,7 +13,9 @@ use crate::Result;
 /// Calls and device seconds of one kernel.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct KernelTime {
+    /// Dispatches.
     pub calls: u64,
+    /// Device time of all of them, seconds.
     pub seconds: f64,
 }
 
@@ -52,6 +54,10 @@ pub struct Executor<'g> {
 }
 
 impl<'g> Executor<'g> {
+    /// An executor for the buffers of `arena`, without kernels yet.
+    ///
+    /// # Errors
+    /// The device cannot make a queue's objects.
     pub fn new(gpu: &'g Gpu, arena: Arena<'g>) -> Result<Executor<'g>> {
         let device = gpu.raw();
         let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;

@@ -24,6 +24,7 @@ pub enum Point {
 }
 
 impl Point {
+    /// Every kind of call.
     pub const ALL: [Point; 4] = [Point::Allocation, Point::Object, Point::Submission, Point::Wait];
 }
 

@@ -24,6 +24,7 @@ const WORD: u32 = 0xca9a_41e5;
 /// A buffer that was written past its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Overrun {
+    /// The buffer.
     pub buffer: Buffer,
     /// Bytes as stated.
     pub bytes: u64,
@@ -36,6 +37,7 @@ pub struct Overrun {
 pub struct Guarded {
     /// Buffers whose canaries were looked at.
     pub buffers: usize,
+    /// Those that were written past their end.
     pub overruns: Vec<Overrun>,
 }
 

@@ -12,10 +12,15 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
+    /// A GPU with memory of its own.
     Discrete,
+    /// A GPU that uses the host's memory.
     Integrated,
+    /// A part of a GPU, in a virtual machine.
     Virtual,
+    /// A software implementation, such as lavapipe.
     Cpu,
+    /// None of these.
     Other,
 }
 
@@ -36,7 +41,9 @@ impl std::fmt::Display for DeviceKind {
 pub struct DeviceInfo {
     /// Position in the list: a [`super::GpuOptions::device`].
     pub index: usize,
+    /// Name as the driver gives it.
     pub name: String,
+    /// What kind of device it is.
     pub kind: DeviceKind,
     /// Driver name and version in the driver's own words.
     pub driver: String,

@@ -30,8 +30,11 @@ pub enum Place {
 /// A buffer to be.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BufferPlan {
+    /// Its name.
     pub buffer: Buffer,
+    /// Its size, bytes.
     pub bytes: u64,
+    /// Where it lives.
     pub place: Place,
 }
 

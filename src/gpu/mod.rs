@@ -31,9 +31,11 @@ pub use schedule::{Command, Schedule, Size, Stage};
 /// One compiled kernel variant.
 #[derive(Debug, Clone, Copy)]
 pub struct KernelCode {
+    /// Name of the variant, unique among all modules.
     pub name: &'static str,
     /// SPIR-V words, little-endian.
     pub spirv: &'static [u8],
+    /// The blocks that it binds.
     pub bindings: &'static [Binding],
     /// Specialization constants with their numbers.
     pub constants: &'static [(Constant, u32)],
@@ -48,9 +50,14 @@ impl From<&KernelCode> for Kernel {
 /// A block of a kernel: it binds the buffer of its own name unless a schedule says otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Binding {
+    /// Name of the block.
     pub block: Buffer,
+    /// Binding number in descriptor set 0.
     pub slot: u32,
+    /// A uniform block; otherwise a storage block.
     pub uniform: bool,
+    /// The kernel reads it.
     pub reads: bool,
+    /// The kernel writes it.
     pub writes: bool,
 }

@@ -9,14 +9,18 @@ use super::{Gpu, KernelCode, Stage};
 /// Something the host did. Seconds since the device was opened.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HostSpan {
+    /// What the host did.
     pub what: &'static str,
+    /// Begin.
     pub from: f64,
+    /// End.
     pub to: f64,
 }
 
 /// A command that the device ran: a kernel, "copy" or "fill". Seconds on the host's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ran {
+    /// Name of the kernel, "copy" or "fill".
     pub kernel: &'static str,
     /// Index in [`Recording::stages`], if a stage had begun.
     pub stage: Option<usize>,
@@ -24,13 +28,16 @@ pub struct Ran {
     pub submission: u64,
     /// When all that it had to wait for was done, and when it was.
     pub from: f64,
+    /// When it was done.
     pub to: f64,
 }
 
 /// A kernel as it was made.
 #[derive(Debug, Clone)]
 pub struct KernelMade {
+    /// The module that it was made from.
     pub code: KernelCode,
+    /// Specialization constants with their values.
     pub constants: Vec<(String, u32)>,
     /// What the driver tells of the compiled kernel, in its own words; empty where it tells nothing.
     pub statistics: Vec<(String, f64)>,
@@ -39,9 +46,13 @@ pub struct KernelMade {
 /// All of it.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
+    /// Spans of the host.
     pub host: Vec<HostSpan>,
+    /// Stages in order of submission.
     pub stages: Vec<Stage>,
+    /// Commands that the device ran.
     pub device: Vec<Ran>,
+    /// Kernels by name.
     pub kernels: BTreeMap<&'static str, KernelMade>,
 }
 

@@ -10,6 +10,7 @@ pub(super) const PUSH_WORDS: usize = 5;
 /// How many workgroups.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Size {
+    /// Counts along x, y and z.
     Groups([u32; 3]),
     /// Read from a buffer by the device: (buffer, byte offset of three counts).
     Indirect(Buffer, u64),
@@ -18,25 +19,39 @@ pub enum Size {
 /// One step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Command {
+    /// Runs a kernel.
     Dispatch {
         /// As it was added to the executor.
         kernel: Kernel,
+        /// How many workgroups.
         size: Size,
         /// Blocks that do not bind the buffer of their own name: (block, buffer).
         bind: Vec<(Buffer, Buffer)>,
+        /// Push constants as words.
         push: [u32; PUSH_WORDS],
     },
+    /// Copies between buffers.
     Copy {
+        /// Source.
         from: Buffer,
+        /// First byte in the source.
         from_offset: u64,
+        /// Target.
         to: Buffer,
+        /// First byte in the target.
         to_offset: u64,
+        /// Bytes to copy.
         bytes: u64,
     },
+    /// Fills a buffer with one word.
     Fill {
+        /// Target.
         buffer: Buffer,
+        /// First byte.
         offset: u64,
+        /// Bytes to fill, a multiple of 4.
         bytes: u64,
+        /// The 32-bit word.
         value: u32,
     },
     /// What follows, up to the next stage, belongs together: for labels and traces. Does nothing on the device.
@@ -46,11 +61,14 @@ pub enum Command {
 /// A part of the work by name, with numbers that tell it from others of that name.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stage {
+    /// Its name, such as "iteration".
     pub name: &'static str,
+    /// Numbers by name.
     pub values: Vec<(&'static str, u64)>,
 }
 
 impl Stage {
+    /// The number of that name, if there is one.
     pub fn value(&self, name: &str) -> Option<u64> {
         self.values.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)
     }
@@ -67,10 +85,12 @@ impl fmt::Display for Stage {
 /// writes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Schedule {
+    /// The commands in order.
     pub commands: Vec<Command>,
 }
 
 impl Schedule {
+    /// Adds a dispatch of `groups` workgroups along x, y and z.
     pub fn dispatch(&mut self, kernel: impl Into<Kernel>, groups: [u32; 3]) -> &mut Command {
         self.push(Command::Dispatch {
             kernel: kernel.into(),
@@ -80,6 +100,7 @@ impl Schedule {
         })
     }
 
+    /// Adds a dispatch whose three counts the device reads from `buffer`, at byte `offset`.
     pub fn indirect(&mut self, kernel: impl Into<Kernel>, buffer: Buffer, offset: u64) -> &mut Command {
         self.push(Command::Dispatch {
             kernel: kernel.into(),
@@ -89,10 +110,12 @@ impl Schedule {
         })
     }
 
+    /// Copies the first `bytes` bytes of `from` to the beginning of `to`.
     pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {
         self.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
     }
 
+    /// Fills the first `bytes` bytes of a buffer with the word `value`.
     pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {
         self.push(Command::Fill { buffer, offset: 0, bytes, value });
     }
@@ -107,6 +130,7 @@ impl Schedule {
         self.commands.push(Command::Stage(Stage { name, values: values.to_vec() }));
     }
 
+    /// Adds all commands of `other`.
     pub fn extend(&mut self, other: Schedule) {
         self.commands.extend(other.commands);
     }

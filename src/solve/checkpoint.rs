@@ -19,6 +19,7 @@ use crate::{Error, Result};
 /// What a state belongs to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
+    /// Version of the crate.
     pub version: String,
     /// Of the histograms and the wall, as the solver takes them.
     pub capture: u64,
@@ -33,6 +34,7 @@ pub struct Identity {
 /// State of a solve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
+    /// What it belongs to.
     pub identity: Identity,
     /// Iterations done.
     pub iteration: usize,
@@ -44,11 +46,15 @@ pub struct Checkpoint {
     pub active: usize,
     /// Blocks that it had not read: iterations from and to, level.
     pub pending: Vec<[usize; 3]>,
+    /// Trace of the iterations that the driver has read.
     pub trace: Vec<TracePoint>,
     /// Active voxels times pairs so far.
     pub pairs: u64,
+    /// Solve time so far, seconds.
     pub seconds: f64,
+    /// Device time so far, seconds.
     pub gpu_seconds: f64,
+    /// Content of every buffer that is kept, by name.
     pub buffers: BTreeMap<String, Vec<u8>>,
 }
 
@@ -56,7 +62,9 @@ pub struct Checkpoint {
 pub struct Keep<'k> {
     /// Keep it after so many iterations each; 0: never.
     pub every: usize,
+    /// Takes each state. An error ends the solve.
     pub save: &'k mut dyn FnMut(Checkpoint) -> Result<()>,
+    /// The state to go on from, if any.
     pub from: Option<Checkpoint>,
 }
 

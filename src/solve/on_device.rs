@@ -12,8 +12,11 @@ use crate::transport::{Grid, Model};
 
 /// A planned solve on the device: buffers allocated and filled, kernels made.
 pub struct OnDevice<'g> {
+    /// Levels, passes and buffers.
     pub plan: Plan,
+    /// The capture as kernels see it.
     pub model: Model,
+    /// Runs schedules over the buffers.
     pub executor: Executor<'g>,
 }
 
@@ -63,6 +66,7 @@ impl<'g> OnDevice<'g> {
 /// Volume of a finished solve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeMap {
+    /// The grid of the last level.
     pub grid: Grid,
     /// Albedo, `[(ix * ny + iy) * nz + iz]`, 0 where inactive.
     pub albedo: Vec<f32>,

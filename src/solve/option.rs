@@ -24,9 +24,11 @@ pub enum Preset {
 /// What defaults depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suit {
+    /// Rendered or captured histograms.
     pub preset: Preset,
     /// Laser and sensor point of a pair are the same.
     pub confocal: bool,
+    /// How surfaces reflect.
     pub reflectance: Reflectance,
 }
 
@@ -60,6 +62,7 @@ pub struct Row {
     pub group: &'static str,
     /// The lines of its text.
     pub lines: &'static [&'static str],
+    /// Values that it may have.
     pub range: Range,
 }
 
@@ -70,8 +73,11 @@ pub enum Range {
     Count(usize, usize),
     /// One of these whole numbers.
     OneOf(&'static [usize]),
+    /// A seed of random numbers: any whole number.
     Seed,
+    /// A finite number above 0.
     Positive,
+    /// A finite number, 0 or above.
     NotNegative,
     /// In (0, 1].
     Share,
@@ -90,9 +96,13 @@ pub enum Range {
 /// The value of an option.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
+    /// A whole number.
     Count(usize),
+    /// A real number.
     Number(f64),
+    /// On or off.
     Flag(bool),
+    /// A word, or sizes of workgroups as text.
     Word(String),
     /// The solver chooses.
     Unset,
@@ -189,7 +199,9 @@ impl fmt::Display for Value {
 
 /// The type of a field that an option sets.
 pub trait Field {
+    /// The value of the field.
     fn value(&self) -> Value;
+    /// Sets the field. A value of another type changes nothing.
     fn put(&mut self, value: &Value);
 }
 

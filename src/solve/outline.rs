@@ -16,10 +16,13 @@ use crate::transport::kernels::buffer;
 pub struct Part {
     /// What it belongs to: "volume" or "surface".
     pub of: &'static str,
+    /// When it runs.
     pub when: When,
     /// Lateral voxels or pixels, and pairs, of the level that it leads to.
     pub lateral: usize,
+    /// Pairs of that level.
     pub pairs: usize,
+    /// Its commands in order.
     pub steps: Vec<Step>,
 }
 
@@ -45,6 +48,7 @@ pub struct Step {
     pub sizes: Vec<String>,
     /// Buffers, by the names that the plan allocates. Those that a module names but this plan does not use are left out.
     pub reads: Vec<Buffer>,
+    /// Buffers that it writes, named in the same way.
     pub writes: Vec<Buffer>,
 }
 

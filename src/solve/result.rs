@@ -14,15 +14,21 @@ use crate::transport::kernels::{TRACE_LEAST, buffer};
 /// What a solve yields.
 #[derive(Debug, Clone)]
 pub struct Reconstruction {
+    /// Albedo, depth, normal and mask by pixel.
     pub maps: Maps,
+    /// The volume, if it was asked for.
     pub volume: Option<VolumeMap>,
+    /// One point for each iteration.
     pub trace: Vec<TracePoint>,
     /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
     pub empty_loss: f64,
+    /// The plan that was run.
     pub plan: Plan,
     /// Pair evaluations, forward and backward together counted once.
     pub pairs: u64,
+    /// Solve time without measuring, seconds.
     pub solve_seconds: f64,
+    /// Bytes of all buffers.
     pub device_bytes: u64,
     /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
     pub full: bool,

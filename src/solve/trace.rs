@@ -9,9 +9,11 @@ pub struct TracePoint {
     pub seconds: f64,
     /// Seconds of device time among them.
     pub gpu_seconds: f64,
+    /// Lateral voxels of the grid.
     pub lateral: usize,
     /// Pairs that the iteration took; the losses are means over their bins.
     pub pairs: usize,
+    /// Active voxels.
     pub active: usize,
     /// Active voxels over voxels of the grid at that resolution.
     pub active_ratio: f64,

@@ -17,12 +17,15 @@ pub struct Counts {
     pub conversions: u32,
     /// Words loaded from and stored to buffers, each lane at an address of its own.
     pub loads: u32,
+    /// Words stored to buffers, each lane at an address of its own.
     pub stores: u32,
     /// Words loaded at one address by all lanes of a subgroup.
     pub broadcasts: u32,
     /// Words loaded from and stored to shared memory.
     pub shared: u32,
+    /// Atomic operations on buffers.
     pub atomics: u32,
+    /// Atomic operations on shared memory.
     pub shared_atomics: u32,
     /// Bytes of all loads, stores and atomics on buffers, as asked for: caches serve most of them.
     pub bytes: u32,

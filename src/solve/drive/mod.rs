@@ -21,7 +21,9 @@ use reader::Reader;
 /// What a caller hears while the device works.
 #[derive(Debug, Clone)]
 pub struct Progress {
+    /// The newest point of the trace.
     pub point: TracePoint,
+    /// Iterations of the whole solve.
     pub iterations: usize,
     /// The maps after that iteration, if it is one that [`Watch`] asks for.
     pub maps: Option<Maps>,
@@ -43,7 +45,9 @@ pub struct Watch<'w> {
 
 /// What goes on beside a solve.
 pub struct Beside<'b, 'w> {
+    /// Hears of every point of the trace.
     pub watch: &'b mut Watch<'w>,
+    /// Saves and resumes, if asked for.
     pub keep: Option<Keep<'b>>,
 }
 

@@ -7,6 +7,7 @@ use crate::transport::{Geometry, Grid, Model};
 /// One step of the coarse-to-fine sequence: a lateral resolution, and as many of the pairs as it is solved with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
+    /// The volume at this resolution.
     pub grid: Grid,
     /// The first so many pairs.
     pub pairs: usize,

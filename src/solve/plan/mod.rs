@@ -26,7 +26,9 @@ pub use tuning::{Accumulation, Sizes, Tuning};
 /// What a solver's options ask of every plan, as plain data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Demand {
+    /// How rendered values are added up.
     pub accumulation: Accumulation,
+    /// Workgroup sizes that were asked for.
     pub sizes: Sizes,
     /// Leave nothing out.
     pub general: bool,
@@ -36,7 +38,9 @@ pub struct Demand {
     pub iterations: [usize; 2],
     /// Pixels of the maps side by side in a voxel of the finest grid.
     pub pixels_per_voxel: usize,
+    /// How a path is put into bins.
     pub binning: Binning,
+    /// Which gradient is gathered.
     pub gradient: Gradient,
     /// Neighbours of active voxels have state, too: random samples read it.
     pub has_rim: bool,
@@ -82,17 +86,23 @@ pub struct Plan {
     pub pixel_levels: Vec<Level>,
     /// The grid whose lateral cells are the maps' pixels.
     pub maps: Grid,
+    /// Pairs of the model.
     pub pairs: usize,
+    /// Bins of a histogram.
     pub bins: usize,
     /// Metres of path.
     pub bin_width: f64,
     /// Iterations of the volume, and of what follows it.
     pub iterations: [usize; 2],
+    /// How rendered values are added up; never `Auto`.
     pub accumulation: Accumulation,
     /// Neighbours of active voxels have state, too.
     pub has_rim: bool,
+    /// Which gradient is gathered.
     pub gradient: Gradient,
+    /// How pairs are made of wall points.
     pub geometry: Geometry,
+    /// How surfaces reflect.
     pub reflectance: Reflectance,
     /// Places among the bins are found in parts: paths are more bins long than fp32 tells apart.
     pub fine: bool,
@@ -104,12 +114,15 @@ pub struct Plan {
     pub pulse: usize,
     /// Sets of taps that residuals may go back through, and words of each.
     pub tap_sets: usize,
+    /// Words of each set of taps.
     pub tap_room: usize,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side, and of the other.
     pub scanned: usize,
+    /// Wall points of the other side.
     pub others: usize,
+    /// Workgroup and chunk sizes.
     pub tuning: Tuning,
     /// Voxels that may be active at once.
     pub capacity: usize,
@@ -123,6 +136,7 @@ pub struct Plan {
     pub constants: BTreeMap<Constant, u32>,
     /// Passes in the order in which they are made.
     pub passes: Vec<&'static Pass>,
+    /// Every buffer with size and place.
     pub buffers: Vec<BufferPlan>,
     /// Whether each brick of each level can reach a bin.
     pub reachable: Vec<Vec<bool>>,
@@ -267,6 +281,7 @@ impl Plan {
         cells(level.pairs, self.bins)
     }
 
+    /// The last level of the volume, with all pairs.
     pub fn finest(&self) -> &Level {
         self.levels.last().expect("a plan has a level")
     }
@@ -276,6 +291,7 @@ impl Plan {
         if self.pulse > 0 { buffer::SPREAD } else { buffer::RESIDUAL }
     }
 
+    /// Whether rendered values are added up in fixed point.
     pub fn fixed_point(&self) -> bool {
         matches!(self.accumulation, Accumulation::Fixed | Accumulation::Fixed32)
     }

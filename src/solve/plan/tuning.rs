@@ -44,6 +44,7 @@ pub struct Tuning {
     pub slices: u32,
     /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
     pub others_forward: u32,
+    /// Other points that the backward kernel takes at once.
     pub others_backward: u32,
     /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
     pub window: u32,
@@ -58,14 +59,19 @@ pub struct Tuning {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sizes {
+    /// See [`Tuning::lanes`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lanes: Option<u32>,
+    /// See [`Tuning::chunk`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chunk: Option<u32>,
+    /// See [`Tuning::window`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub window: Option<u32>,
+    /// See [`Tuning::voxels`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxels: Option<u32>,
+    /// See [`Tuning::slices`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slices: Option<u32>,
 }

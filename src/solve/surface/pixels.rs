@@ -10,6 +10,7 @@ const SUPPORT: f32 = 0.1;
 pub struct Pixels {
     /// Where each is among the maps' pixels, ascending.
     pub columns: Vec<u32>,
+    /// Albedo of each.
     pub albedo: Vec<f32>,
     /// Metres.
     pub depth: Vec<f32>,
@@ -31,10 +32,12 @@ impl Pixels {
         Pixels { albedo: of(&maps.albedo), depth: of(&maps.depth), columns }
     }
 
+    /// How many there are.
     pub fn len(&self) -> usize {
         self.columns.len()
     }
 
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }

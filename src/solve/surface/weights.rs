@@ -36,6 +36,7 @@ const MOST_SPREAD: f64 = 6.0;
 /// What a surface begins with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
+    /// How many pixels it has.
     pub pixels: usize,
     /// The largest albedo.
     pub most: f64,
