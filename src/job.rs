@@ -48,6 +48,7 @@ pub use words::{plain, write_json};
 /// Which capture, and what of it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Input {
+    /// The file, or the folder of several.
     pub path: PathBuf,
     /// Scale the wall so that its outermost scan points are so many metres apart.
     pub wall: Option<f64>,
@@ -59,7 +60,7 @@ pub struct Input {
     pub time_of_flight: Option<PathBuf>,
     /// How the scan is turned over, where the file does not say which way it lies on the wall.
     pub turn: capture::Turn,
-    /// Keep every so-manieth scan point in x and in y; `None` keeps all.
+    /// Keep every Nth scan point in x and in y; `None` keeps all.
     pub stride: Option<usize>,
     /// Keep so many pairs, drawn at random after the stride; `None` keeps all.
     pub subset: Option<usize>,
@@ -93,13 +94,16 @@ impl Input {
 pub enum GivenPulse {
     /// Paths are sharp, whatever the file says.
     Sharp,
+    /// This pulse.
     Shape(capture::Pulse),
 }
 
 /// A capture that is ready to be reconstructed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
+    /// What was asked for.
     pub input: Input,
+    /// The capture, ready to be reconstructed.
     pub capture: Capture,
     /// The gate in force, given or found.
     pub gate: Option<Gate>,
@@ -109,6 +113,7 @@ pub struct Loaded {
     pub normals_estimated: bool,
     /// What was done to the capture, in sentences for people.
     pub notes: Vec<String>,
+    /// Seconds that loading took.
     pub seconds: f64,
 }
 
@@ -201,8 +206,11 @@ pub fn preset_for(capture: &Capture) -> Preset {
 /// What a run yields besides its files.
 #[derive(Debug, Clone)]
 pub struct Outcome {
+    /// The report, as `report.json` has it.
     pub report: Report,
+    /// Albedo, depth, normals and mask.
     pub maps: Maps,
+    /// The truth, if one was named.
     pub truth: Option<Truth>,
     /// Time per kernel, if it was asked for.
     pub kernels: Vec<(&'static str, KernelTime)>,
@@ -210,6 +218,7 @@ pub struct Outcome {
     pub validation: Vec<String>,
     /// What the caller may not have wanted, in sentences.
     pub notes: Vec<String>,
+    /// Every file that was written, the report last.
     pub files: Vec<PathBuf>,
 }
 

@@ -42,7 +42,6 @@ pub mod export;
 #[cfg(feature = "formats")]
 pub mod files;
 pub mod gpu;
-#[allow(missing_docs)]
 #[cfg(feature = "formats")]
 pub mod job;
 pub mod maps;

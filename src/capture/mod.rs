@@ -8,7 +8,6 @@ pub mod calibrate;
 pub mod check;
 mod choose;
 mod doubts;
-#[allow(missing_docs)]
 #[cfg(feature = "formats")]
 pub mod formats;
 pub mod gate;

@@ -69,7 +69,7 @@ thread_local! {
     static FAULT: Cell<(u64, Option<(DiskFault, u64)>)> = const { Cell::new((0, None)) };
 }
 
-/// Makes the so-manieth file (from 0) go wrong that this thread writes from now on, or none. Returns how many were
+/// Makes the Nth file (from 0) that this thread writes from now on go wrong, or none. Returns how many were
 /// written since the last call. For tests.
 pub fn inject(fault: Option<(DiskFault, u64)>) -> u64 {
     FAULT.replace((0, fault)).0

@@ -31,7 +31,7 @@ impl Point {
 /// What is to go wrong. For tests.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Faults {
-    /// Fail the so-manieth call (from 0) of a kind since the device was opened; a number that is never reached only
+    /// Fail the Nth call (from 0) of a kind since the device was opened; a number that is never reached only
     /// counts ([`Gpu::reached`]).
     pub fail: Option<(Point, u64)>,
     /// Fill fresh buffers with this word.

@@ -47,16 +47,20 @@ pub struct Comparison {
 pub struct Turn<'n> {
     /// Of all turns, from 0.
     pub number: usize,
+    /// Number of all turns.
     pub turns: usize,
+    /// Name of the method.
     pub name: &'n str,
 }
 
 /// What a comparison yields besides its files.
 #[derive(Debug, Clone)]
 pub struct Compared {
+    /// The comparison, as `compare.json` has it.
     pub report: comparison::Comparison,
     /// What the validation layer said, if it was asked for.
     pub validation: Vec<String>,
+    /// Every file and folder that was written.
     pub files: Vec<PathBuf>,
 }
 

@@ -15,7 +15,9 @@ use crate::solve::{Preset, Progress, VectorOptions};
 /// What the demo made.
 #[derive(Debug, Clone)]
 pub struct Demo {
+    /// The reconstruction.
     pub outcome: Outcome,
+    /// Seconds that the simulation took.
     pub simulate_seconds: f64,
     /// Everything together.
     pub seconds: f64,

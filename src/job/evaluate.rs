@@ -9,6 +9,7 @@ use crate::measure::{Metrics, metrics};
 /// What an evaluation found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
+    /// The figures.
     pub metrics: Metrics,
     /// Solve seconds of the run, if it left a report.
     pub solve_s: Option<f64>,

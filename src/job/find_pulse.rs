@@ -20,6 +20,7 @@ pub struct FoundPulse {
     pub fwhm: f64,
     /// Widths that were tried, metres, and what each left of the objective.
     pub trials: Vec<[f64; 2]>,
+    /// Seconds that the trials took.
     pub seconds: f64,
     /// Why nothing could be tried to the end; paths are sharp then.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -15,12 +15,15 @@ use crate::{Error, Kind, Result};
 /// A capture, the grid it would be reconstructed on, and what that takes.
 #[derive(Debug, Clone, Serialize)]
 pub struct Inspection {
+    /// What the capture holds.
     pub capture: Summary,
     /// What was done to the capture.
     pub notes: Vec<String>,
     /// What about it looks wrong.
     pub doubts: Vec<String>,
+    /// The preset in force.
     pub preset: Option<Preset>,
+    /// The solver's options as resolved.
     pub options: SolverOptions,
     /// Voxels along x, y, z.
     pub grid: [usize; 3],
@@ -46,10 +49,15 @@ pub struct Planned {
     pub level_pairs: Vec<usize>,
     /// Lateral pixels of the surface, if there is to be one.
     pub surface: Option<usize>,
+    /// How rendered values would be added up.
     pub accumulation: Accumulation,
+    /// What the scene does not need, with what leaving it out saves.
     pub left_out: Vec<String>,
+    /// Passes with their modules and constants.
     pub variants: Vec<String>,
+    /// Bytes of every buffer, by name.
     pub buffers: BTreeMap<String, u64>,
+    /// Bytes of all buffers.
     pub total_bytes: u64,
 }
 

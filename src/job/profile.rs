@@ -34,6 +34,7 @@ pub use limits::DeviceLimits;
 /// What to profile, and where that is written. [`Request::out`] is not looked at.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProfileRequest {
+    /// What to solve.
     pub request: Request,
     /// File for the whole profile.
     pub json: Option<PathBuf>,
@@ -46,31 +47,42 @@ pub struct ProfileRequest {
 /// Everything that a profile tells.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
+    /// Version of this program.
     pub version: String,
+    /// The device.
     pub device: report::Device,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
+    /// What the device can do at most.
     pub limits: DeviceLimits,
     /// The longest first.
     pub kernels: Vec<KernelProfile>,
+    /// What an iteration costs.
     pub iterations: IterationProfile,
+    /// The device's idle time.
     pub gaps: Gaps,
     /// What the host did while solving, the calls and seconds of each; what lies inside another counts in both.
     pub host: BTreeMap<String, HostTime>,
+    /// Sums over the run.
     pub totals: Totals,
     /// What the validation layer said, if it was asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub validation: Vec<String>,
 }
 
+/// A kind of work on the host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct HostTime {
+    /// How often it was done.
     pub calls: u64,
+    /// Seconds in all.
     pub seconds: f64,
 }
 
+/// Sums over a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Totals {
+    /// Seconds of loading the capture.
     pub load_s: f64,
     /// Plan, memory, kernels, uploads.
     pub prepare_s: f64,
@@ -78,10 +90,13 @@ pub struct Totals {
     pub solve_s: f64,
     /// Of all kernels, copies and fills of the solver.
     pub device_s: f64,
+    /// Seconds of writing results.
     pub export_s: f64,
     /// Active voxels times laser-sensor pairs, summed over iterations; forward and backward count once.
     pub pairs: f64,
+    /// Pair evaluations per second of solving.
     pub pairs_per_s: f64,
+    /// The most device memory that was taken, bytes.
     pub peak_device_bytes: u64,
 }
 

@@ -16,6 +16,7 @@ use crate::{Error, Result};
 pub struct Request {
     /// Where the solver's options started from; for the report only.
     pub preset: Option<Preset>,
+    /// The solver with its options.
     pub solver: SolverOptions,
     /// Voxel size along z in metres; `None` takes the bin width.
     pub depth_pitch: Option<f64>,
@@ -25,6 +26,7 @@ pub struct Request {
     pub memory: Option<u64>,
     /// Index or part of the name of the device.
     pub device: Option<String>,
+    /// Turn on the Vulkan validation layer.
     pub validation: bool,
     /// Time every kernel by itself and keep what host and device did when.
     pub timings: bool,
@@ -38,8 +40,8 @@ pub struct Request {
     pub truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo.
     pub mask_fraction: f64,
-    /// A point of the trace after every so-manieth iteration, with the figures if there is truth. 0: these at
-    /// the end only. `None`: 10 with truth, 0 without. Measuring is not counted as solving.
+    /// A point of the trace after every Nth iteration, with the figures if there is truth. 0: figures at the
+    /// end only. `None`: 10 with truth, 0 without. Measuring is not counted as solving.
     pub trace_every: Option<usize>,
     /// Keep maps and pictures of these iterations, in `snapshots/000100` and so on.
     pub snapshots: Vec<usize>,

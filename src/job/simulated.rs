@@ -12,7 +12,9 @@ use crate::{Error, Result};
 /// What to simulate and where to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulation {
+    /// The scene.
     pub scene: Scene,
+    /// How it is rendered.
     pub render: RenderOptions,
     /// The capture, .npz or .hdf5.
     pub out: PathBuf,
@@ -23,12 +25,17 @@ pub struct Simulation {
 /// What a simulation made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulated {
+    /// What the capture holds.
     pub summary: Summary,
     /// Achieved noise, whether it is within the bound, and the samples it took.
     pub noise: f64,
+    /// Whether the wanted noise was reached.
     pub converged: bool,
+    /// Samples of every pair.
     pub samples: usize,
+    /// Seconds that it took.
     pub seconds: f64,
+    /// Every file that was written.
     pub files: Vec<PathBuf>,
     /// What the capture's format could not hold, in sentences.
     pub notes: Vec<String>,

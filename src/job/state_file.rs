@@ -25,6 +25,7 @@ const MAGIC: [u8; 8] = *b"TBSTATE\x01";
 /// A state, and what the caller had gathered by then.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kept {
+    /// The solver's state.
     pub state: Checkpoint,
     /// Figures after those iterations that were measured.
     pub along: BTreeMap<usize, Metrics>,

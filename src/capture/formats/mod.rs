@@ -50,6 +50,7 @@ enum Contents {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Opened {
+    /// The capture.
     pub capture: Capture,
     /// Pairs of the file that were left out because they were not measured.
     pub dropped: usize,

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 /// An array of counts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Counts {
+    /// Lengths of its axes, the slowest first.
     pub shape: Vec<usize>,
     /// In C order.
     pub values: Vec<f32>,
@@ -30,7 +31,9 @@ impl Counts {
 
 /// The arrays of a file.
 pub enum Variables {
+    /// An HDF5 file, MATLAB v7.3 included.
     Hdf5(Hdf5),
+    /// A MATLAB v5 file.
     Matlab5(Matlab5),
 }
 

@@ -85,12 +85,15 @@ struct Held {
 /// A pass that was held against its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checked {
+    /// The solver, and whether with a pulse.
     pub solver: String,
+    /// How rendered values were added up.
     pub accumulation: String,
     /// "sample", "forward" (with the residual), "backward", "update", ...
     pub pass: String,
     /// Largest difference over the largest true value.
     pub error: f64,
+    /// The largest error that passes.
     pub allowed: f64,
 }
 

@@ -17,16 +17,21 @@ pub struct KernelProfile {
     pub name: String,
     /// Its name in schedules, labels and traces, and the variant of the source that it is.
     pub kernel: String,
+    /// The module.
     pub code: String,
+    /// Number of dispatches.
     pub calls: u64,
+    /// Device seconds in all.
     pub seconds: f64,
     /// Of the device's time.
     pub share: f64,
     /// Voxel-pair evaluations.
     pub pairs: f64,
+    /// Pairs per second, if it evaluates pairs.
     pub pairs_per_s: Option<f64>,
     /// What the limits below allow, over what it took.
     pub share_of_limit: Option<f64>,
+    /// The least time that a pair can take, if it evaluates pairs.
     pub floor: Option<Floor>,
     /// Instructions of a pair, counted in the compiled module.
     pub counts: Option<Counts>,
@@ -41,12 +46,16 @@ pub struct KernelProfile {
 pub struct Floor {
     /// Every counted instruction at the rate of fused multiply-adds.
     pub issue: f64,
+    /// Seconds of the special functions.
     pub special: f64,
+    /// Seconds of the loads.
     pub load: f64,
+    /// Seconds of the atomics.
     pub atomic: f64,
 }
 
 impl Floor {
+    /// The floor of so many instructions on a device of these limits.
     pub fn new(c: &Counts, l: &DeviceLimits, float_atomics: bool) -> Floor {
         let global = match l.global_atomic_float_per_s.filter(|_| float_atomics) {
             Some(rate) => rate,
@@ -61,6 +70,7 @@ impl Floor {
         }
     }
 
+    /// Seconds of the slowest part: the parts overlap at best.
     pub fn seconds(&self) -> f64 {
         self.issue.max(self.special).max(self.load).max(self.atomic)
     }
@@ -78,16 +88,20 @@ impl Floor {
 pub struct Gaps {
     /// Between commands of one submission, where the second had to wait for the first.
     pub within_s: f64,
+    /// The longest one, seconds.
     pub largest_within_s: f64,
     /// Between submissions: the host was late.
     pub between_s: f64,
+    /// The longest one, seconds.
     pub largest_between_s: f64,
 }
 
 /// Means over all iterations.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct IterationProfile {
+    /// Number of iterations.
     pub count: usize,
+    /// Seconds of an iteration.
     pub seconds: f64,
     /// Of it in passes over pairs.
     pub pass_s: f64,

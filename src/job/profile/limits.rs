@@ -12,12 +12,15 @@ use crate::{Error, Result};
 /// The most of each per second. A fused multiply-add counts once.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceLimits {
+    /// Fused multiply-adds per second.
     pub fma_per_s: f64,
     /// Inverse square roots, for all special functions.
     pub special_per_s: f64,
     /// Words loaded that the nearest cache holds.
     pub load_per_s: f64,
+    /// Atomic additions in shared memory per second.
     pub shared_atomic_per_s: f64,
+    /// Atomic additions in global memory per second.
     pub global_atomic_per_s: f64,
     /// Null where the device has no fp32 atomics.
     pub global_atomic_float_per_s: Option<f64>,

@@ -14,9 +14,11 @@ use crate::{Kind, Result};
 /// One trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
+    /// The sizes of this trial.
     pub sizes: Sizes,
     /// Device seconds of all forward passes and of all backward passes.
     pub forward_s: f64,
+    /// Device seconds of all backward passes.
     pub backward_s: f64,
 }
 
@@ -27,6 +29,7 @@ pub struct Tuned {
     pub class: String,
     /// The first one is the device kind's own.
     pub tried: Vec<Tried>,
+    /// The fastest sizes.
     pub best: Sizes,
     /// Seconds of both passes with the best sizes over those with the device kind's own.
     pub ratio: f64,
