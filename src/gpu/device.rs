@@ -18,14 +18,14 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Turn on the Khronos validation layer with synchronisation checks.
     pub validation: bool,
-    /// Turn on the validation layer with checks of every access inside the kernels (GPU-assisted validation) in place of
-    /// those of synchronisation: slow. Wants kernels that were compiled as they are written (`build.rs`).
+    /// Turn on the validation layer with checks of every access inside kernels (GPU-assisted validation) instead of
+    /// synchronisation checks. Slow. Needs kernels that were compiled without optimisation (`build.rs`).
     pub instrumented: bool,
-    /// Have the device check the bounds of buffers where it can (`robustBufferAccess`): costs time.
+    /// Have the device check the bounds of buffers where it can (`robustBufferAccess`). Costs time.
     pub robust: bool,
-    /// Time every command by itself and keep what host and device did when: [`Gpu::take_recording`].
+    /// Time every command by itself and record the timeline of host and device: [`Gpu::take_recording`].
     pub timings: bool,
-    /// What is to go wrong; for tests.
+    /// Faults to produce, for tests.
     pub faults: Faults,
 }
 
@@ -72,13 +72,13 @@ pub struct Gpu {
     pub accumulations: Accumulations,
     /// Its limits.
     pub limits: Limits,
-    /// What happened when, where it was asked for.
+    /// The timeline, if it was asked for.
     pub(super) recorder: Option<Recorder>,
-    /// Registers and the like of pipelines, where they were asked for and the device tells them.
+    /// Reads statistics of pipelines, if they were asked for and the device has them.
     pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
     /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
     pub(super) tick: f64,
-    // Vulkan wants one thread at a time to use a queue: nothing but `queue()` reaches it.
+    // Vulkan lets one thread at a time use a queue: only `queue()` gives access.
     queue: Mutex<vk::Queue>,
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
@@ -226,8 +226,11 @@ fn limits_of(instance: &Instance, physical: vk::PhysicalDevice, l: &vk::Physical
 }
 
 impl Gpu {
-    /// Opens the device that `options` name, or the best one. Errors: no loader, no device, no device of that
-    /// name, a required feature missing; each says what to do.
+    /// Opens the device that `options` name, or the best one.
+    ///
+    /// # Errors
+    /// There is no loader, no device or no device of that name, or a required feature is missing. Each error says what
+    /// to do.
     pub fn open(options: &GpuOptions) -> Result<Gpu> {
         let instance = Arc::new(Instance::new(options.validation, options.instrumented)?);
         let all = instance.list();
@@ -280,18 +283,18 @@ impl Gpu {
         Abilities { kind: self.info.kind, accumulations: self.accumulations, limits: self.limits }
     }
 
-    /// What the validation layer has said since the device was opened; empty without validation.
+    /// Messages of the validation layer since the device was opened; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
         self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// The queue, for this thread alone as long as the guard is held.
     pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
-        // A handle cannot be left half-changed, so a thread that panicked has spoilt nothing.
+        // A handle cannot be left half-changed, so a thread that panicked has damaged nothing.
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Bytes still free for this process on the device's largest heap, as the driver tells it.
+    /// Bytes still free for this process on the device's largest heap, as the driver reports.
     pub fn free_memory(&self) -> u64 {
         if !self.has_budget {
             return self.info.memory;
@@ -338,7 +341,7 @@ impl Gpu {
         &self.device.raw
     }
 
-    /// A failed call in the words of a user: device lost, out of memory, or the code.
+    /// The error of a failed call: device lost, out of memory, or the Vulkan result.
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
         match result {
@@ -358,7 +361,7 @@ impl Gpu {
     }
 }
 
-/// Whether the memory that buffers of the device come to lie in is the host's too.
+/// Whether the memory of device buffers is the host's too.
 fn one_memory(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
     // SAFETY: the handle comes from this instance.
     let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
@@ -367,7 +370,7 @@ fn one_memory(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
     first.is_some_and(|t| t.contains(vk::MemoryPropertyFlags::HOST_VISIBLE))
 }
 
-/// Whether the device, which has the extension, has its feature too.
+/// Whether a device that has the extension for pipeline statistics has its feature too.
 fn offers_statistics(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
     let mut feature = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
     let mut offered = vk::PhysicalDeviceFeatures2::default().push_next(&mut feature);
@@ -388,7 +391,7 @@ fn choose(
                 "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver",
             ));
         }
-        // The sort is stable: among devices of a kind the loader's order stands.
+        // The first of several minima is taken: the loader's order decides among devices of a kind.
         None => all.iter().min_by_key(|(_, d)| if d.kind == DeviceKind::Other { 9 } else { d.kind as u32 }),
         Some(text) => match text.parse::<usize>() {
             Ok(index) => all.get(index),

@@ -29,10 +29,10 @@ pub(super) struct Flight {
     pub queries: vk::QueryPool,
     /// Time stamps that it takes: one before all commands, one after, and those that `marks` name.
     pub stamps: u32,
-    /// Commands by themselves and the stages they belong to, where they are timed.
+    /// Timed commands, and the stages they belong to; empty where they are not timed.
     pub marks: Vec<Mark>,
     pub stages: Vec<Stage>,
-    /// Buffers of the host's memory that it reads, and that it writes.
+    /// Host-visible buffers that it reads, and that it writes.
     pub shared: [BTreeSet<Buffer>; 2],
 }
 
@@ -47,7 +47,7 @@ pub struct Executor<'g> {
     submitted: u64,
     pub(super) flights: VecDeque<Flight>,
     spare: Vec<vk::CommandBuffer>,
-    /// Whether there are canaries to look at.
+    /// Whether canaries were written.
     pub(super) guarded: bool,
     times: BTreeMap<&'static str, KernelTime>,
     gpu_seconds: f64,
@@ -98,7 +98,10 @@ impl<'g> Executor<'g> {
         &self.arena
     }
 
-    /// Makes `kernel` from `code` with some specialization constants set.
+    /// Makes `kernel` from `code` with these specialization constants. Replaces a kernel of the same name.
+    ///
+    /// # Errors
+    /// The device fails.
     pub fn add_kernel(
         &mut self,
         kernel: impl Into<Kernel>,
@@ -119,7 +122,10 @@ impl<'g> Executor<'g> {
         Ok(())
     }
 
-    /// Submits `schedule` behind what was submitted before, and returns without waiting for it.
+    /// Submits `schedule` after earlier submissions, and returns without waiting for it.
+    ///
+    /// # Errors
+    /// The device fails.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
         if self.gpu.shuffle().is_some() {
             self.submit_shuffled(schedule)
@@ -152,7 +158,7 @@ impl<'g> Executor<'g> {
         }
     }
 
-    /// A submission to be.
+    /// A submission that is not launched yet.
     pub(super) fn flight(&self, commands: vk::CommandBuffer, queries: vk::QueryPool) -> Flight {
         let ticket = Ticket(self.submitted + 1);
         Flight {
@@ -193,14 +199,17 @@ impl<'g> Executor<'g> {
         Ok(ticket)
     }
 
-    /// Takes back what a flight used; it is over, or never began.
+    /// Takes back the objects of a flight that is over or never began.
     pub(super) fn land(&mut self, flight: Flight) {
         self.spare.push(flight.commands);
         // SAFETY: the device does not use the pool any more; a null handle is allowed.
         unsafe { self.gpu.raw().destroy_query_pool(flight.queries, None) };
     }
 
-    /// Waits until `ticket` and all before it are done.
+    /// Waits until `ticket` and all submissions before it are done.
+    ///
+    /// # Errors
+    /// The device fails.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
         let gpu = self.gpu;
         let _span = gpu.span("wait");
@@ -211,7 +220,7 @@ impl<'g> Executor<'g> {
             // SAFETY: the semaphore is alive.
             .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, u64::MAX) })
             .map_err(|e| gpu.failed("computing", e))?;
-        // Some drivers wait here only, for the time stamps.
+        // Some drivers wait only here, for the time stamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
             let read = self.read_times(&flight);
@@ -221,7 +230,10 @@ impl<'g> Executor<'g> {
         Ok(())
     }
 
-    /// Submits and waits.
+    /// Submits a schedule and waits for it.
+    ///
+    /// # Errors
+    /// The device fails.
     pub fn run(&mut self, schedule: &Schedule) -> Result<()> {
         let uploads = |c: &Command| matches!(c, Command::Copy { from, .. } if self.arena.get(*from).place == Place::Upload);
         let all = !schedule.commands.is_empty() && schedule.commands.iter().all(uploads);

@@ -1,6 +1,7 @@
-//! Faults on demand, for tests: what a device may do to a program, done at a chosen moment.
+//! Faults on demand, for tests: a chosen call fails, fresh memory is poisoned, workgroups run in another order, or
+//! buffers are guarded.
 //!
-//! A device opened without any (the default) pays one comparison where a fault could be.
+//! A device that was opened without faults (the default) pays one comparison where a fault could be.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
@@ -28,18 +29,18 @@ impl Point {
     pub const ALL: [Point; 4] = [Point::Allocation, Point::Object, Point::Submission, Point::Wait];
 }
 
-/// What is to go wrong. For tests.
+/// Faults to produce, for tests.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Faults {
-    /// Fail the Nth call (from 0) of a kind since the device was opened; a number that is never reached only
-    /// counts ([`Gpu::reached`]).
+    /// Fail call number N (from 0) of a kind since the device was opened. A number that is never reached only counts
+    /// the calls ([`Gpu::reached`]).
     pub fail: Option<(Point, u64)>,
     /// Fill fresh buffers with this word.
     pub poison: Option<u32>,
     /// Run the workgroups of every dispatch in another order, drawn from this seed, and wait between dispatches: slow.
     pub shuffle: Option<u64>,
-    /// Put a canary behind every buffer, bound with it, and look at all of them when an executor is dropped:
-    /// [`Gpu::take_guarded`]. Takes twice the memory, whatever the budget.
+    /// Put a canary behind every buffer, bound with it, and check all of them when an executor is dropped:
+    /// [`Gpu::take_guarded`]. Takes twice the memory, outside the budget.
     pub guard: bool,
 }
 
@@ -49,7 +50,7 @@ impl Faults {
     }
 }
 
-/// What has happened of them on a device.
+/// The faults of a device, and what they have done so far.
 pub(super) struct Struck {
     pub faults: Faults,
     reached: [AtomicU64; Point::ALL.len()],
@@ -87,17 +88,17 @@ impl Struck {
 }
 
 impl Gpu {
-    /// Stands before a call that may fail.
+    /// Called before every call that may fail: fails if the call is to fail.
     pub(super) fn strike(&self, point: Point) -> Result<(), vk::Result> {
         self.struck.as_ref().map_or(Ok(()), |s| s.strike(point))
     }
 
-    /// What fresh buffers are filled with, if with anything.
+    /// The word that fresh buffers are filled with, if any.
     pub(super) fn poison(&self) -> Option<u32> {
         self.struck.as_ref().and_then(|s| s.faults.poison)
     }
 
-    /// Seed of the order of workgroups, if it is to be another.
+    /// Seed of the order of workgroups, if they run in another order.
     pub(super) fn shuffle(&self) -> Option<u64> {
         self.struck.as_ref().and_then(|s| s.faults.shuffle)
     }
@@ -112,8 +113,8 @@ impl Gpu {
         self.allocated.load(Relaxed)
     }
 
-    /// Closes the device. Yields what the validation layer has said to the very end, objects that were left behind
-    /// among it; empty without validation.
+    /// Closes the device. Returns all messages of the validation layer, those about objects left behind included;
+    /// empty without validation.
     pub fn close(self) -> Vec<String> {
         let messages = self.instance.messages.clone();
         drop(self);

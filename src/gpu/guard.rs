@@ -1,5 +1,5 @@
-//! Canaries behind buffers, for tests: a known word behind the stated size of every buffer, bound with it, so that a kernel
-//! which writes past an end is found, and by name.
+//! Canaries behind buffers, for tests. Memory behind every buffer holds a known word and is bound with the buffer, so
+//! that a kernel that writes past an end is found, and the buffer named.
 
 use std::sync::PoisonError;
 
@@ -13,10 +13,10 @@ use crate::Result;
 /// The buffer that canaries on the device are read through.
 pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
 
-/// Its bytes: canaries are read in such parts.
+/// Its size, bytes. Canaries are read in parts of this size.
 pub(super) const CANARY_PART: u64 = 1 << 20;
 
-/// Bytes of a canary at least.
+/// The smallest canary, bytes.
 pub(super) const LEAST_CANARY: u64 = 64 << 10;
 
 const WORD: u32 = 0xca9a_41e5;
@@ -26,16 +26,16 @@ const WORD: u32 = 0xca9a_41e5;
 pub struct Overrun {
     /// The buffer.
     pub buffer: Buffer,
-    /// Bytes as stated.
+    /// Its size in the plan, bytes.
     pub bytes: u64,
-    /// The first byte that was written behind those, from the buffer's beginning.
+    /// Byte offset of the first overwritten word, from the beginning of the buffer.
     pub at: u64,
 }
 
-/// What was seen of the canaries of executors that were dropped.
+/// Result of the checks of canaries, over all executors that were dropped.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Guarded {
-    /// Buffers whose canaries were looked at.
+    /// Number of buffers whose canaries were checked.
     pub buffers: usize,
     /// Those that were written past their end.
     pub overruns: Vec<Overrun>,
@@ -46,7 +46,7 @@ impl Gpu {
         self.struck.as_ref().is_some_and(|s| s.faults.guard)
     }
 
-    /// What was seen since the device was opened or this was last called; nothing without [`super::Faults::guard`].
+    /// Takes the results since the device was opened or since the last call; empty without [`super::Faults::guard`].
     pub fn take_guarded(&self) -> Guarded {
         let Some(struck) = &self.struck else { return Guarded::default() };
         std::mem::take(&mut struck.guarded.lock().unwrap_or_else(PoisonError::into_inner))
@@ -64,7 +64,7 @@ impl Executor<'_> {
         Ok(())
     }
 
-    /// Looks at every canary and keeps what it finds. A device that fails here leaves the rest unseen, and uncounted.
+    /// Checks every canary and keeps the results. If the device fails here, the rest is neither checked nor counted.
     pub(super) fn look_at_canaries(&mut self) {
         let Some(struck) = self.gpu.struck.as_ref().filter(|_| self.guarded) else { return };
         for (buffer, made) in self.arena.buffers() {
@@ -75,10 +75,10 @@ impl Executor<'_> {
         }
     }
 
-    /// The first byte of a canary that is not as it was, from the buffer's beginning.
+    /// Byte offset of the first changed word of a canary, from the beginning of the buffer.
     fn first_overrun(&mut self, buffer: Buffer, made: &Made) -> Result<Option<u64>> {
         if made.place != Place::Device {
-            // Waits for what is under way.
+            // Waits for submissions in flight.
             self.at_once([&[], &[]], |_, _| {})?;
             return Ok(self.first_changed(buffer, [made.bytes, made.canary]).map(|at| made.bytes + at));
         }
@@ -97,7 +97,8 @@ impl Executor<'_> {
         Ok(None)
     }
 
-    /// The first byte of a word of a host-visible buffer that is not the canary's, from `offset` on. Nothing is under way.
+    /// Byte offset, counted from `offset`, of the first word of a host-visible buffer that is not the canary's. No
+    /// submission may be in flight.
     fn first_changed(&self, buffer: Buffer, [offset, bytes]: [u64; 2]) -> Option<u64> {
         let mut words = vec![0u32; (bytes / 4) as usize];
         self.copy_out(buffer, offset, bytemuck::cast_slice_mut(&mut words));
@@ -112,13 +113,13 @@ mod tests {
 
     const DOWN: Buffer = Buffer::named("down");
 
-    /// Lets a kernel that writes a word per invocation run in so many groups of 64.
+    /// Runs a kernel that writes a word per invocation, in `groups` workgroups of 64.
     fn run(gpu: &Gpu, bound: Buffer, groups: u32) {
         let plan = [
             BufferPlan::new(buffer::RESULT, 3 << 20, Place::Device),
             BufferPlan::new(DOWN, 256, Place::Readback),
         ];
-        // The budget is for what is stated.
+        // The budget counts planned bytes, not canaries.
         let arena = Arena::new(gpu, &plan, Some(8 << 20)).unwrap();
         let mut executor = Executor::new(gpu, arena).unwrap();
         executor.add_kernel(&kernel::LIMIT_FMA, &kernel::LIMIT_FMA, &[]).unwrap();
@@ -131,7 +132,7 @@ mod tests {
         Gpu::open(options).expect("a Vulkan device and the validation layer: `make setup` installs both")
     }
 
-    /// What such a kernel leaves behind the end of a buffer.
+    /// Checks the canaries after such a kernel.
     fn seen(bound: Buffer, groups: u32) -> Guarded {
         let faults = Faults { guard: true, ..Faults::default() };
         let gpu = open(&GpuOptions { faults, ..GpuOptions::default() });

@@ -1,7 +1,7 @@
-//! What the host reads and writes in buffers of its own memory, which the device writes and reads too.
+//! Host access to host-visible buffers, which the device reads and writes too.
 //!
-//! No reference to that memory is ever made: bytes are copied out of it and into it, and only where no submission under
-//! way may touch them.
+//! No reference to that memory is ever made: bytes are copied out of it and into it, and only where no submission in
+//! flight may touch them.
 
 use std::ops::{Bound, RangeBounds};
 
@@ -9,21 +9,21 @@ use super::execute::{Executor, Flight};
 use super::{Buffer, Place, Ticket};
 
 impl Executor<'_> {
-    /// Items of an upload or readback buffer; `items` counts whole `T`s.
+    /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
     ///
     /// # Panics
-    /// If a submission that may write the buffer has not been waited for. If there is no such buffer, or it is shorter.
+    /// A submission that may write the buffer has not been waited for. There is no such buffer, or it is shorter.
     pub fn read<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
         let writer = self.flights.iter().find(|f| f.shared[1].contains(&buffer));
         assert!(writer.is_none(), "`{buffer}` is read while the device may be writing it");
         self.copied(buffer, items)
     }
 
-    /// Items that the submission `done` and those before it left in a part of the buffer. No later submission may write
-    /// this part; later ones may be at work on the rest.
+    /// Reads the items that the submission `done` and those before it left in a part of the buffer. No later
+    /// submission may write this part; later ones may be using the rest.
     ///
     /// # Panics
-    /// If `done` has not been waited for. If there is no such buffer, or it is shorter.
+    /// `done` has not been waited for. There is no such buffer, or it is shorter.
     pub fn read_behind<T: bytemuck::Pod>(
         &self,
         done: Ticket,
@@ -38,7 +38,7 @@ impl Executor<'_> {
     /// Writes the beginning of an upload or readback buffer.
     ///
     /// # Panics
-    /// If a submission that may read or write the buffer has not been waited for. If there is no such buffer, or it is
+    /// A submission that may read or write the buffer has not been waited for. There is no such buffer, or it is
     /// shorter.
     pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {
         let user = self.flights.iter().find(|f| f.shared.iter().any(|all| all.contains(&buffer)));
@@ -51,8 +51,8 @@ impl Executor<'_> {
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.as_ptr(), bytes.len()) };
     }
 
-    /// Copies a part of a host-visible buffer, its canary included, from byte `offset` on. The caller makes sure that
-    /// nothing under way writes this part.
+    /// Copies a part of a host-visible buffer, from byte `offset` on, canary included. The caller makes sure that no
+    /// submission in flight writes this part.
     pub(super) fn copy_out(&self, buffer: Buffer, offset: u64, to: &mut [u8]) {
         let made = self.arena.get(buffer);
         assert!(offset + to.len() as u64 <= made.bytes + made.canary, "bytes beyond `{buffer}`");
@@ -64,8 +64,8 @@ impl Executor<'_> {
         }
     }
 
-    /// Fills words of a host-visible buffer, its canary included: `bytes` of them from byte `offset` on. Nothing that
-    /// uses the buffer is under way.
+    /// Fills `bytes` bytes of a host-visible buffer with `word`, from byte `offset` on, canary included. The caller
+    /// makes sure that no submission in flight uses the buffer.
     pub(super) fn fill_shared(&mut self, buffer: Buffer, [offset, bytes]: [u64; 2], word: u32) {
         let made = self.arena.get(buffer);
         assert!(offset % 4 == 0 && bytes % 4 == 0, "whole words of `{buffer}`");
@@ -95,7 +95,7 @@ impl Executor<'_> {
         read
     }
 
-    /// Keeps which buffers of the host's memory a submission uses.
+    /// Records which host-visible buffers a submission uses.
     pub(super) fn share(&self, flight: &mut Flight, reads: &[Buffer], writes: &[Buffer]) {
         for (uses, kept) in [reads, writes].into_iter().zip(&mut flight.shared) {
             kept.extend(uses.iter().filter(|buffer| self.arena.get(**buffer).place != Place::Device));

@@ -1,4 +1,4 @@
-//! The Vulkan loader, the instance and what devices there are.
+//! The Vulkan loader, the instance and the list of devices.
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
-/// What a device is, in the order in which they are preferred.
+/// The kind of a device, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
@@ -68,8 +68,11 @@ pub(super) struct Instance {
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 impl Instance {
-    /// With the validation layer if asked for; `instrumented`: with its checks in kernels rather than those of
-    /// synchronisation. Errors: no loader, an old one, no layer, no driver.
+    /// Creates an instance, with the validation layer if asked for. `instrumented`: the layer checks accesses inside
+    /// kernels instead of synchronisation.
+    ///
+    /// # Errors
+    /// There is no loader, layer or driver, or the loader is too old.
     pub fn new(validation: bool, instrumented: bool) -> Result<Instance> {
         let validation = validation || instrumented;
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
@@ -150,7 +153,7 @@ impl Instance {
         Ok(Instance { _entry: entry, raw, debug_names, messenger, messages })
     }
 
-    /// Physical devices with what is known of them, in the loader's order.
+    /// Physical devices with their descriptions, in the loader's order.
     pub fn list(&self) -> Vec<(vk::PhysicalDevice, DeviceInfo)> {
         // SAFETY: the instance is alive.
         let all = unsafe { self.raw.enumerate_physical_devices() }.unwrap_or_default();
@@ -203,7 +206,10 @@ impl Drop for Instance {
     }
 }
 
-/// Every Vulkan device of this machine. Errors: no loader, no driver.
+/// Every Vulkan device of this machine.
+///
+/// # Errors
+/// There is no loader or no driver.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     Ok(Instance::new(false, false)?.list().into_iter().map(|(_, info)| info).collect())
 }

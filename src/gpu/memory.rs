@@ -1,4 +1,4 @@
-//! Device memory: every buffer is stated before anything is allocated, then all are made at once.
+//! Device memory. All buffers are declared before anything is allocated, then made at once.
 
 use std::collections::BTreeMap;
 use std::ptr::NonNull;
@@ -27,7 +27,7 @@ pub enum Place {
     Readback,
 }
 
-/// A buffer to be.
+/// A buffer to allocate.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BufferPlan {
     /// Its name.
@@ -39,10 +39,10 @@ pub struct BufferPlan {
 }
 
 impl BufferPlan {
-    /// The size of a buffer that nothing needs: Vulkan has no empty buffers.
+    /// The smallest size of a buffer, bytes: Vulkan has no empty buffers.
     pub const LEAST: u64 = 16;
 
-    /// A buffer of at least so many bytes, whole words: copies work in words.
+    /// A buffer of `bytes` bytes, but at least [`BufferPlan::LEAST`], rounded up to the whole words that copies need.
     pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {
         BufferPlan { buffer, bytes: bytes.max(Self::LEAST).next_multiple_of(4), place }
     }
@@ -51,9 +51,9 @@ impl BufferPlan {
 #[derive(Clone, Copy)]
 pub(super) struct Made {
     pub handle: vk::Buffer,
-    /// As the plan states it.
+    /// Size in the plan.
     pub bytes: u64,
-    /// Bytes behind those, which nothing may write: 0 unless the device is opened with [`super::Faults::guard`].
+    /// Bytes behind these that nothing may write: 0 unless the device is opened with [`super::Faults::guard`].
     pub canary: u64,
     pub place: Place,
 }
@@ -65,15 +65,16 @@ pub struct Arena<'g> {
     // Dropped before the device: `gpu` outlives it by its lifetime.
     allocator: Option<Allocator>,
     bytes: u64,
-    /// From which size on buffers on the device, and on the host, have memory of their own.
+    /// Buffers from this size on have memory of their own, bytes: on the device, and on the host.
     own_from: [u64; 2],
 }
 
 impl<'g> Arena<'g> {
-    /// Makes every buffer of `plan`. `budget` is in bytes; without one, what the driver reports free.
+    /// Allocates every buffer of `plan`. `budget` is in bytes; without one, it is what the driver reports as free.
     ///
-    /// Errors: a buffer larger than the device can bind, a plan over budget (naming the largest buffers), an
-    /// allocation that the driver refuses. Nothing stays allocated then.
+    /// # Errors
+    /// A buffer is larger than the device can bind, the plan is over budget (the error names the largest buffers), or
+    /// the driver refuses an allocation. Nothing stays allocated then.
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
         let _span = gpu.span("allocate");
         check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
@@ -164,12 +165,12 @@ impl<'g> Arena<'g> {
             .map_err(|e| refused(e.to_string()))
     }
 
-    /// Bytes allocated, host-visible ones included; canaries are not.
+    /// Bytes of all buffers, host-visible ones included, canaries not.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Bytes of device memory taken for them: not less than [`Arena::bytes`], as small buffers share blocks.
+    /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
     pub fn taken(&self) -> u64 {
         self.allocator.as_ref().map_or(0, Allocator::capacity)
     }
@@ -184,7 +185,10 @@ impl<'g> Arena<'g> {
         self.buffers.iter().map(|(buffer, (made, _))| (*buffer, made.bytes)).collect()
     }
 
-    /// Bytes of a buffer. Panics if the plan does not hold it.
+    /// Bytes of a buffer.
+    ///
+    /// # Panics
+    /// The plan has no such buffer.
     pub fn size(&self, buffer: Buffer) -> u64 {
         self.get(buffer).bytes
     }
@@ -212,7 +216,7 @@ impl Drop for Arena<'_> {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
             if let (Some(a), Some(allocator)) = (allocation, self.allocator.as_mut()) {
                 let bytes = a.size();
-                // What is not given back still counts as allocated.
+                // Memory that is not given back still counts as allocated.
                 if allocator.free(a).is_ok() {
                     self.gpu.allocated.fetch_sub(bytes, Relaxed);
                 }
@@ -222,25 +226,27 @@ impl Drop for Arena<'_> {
     }
 }
 
-/// Bytes of the canary behind a buffer of so many: half of all, but of small buffers more.
+/// Bytes of the canary behind a buffer of `bytes` bytes: as many, but at least [`LEAST_CANARY`].
 fn canary_of(bytes: u64) -> u64 {
     bytes.max(LEAST_CANARY)
 }
 
-/// What is allocated for a plan: with a canary behind every buffer where the device guards them.
+/// The buffers to allocate for a plan: with a canary behind each if the device guards them.
 fn guarded(gpu: &Gpu, plan: &[BufferPlan]) -> Vec<BufferPlan> {
     let canary = |b: &BufferPlan| if gpu.guards() { canary_of(b.bytes) } else { 0 };
     plan.iter().map(|b| BufferPlan { bytes: b.bytes + canary(b), ..b.clone() }).collect()
 }
 
-/// Blocks of memory that buffers share are multiples of this, and at most so large (gpu-allocator's bounds).
+/// Buffers share memory blocks whose size is a multiple of [`BLOCK`] and at most [`LARGEST_BLOCK`], the bounds of
+/// gpu-allocator.
 const BLOCK: u64 = 4 << 20;
 const LARGEST_BLOCK: u64 = 256 << 20;
 
 /// How buffers in one kind of memory lie in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Layout {
-    /// Buffers from this size on have memory of their own: all share one block if it holds them, else the small ones.
+    /// Buffers from this size on have memory of their own. If one block holds all buffers, they share it; else only
+    /// the small ones share a block.
     own_from: u64,
     block: u64,
     /// Bytes in all.
@@ -264,7 +270,7 @@ impl Layout {
         Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
     }
 
-    /// Of device memory and of the host's, which are one where a device has no other.
+    /// Layouts of device memory and of host memory: the same one where the device has no memory of its own.
     fn both(plan: &[BufferPlan], one: bool) -> [Layout; 2] {
         if one {
             return [Layout::of(plan.iter()); 2];
@@ -273,10 +279,11 @@ impl Layout {
     }
 }
 
-/// Whether a device that binds `storage_range` bytes at most takes `plan` within `budget` bytes, without touching it.
-/// `by_user`: the budget is an option, not the heap's.
+/// Checks a plan against a device that binds at most `storage_range` bytes and has `budget` bytes. Allocates nothing.
+/// `by_user`: the budget is an option, not the free part of the heap.
 ///
-/// Errors: a buffer larger than the device can bind, a plan over budget, which names the largest buffers.
+/// # Errors
+/// A buffer is larger than the device can bind, or the plan is over budget (the error names the largest buffers).
 pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
     if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > storage_range) {
         return Err(Error::memory(

@@ -47,7 +47,7 @@ impl From<&KernelCode> for Kernel {
     }
 }
 
-/// A block of a kernel: it binds the buffer of its own name unless a schedule says otherwise.
+/// A uniform or storage block of a kernel. It binds the buffer of its own name unless a schedule says otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Binding {
     /// Name of the block.

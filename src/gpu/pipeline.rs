@@ -17,7 +17,7 @@ pub(super) struct Pipeline {
     pub bindings: &'static [Binding],
 }
 
-/// Push constants are as large for every kernel.
+/// Bytes of push constants, the same for every kernel.
 pub(super) const PUSH_BYTES: u32 = 4 * PUSH_WORDS as u32;
 
 /// A binding as its layout has it.
@@ -123,8 +123,8 @@ impl Pipeline {
         Ok(made)
     }
 
-    /// What the driver tells of the compiled kernel (registers, shared memory, spills), in its own words; empty
-    /// where it tells nothing or was not asked.
+    /// Statistics of the compiled kernel (registers, shared memory, spills) by the driver's own names; empty if it has
+    /// none or was not asked.
     pub fn statistics(&self, gpu: &Gpu) -> Vec<(String, f64)> {
         let Some(asked) = &gpu.statistics else { return vec![] };
         let info = vk::PipelineInfoKHR::default().pipeline(self.handle);
@@ -216,7 +216,8 @@ impl DescriptorSets {
             .iter()
             .zip(pipeline.bindings.iter().zip(buffers))
             .map(|(handle, (b, buffer))| {
-                // Whole with its canary: a write past the end must arrive. Nothing writes uniforms, whose range is limited.
+                // Binds the canary too, so that a write past the end lands in it. Kernels cannot write uniforms, whose
+                // range is limited.
                 let range = if b.uniform { arena.get(*buffer).bytes } else { vk::WHOLE_SIZE };
                 [vk::DescriptorBufferInfo::default().buffer(*handle).range(range)]
             })

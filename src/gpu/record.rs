@@ -9,14 +9,14 @@ use super::state::pieces;
 use super::{Buffer, Command, Kernel, Schedule, Size, Stage};
 use crate::Result;
 
-/// What is written for a schedule, command by command and with its labels.
+/// A step of the recording of a schedule: a command, or a label that is opened or closed.
 #[derive(Debug, PartialEq)]
 enum Step<'s> {
     /// Opens a label for the stage.
     Enter(&'s Stage),
     /// Opens a label.
     Open(&'static str),
-    /// Closes what was opened last.
+    /// Closes the label that was opened last.
     Close,
     Run(&'s Command),
 }
@@ -42,7 +42,7 @@ fn steps(schedule: &Schedule) -> Vec<Step<'_>> {
     all
 }
 
-/// Time stamps that a submission of `schedule` may take.
+/// The most time stamps that a submission of `schedule` takes.
 pub(super) fn stamps(schedule: &Schedule, timings: bool) -> u32 {
     if timings { 2 * schedule.commands.len() as u32 + 2 } else { 2 }
 }
@@ -74,9 +74,9 @@ impl Executor<'_> {
             if timed {
                 device.cmd_reset_query_pool(c, queries, 0, stamps(schedule, gpu.recorder.is_some()));
             }
-            // What earlier submissions wrote.
+            // Makes visible what earlier submissions wrote.
             barrier(device, c);
-            // The stamp before which all is done that the next command may have to wait for.
+            // When this stamp is taken, everything that the next command may have to wait for is done.
             let mut last = stamp();
             let mut pending = Pending::default();
             let mut labels = 0;
@@ -117,7 +117,7 @@ impl Executor<'_> {
                 }
             }
             debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
-            // What the host reads.
+            // Makes results visible to the host.
             barrier(device, c);
             stamp();
             flight.stamps = taken;
@@ -234,7 +234,7 @@ impl Pending {
     }
 }
 
-/// Everything before is done and visible to everything after, indirect arguments and the host included.
+/// Waits for everything before and makes it visible to everything after, indirect arguments and the host included.
 unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
     let before = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
     let after = before | vk::PipelineStageFlags::DRAW_INDIRECT | vk::PipelineStageFlags::HOST;

@@ -1,4 +1,4 @@
-//! What host and device did when, where a device was opened with `timings`.
+//! The timeline of host and device, recorded if the device was opened with `timings`.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::{Gpu, KernelCode, Stage};
 
-/// Something the host did. Seconds since the device was opened.
+/// A span of the host's work. Seconds since the device was opened.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HostSpan {
     /// What the host did.
@@ -26,9 +26,9 @@ pub struct Ran {
     pub stage: Option<usize>,
     /// Commands of one submission share this.
     pub submission: u64,
-    /// When all that it had to wait for was done, and when it was.
+    /// When everything that it had to wait for was done.
     pub from: f64,
-    /// When it was done.
+    /// When the command itself was done.
     pub to: f64,
 }
 
@@ -39,11 +39,11 @@ pub struct KernelMade {
     pub code: KernelCode,
     /// Specialization constants with their values.
     pub constants: Vec<(String, u32)>,
-    /// What the driver tells of the compiled kernel, in its own words; empty where it tells nothing.
+    /// Statistics of the compiled kernel by the driver's own names; empty if it has none.
     pub statistics: Vec<(String, f64)>,
 }
 
-/// All of it.
+/// Everything that was recorded.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
     /// Spans of the host.
@@ -66,8 +66,8 @@ struct Held {
     /// Device times count from the first stamp that was read.
     recording: Recording,
     first_tick: Option<u64>,
-    /// Host's clock less device's: no submission was seen to end before it did, so the smallest difference that
-    /// any of them shows is the nearest to the truth.
+    /// Host clock minus device clock, seconds. A submission is seen to end after it ends, so the smallest difference
+    /// seen is the nearest to the truth.
     offset: Option<f64>,
 }
 
@@ -86,8 +86,8 @@ impl Gpu {
         OpenSpan { recorder, what, from: recorder.map_or(0.0, Recorder::now) }
     }
 
-    /// What was recorded since the device was opened or this was last called; nothing without `timings`. The
-    /// kernels that were made stay.
+    /// Takes what was recorded since the device was opened or since the last call; empty without `timings`. Kernels
+    /// stay in the recording.
     pub fn take_recording(&self) -> Recording {
         self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
     }
@@ -129,7 +129,7 @@ impl Recorder {
     }
 
     fn with<T>(&self, work: impl FnOnce(&mut Held) -> T) -> T {
-        // Every change leaves a whole recording, so one that panicked has spoilt nothing.
+        // Every change leaves a complete recording, so a thread that panicked has damaged nothing.
         work(&mut self.held.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 
@@ -137,12 +137,12 @@ impl Recorder {
         self.with(|held| held.recording.kernels.insert(name, made));
     }
 
-    /// Takes in a submission that has just been seen to be over. `tick` is in seconds.
+    /// Adds a submission that was just seen to be finished. `tick` is in seconds.
     pub fn ran(&self, submission: u64, marks: &[Mark], stages: &[Stage], stamps: &[u64], tick: f64) {
         let seen = self.now();
         self.with(|held| {
             let first = *held.first_tick.get_or_insert(stamps[0]);
-            // A device's clock may be restarted; what is before the first stamp then counts as negative.
+            // A device may restart its clock: stamps before the first one then give negative times.
             let seconds = |stamp: u64| stamp.wrapping_sub(first) as i64 as f64 * tick;
             let last = stamps.iter().copied().map(seconds).fold(f64::NEG_INFINITY, f64::max);
             held.offset = Some(held.offset.map_or(seen - last, |o| o.min(seen - last)));

@@ -16,12 +16,12 @@ pub enum Size {
     Indirect(Buffer, u64),
 }
 
-/// One step.
+/// One step of a schedule.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Command {
     /// Runs a kernel.
     Dispatch {
-        /// As it was added to the executor.
+        /// The name by which the executor has it.
         kernel: Kernel,
         /// How many workgroups.
         size: Size,
@@ -54,7 +54,8 @@ pub enum Command {
         /// The 32-bit word.
         value: u32,
     },
-    /// What follows, up to the next stage, belongs together: for labels and traces. Does nothing on the device.
+    /// Begins a stage: the commands up to the next one belong together in labels and timelines. Does nothing on the
+    /// device.
     Stage(Stage),
 }
 
@@ -150,7 +151,10 @@ impl Command {
         self
     }
 
-    /// Sets the push constants, zero after those given. For dispatches. Panics if they are too many.
+    /// Sets the push constants, zero after those given. For dispatches.
+    ///
+    /// # Panics
+    /// They are more than a kernel takes.
     pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {
         if let Command::Dispatch { push, .. } = self {
             let given = bytemuck::bytes_of(&values);
@@ -160,7 +164,7 @@ impl Command {
         self
     }
 
-    /// Kernel name, "copy" or "fill", or the stage's name.
+    /// Kernel name, "copy", "fill", or the name of the stage.
     pub fn name(&self) -> &'static str {
         match self {
             Command::Dispatch { kernel, .. } => kernel.name(),

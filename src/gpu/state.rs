@@ -1,5 +1,5 @@
-//! What is done to whole buffers outside of schedules: their content kept and put back, poison into fresh memory,
-//! and schedules run with their workgroups in another order.
+//! Work on whole buffers outside schedules: saves and restores their content, fills fresh memory with poison, and runs
+//! schedules with workgroups in another order.
 
 use ash::vk;
 
@@ -12,7 +12,7 @@ use crate::Result;
 /// The buffer that a shuffled indirect dispatch reads its size through.
 pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 
-/// Parts along one axis that a shuffled dispatch is cut into at most.
+/// The most parts along one axis that a shuffled dispatch is cut into.
 const PARTS: u32 = 8;
 
 impl Executor<'_> {
@@ -52,8 +52,14 @@ impl Executor<'_> {
         self.wait(ticket)
     }
 
-    /// The content of a device buffer, by way of the readback buffer `through`, whose own is lost. Waits for
-    /// everything submitted before. Panics if the arena has no such buffers.
+    /// Reads a device buffer through the readback buffer `through`, whose content is lost. Waits for all earlier
+    /// submissions.
+    ///
+    /// # Errors
+    /// The device fails.
+    ///
+    /// # Panics
+    /// The arena has no such buffers.
     pub fn download(&mut self, buffer: Buffer, through: Buffer) -> Result<Vec<u8>> {
         let (from, to) = (self.arena.get(buffer), self.arena.get(through));
         let (bytes, part, from, to) = (from.bytes, to.bytes, from.handle, to.handle);
@@ -70,8 +76,13 @@ impl Executor<'_> {
         Ok(all)
     }
 
-    /// Puts `content` into a device buffer from its beginning, by way of the upload buffer `through`. Panics if it
-    /// is longer than the buffer.
+    /// Writes `content` to the beginning of a device buffer, through the upload buffer `through`.
+    ///
+    /// # Errors
+    /// The device fails.
+    ///
+    /// # Panics
+    /// `content` is longer than the buffer, or the arena has no such buffers.
     pub fn restore(&mut self, buffer: Buffer, content: &[u8], through: Buffer) -> Result<()> {
         assert!(content.len() as u64 <= self.arena.get(buffer).bytes, "restoring beyond `{buffer}`");
         let (from, to) = (self.arena.get(through).handle, self.arena.get(buffer).handle);
@@ -88,7 +99,7 @@ impl Executor<'_> {
         Ok(())
     }
 
-    /// Fills every buffer with the word that tests ask for, so that what is read before it is written shows.
+    /// Fills every buffer with the poison word of the tests, so that reads of unwritten memory show.
     pub(super) fn poison(&mut self) -> Result<()> {
         let Some(word) = self.gpu.poison() else { return Ok(()) };
         self.fill_all(word, |b| [0, b.bytes])
@@ -109,8 +120,8 @@ impl Executor<'_> {
         })
     }
 
-    /// Submits a schedule whose dispatches run in pieces and in another order. The sizes of indirect ones are read
-    /// back first, as only direct ones can begin anywhere.
+    /// Submits a schedule whose dispatches run in pieces and in another order. Reads the sizes of indirect dispatches
+    /// back first: only direct ones can begin at any workgroup.
     pub(super) fn submit_shuffled(&mut self, schedule: &Schedule) -> Result<Ticket> {
         let mut part = Schedule::default();
         for command in &schedule.commands {

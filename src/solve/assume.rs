@@ -1,9 +1,9 @@
-//! Which reflectance a capture speaks for.
+//! Which reflectance a capture suggests.
 //!
-//! What a confocal pair sees in all falls with its mean path t as t^-2 where surfaces are retroreflective, as t^-4
-//! where they are isotropic, and faster where cosines at the wall add to it. Facing matt surfaces reach t^-8; curved
-//! ones, which face some pair wherever it is, stay near t^-4 whatever they are made of. So the slope tells
-//! retroreflective surfaces, and facing matt ones, from the rest, and no more.
+//! The total of a confocal pair falls with its mean path t: as t^-2 where surfaces are retroreflective, as t^-4 where
+//! they are isotropic, and faster where cosines at the wall add to it. Matt surfaces that face the wall reach t^-8.
+//! Curved surfaces, which face some pair anywhere, stay near t^-4 whatever their material. So the slope tells
+//! retroreflective surfaces, and matt ones that face the wall, from the rest, and no more.
 
 use crate::capture::Capture;
 use crate::solve::background;
@@ -11,11 +11,11 @@ use crate::transport::Reflectance;
 
 /// Slopes above this are retroreflective.
 const RETROREFLECTIVE_ABOVE: f64 = -2.75;
-/// Slopes below this are of facing matt surfaces.
+/// Slopes below this are matt surfaces that face the wall.
 const LAMBERTIAN_BELOW: f64 = -5.5;
 /// A slope is believed if its standard error is not above this.
 const LARGEST_ERROR: f64 = 0.5;
-/// Pairs that see less than this share of what the brightest sees do not count.
+/// Pairs with less than this share of the brightest pair's total do not count.
 const DIM: f64 = 0.02;
 
 /// The slope of log(total) over log(mean path) of the pairs, weighted by their totals, and its standard error. `None`
@@ -54,7 +54,7 @@ pub fn falloff_slope(capture: &Capture) -> Option<[f64; 2]> {
     Some([xy / xx, (rest / xx / (seen.len() - 2) as f64).sqrt()])
 }
 
-/// The reflectance that an automatic model takes, and why, in a sentence.
+/// The reflectance of an automatic model, and the reason in a sentence.
 pub fn assume_reflectance(capture: &Capture) -> (Reflectance, String) {
     let assumed = |why: String| (Reflectance::Cosine, format!("automatic model: {why}, cosine is assumed"));
     if !capture.is_confocal() {

@@ -1,8 +1,8 @@
-//! A solve's state between two iterations, to go on from later to the same bits.
+//! A solve's state between two iterations. A resumed solve ends with the same bits.
 //!
-//! Buffers are kept by the names and sizes of the plan, all of them but what a job uploads anew, so that a new buffer
-//! is part of the state without a word here. With them goes what the driver has not yet read of its trace: when it
-//! sees that the fit is good enough, and so where it stops, stays the same.
+//! Buffers are kept by their names and sizes in the plan. All are kept but those that a job uploads anew, so a new
+//! buffer is part of the state without a change here. The trace that the driver has not read yet is kept too, so the
+//! solve stops at the same iteration.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ use crate::{Error, Result};
 pub struct Identity {
     /// Version of the crate.
     pub version: String,
-    /// Of the histograms and the wall, as the solver takes them.
+    /// Hash of histograms, wall and pulse, as the solver takes them.
     pub capture: u64,
     /// The solver's options.
     pub settings: BTreeMap<String, serde_json::Value>,
@@ -38,13 +38,13 @@ pub struct Checkpoint {
     pub identity: Identity,
     /// Iterations done.
     pub iteration: usize,
-    /// The level of the last one.
+    /// Index of the level of the last one.
     pub level: usize,
-    /// The iteration that the first unsubmitted block of work began with.
+    /// First iteration of the block that was not submitted yet.
     pub first: usize,
-    /// Active voxels, as far as the driver had heard.
+    /// Active voxels in the last block that the driver had read.
     pub active: usize,
-    /// Blocks that it had not read: iterations from and to, level.
+    /// Blocks that the driver had not read: first iteration, one past the last, level.
     pub pending: Vec<[usize; 3]>,
     /// Trace of the iterations that the driver has read.
     pub trace: Vec<TracePoint>,
@@ -58,9 +58,9 @@ pub struct Checkpoint {
     pub buffers: BTreeMap<String, Vec<u8>>,
 }
 
-/// Whether a solve keeps its state, and goes on from one.
+/// How a solve saves its state, and what it resumes from.
 pub struct Keep<'k> {
-    /// Keep it after so many iterations each; 0: never.
+    /// Save after every Nth iteration; 0: never.
     pub every: usize,
     /// Takes each state. An error ends the solve.
     pub save: &'k mut dyn FnMut(Checkpoint) -> Result<()>,
@@ -68,7 +68,7 @@ pub struct Keep<'k> {
     pub from: Option<Checkpoint>,
 }
 
-/// A keep and what its states belong to.
+/// What to save, and what the states belong to.
 pub(super) struct Keeper<'k> {
     pub keep: Keep<'k>,
     pub identity: Identity,
@@ -81,10 +81,10 @@ const DOWN: Buffer = COLUMNS_HOST;
 const UP: Buffer = UPLOAD;
 
 impl<'k> Keeper<'k> {
-    /// None where there is nothing to keep or to go on from.
+    /// `None` if nothing is to be saved or resumed.
     ///
     /// # Errors
-    /// A state that belongs to something else.
+    /// The state belongs to another solve.
     pub fn new(
         keep: Option<Keep<'k>>,
         job: &OnDevice<'_>,
@@ -124,8 +124,10 @@ impl Identity {
         Identity { version, capture: hash, settings, plan, buffers }
     }
 
+    /// Compares a saved identity with the `wanted` one.
+    ///
     /// # Errors
-    /// The first thing that differs between what a state was kept of and what is `wanted` now.
+    /// The first difference.
     fn check(&self, wanted: &Identity) -> Result<()> {
         let differs = |what: String, mend: &[Part]| Err(Error::options(what, mend));
         for (name, now) in &wanted.settings {
@@ -187,10 +189,10 @@ pub(super) fn download(job: &mut OnDevice<'_>) -> Result<BTreeMap<String, Vec<u8
     Ok(all)
 }
 
-/// Puts it back, if it is of the plan's levels and iterations.
+/// Restores a state.
 ///
 /// # Errors
-/// The device's; buffers that do not fit the plan.
+/// The device fails, or the state does not fit the plan.
 pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> {
     let (buffers, levels) = (&state.buffers, job.plan.levels.len());
     let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;

@@ -1,9 +1,9 @@
 //! The active domain as schedules: the first one, its reduction, its doubling, its compacted lists.
 //!
-//! State lies by slot: active voxels first, in storage order, and behind them, for the paper's random sampling, the rim,
-//! their neighbours that are not active. A change of the domain keeps the old masks and their slots beside the new ones
-//! until state has been moved. Between iterations nothing lives in `gradient` and `sample_points`: where they are large
-//! enough, the volumes of a reduction cost no memory ([`Plan::volumes`]).
+//! State lies by slot: active voxels first, in storage order. For the random sampling of the paper the rim follows:
+//! the neighbours of active voxels that are not active. When the domain changes, the old masks and their slots stay
+//! beside the new ones until state has been moved. `gradient` and `sample_points` hold nothing between iterations:
+//! where they are large enough, a reduction uses them for its volumes ([`Plan::volumes`]).
 
 use super::Pass;
 use super::over_pairs::groups;
@@ -14,7 +14,7 @@ use crate::gpu::Schedule;
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
-/// List, slots, counts and dispatch arguments from the mask.
+/// Makes list, slots, counts and dispatch arguments from the mask.
 pub fn compact(plan: &Plan, level: &Level) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
@@ -38,8 +38,8 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
     s
 }
 
-/// The mask of a reduction to `room` voxels at most, of what the pass `first` smooths along x. The old mask stays beside
-/// it with its slots.
+/// Reduces the mask to `room` voxels at most, by what the pass `first` smooths along x. The old mask stays beside it
+/// with its slots.
 pub(super) fn prune(plan: &Plan, level: &Level, first: &Pass, keep_above: f64, room: usize) -> Schedule {
     let mut s = smooth(plan, level, first);
     s.extend(remember(plan, level));
@@ -47,7 +47,7 @@ pub(super) fn prune(plan: &Plan, level: &Level, first: &Pass, keep_above: f64, r
     s
 }
 
-/// Keeps the masks and what their slots follow from.
+/// Copies the masks, and the ranks that give their slots.
 pub(super) fn remember(plan: &Plan, level: &Level) -> Schedule {
     let mut s = Schedule::default();
     let bytes = level.grid.storage() as u64 / 8;
@@ -60,7 +60,7 @@ pub(super) fn remember(plan: &Plan, level: &Level) -> Schedule {
     s
 }
 
-/// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and its maximum into `counts`.
+/// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and writes its maximum to `counts`.
 pub(super) fn smooth(plan: &Plan, level: &Level, first: &Pass) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
@@ -74,8 +74,8 @@ pub(super) fn smooth(plan: &Plan, level: &Level, first: &Pass) -> Schedule {
     s
 }
 
-/// The mask of what is smoothed above a share of its maximum and, where that may be more than `room` voxels, among the
-/// brightest.
+/// Makes the mask of voxels whose smoothed value is above a share of the maximum. If there may be more than `room`,
+/// only the brightest stay.
 pub(super) fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Schedule {
     let mut s = Schedule::default();
     let [smooth, _] = plan.volumes;
@@ -99,7 +99,7 @@ pub(super) fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Sched
     s
 }
 
-/// The mask of `fine` from that of `coarse`, by way of `ranks`, which are made anew from it.
+/// Makes the mask of `fine` from that of `coarse`. Overwrites `ranks`, which the new mask gives again.
 pub(super) fn double_mask(coarse: &Level, fine: &Level) -> Schedule {
     let mut s = Schedule::default();
     s.copy(buffer::MASK, buffer::RANKS, coarse.grid.storage() as u64 / 8);
@@ -109,7 +109,7 @@ pub(super) fn double_mask(coarse: &Level, fine: &Level) -> Schedule {
     s
 }
 
-/// The maps of `level`, in `columns_host`.
+/// Puts the maps of `level` into `columns_host`.
 pub fn extract(level: &Level) -> Schedule {
     let mut s = Schedule::default();
     let columns = level.grid.n[0] * level.grid.n[1];

@@ -1,10 +1,9 @@
-//! What the vector solver takes from the data instead of from the user.
+//! Estimates that the vector solver makes from the data.
 
 use crate::capture::Capture;
 use crate::transport::Model;
 
-/// The weighted data term that photon noise alone leaves: below it a solver fits noise (discrepancy principle,
-/// Morozov 1966).
+/// The weighted data term of photon noise alone. Below it a solver fits noise (discrepancy principle, Morozov 1966).
 pub fn expected_noise(model: &Model) -> f64 {
     let [per_value, floor] = model.variance;
     // A count is its own unbiased variance; `measured` is the count less the background.
@@ -13,8 +12,8 @@ pub fn expected_noise(model: &Model) -> f64 {
     model.measured.iter().enumerate().map(noise).sum::<f64>() / model.elements as f64
 }
 
-/// Counts per bin that are there without light: the lowest mean over all pairs of any sixteenth of the bins
-/// behind the strongest one; none if there are fewer bins behind it.
+/// Counts per bin without light: the lowest mean, over all pairs, of any sixteenth of the bins behind the strongest
+/// one; 0 if there are fewer bins behind it.
 pub fn background(capture: &Capture) -> f64 {
     let bins = capture.bins;
     let mean = capture.mean_histogram();
@@ -24,8 +23,8 @@ pub fn background(capture: &Capture) -> f64 {
     behind.reduce(f64::min).unwrap_or(0.0)
 }
 
-/// Variance of a bin over its mean count, 1 for photons: from the second differences along time, whose square
-/// is on average 1.5 variances where the signal is smooth; the median over bins, so that edges do not count.
+/// Variance of a bin over its mean count; 1 for photons. Estimated from second differences along time, whose square is
+/// 1.5 variances on average where the signal is smooth. The median over bins ignores edges.
 pub fn variance_per_count(capture: &Capture) -> f64 {
     // Median of a squared standard normal.
     const MEDIAN: f64 = 0.4549;

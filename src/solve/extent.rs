@@ -1,4 +1,4 @@
-//! The hidden volume that a capture can tell of.
+//! The hidden volume that a capture can show.
 
 use glam::{DVec3, dvec3};
 
@@ -7,14 +7,14 @@ use crate::capture::Capture;
 use crate::transport::Volume;
 use crate::{Error, Result};
 
-/// The lateral extent of the wall's scanned part (see [`Capture::wall_extent`]), and the depths from which the
-/// gated bins can have light, for any pairs and any wall. Metres.
+/// The default volume, metres: the lateral extent of the wall's scanned part (see [`Capture::wall_extent`]), and the
+/// depths whose light can reach the gated bins. For any pairs and any wall.
 ///
-/// The far end is the deepest point of any pair's longest path: a hidden point of path t lies on the ellipsoid
-/// with laser and sensor point as foci, and t is the end of the last bin in which that pair has signal. In a
-/// confocal scan of a flat wall that is half the longest path. The near end is where no path is too short for
-/// the gate, and at least `min_depth` in front of the wall's frontmost point: nothing between the bumps of a
-/// curved wall, and nothing behind it.
+/// The far end is the deepest point of any pair's longest path. A hidden point of path t lies on the ellipsoid with
+/// laser and sensor point as foci, and t is the end of the last bin in which that pair has signal. In a confocal scan
+/// of a flat wall that is half the longest path. At the near end no path is too short for the gate. It is at least
+/// `min_depth` in front of the wall's frontmost point: nothing between the bumps of a curved wall, or behind it, is
+/// reconstructed.
 ///
 /// # Errors
 /// `Kind::Options` if no depth is left between the two.
@@ -50,7 +50,7 @@ fn deepest(capture: &Capture) -> (f64, f64) {
         longest = longest.max(t);
         deepest = deepest.max(ellipsoid_top(capture.laser[pair], capture.sensor[pair], t));
     }
-    // Without any signal the error tells of the first bin.
+    // Without any signal the error names the first bin.
     (if deepest.is_finite() { deepest } else { 0.5 * longest }, longest)
 }
 

@@ -1,9 +1,9 @@
 //! Solvers: what is minimised over which voxels, in what order, as schedules that the device runs.
 //!
 //! A solver has a folder: [`paper`] is the ECCV 2024 one, [`vector`] the accelerated one, [`surface`] what follows it.
-//! Each declares its passes as rows ([`Pass`]) and what it needs of a [`Plan`] ([`Needs`]), and builds the schedules of
-//! its start, its iterations and what is due between them. The rest is shared: [`Plan`] is made before anything is
-//! allocated, [`OnDevice`] holds its buffers, the driver submits schedules and reads the trace behind.
+//! Each declares its passes as rows ([`Pass`]) and what it needs of a plan ([`Needs`]). It builds the schedules of its
+//! start, of its iterations and of the changes between them. The rest is shared: a [`Plan`] is made before anything is
+//! allocated, [`OnDevice`] holds its buffers, and the driver submits schedules and reads the trace of finished blocks.
 
 mod assume;
 mod checkpoint;

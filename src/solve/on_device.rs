@@ -23,7 +23,8 @@ pub struct OnDevice<'g> {
 impl<'g> OnDevice<'g> {
     /// Allocates and uploads. `memory` is a budget in bytes.
     ///
-    /// Errors: those of [`Arena::new`] and of the device.
+    /// # Errors
+    /// As [`Arena::new`], or the device fails.
     pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<OnDevice<'g>> {
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
@@ -36,6 +37,9 @@ impl<'g> OnDevice<'g> {
     }
 
     /// Fills the buffers that hold the capture and the constants.
+    ///
+    /// # Errors
+    /// The device fails.
     pub fn upload(&mut self) -> Result<()> {
         let OnDevice { plan, model, executor } = self;
         upload(executor, buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
@@ -73,6 +77,9 @@ pub struct VolumeMap {
 }
 
 /// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.
+///
+/// # Errors
+/// The device fails.
 pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Result<()> {
     let size = executor.arena().size(UPLOAD) as usize;
     for (i, part) in bytes.chunks(size).enumerate() {
@@ -90,7 +97,7 @@ pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Resu
     Ok(())
 }
 
-/// The maps that [`super::extract`] left in `columns_host`; without normals where surfaces have no direction.
+/// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.
 pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool) -> Maps {
     let columns: Vec<[f32; 8]> = executor.read(COLUMNS_HOST, ..grid.n[0] * grid.n[1]);
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
@@ -110,12 +117,13 @@ pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool)
     }
 }
 
-/// These rows of the trace. Nothing is under way.
+/// Rows of the trace. No submission may be in flight.
 pub(super) fn trace_rows(device: &OnDevice<'_>, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
     device.executor.read(buffer::TRACE, rows)
 }
 
-/// The volume whose mask and active voxels' state were copied to the host; `albedo` is that of a voxel's state.
+/// The volume whose mask and active voxels' state were copied to the host. `albedo` computes the albedo of a voxel
+/// from its state.
 pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
     let raw: Vec<[f32; 4]> = executor.read(RAW_HOST, ..);
     let mask: Vec<u32> = executor.read(MASK_HOST, ..);
@@ -123,7 +131,7 @@ pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32;
     let mut all = vec![0.0; grid.voxels()];
     for (slot, i) in (0..grid.storage()).filter(active).enumerate() {
         let [x, y, z] = grid.voxel(i);
-        // A list that is full leaves the rest out.
+        // A full list has no state for the rest.
         let Some(state) = raw.get(slot) else { break };
         all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(*state);
     }

@@ -21,7 +21,7 @@ pub enum Preset {
     Captured,
 }
 
-/// What defaults depend on.
+/// The properties of a scene that defaults depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suit {
     /// Rendered or captured histograms.
@@ -66,7 +66,7 @@ pub struct Row {
     pub range: Range,
 }
 
-/// What an option may be.
+/// The values that an option may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Range {
     /// A whole number between these.
@@ -85,11 +85,11 @@ pub enum Range {
     Fraction,
     /// One of these words. For a bool: the word for false, then the one for true.
     Words(&'static [&'static str]),
-    /// On or off. The command line has a flag for what is not the default: `--name` or `--no-name`.
+    /// On or off. The command line has a flag for the value that is not the default: `--name` or `--no-name`.
     Flag,
     /// Sizes of workgroups.
     Sizes,
-    /// Set by other means than an option of its own.
+    /// Has no option of its own on the command line.
     Internal,
 }
 
@@ -119,6 +119,8 @@ pub trait Options {
     /// Sets an option. Tells whether there is one of that key.
     fn set(&mut self, key: &str, value: &Value) -> bool;
 
+    /// Checks every option against its range.
+    ///
     /// # Errors
     /// The first option out of its range, by its name on the command line.
     fn check_ranges(&self) -> Result<()> {
@@ -143,7 +145,7 @@ impl Row {
         self.key.replace('_', "-")
     }
 
-    /// The value as it is given: on or off as the option's words for them.
+    /// The value as users write it: on and off become the two words of the option.
     pub fn worded(&self, value: Value) -> Value {
         match (self.range, value) {
             (Range::Words(words), Value::Flag(on)) => Value::Word(words[usize::from(on)].into()),
@@ -158,7 +160,7 @@ impl Row {
 }
 
 impl Range {
-    /// What is wanted instead of `value`; `None` if it is in the range.
+    /// The allowed values as text, if `value` is out of range.
     fn refusal(self, value: &Value) -> Option<String> {
         let number = match value {
             Value::Number(v) => *v,
@@ -279,7 +281,7 @@ impl Field for Sizes {
     }
 }
 
-/// Enumerations are the words that they are in files.
+/// Enumerations as options: a value is the word that serde writes.
 macro_rules! words {
     ($($type:ty),*) => { $(
         impl $crate::solve::option::Field for $type {
@@ -351,7 +353,7 @@ macro_rules! options {
                 range: { use $crate::solve::option::Range; let _ = Range::Seed; $range },
             },)*)*];
 
-            /// The defaults for such scenes.
+            /// The defaults for a scene.
             #[allow(unused_variables)]
             pub fn suited_to($suit: &$crate::solve::option::Suit) -> $name {
                 $name {
@@ -418,7 +420,7 @@ macro_rules! key_of {
 
 pub(super) use {key_of, options, words};
 
-/// Makes one option's default readable, as far as it depends on the scene: the usual one, then the others.
+/// The default of an option as text: the usual one, then those that differ in other scenes.
 pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {
     let usual = suited(&Suit::USUAL).filter(|v| *v != Value::Unset)?;
     let others = [

@@ -18,7 +18,7 @@ pub struct Part {
     pub of: &'static str,
     /// When it runs.
     pub when: When,
-    /// Lateral voxels or pixels, and pairs, of the level that it leads to.
+    /// Lateral voxels or pixels of the level that it leads to.
     pub lateral: usize,
     /// Pairs of that level.
     pub pairs: usize,
@@ -33,7 +33,7 @@ pub enum When {
     Start,
     /// In each of these iterations (from 1): first and last.
     Iterations(usize, usize),
-    /// After so many iterations.
+    /// After each of these numbers of iterations.
     After(Vec<usize>),
     /// After the last iteration: the maps.
     End,
@@ -52,7 +52,7 @@ pub struct Step {
     pub writes: Vec<Buffer>,
 }
 
-/// The parts of one run of the driver over `iterations`. What is due again and again is one part, with all the times.
+/// The parts of one run of the driver over `iterations`. A schedule that repeats is one part, with all its times.
 pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations: Range<usize>) -> Vec<Part> {
     let part = |when, level: &Level, schedule: &Schedule| Part {
         of: what,
@@ -110,7 +110,7 @@ fn steps_of(plan: &Plan, schedule: &Schedule) -> Vec<Step> {
     all
 }
 
-/// A command with what it reads and writes; `None` for what does nothing on the device.
+/// A command with what it reads and writes; `None` for a stage.
 fn step(plan: &Plan, command: &Command) -> Option<Step> {
     let step =
         |size: String, reads, writes| Step { name: command.name().into(), sizes: vec![size], reads, writes };
@@ -119,7 +119,7 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
             let pass = plan.passes.iter().find(|p| p.kernel == *kernel)?;
             let code: &KernelCode = (pass.code)(plan);
             let buffer = |block: Buffer| bind.iter().find(|b| b.0 == block).map_or(block, |b| b.1);
-            // The scene's constants are everyone's.
+            // Every pass reads the constants of the scene.
             let bound = || code.bindings.iter().filter(|b| !b.uniform && b.block != buffer::SCENE);
             let used = |b: &Buffer| plan.bytes_of(*b) > BufferPlan::LEAST;
             let mut reads: Vec<_> =
@@ -140,7 +140,7 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
     })
 }
 
-/// Bytes for people.
+/// Bytes as text in B, kB or MB.
 fn amount(bytes: u64) -> String {
     match bytes {
         0..10_000 => format!("{bytes} B"),

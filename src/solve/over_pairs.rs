@@ -20,8 +20,8 @@ pub(super) fn forward(plan: &Plan, level: &Level, pass: &Pass) -> Schedule {
     s
 }
 
-/// Takes what a forward pass has rendered in by the pass `residual`; with a pulse, as the instrument shows it, and what it
-/// misses back to the paths, for [`Plan::residual`]; `through` as [`pulse_back`].
+/// Compares the rendered histograms with the measurement by the pass `residual`. With a pulse, spreads them before as
+/// the instrument does, and takes the residuals back through it for [`Plan::residual`]. `through`: see [`pulse_back`].
 pub(super) fn compare(
     plan: &Plan,
     level: &Level,
@@ -43,8 +43,8 @@ pub(super) fn compare(
     s
 }
 
-/// What `residual` holds, seen from the paths, by `pass`, in `spread`: through the taps that begin at word
-/// `through` of `pulse_taps`, or the pulse's own; nothing to do without either.
+/// Takes the buffer `residual` back to the paths, into `spread`, by `pass`: through the taps that begin at word
+/// `through` of `pulse_taps`, or through the pulse's own. Empty without either.
 pub(super) fn pulse_back(plan: &Plan, level: &Level, pass: &Pass, through: Option<u32>) -> Schedule {
     let mut s = Schedule::default();
     if plan.pulse > 0 || through.is_some() {
@@ -56,8 +56,8 @@ pub(super) fn pulse_back(plan: &Plan, level: &Level, pass: &Pass, through: Optio
     s
 }
 
-/// Gathers the buffer `from` over all pairs of `level` by `pass`, which the triple `sized` of the arguments sizes, with `flags` beside
-/// those of the parts.
+/// Gathers the buffer `from` over all pairs of `level` by `pass`. The triple `sized` of the arguments gives its size;
+/// `flags` are added to those of the parts.
 pub(super) fn gather(
     plan: &Plan,
     level: &Level,
@@ -83,8 +83,8 @@ fn runs(plan: &Plan, level: &Level) -> [u32; 3] {
     groups((level.pairs + 1) * of_row, WORKGROUP)
 }
 
-/// Push constants of a gather over all pairs of `level`, in as many dispatches as the loop limit asks for: of a product, whole
-/// rows of scanned points where they fit, or parts of one row.
+/// Push constants of a gather over all pairs of `level`, in as many dispatches as the loop limit needs. A product is
+/// cut into whole rows of scanned points where they fit, else into parts of one row.
 pub(super) fn pair_chunks(plan: &Plan, level: &Level) -> Vec<Push> {
     let (pairs, most) = (level.pairs as u32, PAIR_CHUNK);
     let several = plan.geometry == Geometry::Product && plan.others > 1;
@@ -105,13 +105,13 @@ pub(super) fn pair_chunks(plan: &Plan, level: &Level) -> Vec<Push> {
     chunks
 }
 
-/// Workgroups for `n` invocations in groups of `size`, going on along y after [`GROUPS_X`].
+/// Workgroups for `n` invocations in groups of `size`; continued along y after [`GROUPS_X`].
 pub(super) fn groups(n: usize, size: u32) -> [u32; 3] {
     let count = n.div_ceil(size as usize) as u32;
     [count.min(GROUPS_X), count.div_ceil(GROUPS_X).max(1), 1]
 }
 
-/// Where a triple of the arguments lies, in bytes.
+/// Byte offset of a triple of the arguments.
 pub(super) fn arguments(triple: u32) -> u64 {
     12 * u64::from(triple)
 }

@@ -30,11 +30,11 @@ pub struct Reconstruction {
     pub solve_seconds: f64,
     /// Bytes of all buffers.
     pub device_bytes: u64,
-    /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
+    /// The domain was larger than the room at some time: its dimmest voxels were left out.
     pub full: bool,
-    /// Lateral voxels of the volume that was reached.
+    /// Lateral voxels of the level that the volume reached.
     pub lateral: usize,
-    /// Iterations of the volume that were done; those behind them in the trace are the surface's.
+    /// Iterations of the volume that were done; later ones in the trace are the surface's.
     pub volume_iterations: usize,
     /// The surface explained the data far worse than the volume: the maps are the volume's.
     pub surface_left: bool,
@@ -42,12 +42,12 @@ pub struct Reconstruction {
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 
-/// What a solve yields, from what its driver left.
+/// Makes the result from what the driver left.
 ///
-/// `volume`: how the albedo of a voxel follows from its state, if the volume is read back.
+/// `volume` computes the albedo of a voxel from its state, if the volume is read back.
 ///
 /// # Errors
-/// The device's.
+/// The device fails.
 pub(super) fn finish(
     mut job: OnDevice<'_>,
     driven: Driven,

@@ -16,6 +16,8 @@ pub trait Solver: Options + super::Needs {
     /// What every solver's options have.
     fn common(&self) -> Common;
 
+    /// Checks the options.
+    ///
     /// # Errors
     /// The first option that makes no sense, by its name on the command line.
     fn check(&self) -> Result<()>;
@@ -23,10 +25,10 @@ pub trait Solver: Options + super::Needs {
     /// The model that the options make of a capture for a grid.
     fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
 
-    /// The schedules of a whole solve by such a plan.
+    /// The schedules of a whole solve with `plan`.
     fn outline(&self, plan: &Plan) -> Vec<Part>;
 
-    /// Runs it.
+    /// Runs the solver.
     ///
     /// # Errors
     /// See [`super::paper::reconstruct`].
@@ -81,7 +83,7 @@ macro_rules! solvers {
             /// The solvers of this version, by their names on the command line.
             pub const NAMES: &[&str] = &[$($options::NAME),*];
 
-            /// The options of the solver of that name for such scenes.
+            /// The options of the solver `name` with the defaults for `suit`; `None` if there is no such solver.
             pub fn suited_to(name: &str, suit: &Suit) -> Option<SolverOptions> {
                 $(if name == $options::NAME {
                     return Some($options::suited_to(suit).into());
@@ -163,6 +165,8 @@ impl SolverOptions {
         self.solver().common()
     }
 
+    /// Checks the options.
+    ///
     /// # Errors
     /// The first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
@@ -198,18 +202,18 @@ impl SolverOptions {
         self.common().iterations.iter().sum()
     }
 
-    /// The box that is reconstructed unless another is asked for.
+    /// The default volume to reconstruct.
     ///
     /// # Errors
-    /// A capture that no depth can be told from.
+    /// The capture gives no range of depths.
     pub fn default_volume(&self, capture: &Capture) -> Result<Volume> {
         default_volume(capture, self.common().min_depth)
     }
 
-    /// What a solve would need of a device.
+    /// The plan of a solve.
     ///
     /// # Errors
-    /// A capture that the solver does not take; a grid beyond the device's limits.
+    /// The solver does not take the capture, or the grid exceeds the limits of the device.
     pub fn plan(
         &self,
         capture: &Capture,
@@ -274,10 +278,10 @@ fn help_of(row: &Row) -> String {
     }
 }
 
-/// Whether there is a solver of that name.
+/// Checks that there is a solver of that name.
 ///
 /// # Errors
-/// One that is not in this version, or not known at all.
+/// The solver is not in this version, or not known at all.
 pub fn check_solver(name: &str) -> Result<()> {
     choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
 }
@@ -285,7 +289,7 @@ pub fn check_solver(name: &str) -> Result<()> {
 /// The light-transport model of that name.
 ///
 /// # Errors
-/// One that is not known.
+/// The name is not known.
 pub fn reflectance(name: &str) -> Result<Reflectance> {
     const ALL: [(&str, Reflectance); 4] = [
         ("cosine", Reflectance::Cosine),

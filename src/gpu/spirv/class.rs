@@ -9,13 +9,14 @@ use super::module::{Instruction, Module, op};
 pub struct Counts {
     /// fp32 additions, multiplications and fused multiply-adds.
     pub fma: u32,
-    /// Inverse square roots, roots, reciprocals, exponentials: a special function unit's work.
+    /// Inverse square roots, roots, reciprocals and exponentials: work of the special function unit.
     pub special: u32,
     /// Whole numbers, comparisons, selections, conversions, rounding, minima, addresses, branches, barriers.
     pub other: u32,
-    /// Of these, roundings and conversions between floats and whole numbers: GPUs do them where they do special functions.
+    /// Roundings and conversions between floats and whole numbers, which `other` counts too: GPUs run them on the
+    /// special function unit.
     pub conversions: u32,
-    /// Words loaded from and stored to buffers, each lane at an address of its own.
+    /// Words loaded from buffers, each lane at an address of its own.
     pub loads: u32,
     /// Words stored to buffers, each lane at an address of its own.
     pub stores: u32,
@@ -27,7 +28,7 @@ pub struct Counts {
     pub atomics: u32,
     /// Atomic operations on shared memory.
     pub shared_atomics: u32,
-    /// Bytes of all loads, stores and atomics on buffers, as asked for: caches serve most of them.
+    /// Bytes of all loads, stores and atomics on buffers, before caches.
     pub bytes: u32,
 }
 
@@ -92,7 +93,7 @@ pub(super) fn cost(m: &Module, i: &Instruction, apart: bool) -> Counts {
             _ => other(1),
         },
         109..=112 => Counts { other: n, conversions: n, ..Counts::default() },
-        // Signs are modifiers; composites, copies and choices of a path are names for registers.
+        // Signs are modifiers. Composites, copies and phis only name registers.
         op::F_NEGATE | op::PHI | op::BRANCH | 79..=83 | 124 | 253..=255 => Counts::default(),
         op::BRANCH_CONDITIONAL | op::SWITCH | op::CONTROL_BARRIER => other(1),
         _ => other(n),

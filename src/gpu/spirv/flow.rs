@@ -1,4 +1,4 @@
-//! Loops of the entry point, and what in them counts.
+//! Loops of the entry point, and what counts in them.
 
 use std::collections::{HashMap, HashSet};
 
@@ -30,7 +30,7 @@ pub(super) fn count(m: &Module) -> Option<[Counts; 2]> {
         .iter()
         .filter_map(|b| b.merge.map(|merge| (b.label, reach(&by_label, b.label, Some(merge)))))
         .collect();
-    // A loop's own, without those inside it.
+    // The counts of a loop without the loops inside it.
     let own = |l: &(Id, HashSet<Id>)| {
         let nested = loops.iter().filter(|(h, _)| *h != l.0 && l.1.contains(h));
         let nested: HashSet<Id> = nested.flat_map(|(_, b)| b).copied().collect();
@@ -41,15 +41,15 @@ pub(super) fn count(m: &Module) -> Option<[Counts; 2]> {
         let head = l.0;
         loops.iter().filter(move |(h, b)| *h != head && b.contains(&head))
     };
-    // What is done most often: of loops that hold much by themselves, the innermost. What prepares for a product's pairs
-    // may hold more, what tries again or empties a window holds little.
+    // The main loop: the innermost of the loops that do much themselves. A loop that prepares a product's pairs may do
+    // more; a loop that retries or empties a window does little.
     let weights: Vec<u32> = loops.iter().map(|l| own(l).issued()).collect();
     let most = *weights.iter().max()?;
     let much = loops.iter().zip(&weights).filter(|(_, w)| 2 * **w >= most);
     let (counted, _) = much.max_by_key(|(l, w)| (around(l).count(), **w))?;
     let body = &counted.1;
     let turn = in_loop(m, &blocks, body, body, &uses, &apart);
-    // The smallest that holds it.
+    // The smallest loop around it.
     let shared = around(counted).min_by_key(|l| l.1.len()).map_or(Counts::default(), own);
     Some([turn, shared])
 }
@@ -65,7 +65,7 @@ fn reach(blocks: &HashMap<Id, &Block>, from: Id, end: Option<Id>) -> HashSet<Id>
     seen
 }
 
-/// What an instruction uses, with selections and paths that are known decided.
+/// Ids that an instruction uses. A selection or phi whose outcome is known uses one side only.
 fn used(m: &Module, i: &Instruction, reached: &HashSet<Id>) -> Vec<Id> {
     match i.op {
         op::SELECT => match m.value(i.rest[0]) {
@@ -80,7 +80,7 @@ fn used(m: &Module, i: &Instruction, reached: &HashSet<Id>) -> Vec<Id> {
     }
 }
 
-/// How often each id is used by what has an effect in the end.
+/// How often each id is used by instructions that have an effect in the end.
 fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
     let reached: HashSet<Id> = blocks.iter().map(|b| b.label).collect();
     let all = || blocks.iter().flat_map(|b| &b.instructions);
@@ -104,7 +104,7 @@ fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
             let count = uses.entry(id).or_default();
             *count += 1;
             if *count == 1 {
-                // What has an effect is in the list already.
+                // Instructions with an effect are in the list already.
                 open.extend(by_result.get(&id).filter(|i| !effect(i)));
             }
         }
@@ -112,7 +112,7 @@ fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
     uses
 }
 
-/// Ids that may differ between lanes of a subgroup. Lanes lie along x of a workgroup; what control depends on is not
+/// Ids that may differ between lanes of a subgroup. Lanes lie along x of a workgroup. Control dependence is not
 /// followed.
 fn lanes_apart(m: &Module, blocks: &[&Block]) -> HashSet<Id> {
     let mut apart: HashSet<Id> = HashSet::new();
@@ -160,7 +160,7 @@ fn in_loop(
         .filter(|i| uses.get(&i.result) == Some(&1))
         .map(|i| (i.result, m.shape(i.kind).1))
         .collect();
-    // A product that is negated first is as good.
+    // A product that is negated first fuses too.
     let through: HashMap<Id, Id> =
         inside.iter().filter(|i| i.op == op::F_NEGATE).map(|i| (i.result, i.rest[0])).collect();
     let mut sum = Counts::default();
@@ -184,8 +184,7 @@ fn in_loop(
     sum
 }
 
-/// Results that change from turn to turn: paths' choices, loads from memory that is written, and what depends on
-/// them.
+/// Results that change from turn to turn: phis, loads from memory that is written, and what depends on them.
 fn changing(m: &Module, inside: &[&Instruction]) -> HashSet<Id> {
     let mut changing: HashSet<Id> = HashSet::new();
     let mut grown = true;

@@ -58,7 +58,7 @@ pub(super) struct Instruction {
     /// Of the result; 0 for none.
     pub kind: Id,
     pub result: Id,
-    /// What follows: ids and literals as they stand.
+    /// Raw operands after the result: ids and literals.
     pub rest: Vec<u32>,
 }
 
@@ -79,7 +79,7 @@ impl Instruction {
 pub(super) struct Block {
     pub label: Id,
     pub instructions: Vec<Instruction>,
-    /// Where control goes on, branches on constants followed.
+    /// Next blocks; a branch on a constant has one.
     pub next: Vec<Id>,
     /// The block behind the loop that begins here.
     pub merge: Option<Id>,
@@ -87,7 +87,7 @@ pub(super) struct Block {
 
 #[derive(Default)]
 pub(super) struct Module {
-    /// Of the entry point.
+    /// Blocks of the entry point.
     pub blocks: Vec<Block>,
     /// Type of every id that has one.
     pub kinds: HashMap<Id, Id>,
@@ -196,7 +196,7 @@ impl Module {
         let (kind, result, rest) = if bare { (0, 0, &w[1..]) } else { (w[1], w[2], &w[3..]) };
         if result != 0 {
             self.kinds.insert(result, kind);
-            // What is computed from constants alone is one.
+            // A result of constants alone is a constant.
             if let Some(value) = self.evaluate(op, rest) {
                 self.constants.insert(result, value);
             }
@@ -244,7 +244,7 @@ impl Module {
         self.kinds.get(&pointer).and_then(|k| self.pointers.get(k)).map_or(u32::MAX, |p| p.0)
     }
 
-    /// Whole numbers and truth values of 32 bits only: what branches depend on.
+    /// Evaluates an operation on 32-bit integers and booleans, which branches depend on.
     fn evaluate(&self, op: u32, operands: &[u32]) -> Option<u64> {
         let at = |i: usize| self.value(*operands.get(i)?).map(|v| v as u32);
         let signed = |i| at(i).map(|v| v as i32);

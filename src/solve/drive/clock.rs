@@ -1,4 +1,4 @@
-//! The clock of a solve: seconds of host and device, without those spent on measuring.
+//! The clock of a solve: seconds of host and device, without measuring.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +7,7 @@ pub(super) struct Clock {
     paused: Duration,
     /// Seconds that were spent before this clock started.
     before: f64,
-    /// Device seconds that do not count, of all that the executor has counted.
+    /// Device seconds of the executor that do not count.
     gpu_apart: f64,
 }
 
@@ -15,12 +15,12 @@ pub(super) struct Clock {
 pub(super) struct Pause(Instant);
 
 impl Clock {
-    /// Starts now, when the executor has counted so many device seconds.
+    /// Starts now. `gpu_seconds`: device seconds of the executor so far.
     pub fn start(gpu_seconds: f64) -> Clock {
         Clock { start: Instant::now(), paused: Duration::ZERO, before: 0.0, gpu_apart: gpu_seconds }
     }
 
-    /// Goes on after work that took these seconds of host and device.
+    /// Adds earlier work, in seconds of host and device.
     pub fn go_on_from(&mut self, [seconds, gpu_seconds]: [f64; 2]) {
         self.before = seconds;
         self.gpu_apart -= gpu_seconds;
@@ -32,7 +32,7 @@ impl Clock {
         [host, gpu_seconds - self.gpu_apart]
     }
 
-    /// What follows does not count until [`Clock::go_on`].
+    /// Stops counting until [`Clock::go_on`].
     pub fn pause(&self) -> Pause {
         Pause(Instant::now())
     }
@@ -42,7 +42,7 @@ impl Clock {
         self.paused += pause.0.elapsed();
     }
 
-    /// Leaves out so many seconds of the device.
+    /// Leaves out `seconds` of device time.
     pub fn leave_out_gpu(&mut self, seconds: f64) {
         self.gpu_apart += seconds;
     }

@@ -1,4 +1,5 @@
-//! Drives a solver: submits its schedule block by block, reads the trace behind, measures on the way.
+//! Drives a solver: submits its schedules block by block, reads the trace of finished blocks, and extracts maps on the
+//! way.
 
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range};
@@ -18,7 +19,7 @@ mod reader;
 use clock::Clock;
 use reader::Reader;
 
-/// What a caller hears while the device works.
+/// What a caller is told while the device works.
 #[derive(Debug, Clone)]
 pub struct Progress {
     /// The newest point of the trace.
@@ -27,23 +28,22 @@ pub struct Progress {
     pub iterations: usize,
     /// The maps after that iteration, if it is one that [`Watch`] asks for.
     pub maps: Option<Maps>,
-    /// Of a quick solve before the one that was asked for.
+    /// Whether this is a quick solve before the one that was asked for.
     pub trial: bool,
 }
 
 /// What a caller wants to hear.
 pub struct Watch<'w> {
-    /// Told of every point of the trace; may break off.
+    /// Called with every point of the trace; may cancel the solve.
     pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    /// Extract the maps after every Nth iteration. The device is idle then, and neither the extraction nor the time
-    /// spent in `hear` counts. (Between such iterations `hear` runs beside a working device: there is nothing to
-    /// take off.)
+    /// Extract the maps after every Nth iteration. The device is idle then: neither the extraction nor the time in
+    /// `hear` counts. Between such iterations `hear` runs while the device works, so nothing is subtracted.
     pub maps_every: Option<usize>,
-    /// And after these iterations.
+    /// Extract the maps after these iterations, too.
     pub maps_at: &'w [usize],
 }
 
-/// What goes on beside a solve.
+/// What accompanies a solve: a watch, and checkpoints.
 pub struct Beside<'b, 'w> {
     /// Hears of every point of the trace.
     pub watch: &'b mut Watch<'w>,
@@ -60,18 +60,18 @@ impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
 /// The schedule of iteration i (from 0) at a level.
 type Iteration<'s> = Box<dyn Fn(&Plan, &Level, usize) -> Schedule + 's>;
 
-/// What is due after so many iterations, before the next one. It may move the level on.
+/// The schedule that is due after N iterations, before the next one. It may move to the next level.
 type Due<'s> = Box<dyn Fn(&Plan, &mut usize, usize) -> Schedule + 's>;
 
 /// A solver as its driver sees it.
 pub(super) struct Steps<'s> {
-    /// What it runs at, in turn.
+    /// Its levels in order.
     pub levels: Vec<Level>,
-    /// Before the first iteration.
+    /// Runs before the first iteration.
     pub start: Schedule,
     /// Iteration i (from 0) at a level.
     pub iteration: Iteration<'s>,
-    /// What is due after so many iterations, before the next one; may move the level on.
+    /// The schedule that is due after N iterations, before the next one. It may move to the next level.
     pub due: Due<'s>,
     /// Leaves the level's maps in `columns_host`.
     pub extract: Box<dyn Fn(&Level) -> Schedule + 's>,
@@ -79,13 +79,14 @@ pub(super) struct Steps<'s> {
     pub passes: [&'static [&'static Pass]; 2],
     /// Weight of the trace's L1 column in the loss at a level.
     pub l1_weight: Box<dyn Fn(&Level) -> f64 + 's>,
-    /// Iterations that the whole solve is to have, for those who listen.
+    /// Iterations of the whole solve, for progress.
     pub of: usize,
-    /// Stop at the finest level, with all pairs, once the objective's data term is not above this: the rest is noise.
+    /// Stop at the finest level, with all pairs, once the data term of the objective is not above this: the rest is
+    /// noise.
     pub stop_below: Option<f64>,
 }
 
-/// What driving yields.
+/// The result of driving a solver.
 pub(super) struct Driven {
     pub trace: Vec<TracePoint>,
     pub maps: Maps,
@@ -101,10 +102,10 @@ pub(super) struct Driven {
 /// Submissions in flight, so that the device never waits for the host.
 const IN_FLIGHT: usize = 2;
 
-/// Runs `steps` up to the iteration `iterations`, from the first or after what was driven `before`.
+/// Runs `steps` up to iteration `iterations`, from the first one or from the end of `before`.
 ///
 /// # Errors
-/// The device's; [`Kind::Cancelled`] if the watch broke off; a loss that is not finite.
+/// The device fails, the watch cancels ([`Kind::Cancelled`]), or a loss is not finite.
 pub(super) fn drive(
     gpu: &Gpu,
     device: &mut OnDevice<'_>,
@@ -126,7 +127,7 @@ pub(super) fn drive(
     run.end()
 }
 
-/// A solve on its way.
+/// A solve that is running.
 struct Run<'r, 'w, 'k, 'g> {
     gpu: &'r Gpu,
     device: &'r mut OnDevice<'g>,
@@ -137,19 +138,19 @@ struct Run<'r, 'w, 'k, 'g> {
     clock: Clock,
     reader: Reader,
     flights: VecDeque<Flight>,
-    /// What is submitted next, and the iteration that it begins with.
+    /// The next block to submit, and its first iteration.
     block: Schedule,
     block_from: usize,
-    /// What is due between the iteration before and the next.
+    /// The schedule that is due before the next iteration.
     change: Schedule,
     /// The first iteration of this run.
     first: usize,
-    /// Where the next iteration runs, and where the last one did.
+    /// Levels of the next iteration and of the last one.
     level: usize,
     level_before: usize,
-    /// Where the last submitted iteration runs.
+    /// The level of the last submitted iteration.
     reached: Level,
-    /// Known only behind: what the last block that was heard of had active.
+    /// Active voxels in the last block that was read.
     active: usize,
 }
 
@@ -187,7 +188,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
             level: 0,
             level_before: 0,
             reached: first_level,
-            // The first domain is all there is.
+            // At first every voxel may be active.
             active: first_level.grid.voxels(),
         };
         match run.keeper.as_mut().and_then(|k| k.keep.from.take()) {
@@ -199,7 +200,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         Ok(run)
     }
 
-    /// Begins with the start of the schedule, after what was driven `before`.
+    /// Begins with the start schedule, after `before` if it is given.
     fn start(&mut self, before: Option<Driven>) {
         if let Some(Driven { trace, pairs, seconds, gpu_seconds, .. }) = before {
             if let Some(last) = trace.last() {
@@ -213,7 +214,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         self.block.extend(std::mem::take(&mut self.steps.start));
     }
 
-    /// Puts a state back and goes on from it.
+    /// Restores a state and continues from it.
     fn resume(&mut self, from: Checkpoint) -> Result<()> {
         checkpoint::restore(self.device, &from)?;
         (self.level, self.block_from, self.active) = (from.level, from.first, from.active);
@@ -233,8 +234,8 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         Ok(())
     }
 
-    /// Hands the state before iteration `i` to the keeper, if it is due. The block goes on after it: what is read of
-    /// it, and when, is as without a checkpoint.
+    /// Saves the state before iteration `i`, if that is due. The block continues after it, so the trace is read at the
+    /// same points as without a checkpoint.
     fn keep_state(&mut self, i: usize) -> Result<()> {
         let Some(keeper) = self.keeper.as_mut().filter(|k| i > self.first && k.is_due(i)) else {
             return Ok(());
@@ -279,13 +280,13 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         }
     }
 
-    /// Whether the maps are asked for after so many iterations.
+    /// Whether the maps are asked for after `done` iterations.
     fn is_measured(&self, done: usize) -> bool {
         self.watch.maps_every.is_some_and(|n| done.is_multiple_of(n)) || self.watch.maps_at.contains(&done)
     }
 
-    /// Whether the block ends after so many iterations. A change of the level ends one, so that all rows of a block
-    /// belong to one level.
+    /// Whether the block ends after `done` iterations. A change of the level ends it, so that all its rows belong to
+    /// one level.
     fn block_ends(&self, done: usize) -> bool {
         let pairs = self.active * self.steps.levels[self.level_before].pairs;
         done == self.iterations
@@ -294,8 +295,8 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
             || done - self.block_from >= block_length(self.gpu, pairs)
     }
 
-    /// Submits the block, whose last iteration is the `done`th, and listens to those before it. Tells whether the
-    /// data are fitted.
+    /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the data
+    /// are fitted.
     fn submit(&mut self, done: usize) -> Result<bool> {
         let ticket = self.device.executor.submit(&std::mem::take(&mut self.block))?;
         self.reached = self.steps.levels[self.level_before];
@@ -303,7 +304,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         self.block_from = done;
         let measured = self.is_measured(done);
         let behind = if measured || done == self.iterations { 0 } else { IN_FLIGHT };
-        // Waits first and listens then, so that with nothing in flight the clock may stand still.
+        // Waits first and calls the watch afterwards: the clock may stand still only with nothing in flight.
         let mut back = vec![];
         while self.flights.len() > behind {
             let flight = self.flights.pop_front().expect("not empty");
@@ -323,8 +324,8 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         Ok(fitted)
     }
 
-    /// Reads what a finished block left in the trace and tells the watch, with the maps if they are asked for after
-    /// its last iteration. Tells whether the data are fitted.
+    /// Reads the trace of a finished block and tells the watch, with the maps if they are asked for after its last
+    /// iteration. Returns whether the data are fitted.
     fn hear(&mut self, flight: Flight, seconds: [f64; 2], measured: Option<usize>) -> Result<bool> {
         let (point, objective) = self.read(&flight, seconds)?;
         self.active = point.active;
@@ -344,7 +345,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
     fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {
         let l1_weight = (self.steps.l1_weight)(&flight.level);
         let passes = &self.steps.passes;
-        // Blocks under way write other rows.
+        // Blocks in flight write other rows.
         let rows = self.device.executor.read_behind(flight.ticket, buffer::TRACE, flight.rows.clone());
         self.reader.read(&rows, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
     }
@@ -358,7 +359,8 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         Ok(read_maps(&self.device.executor, &level.grid, self.device.plan.reflectance.has_normals()))
     }
 
-    /// Waits for what is in flight and takes the result. What was under way when the fit was seen is part of it.
+    /// Waits for the blocks in flight and takes the result. Blocks that were in flight when the data were fitted are
+    /// part of it.
     fn end(mut self) -> Result<Driven> {
         for flight in std::mem::take(&mut self.flights) {
             self.device.executor.wait(flight.ticket)?;
@@ -373,13 +375,13 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
     }
 }
 
-/// What labels and traces tell of a stage: the next iteration (from 0) and the level it runs at.
+/// The values of a stage for labels and timelines: the next iteration (from 0) and its level.
 pub(super) fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u64); 3] {
     [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64), ("pairs", level.pairs as u64)]
 }
 
-/// Iterations of a submission: about a fifth of a second of work, so that progress moves and cancelling is quick, yet
-/// the device never waits for the host.
+/// Iterations of a submission: about a fifth of a second of work. Progress moves, cancelling is quick, and the device
+/// never waits for the host.
 fn block_length(gpu: &Gpu, pairs_per_iteration: usize) -> usize {
     let rate = if gpu.info.kind == DeviceKind::Cpu { 1e8 } else { 3e10 };
     (0.2 * rate / pairs_per_iteration.max(1) as f64).clamp(1.0, 50.0) as usize

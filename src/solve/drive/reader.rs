@@ -7,7 +7,7 @@ use crate::solve::{Level, Pass, TracePoint};
 use crate::transport::kernels::*;
 use crate::{Error, Kind, Result};
 
-/// Reads the trace behind the device.
+/// Reads the trace of finished blocks.
 #[derive(Default)]
 pub(super) struct Reader {
     pub trace: Vec<TracePoint>,
@@ -16,11 +16,11 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// Takes the `rows` of the device's trace that some iterations left, all run at `level`, and adds a point for the
-    /// last. Yields it with the objective's data term there. `seconds` are those of host and device.
+    /// Reads the `rows` of some iterations, all at `level`, and adds a point for the last one. Returns this point with
+    /// the data term of the objective there. `seconds` are those of host and device.
     ///
     /// # Errors
-    /// A fault of one of `passes`; a loss that is not finite.
+    /// A fault of one of `passes`, or a loss that is not finite.
     pub fn read(
         &mut self,
         rows: &[[u32; TRACE_ROW as usize]],
@@ -64,9 +64,11 @@ impl Reader {
     }
 }
 
+/// Looks for faults in rows of the trace.
+///
 /// # Errors
-/// A row of the trace with a fault. The error names the iteration (from 1), the first pass in the order of an
-/// iteration, what is not finite there, and what may mend it.
+/// A row has a fault. The error names the iteration (from 1), the first pass in the order of an iteration, what is not
+/// finite there, and what may mend it.
 fn check_faults(
     row: &[u32; TRACE_ROW as usize],
     iteration: usize,

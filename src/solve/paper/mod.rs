@@ -51,11 +51,12 @@ pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
     model
 }
 
-/// Runs the solver; `beside` is a [`Watch`](super::Watch), or one and a state that is kept on the way or gone on from.
+/// Runs the solver. `memory` is a budget in bytes. With `with_volume` the volume is read back. `beside` is a
+/// [`Watch`](super::Watch), or a [`Beside`] that saves or resumes a state, too.
 ///
-/// Errors: bad options, a capture that does not fit the solver, memory, device; [`crate::Kind::Cancelled`] if the
-/// watch broke off; a loss that is not finite; what keeping a state yields; a state of another capture, other options or
-/// another plan.
+/// # Errors
+/// Options, capture, memory or device do not allow the solve; the watch cancels ([`crate::Kind::Cancelled`]); a loss
+/// is not finite; saving a state fails; a state belongs to another capture, other options or another plan.
 pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
     capture: &Capture,
@@ -77,7 +78,7 @@ pub fn reconstruct<'b, 'w: 'b>(
     finish(job, driven, with_volume.then_some(albedo_of))
 }
 
-/// What the driver runs.
+/// The steps that the driver runs.
 fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
     Steps {
         levels: plan.levels.clone(),
@@ -99,7 +100,7 @@ pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<Part> {
     outline::of("volume", plan, &steps(plan, options), 0..options.iterations)
 }
 
-/// Albedo of a voxel whose raw variables these are: ELU.
+/// Albedo of a voxel from its raw variables: ELU.
 fn albedo_of([a, ..]: [f32; 4]) -> f32 {
     if a > 0.0 { a } else { a.exp_m1() }
 }

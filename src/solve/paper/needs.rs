@@ -8,7 +8,7 @@ use crate::solve::plan::{Demand, LeftOut, Level, Needs, SMOOTH, SMOOTH_SPARE, me
 use crate::transport::Sampling;
 use crate::transport::kernels::{WORKGROUP, buffer, constant};
 
-/// Bytes that every active voxel has, and every touched one.
+/// Bytes of state of an active voxel, and of a touched one.
 const OF_VOXEL: [u64; 2] = [32, 52];
 
 impl Needs for PaperOptions {
@@ -28,8 +28,8 @@ impl Needs for PaperOptions {
         }
     }
 
-    /// A share of the last grid, and all of the first: the solver begins with all of it. A reduction by a wide Gaussian
-    /// leaves up to a tenth of a grid before the last. Of more voxels the brightest are kept.
+    /// A share of the last grid, and all of the first, where the solver begins. A reduction by a wide Gaussian leaves
+    /// up to a tenth of a grid before the last. If there are more voxels, the brightest stay.
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
         const SMALL: usize = 1 << 18;
         let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
@@ -37,7 +37,7 @@ impl Needs for PaperOptions {
         let active = match self.domain.room {
             Some(share) => ((share * last as f64).ceil() as usize).clamp(first, last),
             None if !reduces => last,
-            // From a half on, all of it dense takes no more memory.
+            // From half of the grid on, dense state takes no more memory.
             None => Some(SMALL.max(first).max(last / 10)).filter(|most| *most < last / 2).unwrap_or(last),
         };
         [active, if self.sampling == Sampling::Continuous { with_rim(active, last) } else { active }]
@@ -80,7 +80,7 @@ impl Needs for PaperOptions {
         all
     }
 
-    /// Buffers in which nothing lives between iterations, where they are large enough.
+    /// Buffers that hold nothing between iterations, where they are large enough.
     fn volumes(&self, plan: &Plan) -> [Buffer; 2] {
         let large = plan.capacity >= plan.touched_capacity.max(plan.finest().grid.storage() / 4);
         if large { [buffer::GRADIENT, buffer::SAMPLE_POINTS] } else { [SMOOTH, SMOOTH_SPARE] }
@@ -114,7 +114,8 @@ impl PaperOptions {
     }
 }
 
-/// Voxels touched where so many of `all` may be active: their neighbours, too, which are a third as many or less.
+/// Voxels that may be touched if `active` of `all` may be active. There is room for half as many neighbours as active
+/// voxels.
 fn with_rim(active: usize, all: usize) -> usize {
     (active + active / 2).min(all)
 }

@@ -32,7 +32,7 @@ pub enum Decay {
 words!(NoiseTerm, Decay);
 
 options! {
-    /// Everything the paper's solver can be told.
+    /// Options of the paper's solver.
     pub struct PaperOptions(suit) {
         nested {
             /// The active voxels.
@@ -148,6 +148,8 @@ impl PaperOptions {
         PaperOptions::suited_to(&Suit { preset, ..Suit::USUAL })
     }
 
+    /// Checks the options.
+    ///
     /// # Errors
     /// The first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {

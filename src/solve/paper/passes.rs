@@ -5,13 +5,13 @@ use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 passes! {
-    /// All of them.
+    /// All passes that only the paper's solver has.
     pub static ALL;
 
-    /// The first active voxels: all that are not too near and that a bin can be reached from.
+    /// Finds the first active voxels: all that are not too near and can reach a bin.
     INITIALISE = Pass { twin: twin!(initialise), ..Pass::of("initialise", |_| &kernel::INITIALISE) };
 
-    /// The first raw variables.
+    /// Draws the first raw variables.
     INITIALISE_RAW = Pass {
         twin: twin!(initialise_raw),
         ..Pass::of("initialise_raw", |_| &kernel::INITIALISE_RAW)
@@ -52,7 +52,7 @@ passes! {
         ..Pass::of("backward", |_| &kernel::BACKWARD)
     };
 
-    /// Adam.
+    /// Updates the raw variables by Adam.
     UPDATE = Pass {
         faults: &[Fault {
             bit: FAULT_UPDATE,
@@ -63,14 +63,14 @@ passes! {
         ..Pass::of("update", |_| &kernel::UPDATE)
     };
 
-    /// Takes state to its new slots.
+    /// Moves state to its new slots.
     CARRY = Pass {
         constants: &[(constant::DOUBLED, Value::Is(0))],
         twin: twin!(carry),
         ..Pass::of("carry", |_| &kernel::CARRY)
     };
 
-    /// The same to twice the lateral resolution, interpolated.
+    /// Moves state to twice the lateral resolution, interpolated.
     CARRY_DOUBLED = Pass {
         constants: &[(constant::DOUBLED, Value::Is(1))],
         twin: twin!(carry_doubled),

@@ -30,7 +30,8 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     s
 }
 
-/// The first volume, the domain of all voxels that are not too near, optimiser at rest, sums at zero.
+/// Makes the first volume and the domain of all voxels that are not too near. Puts the optimiser at rest and sums to
+/// zero.
 pub fn initialise(plan: &Plan, level: &Level) -> Schedule {
     let mut s = Schedule::default();
     s.fill(buffer::COUNTS, plan.bytes_of(buffer::COUNTS), 0);
@@ -58,7 +59,7 @@ pub fn reduce(plan: &Plan, level: &Level, keep_above: f64) -> Schedule {
     s
 }
 
-/// Takes a part of the state to its new slots by the kernel `how`.
+/// Moves a part of the state to its new slots by the pass `how`.
 fn carry(plan: &Plan, level: &Level, how: &Pass, state: Buffer) -> Schedule {
     let mut s = Schedule::default();
     let [target, _] = plan.volumes;
@@ -86,7 +87,7 @@ pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
     s
 }
 
-/// The same from a mask that has been pruned: what it has lost still counts where its neighbours are interpolated.
+/// As [`double`], from a pruned mask: removed voxels still count where their neighbours are interpolated.
 fn split(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
     let mut s = domain::double_mask(coarse, fine);
     s.extend(domain::compact(plan, fine));
@@ -95,8 +96,8 @@ fn split(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {
     s
 }
 
-/// What is due after `done` iterations, in the paper's order: reduction, then doubling (`level` moves on) or
-/// restart. Empty if nothing is.
+/// The schedule that is due after `done` iterations, in the paper's order: reduction, then doubling (`level` moves on)
+/// or restart. Empty if nothing is due.
 pub fn due(plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) -> Schedule {
     let mut s = Schedule::default();
     let here = &plan.levels[*level];

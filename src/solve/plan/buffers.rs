@@ -7,7 +7,7 @@ use crate::gpu::{Buffer, BufferPlan, Place};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
-/// What the host writes for the device.
+/// Data of the host for the device.
 pub const UPLOAD: Buffer = Buffer::named("upload");
 /// The maps, for the host.
 pub const COLUMNS_HOST: Buffer = Buffer::named("columns_host");
@@ -17,12 +17,12 @@ pub const RAW_HOST: Buffer = Buffer::named("raw_host");
 pub const MASK_HOST: Buffer = Buffer::named("mask_host");
 /// A number per voxel while the domain changes.
 pub const SMOOTH: Buffer = Buffer::named("smooth");
-/// Another one.
+/// Another number per voxel while the domain changes.
 pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
 
 impl Plan {
-    /// All buffers: the shared ones, the solver's `own`, and a smallest one for every block that a pass binds but
-    /// does not use in this plan.
+    /// All buffers: the shared ones, the solver's `own`, and one of the smallest size for every block that a pass
+    /// binds but does not use in this plan.
     pub(super) fn list_buffers(&self, own: Vec<(Buffer, u64)>, with_volume: bool) -> Vec<BufferPlan> {
         let columns = (self.maps.n[0] * self.maps.n[1] * 32) as u64;
         let mut all: Vec<BufferPlan> = vec![];
@@ -61,7 +61,7 @@ impl Plan {
 
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
         let voxels = self.finest().grid.storage() as u64;
-        // What active voxels have, and what their neighbours have too.
+        // Slots of active voxels, and of touched ones.
         let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
         let elements = (self.pairs * self.bins) as u64;
         let cells = self.cells_at(self.finest()) as u64;

@@ -1,10 +1,10 @@
-//! What a scene does not need, and what is saved by leaving it out: exact for memory and for what is counted, and
-//! measured for time in docs/leave-out.md.
+//! What a scene does not need, and what is saved by leaving it out: exact for memory and counts, measured for time in
+//! docs/leave-out.md.
 
 use super::{Level, Plan};
 use crate::transport::{Geometry, Gradient, Reflectance};
 
-/// What is left out, a line each.
+/// What is left out, one line each.
 #[derive(Debug, Default)]
 pub struct LeftOut {
     pub(super) lines: Vec<String>,
@@ -77,7 +77,7 @@ impl Plan {
 
     fn left_out_of_bins(&self, out: &mut LeftOut) {
         if self.pulse == 0 {
-            // Where residuals go back through other taps, these take the place.
+            // Where residuals go through other taps, the buffer is needed for them.
             let place = if self.tap_sets > 0 { 0 } else { self.pairs * self.bins * 4 };
             out.add(
                 "the instrument's pulse: none is known, paths are taken for sharp",
@@ -116,7 +116,7 @@ impl Plan {
         }
     }
 
-    /// What inactive voxels would hold, where an active one has so many bytes and a touched one so many.
+    /// Adds what inactive voxels would take. `active` and `touched` are bytes of such a voxel.
     pub fn left_out_of_room(&self, out: &mut LeftOut, [active, touched]: [u64; 2]) {
         let voxels = self.finest().grid.storage() as u64;
         let [slots, either] = [self.capacity, self.touched_capacity].map(|v| v as u64);
@@ -130,7 +130,7 @@ impl Plan {
     }
 }
 
-/// A number of bytes, for people.
+/// Bytes as text in MiB.
 pub fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }

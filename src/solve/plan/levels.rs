@@ -4,32 +4,33 @@ use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{Geometry, Grid, Model};
 
-/// One step of the coarse-to-fine sequence: a lateral resolution, and as many of the pairs as it is solved with.
+/// One step of the coarse-to-fine sequence: a lateral resolution, and how many pairs are used on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// The volume at this resolution.
     pub grid: Grid,
-    /// The first so many pairs.
+    /// How many pairs are used: the first ones.
     pub pairs: usize,
     /// Buffer that holds the wall points of these pairs.
     pub wall: Buffer,
     /// Buffer that holds its constants.
     pub scene: Buffer,
-    /// Buffer that tells which bricks a bin can be reached from.
+    /// Buffer that says which bricks can reach a bin.
     pub reachable: Buffer,
 }
 
 /// Constants of levels on the maps' pixels, where these are no voxels.
 const SURFACE_SCENE: Buffer = Buffer::named("surface_scene");
 
-/// Points side by side that are ample for a grid of as many or twice as many lateral voxels.
+/// Points side by side that are enough for a grid of as many or twice as many lateral voxels.
 pub const AMPLE: usize = 32;
 
-/// Other points of a product that are ample at first.
+/// Other points of a product that are enough at first.
 const ROWS: usize = 16;
 
-/// By doubling from the scan's resolution (or more, where the final one is no power of two of it). Where pairs are
-/// spread, from [`AMPLE`] if the scan has more, and with a part of the pairs that ends by growing fourfold until it is all.
+/// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power of
+/// two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs; at
+/// the end this part grows fourfold until it is all.
 pub(super) fn of_volume(model: &Model, finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Vec<Level> {
     let side = scan[0].max(scan[1]);
     let least = if model.is_spread { side.min(AMPLE) } else { side };
@@ -59,7 +60,7 @@ pub(super) fn of_volume(model: &Model, finest: Grid, scan: [usize; 2], coarse_to
     (0..).zip(steps).map(level).collect()
 }
 
-/// Those on the maps' pixels: with as many pairs as the finest of `levels` have.
+/// The levels on the maps' pixels, with as many pairs as the finest of `levels` have.
 pub(super) fn of_pixels(levels: &[Level], maps: Grid) -> Vec<Level> {
     let Some(finest) = levels.last().map(|l| l.grid) else { return vec![] };
     let of_finest = levels.iter().filter(|l| l.grid == finest);
@@ -69,8 +70,8 @@ pub(super) fn of_pixels(levels: &[Level], maps: Grid) -> Vec<Level> {
     (0..).zip(of_finest).map(|(i, l)| Level { grid: maps, scene: SURFACE_SCENE.at(i), ..*l }).collect()
 }
 
-/// The share of the pairs, 1 in 4 or 16 or ..., that a grid of so many lateral voxels is solved with at first: half as
-/// many points side by side as voxels, but at least [`AMPLE`].
+/// The share of the pairs, 1 in 4 or 16 or ..., that a grid of `lateral` voxels is solved with at first: half as many
+/// points side by side as voxels, but at least [`AMPLE`].
 fn share(model: &Model, lateral: usize) -> usize {
     let wanted = AMPLE.max(lateral / 2).pow(2);
     let mut share = 1;
@@ -80,7 +81,7 @@ fn share(model: &Model, lateral: usize) -> usize {
     share
 }
 
-/// How many pairs one in so many are. Of a product whole rows, of at least [`ROWS`] other points.
+/// How many pairs 1 in `share` are. Of a product: whole rows, of at least [`ROWS`] other points.
 fn part(model: &Model, share: usize) -> usize {
     let rows = model.wall.others.len();
     if model.wall.geometry != Geometry::Product || rows == 1 {

@@ -44,9 +44,9 @@ pub struct Demand {
     pub gradient: Gradient,
     /// Neighbours of active voxels have state, too: random samples read it.
     pub has_rim: bool,
-    /// Gaussian of the domain reduction, in voxels, and after how many sigmas it is cut off.
+    /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off.
     pub smooth: [f64; 2],
-    /// Sets of taps that residuals may go back through, beside the pulse's own, and bins that they add to it.
+    /// Sets of taps for residuals beside the pulse's own, and bins that they add to it.
     pub more_taps: [usize; 2],
 }
 
@@ -73,7 +73,7 @@ pub trait Needs {
         [SMOOTH, SMOOTH_SPARE]
     }
 
-    /// What it does not need, and what that saves.
+    /// Lists what it does not need, and what that saves.
     fn left_out(&self, plan: &Plan, out: &mut LeftOut);
 }
 
@@ -104,21 +104,21 @@ pub struct Plan {
     pub geometry: Geometry,
     /// How surfaces reflect.
     pub reflectance: Reflectance,
-    /// Places among the bins are found in parts: paths are more bins long than fp32 tells apart.
+    /// Bin positions are computed in parts: paths span more bins than fp32 resolves.
     pub fine: bool,
-    /// Voxels are summed by runs before they are added to a bin, which takes more of them than fp32 sums bear.
+    /// Voxels are summed in runs before they are added to a bin: more of them go into one bin than an fp32 sum bears.
     pub runs: bool,
     /// A sample may be so near to a wall point that the pair gives nothing.
     pub touching: bool,
-    /// Taps of the instrument's pulse; none where paths are taken for sharp.
+    /// Taps of the instrument's pulse; 0 if no pulse is known.
     pub pulse: usize,
-    /// Sets of taps that residuals may go back through, and words of each.
+    /// Sets of taps for residuals.
     pub tap_sets: usize,
     /// Words of each set of taps.
     pub tap_room: usize,
     /// Normals of the wall are used.
     pub curved: bool,
-    /// Wall points of the scanned side, and of the other.
+    /// Wall points of the scanned side.
     pub scanned: usize,
     /// Wall points of the other side.
     pub others: usize,
@@ -138,7 +138,7 @@ pub struct Plan {
     pub passes: Vec<&'static Pass>,
     /// Every buffer with size and place.
     pub buffers: Vec<BufferPlan>,
-    /// Whether each brick of each level can reach a bin.
+    /// Whether each brick can reach a bin, by level.
     pub reachable: Vec<Vec<bool>>,
     /// Bins of the capture, whether or not a voxel reaches them.
     pub all_bins: usize,
@@ -146,21 +146,21 @@ pub struct Plan {
     pub left_out: Vec<String>,
 }
 
-/// lavapipe stops an invocation silently after so many loop turns in all.
+/// lavapipe silently stops an invocation after this many loop turns in all.
 const LOOP_LIMIT: u32 = 65_535;
 
-/// Bins of a histogram and voxels of a column: a kernel may pass over them twice.
+/// The most bins of a histogram and voxels of a column: a kernel may pass over them twice.
 const LONGEST_LOOP: usize = 32_767;
 
-/// More additions than these to one fp32 sum may lose 1e-4 of it: equal addends round alike (docs/stability.md).
+/// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/stability.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
 impl Plan {
-    /// Plans a solver for `model` on `grid` (whose lateral cells are the maps' pixels) for a device of such abilities.
-    /// With `with_volume` the volume can be read back.
+    /// Plans a solver for `model` on `grid`, whose lateral cells are the maps' pixels, for a device with these
+    /// abilities. With `with_volume` the volume can be read back.
     ///
     /// # Errors
-    /// An accumulation that the device does not offer, sizes beyond 32-bit indices.
+    /// The device does not offer the accumulation, or sizes exceed 32-bit indices.
     pub fn new(
         model: &Model,
         grid: Grid,
@@ -181,7 +181,7 @@ impl Plan {
         tuning.check_tiles(model, device)?;
         let pulse = model.pulse.as_ref().map_or(0, |p| p.weights.len());
         let [more_sets, more_bins] = demand.more_taps;
-        // Fixed point adds without rounding, and a window is a second level by itself.
+        // Fixed point adds without rounding, and a window already sums in two levels.
         let fixed = matches!(accumulation, Accumulation::Fixed | Accumulation::Fixed32);
         let runs = !fixed && tuning.window == 0 && capacity / model.bins > VOXELS_PER_BIN;
         let touches = |l: &Level| model.touches(&l.grid);
@@ -204,7 +204,7 @@ impl Plan {
             runs,
             pulse,
             tap_sets: if pulse > 0 || more_sets > 0 { 1 + more_sets } else { 0 },
-            // The same for all pulses but the longest, so that a plan made before one is found holds.
+            // The same for all pulses but the longest, so that a plan made before the pulse is found stays valid.
             tap_room: (pulse + 2 + more_bins).max(256),
             curved: model.wall.normals.is_some(),
             scanned: model.wall.scanned.len(),
@@ -238,7 +238,7 @@ impl Plan {
         self.constants.get(&constant).copied()
     }
 
-    /// What the scene is and how the work is cut, for every pass that asks.
+    /// Constants that describe the scene and how the work is cut, for all passes.
     fn shared_constants(&self, binning: Binning) -> BTreeMap<Constant, u32> {
         let t = self.tuning;
         let product = self.geometry == Geometry::Product;
@@ -316,12 +316,12 @@ impl Plan {
         self.maps.n[0] / self.finest().grid.n[0]
     }
 
-    /// Those levels on the maps' pixels that are none of the volume's.
+    /// The levels on the maps' pixels that are not levels of the volume.
     pub(super) fn pixels_only(&self) -> impl Iterator<Item = &Level> {
         self.pixel_levels.iter().filter(|l| !self.levels.contains(l))
     }
 
-    /// Bytes of a buffer; 0 if the plan has none such.
+    /// Bytes of a buffer; 0 if the plan does not have it.
     pub fn bytes_of(&self, buffer: Buffer) -> u64 {
         self.buffers.iter().find(|b| b.buffer == buffer).map_or(0, |b| b.bytes)
     }
@@ -340,6 +340,8 @@ fn reachable(model: &Model, grid: &Grid, general: bool) -> Vec<bool> {
     }
 }
 
+/// Checks sizes against the limits of kernels.
+///
 /// # Errors
 /// Sizes beyond what kernels index or loop over.
 fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {

@@ -10,7 +10,7 @@ use super::Plan;
 use crate::advice::Part;
 use crate::gpu::{Buffer, Constant, Kernel, KernelCode};
 
-/// One row.
+/// A pass, declared as one row.
 pub struct Pass {
     /// What schedules, labels and timelines call it.
     pub kernel: Kernel,
@@ -22,9 +22,9 @@ pub struct Pass {
     pub when: fn(&Plan) -> bool,
     /// Constants of its own. The others that its module asks for are the plan's ([`Plan::constants`]).
     pub constants: &'static [(Constant, Value)],
-    /// The voxels that it holds against every pair, if it evaluates pairs.
+    /// The voxels that it evaluates against every pair, if it evaluates pairs.
     pub pairs: Option<Voxels>,
-    /// What it finds that is not finite.
+    /// The values that are not finite that it can find.
     pub faults: &'static [Fault],
     /// Its float64 twin.
     pub twin: Twin,
@@ -39,12 +39,12 @@ pub enum Value {
     Of(fn(&Plan) -> u32),
 }
 
-/// The voxels that a pass holds against every laser-sensor pair.
+/// The voxels that a pass evaluates against every laser-sensor pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Voxels {
     /// Those in the active list.
     Active,
-    /// All of the grid that are not too near.
+    /// Those of the grid that are not too near.
     Grid,
 }
 
@@ -64,7 +64,7 @@ pub struct Fault {
 pub enum Twin {
     /// The function of that name in [`crate::transport::twin`].
     Function(&'static str),
-    /// None, for this reason.
+    /// There is none, for this reason.
     None(&'static str),
 }
 

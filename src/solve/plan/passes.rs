@@ -8,7 +8,7 @@ use crate::transport::Geometry;
 use crate::transport::kernels::*;
 
 passes! {
-    /// All of them, in the order in which plans list them.
+    /// All shared passes, in the order in which plans list them.
     pub static ALL;
 
     /// Renders the sampled points into the histograms.
@@ -26,7 +26,7 @@ passes! {
     /// Spreads the rendered histograms as the instrument does.
     PULSE = Pass { when: |p| p.pulse > 0, twin: twin!(pulse), ..Pass::of("pulse", pulse) };
 
-    /// Compares what is rendered with the measurement.
+    /// Compares the rendered histograms with the measurement.
     RESIDUAL = Pass {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
@@ -37,7 +37,7 @@ passes! {
         ..Pass::of("residual", residual)
     };
 
-    /// Weights what was rendered, compared with nothing.
+    /// Weights the rendered histograms without comparing them.
     RESIDUAL_BOUND = Pass {
         when: |p| p.constant(constant::WEIGHTED) == Some(1),
         constants: &[(constant::MEASURE, Value::Is(0))],

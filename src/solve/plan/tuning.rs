@@ -1,5 +1,5 @@
-//! Sizes of workgroups, chunks and columns: what suits a kind of device, or what was measured on one (`thirdbounce
-//! profile --tune`). They change how the work is cut, not what is computed.
+//! Sizes of workgroups, chunks and columns, by the kind of device or as measured on one (`thirdbounce profile
+//! --tune`). They change how the work is cut, not what is computed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -21,7 +21,7 @@ pub enum Accumulation {
     Auto,
     /// Native fp32 atomics.
     Float,
-    /// Fixed point: the same bits in whatever order; 64-bit atomics where there are any.
+    /// Fixed point: the same bits in any order; 64-bit atomics where there are any.
     Fixed,
     /// Fixed point by pairs of 32-bit atomics, also where there are 64-bit ones.
     Fixed32,
@@ -42,20 +42,20 @@ pub struct Tuning {
     pub voxels: u32,
     /// Backward: lanes that share a voxel.
     pub slices: u32,
-    /// Other points that a product's forward and backward kernels take at once; 1 for other pairs.
+    /// Other points that a product's forward kernel takes at once; 1 for other pairs.
     pub others_forward: u32,
-    /// Other points that the backward kernel takes at once.
+    /// Other points that a product's backward kernel takes at once; 1 for other pairs.
     pub others_backward: u32,
     /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
     pub window: u32,
-    /// Forward: the columns are used at levels where a brick of voxels is seen within so many bins. Wider ones would
-    /// move them all the time, at several times the cost of atomics.
+    /// Forward: the columns are used at levels where a brick of voxels spans at most this many bins. Wider bricks
+    /// would move the columns all the time, at several times the cost of atomics.
     pub window_span: u32,
     /// A product's forward kernel finds the other points' arms together, through shared memory.
     pub share_arms: bool,
 }
 
-/// Sizes that somebody asks for instead of those that suit the kind of device. Written `lanes=64,chunk=256`.
+/// Sizes that a user asks for instead of the device's own. Written `lanes=64,chunk=256`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sizes {
@@ -77,7 +77,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// None asked for.
+    /// Whether no size is asked for.
     pub fn is_default(&self) -> bool {
         *self == Sizes::default()
     }
@@ -105,7 +105,7 @@ impl FromStr for Sizes {
     type Err = Error;
 
     /// # Errors
-    /// A name that is none of the sizes', a value that is no whole number.
+    /// A name is not that of a size, or a value is not a whole number.
     fn from_str(text: &str) -> Result<Sizes> {
         let mut sizes = Sizes::default();
         for part in text.split(',') {
@@ -131,15 +131,15 @@ impl FromStr for Sizes {
     }
 }
 
-/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels is seen within
-/// about as many.
+/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels spans about as
+/// many.
 const WINDOW: u32 = 64;
 
 impl Tuning {
-    /// What suits the device, with the sizes that are asked for. `capacity` is how many voxels may be active.
+    /// The sizes for a device, with those that are asked for. `capacity` is how many voxels may be active.
     ///
     /// # Errors
-    /// Sizes that the device or the kernels do not take.
+    /// The device or the kernels do not take the sizes.
     pub fn new(
         model: &Model,
         capacity: usize,
@@ -155,10 +155,10 @@ impl Tuning {
         let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
         let (lanes, chunk, voxels, slices) = if cpu { (8, 4096, 64, 1) } else { (64, 256, 32, 4) };
-        // A product's lane turns once for every other point too, and fills shared memory.
+        // A product's lane also loops over the other points, and fills shared memory.
         let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
         let chunk = if owned { owned_chunk } else { chunk };
-        // On a CPU additions to memory of one's own cost the same wherever it lies.
+        // On a CPU private memory costs the same wherever it lies.
         let window = if cpu { 0 } else { WINDOW / others_forward };
         let mut t = Tuning {
             lanes: sizes.lanes.unwrap_or(lanes),
@@ -173,7 +173,7 @@ impl Tuning {
         };
         t.check(device, sizes)?;
         if !owned {
-            // So many chunks that one dispatch holds them all, even if every voxel is active.
+            // One dispatch must hold all chunks, even if every voxel is active.
             t.chunk = t.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
         }
         if t.turns(product) > LOOP_LIMIT && sizes.window.is_none() {
@@ -190,8 +190,10 @@ impl Tuning {
         Ok(t)
     }
 
+    /// Checks that one dispatch holds all tiles of pairs.
+    ///
     /// # Errors
-    /// More tiles of pairs than a dispatch has workgroups.
+    /// There are more tiles than a dispatch has workgroups.
     pub fn check_tiles(&self, model: &Model, device: &Abilities) -> Result<()> {
         let tiles = match model.wall.geometry {
             Geometry::Product => {

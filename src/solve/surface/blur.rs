@@ -1,19 +1,19 @@
 //! Residuals averaged along time while the surface is far from its place.
 //!
-//! A depth's gradient tells of the next bin only. A pixel that is several bins off finds its way by what a Gaussian over
-//! them makes of its residual, G² W (A v - h): the gradient of a least-squares fit of histograms that were averaged themselves.
-//! The Gaussian narrows to nothing; what is minimised in the end is the objective itself. Where photons are few there is
-//! nothing to be averaged but noise, and it is narrower by their share.
+//! The gradient of a depth sees the next bin only. A Gaussian over its residual, G² W (A v - h), leads a pixel that is
+//! several bins off: the gradient of a least-squares fit of averaged histograms. The Gaussian narrows to nothing, so
+//! the end of the solve minimises the objective itself. Where photons are few it would average noise, so it is
+//! narrower by the share of noise.
 
 use crate::capture::PulseTaps;
 
 /// Gaussians, each narrower than the one before.
 pub const BLURS: usize = 4;
 
-/// Bins that the first one's sigma has at most.
+/// The largest sigma of the first one, bins.
 const MOST: f64 = 8.0;
 
-/// Bins: a narrower one would change nothing.
+/// The smallest sigma, bins: a narrower one would change nothing.
 const LEAST: f64 = 0.35;
 
 /// Share of the iterations that they take.
@@ -22,24 +22,24 @@ const UNTIL: f64 = 0.5;
 /// How far a Gaussian's taps reach to each side, in sigmas.
 const REACH: f64 = 3.0;
 
-/// Bins that the widest adds to a pulse's taps.
+/// Bins that the widest adds to the pulse's taps.
 pub const ADDED: usize = 2 * (REACH * MOST * std::f64::consts::SQRT_2) as usize + 2;
 
-/// Sigma of the first Gaussian in bins where so many are `wanted`, for histograms of whose energy such a share is noise; none
-/// if it would change nothing.
+/// Sigma of the first Gaussian, bins. `wanted` is the sigma asked for, bins; `noise` is the share of noise in the
+/// energy of the histograms. `None` if it would change nothing.
 pub fn first(wanted: f64, noise: f64) -> Option<f64> {
     let sigma = (1.0 - noise.clamp(0.0, 1.0)) * wanted.min(MOST);
     (sigma > LEAST).then_some(sigma)
 }
 
-/// The number of the Gaussian that iteration `at` of so many goes by, if it goes by one.
+/// The number of the Gaussian of iteration `at` of `iterations`, if it has one.
 pub fn number(at: usize, iterations: usize) -> Option<usize> {
     let number = (at as f64 / (UNTIL * iterations as f64) * BLURS as f64) as usize;
     (number < BLURS).then_some(number)
 }
 
-/// The buffer `pulse_taps` with so many words for each set: the pulse's own taps, and those by which residuals go back through
-/// it and through a Gaussian's square, for each of them.
+/// The buffer `pulse_taps`, `room` words for each set: the pulse's own taps, then for each Gaussian the taps that take
+/// residuals back through the pulse and the square of the Gaussian.
 pub fn words(pulse: Option<&PulseTaps>, first: f64, room: usize) -> Vec<f32> {
     let sharp = PulseTaps::identity();
     let pulse = pulse.unwrap_or(&sharp);

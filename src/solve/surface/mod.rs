@@ -1,11 +1,14 @@
-//! The surface that a volume's maps begin: a depth and an albedo for every pixel, refined together.
+//! The surface: a depth and an albedo for every pixel, refined together from the volume's maps.
 //!
-//! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface for several
-//! voxels of a column, so a volume keeps normals too level and depths to a voxel however long it is solved (study in
-//! benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, four points of it or one, and its normal
-//! is that of the plane through its neighbours: shading and shape are one. Minimised is what the vector solver minimises, with
-//! a Gaussian prior instead of its other terms: neighbours lie in each other's planes and have albedos alike, weighed as the
-//! noise of the histograms asks ([`weights`]), by Adam on gradients that are spread over their surroundings at first. The pixels are the bright ones of the maps ([`Pixels`]); depths stay within the grid.
+//! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface lies in
+//! several voxels of a column. So a volume keeps normals too level and depths to a voxel, however long it is solved
+//! (study in benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, rendered as four
+//! points or one. Its normal is that of the plane through its neighbours: shading and shape are one.
+//!
+//! The objective is the vector solver's, with a Gaussian prior instead of its other terms: neighbours lie in each
+//! other's planes and have similar albedos, weighted by the noise of the histograms ([`weights`]). Adam minimises it;
+//! its gradients are averaged over their surroundings at first. The pixels are the bright ones of the maps
+//! ([`Pixels`]); depths stay within the grid.
 
 use std::time::Instant;
 
@@ -35,16 +38,16 @@ pub use schedule::{extract, iteration, points, start};
 pub use weights::{Placed, weights};
 use weights::{coarser, energy};
 
-/// What the surface leaves of the objective, over what the volume left of its own, from which on it is not taken.
+/// The surface is rejected if its objective exceeds the volume's by this ratio.
 const WORSE: f64 = 2.0;
 
-/// Iterations after which slopes find their neighbours anew.
+/// The bonds are found again after every Nth iteration.
 const RENEW: usize = 10;
 
-/// Refines the surface of what was `driven` for as many iterations more as `options` say, on the plan's own pixels, and tells
-/// whether it is left out of the maps. These stay the volume's if there is no surface, if none of what is measured comes from
-/// it, or if it explains that far worse than the volume did (which is told): it has one depth in a column, where a volume may
-/// have several.
+/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. Returns whether
+/// the surface was rejected because it explains the data far worse than the volume did: it has one depth in a column,
+/// where a volume may have several. The maps stay the volume's then, and if there is no surface or it explains none of
+/// the data.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut OnDevice<'_>,
@@ -78,14 +81,14 @@ pub(super) fn refine(
         upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&maps)))?;
     }
     let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
-    // All of this is part of the solve; the driver's clock goes on from here.
+    // All of this is part of the solve; the driver's clock continues from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
     let Some(told) = told else { return Ok((Driven { maps, ..driven }, false)) };
     let stages = Stages { levels, beginnings, weights: told };
     let steps = steps(stages, pixels.len(), begin, iterations, first_blur.map(|_| room));
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
-    // Without what its prior costs.
+    // Without the cost of the prior.
     let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > WORSE * loss);
     if left {
         driven.maps = maps;
@@ -94,7 +97,7 @@ pub(super) fn refine(
     Ok((driven, left))
 }
 
-/// What a surface runs at, in turn.
+/// The levels of a surface in order.
 struct Stages {
     levels: Vec<Level>,
     /// The iteration of the surface that each begins with.
@@ -103,8 +106,8 @@ struct Stages {
     weights: Vec<[f32; SURFACE_WEIGHTS as usize]>,
 }
 
-/// What the driver runs: `iterations` of a surface of `count` pixels, after `begin` of the volume. Residuals go through
-/// a Gaussian at first if `taps`, the words of a set of taps, are given.
+/// The steps that the driver runs: `iterations` of a surface of `count` pixels, after `begin` of the volume. `taps`
+/// are the words of a set of taps; with them, residuals go through a Gaussian at first.
 fn steps(
     stages: Stages,
     count: usize,
@@ -140,8 +143,8 @@ fn steps(
     }
 }
 
-/// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; none if there is to be
-/// no surface.
+/// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; empty without a
+/// surface.
 pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
     let (Some(reached), iterations) = (plan.levels.last(), options.iterations) else { return vec![] };
     if iterations == 0 {
@@ -159,8 +162,8 @@ pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
     outline::of("surface", plan, &steps, begin..begin + iterations)
 }
 
-/// Those of `levels` that are run, and the iteration from which each is: where early ones take a part of the pairs, the last
-/// fifth takes as many as the volume `reached`; of few iterations all do.
+/// The levels that are run, and the first iteration of each. If early levels use a part of the pairs, the last fifth
+/// uses as many as the volume `reached`; of few iterations all do.
 fn stages(levels: &[Level], reached: usize, iterations: usize) -> (Vec<Level>, Vec<usize>) {
     let count = levels.iter().filter(|l| l.pairs <= reached).count().max(1);
     let first = if iterations < 5 { count - 1 } else { 0 };
@@ -169,7 +172,7 @@ fn stages(levels: &[Level], reached: usize, iterations: usize) -> (Vec<Level>, V
     (levels[first..count].to_vec(), (first..count).map(from).collect())
 }
 
-/// Maps as the device holds them.
+/// The maps in the layout of the device.
 fn columns(maps: &Maps) -> Vec<[f32; 8]> {
     let of_pixel = |((a, z), n): ((&f32, &f32), &[f32; 3])| {
         let of = |v: f32| if z.is_finite() && v.is_finite() { v } else { 0.0 };
@@ -179,8 +182,8 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
     maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
 }
 
-/// Puts the pixels on the device with the albedos that explain most of the data; `None` if none do. Row `row` of the trace is
-/// written on.
+/// Uploads the pixels with the albedos that explain most of the data; `None` if none do. Overwrites row `row` of the
+/// trace.
 fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
@@ -200,7 +203,7 @@ fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> 
         job.executor.run(&s)?;
         Ok(objective_of(job, row))
     };
-    // |A v|² and |A v - h|², and so what factor of v leaves least.
+    // |A v|² and |A v - h|² give the factor of v that leaves least.
     let rendered = objective(start(level, pixels.len(), points), &super::passes::RESIDUAL_BOUND)?;
     let left = objective(Schedule::default(), &super::passes::RESIDUAL)?;
     let measured = energy(&job.model, level.pairs);
@@ -213,7 +216,7 @@ fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> 
     Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
 }
 
-/// The data term in that row of the trace.
+/// The data term in row `row` of the trace.
 fn objective_of(job: &OnDevice<'_>, row: usize) -> f64 {
     f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
 }
@@ -242,7 +245,7 @@ mod tests {
             levels.iter().map(|l| l.pairs).zip(beginnings).collect::<Vec<_>>()
         };
         assert_eq!(of(65_536, 60), [(1024, 0), (4096, 36), (16_384, 42), (65_536, 48)]);
-        // A volume that ended early: no more pairs than it had.
+        // A volume that ended early: the surface uses no more pairs than it.
         assert_eq!(of(4096, 60), [(1024, 0), (4096, 48)]);
         assert_eq!(of(256, 60), [(1024, 0)]);
         assert_eq!(of(4096, 5), [(1024, 0), (4096, 4)]);

@@ -11,7 +11,7 @@ use crate::transport::kernels::{SURFACE_WEIGHTS, buffer, constant};
 /// (benches/NOTES.md).
 const SMALL_PIXEL: f64 = 2.0;
 
-/// What every pixel of the surface has, bytes.
+/// Bytes of every pixel of the surface, by buffer.
 const OF_PIXEL: [(Buffer, u64); 7] = [
     (buffer::PIXELS, 16),
     (buffer::HEIGHTS, 8),
@@ -22,7 +22,7 @@ const OF_PIXEL: [(Buffer, u64); 7] = [
     (buffer::HEIGHT_MOMENTS, 16),
 ];
 
-/// Sets of taps that residuals may go back through, and the bins that the widest adds to a pulse's.
+/// Sets of taps for residuals, and the bins that the widest adds to the pulse's.
 pub fn more_taps(options: &SurfaceOptions) -> [usize; 2] {
     let blurred = options.blur > 0.0 && options.iterations > 0;
     [if blurred { blur::BLURS } else { 0 }, blur::ADDED]
@@ -47,13 +47,13 @@ pub fn is_blurred(plan: &Plan) -> bool {
     plan.tap_sets > 1
 }
 
-/// Pixels that the surface may have: all of the maps', as far as there is room for the points of each.
+/// Pixels that the surface may have: all of the maps', or as many as there is room for with the points of each.
 pub fn pixels(plan: &Plan) -> usize {
     let [x, y, _] = plan.maps.n;
     if plan.pixel_levels.is_empty() { 0 } else { (x * y).min(plan.capacity / points_of(plan)) }
 }
 
-/// Bytes of a surface with so many pixels, and their numbers by column.
+/// Bytes of a surface with `pixels` pixels, their numbers by column included.
 fn bytes(pixels: u64) -> u64 {
     pixels * (OF_PIXEL.iter().map(|(_, bytes)| bytes).sum::<u64>() + 4)
 }

@@ -5,7 +5,7 @@ use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 passes! {
-    /// All of them.
+    /// All passes that only the surface has.
     pub static ALL;
 
     /// Finds the neighbours that a pixel's plane goes through.
@@ -14,7 +14,7 @@ passes! {
         ..Pass::of("surface_bonds", |_| &kernel::SURFACE_BONDS)
     };
 
-    /// The slopes, and the points of every pixel.
+    /// Computes the slopes and the points of every pixel.
     SURFACE_POINTS = Pass {
         faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["use a smaller " Peak] }],
         twin: twin!(surface_points),
@@ -34,19 +34,19 @@ passes! {
         ..Pass::of("surface_gather", |_| &kernel::SURFACE_GATHER)
     };
 
-    /// The gradient of every pixel, its points together.
+    /// Sums the gradients of the points of every pixel.
     SURFACE_COMBINE = Pass {
         twin: twin!(surface_combine),
         ..Pass::of("surface_combine", |_| &kernel::SURFACE_COMBINE)
     };
 
-    /// Adds what the prior and the neighbours' slopes ask for.
+    /// Adds the gradients of the prior and of the neighbours' slopes.
     SURFACE_PULL = Pass {
         twin: twin!(surface_pull),
         ..Pass::of("surface_pull", |_| &kernel::SURFACE_PULL)
     };
 
-    /// Adam on depths and albedos.
+    /// Updates depths and albedos by Adam.
     SURFACE_STEP = Pass {
         faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["use a smaller " Peak] }],
         twin: twin!(surface_step),

@@ -8,11 +8,11 @@ const SUPPORT: f32 = 0.1;
 /// Pixels of a surface.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pixels {
-    /// Where each is among the maps' pixels, ascending.
+    /// Index of each among the maps' pixels, ascending.
     pub columns: Vec<u32>,
     /// Albedo of each.
     pub albedo: Vec<f32>,
-    /// Metres.
+    /// Depth of each, metres.
     pub depth: Vec<f32>,
 }
 
@@ -48,7 +48,7 @@ impl Pixels {
         self.columns.iter().zip(self.albedo.iter().zip(&self.depth)).map(word).collect()
     }
 
-    /// The buffer `pixel_of`, for maps of so many pixels.
+    /// The buffer `pixel_of`, for maps of `maps` pixels.
     pub fn places(&self, maps: usize) -> Vec<u32> {
         let mut all = vec![u32::MAX; maps];
         for (pixel, c) in self.columns.iter().enumerate() {

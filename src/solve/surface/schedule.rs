@@ -13,7 +13,7 @@ fn push(count: usize) -> Push {
     Push { last: count as u32, ..Default::default() }
 }
 
-/// Adam at rest, so many samples for each pixel, slopes from the depths at hand.
+/// Puts Adam at rest, with `points` samples for each of `count` pixels, and finds the bonds at the current depths.
 pub fn start(level: &Level, count: usize, points: usize) -> Schedule {
     let mut s = Schedule::default();
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
@@ -23,20 +23,21 @@ pub fn start(level: &Level, count: usize, points: usize) -> Schedule {
     s
 }
 
+/// Finds the bonds of every pixel.
 pub fn bonds(level: &Level, count: usize) -> Schedule {
     let mut s = Schedule::default();
     s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
     s
 }
 
-/// Slopes and samples of the surface at hand.
+/// Computes slopes and samples of the current surface.
 pub fn points(level: &Level, count: usize) -> Schedule {
     let mut s = Schedule::default();
     s.dispatch(&SURFACE_POINTS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
     s
 }
 
-/// Renders the surface at hand and takes it in by the pass `residual`.
+/// Renders the current surface and compares it by the pass `residual`.
 pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through: Option<u32>) -> Schedule {
     let mut s = points(level, count);
     s.extend(forward(plan, level, &FORWARD));
@@ -44,9 +45,9 @@ pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through
     s
 }
 
-/// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather, combine,
-/// pull, step, finish. Residuals go `through` the taps that begin at that word of `pulse_taps`, or the pulse's own if there is
-/// one.
+/// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather,
+/// combine, pull, step, finish. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
+/// through the pulse's own if there is one.
 pub fn iteration(
     plan: &Plan,
     level: &Level,
@@ -67,7 +68,7 @@ pub fn iteration(
     s
 }
 
-/// The maps with the surface in them, in `columns_host`.
+/// Puts the maps with the surface in them into `columns_host`.
 pub fn extract(level: &Level, count: usize) -> Schedule {
     let mut s = points(level, count);
     s.dispatch(&SURFACE_EXTRACT, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
@@ -76,7 +77,7 @@ pub fn extract(level: &Level, count: usize) -> Schedule {
     s
 }
 
-/// What goes on with more pairs.
+/// Continues with more pairs: new weights and dispatch sizes.
 pub fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedule {
     let mut s = Schedule::default();
     for index in [SURFACE_BEND, SURFACE_JUMP] {

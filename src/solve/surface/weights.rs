@@ -7,40 +7,41 @@ use crate::solve::plan::AMPLE;
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model};
 
-/// How far a pixel may be off its neighbours' planes, in pixels, and how different its albedo, in the largest one.
+/// How far a pixel may be off its neighbours' planes, in pixels, and how much its albedo may differ, as a share of the
+/// largest.
 const BEND: f64 = 0.1;
 const JUMP: f64 = 0.2;
 
-/// Amplitude that no model explains, as a share of the data's: where there is no noise the prior still has a say.
+/// Amplitude that no model explains, as a share of the data's. It gives the prior a weight where there is no noise.
 const MISFIT: f64 = 0.05;
 
-/// First steps: depths in bins of path and in pixels, whichever is less, albedos in the largest one.
+/// First steps: of depths in bins of path and in pixels, whichever is less; of albedos as a share of the largest.
 const DEPTH_BINS: f64 = 1.0 / 3.0;
 const DEPTH_PIXELS: f64 = 0.25;
 const ALBEDO: f64 = 0.06;
 
-/// Share of its largest from which on a pixel's albedo costs little more ([`SurfaceOptions::sparsity`]).
+/// Above this share of the largest albedo, a pixel costs little more ([`SurfaceOptions::sparsity`]).
 const FAINT: f64 = 0.1;
 
-/// Gaussian that the maps' albedo sees albedos under, in pixels of the first grid, which has what a scan tells apart, but of
-/// one with 32 pixels a side where that is coarser; and in the map's own at least. The kernel walks (4 sigma)² of them, and
-/// lavapipe stops after 65,535.
+/// Gaussian that smooths albedos as the maps show them. Its sigma is in pixels of the first grid, which has the
+/// resolution of the scan, or of a grid with 32 pixels a side if that is coarser. The limits are in the map's own
+/// pixels. The kernel walks (4 sigma)² of them, and lavapipe stops after 65,535.
 const SMOOTH: f64 = 0.5;
 const LEAST_SMOOTH: f64 = 0.7;
 const MOST_SMOOTH: f64 = 60.0;
 
-/// Gaussian over which gradients are averaged at first, in pixels of the same grid, and at most in the map's own.
+/// Gaussian that averages gradients at first: sigma in pixels of the same grid, and at most in the map's own.
 const SPREAD: f64 = 0.7;
 const MOST_SPREAD: f64 = 6.0;
 
-/// What a surface begins with.
+/// The state that a surface begins with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
     /// How many pixels it has.
     pub pixels: usize,
     /// The largest albedo.
     pub most: f64,
-    /// How much of the data its light explains, weighted and squared, in the mean over bins.
+    /// The part of the data that its light explains: weighted squares, mean over bins.
     pub explained: f64,
 }
 
@@ -51,12 +52,13 @@ pub fn energy(model: &Model, pairs: usize) -> f64 {
     sum / model.elements_of(pairs).max(1) as f64
 }
 
-/// What no surface need explain of the data term, where its light explains so much: photon noise and the model's own misfit.
+/// The part of the data term that no surface need explain: photon noise, and the misfit of the model to the
+/// `explained` part.
 fn unexplained(model: &Model, explained: f64) -> f64 {
     expected_noise(model).max(0.0) + MISFIT * MISFIT * explained
 }
 
-/// The buffer `surface_weights`, after levels of which the first had the grid `first`.
+/// The buffer `surface_weights`. `first` is the grid of the first level.
 pub fn weights(
     model: &Model,
     first: &Grid,
@@ -64,7 +66,7 @@ pub fn weights(
     placed: Placed,
     options: &SurfaceOptions,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
-    // Half of chi² is the objective times this, inverted.
+    // Half of chi² is the objective divided by this.
     let unit = 2.0 * unexplained(model, placed.explained) / model.elements_of(level.pairs).max(1) as f64;
     let most = placed.most;
     let sparse = options.sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
@@ -87,8 +89,8 @@ pub fn weights(
     all
 }
 
-/// How many pixels of `maps` are as wide as one of the grid that a solve began with, which has what a scan tells apart; as one
-/// with [`AMPLE`] a side where it is coarser.
+/// The width of a pixel of the first grid, which has the resolution of the scan, in pixels of `maps`; or that of a
+/// grid with [`AMPLE`] pixels a side if the first is coarser.
 pub fn coarser(first: &Grid, maps: &Grid) -> f64 {
     (first.pitch.x / maps.pitch.x).min(maps.n[0] as f64 / AMPLE as f64)
 }

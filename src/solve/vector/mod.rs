@@ -2,13 +2,13 @@
 //!
 //! minimise  Σ w(t) (A v - h)² / (P T)  +  Σ λ_i |v_i|  +  Σ μ_ij |v_i - v_j|² / 2   over v_z <= 0, |v_xy| <= cone |v_z|
 //!
-//! by accelerated proximal gradient with adaptive restart. Weighting the squares by the inverse falloff makes near
-//! and far surfaces weigh alike. Three things come from the data, not from the user: the step of every voxel from
-//! a bound of the operator on the domain at hand (De Pierro's separable surrogate, exact while no cosine changes
-//! its sign), λ_i from the photon noise that reaches the voxel's gradient (and from it μ_ij, which holds neighbours
-//! together where photons are few), and the background from the quietest
-//! stretch behind the signal. The first domain comes from a filtered back-projection, so no iteration is dense. The maps of
-//! the volume then begin a surface ([`surface`]).
+//! by accelerated proximal gradient with adaptive restart. The weights are the inverse falloff, so near and far
+//! surfaces weigh alike. Three things come from the data, not from the user. The step of every voxel comes from a
+//! bound of the operator on the current domain (De Pierro's separable surrogate, exact while no cosine changes its
+//! sign). λ_i comes from the photon noise in the voxel's gradient, and μ_ij, which holds neighbours together where
+//! photons are few, comes from λ_i. The background comes from the quietest stretch behind the signal. The first domain
+//! comes from a filtered back-projection, so no iteration is dense. The maps of the volume then begin a surface
+//! ([`surface`]).
 
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
@@ -40,9 +40,10 @@ const SMOOTH_SIGMA: f64 = 1.0;
 /// The Mexican hat of the back-projection, in lateral voxels of path.
 pub const HAT_SIGMA: f64 = 1.5;
 
-/// Runs the solver.
+/// Runs the solver. Takes the arguments of [`super::paper::reconstruct`].
 ///
-/// Errors: as [`super::paper::reconstruct`].
+/// # Errors
+/// As [`super::paper::reconstruct`].
 pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
     capture: &Capture,
@@ -77,7 +78,7 @@ pub fn reconstruct<'b, 'w: 'b>(
     })
 }
 
-/// What the driver runs, up to the last iteration.
+/// The steps that the driver runs, up to the last iteration.
 fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
     Steps {
         levels: plan.levels.clone(),
@@ -99,7 +100,7 @@ pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
     parts
 }
 
-/// The model that `options` make of a capture for `grid`: scaled, the background taken off, its noise estimated.
+/// The model that `options` make of a capture for `grid`: scaled, background subtracted, noise estimated.
 pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     let mut model = Model {
         min_depth: options.domain.min_depth,
@@ -127,7 +128,7 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     model
 }
 
-/// Albedo of a voxel whose vector this is.
+/// Albedo of a voxel from its vector.
 fn albedo_of([x, y, z, _]: [f32; 4]) -> f32 {
     (x * x + y * y + z * z).sqrt()
 }

@@ -8,7 +8,7 @@ use crate::solve::{Plan, surface};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient};
 
-/// Bytes that every active voxel has; a touched one has none beside.
+/// Bytes of state of an active voxel, and of a touched one.
 const OF_VOXEL: [u64; 2] = [76, 0];
 
 impl Needs for VectorOptions {
@@ -28,8 +28,8 @@ impl Needs for VectorOptions {
         }
     }
 
-    /// A share of the last grid, and half of the first: a first back-projection leaves a tenth of it, surfaces a
-    /// hundredth of the last. Of more voxels the brightest are kept.
+    /// A share of the last grid, and half of the first. The first back-projection leaves a tenth of the first grid,
+    /// surfaces a hundredth of the last. If there are more voxels, the brightest stay.
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
         const SMALL: usize = 1 << 18;
         let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));

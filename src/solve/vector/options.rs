@@ -8,7 +8,7 @@ use crate::solve::{Accumulation, Sizes};
 use crate::transport::Reflectance;
 
 options! {
-    /// Everything the vector solver can be told.
+    /// Options of the vector solver.
     pub struct VectorOptions(suit) {
         nested {
             /// The active voxels.
@@ -111,6 +111,8 @@ impl VectorOptions {
         }
     }
 
+    /// Checks the options.
+    ///
     /// # Errors
     /// The first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {

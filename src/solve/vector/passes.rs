@@ -12,7 +12,7 @@ const BOUND_FAULT: &[Fault] = &[Fault {
 }];
 
 passes! {
-    /// All of them.
+    /// All passes that only the vector solver has.
     pub static ALL;
 
     /// Filters the measurement along time.
@@ -40,31 +40,31 @@ passes! {
         ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
     };
 
-    /// Takes vectors and bounds to their new slots.
+    /// Moves vectors and bounds to their new slots.
     SETTLE = Pass {
         constants: &[(constant::DOUBLED, Value::Is(0))],
         twin: twin!(settle),
         ..Pass::of("settle", |_| &kernel::SETTLE)
     };
 
-    /// The same to twice the lateral resolution.
+    /// Moves them to twice the lateral resolution.
     SETTLE_DOUBLED = Pass {
         constants: &[(constant::DOUBLED, Value::Is(1))],
         twin: twin!(settle),
         ..Pass::of("settle_doubled", |_| &kernel::SETTLE)
     };
 
-    /// The points of the active voxels: their centres.
+    /// Puts the points of the active voxels at their centres.
     POINTS = Pass { twin: twin!(points), ..Pass::of("points", |_| &kernel::POINTS) };
 
-    /// The brightness that voxels are expected to have.
+    /// Estimates the expected brightness of voxels.
     EXPECT = Pass {
         constants: &[(constant::DOUBLED, Value::Is(0))],
         twin: twin!(expect),
         ..Pass::of("expect", |_| &kernel::EXPECT)
     };
 
-    /// The same at twice the lateral resolution.
+    /// Estimates it at twice the lateral resolution.
     EXPECT_DOUBLED = Pass {
         constants: &[(constant::DOUBLED, Value::Is(1))],
         twin: twin!(expect),
@@ -89,7 +89,7 @@ passes! {
         ..Pass::of("bound_step", |_| &kernel::BOUND)
     };
 
-    /// The photon variance of every bin.
+    /// Computes the photon variance of every bin.
     VARIANCE = Pass { twin: twin!(variance), ..Pass::of("variance", |_| &kernel::VARIANCE) };
 
     /// Takes variances back through the squared pulse.
@@ -110,7 +110,7 @@ passes! {
         ..Pass::of("bound_noise", |_| &kernel::BOUND)
     };
 
-    /// Extrapolates the iterate, and the roughness there.
+    /// Extrapolates the iterate, and computes its roughness there.
     EXTRAPOLATE = Pass {
         faults: &[Fault {
             bit: FAULT_SAMPLE,

@@ -9,7 +9,8 @@ use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 
-/// Sums at zero, the first domain from a filtered back-projection, nothing in it, its bounds.
+/// Sets sums to zero, finds the first domain by a filtered back-projection, and begins with an empty volume and its
+/// bounds.
 pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     let mut s = Schedule::default();
     for cleared in [buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENTUM, buffer::MASK_BEFORE] {
@@ -26,7 +27,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     }
     s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME));
     s.extend(domain::keep(plan, level, options.domain.start_above, plan.capacity));
-    // The maximum of a back-projection says nothing about albedo: no roughness before there is one.
+    // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     s.extend(settle(plan, level, &SETTLE));
     s.extend(bounds(plan, level, None));
@@ -48,14 +49,15 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     s
 }
 
-/// What is due after `done` iterations: the next level, on a finer grid or with more pairs, or reduction.
+/// The schedule that is due after `done` iterations: the next level, on a finer grid or with more pairs, or a
+/// reduction.
 pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) -> Schedule {
     let mut s = Schedule::default();
     let here = &plan.levels[*level];
     let next = plan.levels.get(*level + 1);
     let doubles =
         next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.domain.coarse_iterations));
-    // The first growth begins the last iterations, every further one the last third of what is left.
+    // The first growth begins the last `growth_iterations`, every further one the last third of what is left.
     let grown = plan.levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
     let left = options.growth_iterations / 3usize.pow(grown - 1);
     let growths = plan.levels.len() - 1 - *level;
@@ -63,7 +65,7 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let expected = |pass: &'static Pass| (options.bound_power > 0.0).then_some((pass, options.bound_power));
     let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
     if let Some(fine) = doubles {
-        // A voxel becomes four.
+        // A voxel becomes four: there must be room for them.
         s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity / 4));
         s.extend(domain::double_mask(here, fine));
         s.extend(settle(plan, fine, &SETTLE_DOUBLED));
@@ -84,8 +86,8 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     s
 }
 
-/// After a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. `how` is the pass that
-/// moves them.
+/// Follows a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. The pass `how` moves
+/// them.
 fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
     let mut s = domain::compact(plan, level);
     let sample = arguments(ARGUMENTS_SAMPLE);
@@ -100,9 +102,9 @@ fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
     s
 }
 
-/// D and lambda of the active voxels, D for voxels as bright as `expected` (the kernel that tells, and the power) or
-/// all alike. What becomes active later has no bound, and stays zero until the next time:
-/// so the bounds of the others hold in between.
+/// D and lambda of the active voxels. `expected` is the pass that estimates brightness, and the power of it that
+/// weights D; without it all voxels weigh alike. Voxels that become active later have no bound and stay zero until the
+/// next call, so the bounds of the others still hold.
 fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
@@ -113,7 +115,7 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedul
             .bind(buffer::SOURCE, plan.volumes[0])
             .with(Push { flags: (power as f32).to_bits(), ..Default::default() });
     }
-    // The largest albedo of the rendering that bounds: one.
+    // The rendering for the bound has albedo one.
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
     s.extend(forward(plan, level, &FORWARD_BOUND));
     s.extend(compare(plan, level, &RESIDUAL_BOUND, Push::default(), None));
