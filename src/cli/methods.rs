@@ -29,7 +29,8 @@ struct SpecArgs {
 
 /// Reads a method; `base` holds the options that all methods have unless they say otherwise.
 ///
-/// Errors: an unknown solver, an unknown key, a value that makes no sense, each with the method's text.
+/// # Errors
+/// An unknown solver, an unknown key, a value that makes no sense, each with the method's text.
 pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
     let text = text.trim();
     let mend =
