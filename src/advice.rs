@@ -1,13 +1,14 @@
-//! What may mend an error: words with typed settings between them, which a front end turns into its own.
+//! Advice on how to mend an error: text with typed settings in it. A front end shows the settings in its own words.
 //!
-//! [`std::fmt::Display`] shows a setting as the library's field is called, in backticks. The command line shows its flags.
+//! [`std::fmt::Display`] shows a setting as the name of the library's field, in backticks. The command line shows its
+//! flag.
 
 use std::borrow::Cow;
 use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-/// Declares the settings with the names of their fields.
+/// Declares the settings, each with the name of its field and its documentation.
 macro_rules! settings {
     ($($setting:ident $name:literal $what:literal)*) => {
         /// A setting that an advice may name.
@@ -18,7 +19,7 @@ macro_rules! settings {
         }
 
         impl Setting {
-            /// All of them.
+            /// All settings.
             pub const ALL: &[Setting] = &[$(Setting::$setting),*];
 
             /// The name of the field that holds it.
@@ -32,23 +33,23 @@ macro_rules! settings {
 }
 
 settings! {
-    Accumulation "accumulation" "How contributions are added on the device."
+    Accumulation "accumulation" "How rendered values are added up on the device."
     DepthPitch "depth_pitch" "Depth of a voxel."
     Device "device" "The device, by its index or a part of its name."
-    Gate "gate" "The part of the histograms that is taken."
+    Gate "gate" "The interval of paths that is used."
     InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
     L1 "l1" "Weight of the L1 term."
     Lateral "lateral" "Voxels along x and along y."
     LearningRate "learning_rate" "Step size."
     Memory "memory" "Budget of device memory in bytes."
-    MinDepth "min_depth" "Nothing nearer to the wall is reconstructed."
+    MinDepth "min_depth" "Least distance of the reconstructed box from the wall."
     NoiseFactor "noise_factor" "Weight of the sparse term in standard deviations of the noise."
     NoiseSpan "noise_span" "Range of the learnt noise."
-    Peak "peak" "What the largest measurement is scaled to."
-    Resume "resume" "The checkpoint to go on from."
+    Peak "peak" "Value that the largest measurement is scaled to."
+    Resume "resume" "The checkpoint to resume from."
     Roughness "roughness" "Weight of the roughness term."
     StepShare "step_share" "Share of the bound that the first step is divided by."
-    Stride "stride" "Every Nth point of the scan is taken."
+    Stride "stride" "Every Nth point of the scan is used."
     Volume "volume" "The box that is reconstructed."
     Wall "wall" "Side of the wall."
 }
@@ -56,53 +57,53 @@ settings! {
 /// A setting to change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Remedy {
-    /// This setting; the words around it say how.
+    /// This setting; the text around it says how.
     Set(Setting),
-    /// Whatever makes the job smaller.
+    /// Any change that makes the job smaller.
     SmallerJob {
         /// Bytes that were asked for, if known.
         asked: Option<u64>,
-        /// Bytes that there are, if known.
+        /// Bytes that are available, if known.
         available: Option<u64>,
     },
 }
 
 impl Remedy {
-    /// A smaller job, where no figures are known.
+    /// A smaller job, with both byte counts unknown.
     pub const SMALLER_JOB: Remedy = Remedy::SmallerJob { asked: None, available: None };
 }
 
-/// Where a reader finds more.
+/// Where to find more information.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
     /// The list of devices: [`crate::gpu::devices`].
     Devices,
-    /// What a capture holds: [`crate::job::inspect()`].
+    /// A description of a capture: [`crate::job::inspect()`].
     Capture,
 }
 
-/// A piece of an advice.
+/// A part of an advice.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Part {
-    /// Words.
+    /// Plain text.
     Text(Cow<'static, str>),
-    /// What to change.
+    /// A change to make.
     Change(Remedy),
-    /// Where to look.
+    /// A place to look.
     Look(Look),
 }
 
-/// What may mend an error.
+/// How to mend an error: parts in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Advice(Vec<Part>);
 
 impl Advice {
-    /// Its pieces in order.
+    /// Its parts in order.
     pub fn parts(&self) -> &[Part] {
         &self.0
     }
 
-    /// What it proposes to change.
+    /// The changes that it proposes.
     pub fn remedies(&self) -> impl Iterator<Item = Remedy> {
         self.0.iter().filter_map(|part| if let Part::Change(remedy) = part { Some(*remedy) } else { None })
     }
@@ -112,7 +113,7 @@ impl Advice {
         self.remedies().any(|r| r == Remedy::Set(setting))
     }
 
-    /// The advice in the words of a front end: `changed` and `found` say what stands for a remedy and for a place to look.
+    /// The advice as text. A front end words the changes with `changed` and the places to look with `found`.
     pub fn say(&self, changed: impl Fn(Remedy) -> String, found: impl Fn(Look) -> String) -> String {
         let said = |part: &Part| match part {
             Part::Text(text) => text.to_string(),
@@ -122,7 +123,7 @@ impl Advice {
         self.0.iter().map(said).collect()
     }
 
-    /// The same with more behind it.
+    /// The same advice with `more` at the end.
     pub fn and(mut self, more: impl Into<Advice>) -> Advice {
         self.0.extend(more.into().0);
         self
@@ -143,7 +144,7 @@ impl fmt::Display for Advice {
     }
 }
 
-/// As it is displayed.
+/// Serialized as it is displayed.
 impl Serialize for Advice {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
@@ -174,8 +175,8 @@ impl From<&[Part]> for Advice {
     }
 }
 
-/// Parts of an advice in a row: text as literals, other text as `(expression)`, settings by their names in [`Setting`],
-/// [`Remedy`] as `{expression}`, [`Look`] as `[Name]`.
+/// Makes the parts of an advice, in order. Text is a literal or `(expression)`, a setting is its name in [`Setting`], a
+/// [`Remedy`] is `{expression}`, a [`Look`] is `[Name]`.
 macro_rules! advice {
     ($($part:tt)*) => { [$($crate::advice::part!($part)),*] };
 }

@@ -11,7 +11,7 @@ pub enum Kind {
     Options,
     /// No Vulkan loader, no device, a missing feature, a lost device.
     Device,
-    /// Not enough memory on the host or the device, or beyond a limit of the device.
+    /// Not enough memory on the host or the device, or a limit of the device is exceeded.
     Memory,
     /// A result that could not be written.
     Output,
@@ -62,7 +62,7 @@ impl Error {
         Error::new(Kind::Output, what, mend)
     }
 
-    /// The same error with the place (a file, a dataset) put before what is wrong.
+    /// The same error with its place (a file, a dataset) in front of what is wrong.
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {
         self.what = format!("{place}: {}", self.what);
         self

@@ -1,9 +1,9 @@
 //! Non-line-of-sight reconstruction on Vulkan compute: albedo, depth and normals of a hidden scene from the
 //! third bounce of light off a relay wall.
 //!
-//! Data flows one way: a [`capture`], the [`transport`] model of it, a [`solve`] schedule that the [`gpu`] runs,
-//! [`maps`] that are [`measure`]d and [`export`]ed. [`simulate`] makes captures of known scenes; [`job`] is the
-//! whole way from file to files, as the command line goes it.
+//! Data flows one way: a [`capture`], a [`transport`] model of it, a [`solve`] schedule that the [`gpu`] runs, then
+//! [`maps`] to [`measure`] and [`export`]. [`simulate`] makes captures of known scenes. [`job`] does everything from
+//! input files to result files, as the command line does.
 //!
 //! Feature `formats` reads and writes files: without it there is no [`export`], no [`job`] and no reading of captures.
 //! Feature `cli` adds the command.

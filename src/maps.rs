@@ -37,7 +37,7 @@ pub struct Truth {
     pub extent: [f64; 4],
     /// z of the first hit along +z from (x, y, 0) in metres; NaN = miss.
     pub depth: Vec<f32>,
-    /// Unit normal there, toward the wall; NaN = miss.
+    /// Unit normal at that point, toward the wall; NaN = miss.
     pub normal: Vec<[f32; 3]>,
     /// True where there is surface.
     pub mask: Vec<bool>,
@@ -54,8 +54,8 @@ impl Maps {
         albedo.iter().map(|&a| a > threshold && a > 0.0).collect()
     }
 
-    /// The albedo that counts as white: the 99.9th percentile, or the maximum if that is zero (less than a thousandth
-    /// of the pixels is lit), or 0 if no pixel is lit.
+    /// The albedo that counts as white: the 99.9th percentile. If that is zero (less than a thousandth of the pixels is
+    /// lit), the maximum; 0 if no pixel is lit.
     pub fn white(albedo: &[f32]) -> f32 {
         match percentile(albedo, 99.9) {
             Some(white) if white > 0.0 => white,
@@ -83,9 +83,10 @@ impl Maps {
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
 
-    /// The same maps with each pixel cut into `factor` × `factor`. Between pixels' centres the albedo is linear in both
-    /// directions. Depths and normals are means weighted by the albedo, over the pixels within 2.5 pixels of the
-    /// heaviest one's depth: this leaves no points between an edge and the surface behind it.
+    /// The same maps with each pixel divided into `factor` × `factor`. Albedo is interpolated bilinearly between the
+    /// centres of pixels. Depth and normal are means of the four pixels around, weighted by interpolated albedo. Only
+    /// pixels within 2.5 pixels of the heaviest pixel's depth count, so that no point lies between an edge and the
+    /// surface behind it.
     pub fn finer(&self, factor: usize) -> Maps {
         if factor <= 1 {
             return self.clone();
@@ -94,7 +95,7 @@ impl Maps {
         let [x0, x1, y0, y1] = self.extent;
         let edge = (2.5 * (x1 - x0) / self.nx as f64).max(2.5 * (y1 - y0) / self.ny as f64) as f32;
         let white = Maps::white(&self.albedo).max(f32::MIN_POSITIVE);
-        // The pixels around a new one, and their shares.
+        // The two pixels around a new one along an axis, and their weights.
         let between = |i: usize, n: usize| {
             let at = ((i as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(n - 1), at.fract())]
@@ -180,7 +181,7 @@ fn check_grid([nx, ny]: [usize; 2], extent: [f64; 4], lengths: &[(&str, usize)])
     let [x0, x1, y0, y1] = extent;
     if !extent.iter().all(|v| v.is_finite()) || x0 >= x1 || y0 >= y1 {
         return Err(Error::input(
-            format!("the extent {extent:?} is not (xmin, xmax, ymin, ymax)"),
+            format!("the extent {extent:?} is not a valid (xmin, xmax, ymin, ymax)"),
             "give the outer edges of the map in metres",
         ));
     }

@@ -10,12 +10,12 @@ use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 use super::array::Array;
 use crate::error::{Error, Result};
 
-/// Deflate never shrinks data more than 1032 times; a larger claim is a lie.
+/// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
 const MOST_DEFLATED: u64 = 1100;
-/// No array of a capture or of maps comes near this many bytes.
+/// Largest array, bytes. Arrays of captures and maps are far smaller.
 const LARGEST: u64 = 32 << 30;
 
-/// An npz file opened for reading; arrays are decoded when asked for.
+/// An npz file opened for reading; arrays are decoded on request.
 pub struct Npz {
     zip: ZipArchive<BufReader<File>>,
     bytes: u64,
@@ -25,7 +25,8 @@ impl Npz {
     /// Opens an archive and reads its table of contents.
     ///
     /// # Errors
-    /// `Kind::Input` if the file cannot be read or is no zip archive, without the path (see [`Error::at`]).
+    /// `Kind::Input` if the file cannot be read or is not a zip archive. The error does not name the path (see
+    /// [`Error::at`]).
     pub fn open(path: &Path) -> Result<Npz> {
         let file =
             File::open(path).map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path"))?;
@@ -47,18 +48,18 @@ impl Npz {
         names
     }
 
-    /// Reads an array, `None` if there is none of that name.
+    /// Reads an array; `None` if there is no array of this name.
     ///
     /// # Errors
-    /// `Kind::Input` if the entry is damaged, is no array of numbers, or claims an absurd size.
+    /// `Kind::Input` if the entry is damaged, is not an array of numbers, or claims an absurd size.
     pub fn get(&mut self, name: &str) -> Result<Option<Array>> {
         let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
         let entry = self.zip.by_index(index).map_err(damaged)?;
         let size = entry.size();
         if size > LARGEST || size / MOST_DEFLATED > self.bytes {
             return Err(Error::input(
-                format!("array {name} claims {size} bytes in a file of {}", self.bytes),
-                "the file is damaged or malicious: fetch or write it anew",
+                format!("array {name} claims {size} bytes, but the file has {}", self.bytes),
+                "the file is damaged or malicious: download or write it again",
             ));
         }
         let mut npy = Vec::new();
@@ -72,10 +73,10 @@ impl Npz {
         Array::parse(&npy).map(Some).map_err(|e| e.at(format!("array {name}")))
     }
 
-    /// Reads an array that must be there.
+    /// Reads a required array.
     ///
     /// # Errors
-    /// As [`Npz::get`]; a missing array lists what is there and what is wanted.
+    /// As [`Npz::get`]. If the array is missing, the error lists the arrays of the file and `wanted`.
     pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {
         let there = self.names();
         self.get(name)?.ok_or_else(|| {
@@ -87,7 +88,7 @@ impl Npz {
     /// Reads a scalar: an array of exactly one number.
     ///
     /// # Errors
-    /// As [`Npz::get`], or if it holds another number of elements.
+    /// As [`Npz::get`], or if the array does not hold exactly one number.
     pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {
         let Some(array) = self.get(name)? else { return Ok(None) };
         match array.to_f64()[..] {
@@ -103,15 +104,15 @@ impl Npz {
 fn damaged(e: impl std::fmt::Display) -> Error {
     Error::input(
         format!("the zip archive cannot be read: {e}"),
-        "the file is damaged or cut short: fetch it anew",
+        "the file is damaged or cut short: copy or download it again",
     )
 }
 
-/// The bytes of an npz file: deflated, in the given order, with fixed timestamps, so equal arrays give equal
+/// The bytes of an npz file: deflated, in the given order, with fixed timestamps, so that equal arrays give equal
 /// bytes.
 ///
 /// # Errors
-/// `Kind::Output` if an array cannot be packed (memory).
+/// `Kind::Output` if there is not enough memory to pack an array.
 pub fn npz_bytes(arrays: &[(&str, Array)]) -> Result<Vec<u8>> {
     let failed =
         |e: String| Error::output(format!("the npz archive cannot be packed: {e}"), "free some memory");

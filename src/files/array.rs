@@ -1,11 +1,11 @@
-//! An n-dimensional array as it stands in an npy file: shape, element type, bytes.
+//! An n-dimensional array as an npy file stores it: shape, element type, bytes.
 
 use crate::error::{Error, Result};
 
-/// Element types that numpy writes for numbers and truth values.
+/// Element types of numbers and booleans in npy files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
-    /// Truth value, a byte.
+    /// Boolean, 8 bits.
     Bool,
     /// Unsigned, 8 bits.
     U8,
@@ -53,7 +53,7 @@ impl Element {
         self.entry().2
     }
 
-    /// Whether it counts (integers and truth values).
+    /// Whether it is an integer or a boolean.
     pub fn is_integer(self) -> bool {
         !matches!(self, Element::F32 | Element::F64)
     }
@@ -66,7 +66,7 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// Type of the elements.
     pub element: Element,
-    /// Whether the bytes of an element stand with the largest first.
+    /// Whether the most significant byte of an element comes first.
     pub big_endian: bool,
     /// Whether the first index runs fastest.
     pub fortran: bool,
@@ -97,7 +97,7 @@ impl Array {
     from_slice!(from_u16, u16, U16);
     from_slice!(from_u32, u32, U32);
 
-    /// A C-order array of truth values.
+    /// A C-order array of booleans.
     pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {
         let bytes = values.iter().map(|&v| u8::from(v)).collect();
         Array { shape: shape.to_vec(), element: Element::Bool, big_endian: false, fortran: false, bytes }
@@ -118,7 +118,7 @@ impl Array {
         self.convert(|v| v as f32)
     }
 
-    /// All elements in C order, true where not zero.
+    /// All elements in C order; true where not zero.
     pub fn to_bool(&self) -> Vec<bool> {
         self.convert(|v| v != 0.0)
     }
@@ -159,7 +159,7 @@ impl Array {
         }
     }
 
-    /// Positions in the Fortran-ordered bytes, walked in C order.
+    /// Positions of the elements in the Fortran-ordered bytes, in C order.
     fn c_order(&self) -> impl Iterator<Item = usize> + '_ {
         let mut strides = vec![1usize; self.shape.len()];
         for axis in 1..self.shape.len() {
@@ -185,11 +185,10 @@ impl Array {
     /// Reads the contents of an npy file (versions 1 to 3).
     ///
     /// # Errors
-    /// `Kind::Input` if it is no npy file, holds something other than numbers, or is not as long as its
-    /// header says.
+    /// `Kind::Input` if it is not an npy file, does not hold numbers, or is not as long as its header says.
     pub fn parse(npy: &[u8]) -> Result<Array> {
         let wrong =
-            |what: String| Error::input(what, "write the array anew with numpy.savez, as plain numbers");
+            |what: String| Error::input(what, "write the array again with numpy.savez, as plain numbers");
         if npy.len() < 10 || &npy[..6] != b"\x93NUMPY" {
             return Err(wrong("not an npy array (its first bytes are wrong)".into()));
         }
@@ -240,7 +239,7 @@ impl Array {
     }
 }
 
-/// What follows `'key':` in the header's Python dictionary.
+/// The text after `'key':` in the header's Python dictionary.
 fn value<'a>(header: &'a str, key: &str) -> Option<&'a str> {
     let quoted = [format!("'{key}'"), format!("\"{key}\"")];
     let after = quoted.iter().find_map(|q| header.find(q).map(|at| &header[at + q.len()..]))?;
@@ -268,7 +267,7 @@ fn layout(header: &str) -> Option<(bool, Vec<usize>)> {
     Some((fortran, dims))
 }
 
-/// `rows` x `columns` values turned into `columns` x `rows`, in tiles that stay in the cache.
+/// Transposes `rows` x `columns` values, in tiles that fit the cache.
 pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     const TILE: usize = 32;
     let mut out = vec![0.0; values.len()];

@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all.
+//! Atomic writes: a file appears whole or not at all.
 
 use std::cell::Cell;
 use std::fs;
@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use super::staging::{aside, sweep};
 use crate::error::{Error, Result};
 
-/// Writes `bytes` to `path`: first under a temporary name in the same folder, then renamed over it. Missing
-/// folders are made. On any error nothing is left behind and an older file of that name stays as it was.
+/// Writes `bytes` to `path`: first to a temporary file in the same folder, which is then renamed to `path`. Missing
+/// folders are created. On an error nothing is left behind, and an older file at `path` does not change.
 ///
 /// # Errors
-/// `Kind::Output` naming the path and what to do.
+/// `Kind::Output`, naming the path and what to do.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, |temporary| {
         let mut file = fs::File::create(temporary).map_err(|e| cannot(path, &e))?;
@@ -20,10 +20,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
-/// As [`write()`], for writers that want a path: `fill` writes the file at the path it is given.
+/// As [`write()`], for writers that need a path: `fill` writes the file to the path that it gets.
 ///
 /// # Errors
-/// `Kind::Output` naming the path, or the error of `fill`.
+/// `Kind::Output`, naming the path, or the error of `fill`.
 pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let Some(name) = path.file_name() else {
         return Err(Error::output(format!("{}: not a file name", path.display()), "give the name of a file"));
@@ -53,24 +53,24 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
     fs::rename(&temporary.0, path).map_err(|e| cannot(path, &e))
 }
 
-/// What may go wrong with a file.
+/// A fault of the disk, for tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DiskFault {
-    /// It may not be made.
+    /// The file may not be created.
     Denied,
     /// The disk is full.
     Full,
-    /// It may not be moved to its place.
+    /// The temporary file may not be renamed.
     Unmoved,
 }
 
 thread_local! {
-    /// Files written, and which of them is to go wrong.
+    /// Number of files written, and the fault with the number of the file that it hits.
     static FAULT: Cell<(u64, Option<(DiskFault, u64)>)> = const { Cell::new((0, None)) };
 }
 
-/// Makes the Nth file (from 0) that this thread writes from now on go wrong, or none. Returns how many were
-/// written since the last call. For tests.
+/// Sets a fault for the Nth file (from 0) that this thread writes after this call, or clears it. Returns the number of
+/// files that were written since the last call. For tests.
 pub fn inject(fault: Option<(DiskFault, u64)>) -> u64 {
     FAULT.replace((0, fault)).0
 }
@@ -81,11 +81,11 @@ fn next_fault() -> Option<DiskFault> {
     fault.filter(|f| f.1 == number).map(|f| f.0)
 }
 
-/// Lets `fault` happen to a file that is about to be written.
+/// Applies `fault` to a file before it is written.
 fn begin(fault: DiskFault, temporary: &Path) -> std::io::Result<()> {
     match fault {
         DiskFault::Denied => Err(ErrorKind::PermissionDenied.into()),
-        // A device that is always full: writers meet the real error, in the middle of their work.
+        // This device is always full: writers get the real error in the middle of their work.
         #[cfg(unix)]
         DiskFault::Full => std::os::unix::fs::symlink("/dev/full", temporary),
         #[cfg(not(unix))]
@@ -94,7 +94,7 @@ fn begin(fault: DiskFault, temporary: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Libraries pass the system's error on as text: a full disk has its own advice all the same.
+/// Libraries pass the system's error on as text. A full disk is recognised by that text and gets its own advice.
 fn if_full(mut error: Error) -> Error {
     let full = std::io::Error::from_raw_os_error(28);
     if full.kind() == ErrorKind::StorageFull && error.what.contains(&full.to_string()) {
@@ -103,10 +103,10 @@ fn if_full(mut error: Error) -> Error {
     error
 }
 
-/// Makes a folder and those above it, if missing.
+/// Creates a folder and its parents, if missing.
 ///
 /// # Errors
-/// `Kind::Output` if something else stands there or it may not be made.
+/// `Kind::Output` if the path exists and is not a folder, or if the folder cannot be created.
 pub fn create_dir(folder: &Path) -> Result<()> {
     if folder.exists() && !folder.is_dir() {
         return Err(Error::output(
@@ -117,19 +117,19 @@ pub fn create_dir(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| cannot(folder, &e))
 }
 
-/// A file that goes away with this value; after a rename there is nothing left to remove.
+/// A temporary file that is removed when this value is dropped. After a rename there is nothing to remove.
 struct Temporary(PathBuf);
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // Nothing to do about a failure here: the error that led here is already on its way.
+        // A failure is ignored: the error that led here is already being returned.
         let _ = fs::remove_file(&self.0);
     }
 }
 
 const FULL: &str = "the disk is full: free some space or write elsewhere";
 
-/// The error for a failed write, with advice by its cause.
+/// The error of a failed write, with advice for its cause.
 pub(crate) fn cannot(path: &Path, e: &std::io::Error) -> Error {
     let mend = match e.kind() {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {

@@ -1,4 +1,4 @@
-//! Files, whatever they hold: written whole or not at all, moved in together, and arrays in npz archives.
+//! File access: atomic writes, results of several files that appear together, arrays in npz archives.
 
 pub mod archive;
 pub mod array;

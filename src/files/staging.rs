@@ -1,4 +1,5 @@
-//! Results of several files that replace older ones together: all are written aside, then moved in.
+//! Results of several files that replace older ones together: all are written to a hidden folder, then moved to their
+//! places.
 
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -11,26 +12,26 @@ use crate::error::{Error, Result};
 const PREFIX: &str = ".thirdbounce.";
 const SUFFIX: &str = ".part";
 
-/// How long to wait for another process that moves its results in: it takes milliseconds.
+/// How long to wait for another process to move its results, which takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// What a killed process left behind as a plain file is taken for dead after so long without a change.
+/// A plain file that a killed process left is removed after this time without a change.
 const STALE: Duration = Duration::from_secs(60);
 
-/// A hidden folder inside the one that results go to. It goes away with this value; a killed process leaves it, and
-/// the next one that writes there removes it.
+/// A hidden folder inside the folder of the results. It is removed when this value is dropped. If the process is
+/// killed, the next process that writes there removes it.
 pub struct Staging {
     target: PathBuf,
     folder: PathBuf,
-    // Held while this process lives: tells the folder from one that was left behind.
+    // Held while this process lives, so that the folder is not taken for one that a killed process left.
     _lock: Option<File>,
 }
 
 impl Staging {
-    /// Makes `target` and the folders above it, if missing, and the hidden folder in it.
+    /// Creates `target` and its parents, if missing, and the hidden folder in it.
     ///
     /// # Errors
-    /// `Kind::Output` if a folder cannot be made.
+    /// `Kind::Output` if a folder cannot be created.
     pub fn new(target: &Path) -> Result<Staging> {
         create_dir(target)?;
         sweep(target, PREFIX);
@@ -40,16 +41,17 @@ impl Staging {
         Ok(Staging { target: target.into(), folder, _lock: lock })
     }
 
-    /// Where the files are to be written.
+    /// The hidden folder: write the files here.
     pub fn path(&self) -> &Path {
         &self.folder
     }
 
-    /// Moves `files` (below [`Staging::path`]) to their places, the last one last; while they move there is none at
-    /// the last one's place. Another process that does so waits. Returns their paths.
+    /// Moves `files` (inside [`Staging::path`]) to their places, in order, and returns their new paths. An older file
+    /// at the last place is removed first: the last file exists only when all others are in place. Other processes that
+    /// commit to the same folder wait.
     ///
     /// # Errors
-    /// `Kind::Output` if a file cannot be moved, or another process does not come to an end.
+    /// `Kind::Output` if a file cannot be moved, or if another process keeps the folder locked for too long.
     pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let _lock = alone_in(&self.target)?;
         let place = |file: &PathBuf| {
@@ -70,32 +72,32 @@ impl Staging {
 
 impl Drop for Staging {
     fn drop(&mut self) {
-        // Nothing to do about a failure: the next process that writes here tries again.
+        // A failure is ignored: the next process that writes here tries again.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
 
-/// A hidden place in `folder` that nobody else of this or another process has, and that [`sweep`] knows.
+/// A hidden path in `folder` that no other thread or process uses, and that [`sweep`] recognises.
 pub(super) fn aside(folder: &Path, prefix: &str) -> PathBuf {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
     folder.join(format!("{prefix}{}.{number}{SUFFIX}", std::process::id()))
 }
 
-/// Whether a file can be made in `folder`, which exists: makes one and removes it.
+/// Checks that a file can be created in `folder`, which must exist: creates one and removes it.
 ///
 /// # Errors
-/// The system's.
+/// The error of the system.
 pub(crate) fn probe(folder: &Path) -> std::io::Result<()> {
     let file = aside(folder, PREFIX);
     File::create(&file)?;
     fs::remove_file(&file)
 }
 
-/// Removes a file if there is one.
+/// Removes a file if it exists.
 ///
 /// # Errors
-/// `Kind::Output` if it stays.
+/// `Kind::Output` if it cannot be removed.
 pub(crate) fn remove(file: &Path) -> Result<()> {
     match fs::remove_file(file) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(cannot(file, &e)),
@@ -103,7 +105,7 @@ pub(crate) fn remove(file: &Path) -> Result<()> {
     }
 }
 
-/// A lock on `folder`, where the system has such.
+/// A lock on `folder`; `None` where there are no such locks.
 fn alone_in(folder: &Path) -> Result<Option<File>> {
     let Ok(file) = File::open(folder) else { return Ok(None) };
     let start = Instant::now();
@@ -125,7 +127,7 @@ fn alone_in(folder: &Path) -> Result<Option<File>> {
     }
 }
 
-/// Removes what killed processes left in `folder` under names that begin with `prefix`.
+/// Removes files and folders that killed processes left in `folder`, with names that begin with `prefix`.
 pub(super) fn sweep(folder: &Path, prefix: &str) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
@@ -141,7 +143,7 @@ pub(super) fn sweep(folder: &Path, prefix: &str) {
             }
         } else {
             let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|m| m.elapsed().ok());
-            // The process may run on another machine that shares the folder: it would write on.
+            // The process may run on another machine that shares the folder, and may still be writing.
             if age.is_some_and(|age| age > STALE) {
                 let _ = fs::remove_file(&path);
             }
@@ -149,7 +151,7 @@ pub(super) fn sweep(folder: &Path, prefix: &str) {
     }
 }
 
-/// Whether a process of that number may be running; yes where that cannot be known.
+/// Whether a process with this number may be running; true where this is unknown.
 fn is_alive(process: u32) -> bool {
     !Path::new("/proc/self").exists() || Path::new(&format!("/proc/{process}")).exists()
 }
