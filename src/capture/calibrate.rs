@@ -1,76 +1,78 @@
-//! Time zero of a confocal capture from one small target.
+//! Time zero of a confocal capture, estimated from one small target.
 //!
-//! A point p is met from the wall point w after the path t with (t/2)² − |w|² = |p|² − 2 w·p: linear in w, if time
-//! zero is right. With a shift it is not, as (t/2)² bends another way. The residual of the best straight fit, in metres
-//! of path, tells how well a shift fits; its least value is the estimate.
+//! Let t be the path from the wall point w to the target point p and back. Then (t/2)² − |w|² = |p|² − 2 w·p, which is
+//! linear in w. If time zero is wrong by a shift, the left side is no longer linear in w. So the residual of the best
+//! linear fit, in metres of path, tells how well a shift fits. The shift with the least residual is the estimate.
 //!
-//! How well it is known depends on the wall's width over the target's distance and on the counts: a 3 cm target half a
-//! metre before a 1 m wall of 16 x 16 points is found to a bin of 6 mm with 1,000 photons in the strongest bin; 200
-//! leave 1.1 bins.
+//! The accuracy depends on the counts, and on the width of the wall divided by the distance of the target. A 3 cm
+//! target half a metre in front of a 1 m wall of 16 x 16 points is found to one bin of 6 mm with 1,000 photons in the
+//! strongest bin, and to 1.1 bins with 200.
 //!
-//! Only a small target will do. Where the first light comes from a surface, its path from every wall point is twice
-//! the distance of that surface; with a shift of 2d it is twice the distance of the parallel surface d farther on: a
-//! scene as good as the true one, as long as nothing is smaller than d. So the light of a ball is that of a point its
-//! diameter later, and a wide scene says nothing, however it is reconstructed. Measured with shifts from -60 to +60 mm:
-//! the residual of 60 iterations of the vector solver on the captured letter Z (0.8 m wall) goes from 0.147 to 0.166
-//! without a least value between, on the captured statue it stays at 0.590 to 0.591; the sharpness of a filtered
-//! back-projection rises or falls throughout, or is largest 20 to 50 mm aside of the truth. Such captures are refused
-//! as undetermined.
+//! Only a small target works. If the first light comes from a surface, its path from every wall point is twice the
+//! distance of that surface. After a shift of 2d it is twice the distance of the parallel surface that lies d farther
+//! away. That scene explains the first light as well as the true one, if no detail is smaller than d. For example, the
+//! first light of a ball is that of its centre, earlier by the diameter of the ball. So a wide scene does not determine
+//! time zero, with any method of reconstruction. Such captures are refused as undetermined.
+//!
+//! Measured with shifts from -60 to +60 mm: the residual of 60 iterations of the vector solver on the captured letter Z
+//! (0.8 m wall) goes from 0.147 to 0.166 without a minimum in between. On the captured statue it stays at 0.590 to
+//! 0.591. The sharpness of a filtered back-projection rises or falls throughout, or is largest 20 to 50 mm away from
+//! the truth.
 
 use glam::DVec3;
 
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
-/// Bins around a histogram's peak over which its middle is taken.
+/// Bins on each side of a histogram's peak over which its centre is computed.
 const AROUND: usize = 6;
-/// The best fit may leave so many bins; more is no single small target.
+/// Largest residual of the best fit, in bins, for one small target.
 const MOST_LEFT: f64 = 1.0;
-/// A small target has at least this share of the light within [`WIDE`] bins of its peak within [`AROUND`]; a ball, say,
-/// that fits as well as a point, has its rim's light later.
+/// For a small target, at least this share of the light within [`WIDE`] bins of the peak lies within [`AROUND`] bins. A
+/// ball fits as well as a point, but the light of its rim comes later.
 const TOGETHER: f64 = 0.7;
 const WIDE: usize = 30;
-/// A standard error of more bins tells nothing.
+/// Largest standard error that is of use, bins.
 const MOST_UNSURE: f64 = 1.0;
 const MEND: &str = "calibrate with a confocal capture of one small bright target, made with the same device and gated \
-                    to its light (--gate), and put this capture right with --apply-to";
+                    to the light of the target, and apply the shift that it gives to this capture";
 
 /// Residuals over shifts, and the best shift.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// Metres of path to be added to every path (to `t_start`).
+    /// Shift to add to every path (to `t_start`), metres of path.
     pub shift: f64,
-    /// Standard error of the shift in metres of path, from what the fit leaves and how fast that grows aside. A
-    /// target that is no point shifts the result by up to its depth beyond it.
+    /// Standard error of the shift in metres of path, from the residual and from how fast it grows beside the best
+    /// shift. The size of the target is not included: it shifts the result by up to the depth of the target.
     pub error: f64,
-    /// Root mean square of what the best fit leaves, in metres of path.
+    /// Root mean square residual of the best fit, in metres of path.
     pub residual: f64,
-    /// The target's place in metres.
+    /// Position of the target in metres.
     pub target: DVec3,
-    /// (shift, residual) in metres, a bin apart.
+    /// (shift, residual) in metres of path; shifts are one bin apart.
     pub curve: Vec<[f64; 2]>,
-    /// Histograms that were used.
+    /// Number of histograms that were used.
     pub used: usize,
 }
 
-/// The most bins that a shift may have: as many as the longest histogram that is reconstructed.
+/// Largest shift in bins: the longest histogram that can be reconstructed.
 const FARTHEST: usize = 32_767;
 
 /// # Errors
-/// A reach that makes no sense; a capture that is not confocal.
+/// The reach is out of range, or the capture is not confocal.
 fn check_asked(capture: &Capture, reach: usize) -> Result<()> {
     if reach == 0 {
-        return Err(Error::options("--reach 0 leaves no shift to try", "give a number of bins, usually 40"));
+        return Err(Error::options("a reach of 0 leaves no shift to try", "give a reach in bins, usually 40"));
     }
     if reach > FARTHEST {
         return Err(Error::options(
-            format!("--reach {reach} is more than {FARTHEST} bins"),
-            "give a number of bins, usually 40: a wrong time zero is off by a fraction of the histogram",
+            format!("a reach of {reach} bins is more than {FARTHEST}"),
+            "give a reach in bins, usually 40: time zero is wrong by a small part of the histogram at most",
         ));
     }
     if capture.pair_kind() != PairKind::Confocal {
         return Err(Error::input(
-            format!("the capture is no confocal scan: {}", capture.pair_kind()),
+            format!("the capture is not a confocal scan: {}", capture.pair_kind()),
             "calibrate with a confocal capture of one small target",
         ));
     }
@@ -78,7 +80,7 @@ fn check_asked(capture: &Capture, reach: usize) -> Result<()> {
 }
 
 /// # Errors
-/// Peaks that are not those of one small target.
+/// The peaks are not those of one small target.
 fn check_peaks(capture: &Capture, seen: &[Seen]) -> Result<()> {
     if seen.len() < 12 || 2 * seen.len() < capture.pair_count() {
         return Err(Error::input(
@@ -109,30 +111,30 @@ fn check_peaks(capture: &Capture, seen: &[Seen]) -> Result<()> {
 /// The standard error of the shift, metres of path, from the residuals two bins before and after it.
 ///
 /// # Errors
-/// A residual that hardly depends on the shift.
+/// The residual hardly depends on the shift.
 fn error_of(found: &Fit, beside: [f64; 2], peaks: usize, width: f64) -> Result<f64> {
-    // The squared residual grows as a parabola; an error of the shift that the rest cannot tell apart.
+    // The squared residual is a parabola over the shift. The standard error is where it has grown by residual² / peaks.
     let beside = 0.5 * (beside[0].powi(2) + beside[1].powi(2));
     let growth = (beside - found.residual.powi(2)) / (2.0 * width).powi(2);
     let error = found.residual / (growth.max(0.0) * peaks as f64).sqrt();
     if error.is_nan() || error > MOST_UNSURE * width {
         return Err(Error::input(
             format!(
-                "time zero is undetermined: the residual is flat, and tells the shift to {:.1} bins only",
+                "time zero is undetermined: the residual is flat, and the shift is uncertain by {:.1} bins",
                 error / width
             ),
-            format!("take a wider wall, a nearer target or more light; {MEND}"),
+            format!("use a wider wall, a nearer target or more light; {MEND}"),
         ));
     }
     Ok(error)
 }
 
-/// Estimates the shift of time zero among those of up to `reach` bins in either direction.
+/// Estimates the shift of time zero, up to `reach` bins in either direction.
 ///
 /// # Errors
-/// `Kind::Options` if `reach` is 0 or above 32,767; `Kind::Input` if the capture is not confocal, or if it leaves the shift
-/// undetermined: too few histograms have a peak, the best shift lies at the end of the range, no shift makes it the
-/// capture of one small target, or all shifts do about as well.
+/// `Kind::Options` if `reach` is 0 or above 32,767. `Kind::Input` if the capture is not confocal, or if it leaves the
+/// shift undetermined: too few histograms have a peak, the best shift lies at the end of the range, no shift makes the
+/// peaks those of one small target, or all shifts fit about equally well.
 pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     check_asked(capture, reach)?;
     let mut seen: Vec<Seen> = (capture.histograms.chunks_exact(capture.bins).zip(&capture.sensor))
@@ -147,7 +149,7 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
         let shifts = (0..=2 * reach).map(|k| (k as f64 - reach as f64) * width);
         shifts.min_by(|a, b| at(seen, *a).total_cmp(&at(seen, *b))).unwrap_or(0.0)
     };
-    // Again and again without the histograms whose peak is not the target's.
+    // Repeats the fit without the histograms whose peak is not the target's.
     for _ in 0..6 {
         let Some(found) = fit(&seen, best(&seen)) else { break };
         let mut off: Vec<f64> = found.left.iter().map(|v| v.abs()).collect();
@@ -164,11 +166,11 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
         .collect();
     if (coarse.abs() / width - reach as f64).abs() < 0.5 {
         return Err(Error::input(
-            format!("time zero is undetermined: the residual falls up to the end of the range, {reach} bins"),
-            format!("give a larger --reach if the shift may be larger; else the scene is too wide: {MEND}"),
+            format!("time zero is undetermined: the residual falls to the end of the range of {reach} bins"),
+            format!("give a larger reach if the shift may be larger; else the scene is too wide: {MEND}"),
         ));
     }
-    // Golden section between the neighbours.
+    // Golden-section search between the neighbours of the best shift.
     let (mut low, mut high) = (coarse - width, coarse + width);
     for _ in 0..40 {
         let third = 0.381_966 * (high - low);
@@ -191,7 +193,8 @@ pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     Ok(Calibration { shift, error, residual: found.residual, target: found.target, curve, used: seen.len() })
 }
 
-/// The middle of a histogram's peak in bins, above its median, its counts, and their share of all the light near it.
+/// The centre of a histogram's peak in bins, the counts of the peak above the median, and the peak's share of the light
+/// around it.
 fn middle(histogram: &[f32]) -> Option<(f64, f64, f64)> {
     let mut sorted = histogram.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);
@@ -202,7 +205,7 @@ fn middle(histogram: &[f32]) -> Option<(f64, f64, f64)> {
     let above = |b: usize| f64::from((histogram[b] - dark).max(0.0));
     let sum: f64 = bins.clone().map(above).sum();
     let bin = bins.clone().map(|b| above(b) * (b as f64 + 0.5)).sum::<f64>() / sum;
-    // Dark counts are those far from the peak, on average.
+    // The background is the mean of the bins far from the peak.
     let all = |bins: std::ops::Range<usize>| histogram[bins].iter().map(|v| f64::from(*v)).sum::<f64>();
     let wide = near(WIDE);
     let dark = (all(0..histogram.len()) - all(wide.clone())) / (histogram.len() - wide.len()).max(1) as f64;
@@ -210,28 +213,28 @@ fn middle(histogram: &[f32]) -> Option<(f64, f64, f64)> {
     (sum > 0.0).then(|| (bin, sum, light(bins) / light(wide).max(f64::MIN_POSITIVE)))
 }
 
-/// A wall point, the path of its peak, and the peak's counts: the more, the better the path is known.
+/// A wall point, with the path and the counts of its peak. More counts make the path more accurate.
 struct Seen {
     wall: DVec3,
     path: f64,
     counts: f64,
-    /// Share of the light near the peak that is in it.
+    /// The peak's share of the light around it.
     together: f64,
 }
 
 struct Fit {
     residual: f64,
-    /// What is left of each path.
+    /// Residual of each path, metres.
     left: Vec<f64>,
     target: DVec3,
 }
 
-/// The best point for paths that are shifted, over a wall taken as flat: unknown are |p|², p.x and p.y.
+/// Fits a point p to paths shifted by `shift`. The wall is taken as flat. Unknowns: |p|², p.x and p.y.
 fn fit(seen: &[Seen], shift: f64) -> Option<Fit> {
     let centre = seen.iter().map(|s| s.wall).sum::<DVec3>() / seen.len().max(1) as f64;
     let half = |t: f64| 0.5 * (t + shift);
     let (mut normal, mut right) = (glam::DMat3::ZERO, DVec3::ZERO);
-    // An error of the path is d times one of its squared half, and its variance falls with the counts.
+    // An error of the path is d times as large in the squared half path d². Its variance falls with the counts.
     let row = |w: DVec3| DVec3::new(1.0, w.x - centre.x, w.y - centre.y);
     let value = |w: DVec3, d: f64| d * d - (w - centre).length_squared();
     for s in seen {

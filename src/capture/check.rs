@@ -1,4 +1,4 @@
-//! Checks of a capture: one clear error for the first thing that is wrong.
+//! Checks of a capture: the error names the first thing that is wrong.
 
 use glam::DVec3;
 
@@ -6,11 +6,11 @@ use super::Capture;
 use crate::error::{Error, Result};
 
 impl Capture {
-    /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, counts,
-    /// and that there is any signal at all.
+    /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, counts, and that
+    /// there is any signal at all.
     ///
     /// # Errors
-    /// `Kind::Input`, naming the first offending field with its pair, bin and value.
+    /// `Kind::Input`, naming the first wrong field with its pair, bin and value.
     pub fn check(&self) -> Result<()> {
         self.check_lengths()?;
         if !(self.bin_width.is_finite() && self.bin_width > 0.0) {
@@ -47,7 +47,7 @@ impl Capture {
         self.t_start + self.bins as f64 * self.bin_width
     }
 
-    /// Mean over the pairs, `[bin]`.
+    /// Mean histogram over the pairs, `[bin]`.
     pub fn mean_histogram(&self) -> Vec<f64> {
         let mut mean = vec![0.0f64; self.bins];
         for histogram in self.histograms.chunks_exact(self.bins) {
@@ -63,7 +63,7 @@ impl Capture {
         self.laser.len()
     }
 
-    /// Says where a pair stands in the scan, for error messages.
+    /// Names a pair and its place in the scan, for error messages.
     fn pair_place(&self, pair: usize) -> String {
         place_in(self.scan, pair)
     }
@@ -98,7 +98,7 @@ impl Capture {
         if pairs.checked_mul(self.bins) != Some(self.histograms.len()) {
             return Err(Error::input(
                 format!("{} counts for {pairs} pairs of {} bins", self.histograms.len(), self.bins),
-                "the histograms hold pairs x bins values, bin by bin within a pair",
+                "give pairs x bins counts, bin by bin within a pair",
             ));
         }
         Ok(())
@@ -107,7 +107,7 @@ impl Capture {
     fn check_counts(&self) -> Result<()> {
         let mut signal = false;
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
-            // One cheap pass over good data; the index is only looked for when something is wrong.
+            // One cheap pass over good data: the bin is searched for only when something is wrong.
             let (good, sum) =
                 histogram.iter().fold((true, 0.0f64), |(g, s), &v| (g & (v >= 0.0), s + f64::from(v)));
             if !good || !sum.is_finite() {
@@ -116,7 +116,7 @@ impl Capture {
                 return Err(Error::input(
                     format!("{}, bin {bin}: the count is {value}", self.pair_place(pair)),
                     if value < 0.0 {
-                        "counts cannot be negative: subtract no background, or clamp at 0"
+                        "counts cannot be negative: do not subtract the background, or clamp at 0"
                     } else {
                         "counts must be finite: set unknown bins to 0 or drop the pair"
                     },
@@ -139,7 +139,7 @@ impl Capture {
     }
 }
 
-/// A pair and where it stands in the scan.
+/// Names a pair and its place in the scan.
 pub(super) fn place_in(scan: [usize; 2], pair: usize) -> String {
     match scan[1] {
         0 | 1 => format!("pair {pair}"),
@@ -159,7 +159,7 @@ fn check_points(side: &str, points: &[DVec3]) -> Result<()> {
 
 fn check_normals(side: &str, normals: Option<&[DVec3]>) -> Result<()> {
     let normals = normals.unwrap_or(&[]);
-    // NaN must fail too, hence the negated comparison.
+    // NaN must fail too.
     let bad = normals.iter().position(|n| {
         let off = (n.length() - 1.0).abs();
         off.is_nan() || off > 1e-3

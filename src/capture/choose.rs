@@ -1,4 +1,4 @@
-//! Which pairs of a capture are used: thinning, random subsets, pairs without data.
+//! Selects pairs of a capture: thinning, random subsets, removal of pairs without data.
 
 use glam::DVec3;
 use rand::SeedableRng;
@@ -9,18 +9,17 @@ use super::lattice::Lattice;
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
-/// A pair without a count is dead where half of the pairs have more counts than this: by chance it would
-/// happen once in e^20 pairs.
+/// A pair without a count is dead if half of the pairs have more counts than this. By chance a pair would be empty once
+/// in e^20 pairs.
 const DEAD_BELOW: f64 = 20.0;
 
 impl Capture {
-    /// Keeps every `n`th scan point in x and in y (`ix % n == 0`, `iy % n == 0`), with their histograms. Of an
-    /// exhaustive capture the laser points and the sensor points are thinned so, each on their own lattice (or
-    /// along their list, if they form none).
+    /// Keeps every `n`th scan point in x and in y (`ix % n == 0`, `iy % n == 0`), with their histograms. In an
+    /// exhaustive capture the laser points and the sensor points are thinned separately, each on their lattice, or
+    /// along their list if they form no lattice.
     ///
     /// # Errors
-    /// `Kind::Options` if `n` is 0, or if the scan is a list of points that form no row, of which every `n`th
-    /// would mean nothing.
+    /// `Kind::Options` if `n` is 0, or if the scan is a list of points that form no row.
     pub fn stride(&self, n: usize) -> Result<Capture> {
         if n == 0 {
             return Err(Error::options("a stride of 0 keeps no scan point", "use 1 to keep every point"));
@@ -37,7 +36,7 @@ impl Capture {
                 format!(
                     "a stride of {n} was given, but the scan is a list of {nx} pairs, not rows and columns"
                 ),
-                format!("take some of the pairs at random, as --subset {}", nx.div_ceil(n.saturating_mul(n))),
+                format!("use a random subset of {} pairs instead", nx.div_ceil(n.saturating_mul(n))),
             ));
         }
         let kept: Vec<usize> =
@@ -55,7 +54,7 @@ impl Capture {
         };
         let (scanned, other) = (thin(&product.scanned), thin(&product.other));
         let pair = |o: &usize, a: &usize| product.pair_of[o * product.scanned.len() + a];
-        // Laser points one after the other, each with all sensor points.
+        // Laser point by laser point, each with all sensor points.
         let kept: Vec<usize> = if product.laser_scanned {
             scanned.iter().flat_map(|a| other.iter().map(move |o| pair(o, a))).collect()
         } else {
@@ -66,15 +65,15 @@ impl Capture {
         self.keep(&kept, [lasers, sensors])
     }
 
-    /// Keeps `count` pairs, drawn at random by `seed`, in their order; the scan becomes a list.
+    /// Keeps `count` pairs in their order, drawn at random by `seed`. The scan becomes a list.
     ///
     /// # Errors
-    /// `Kind::Options` if `count` is 0 or more than there are pairs.
+    /// `Kind::Options` if `count` is 0 or larger than the number of pairs.
     pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {
         let pairs = self.pair_count();
         if count == 0 || count > pairs {
             return Err(Error::options(
-                format!("a subset of {count} pairs of {pairs}"),
+                format!("a subset of {count} pairs of {pairs} is not possible"),
                 format!("give a number of pairs from 1 to {pairs}"),
             ));
         }
@@ -86,10 +85,10 @@ impl Capture {
         Ok(self.keep(&kept, [count, 1]))
     }
 
-    /// Leaves out the pairs that were not measured: those whose laser or sensor point is NaN, those whose
-    /// histogram is NaN from the first bin to the last, and, if the counts are whole and half of the pairs have
-    /// more than 20, those without a single count. The scan becomes a list if there were any. Yields how many
-    /// went, and why, for people.
+    /// Leaves out the pairs that were not measured: pairs whose laser or sensor point is NaN, and pairs whose histogram
+    /// is NaN in every bin. If the counts are whole and half of the pairs have more than 20, pairs without a single
+    /// count are left out too. If any pair is left out, the scan becomes a list. Returns the capture, the number of
+    /// pairs left out, and sentences that say why.
     ///
     /// # Errors
     /// `Kind::Input` if no pair is left.
@@ -106,13 +105,13 @@ impl Capture {
         };
         tell(Fault::Point, "their laser or sensor point is not a number");
         tell(Fault::Histogram, "their histogram is not a number in any bin");
-        tell(Fault::Dead, "not a single count, where half of the pairs have more than 20");
+        tell(Fault::Dead, "they have not a single count, but half of the pairs have more than 20");
         if gone == 0 {
             return Ok((self, 0, notes));
         }
         if gone == missing.len() {
             return Err(Error::input(
-                format!("no pair has both points and counts: of {gone} none is left"),
+                format!("no pair has both points and counts: all {gone} pairs are left out"),
                 "check that the file holds the histograms and wall points of the same measurement",
             ));
         }
@@ -120,9 +119,9 @@ impl Capture {
         Ok((self.keep(&kept, [kept.len(), 1]), gone, notes))
     }
 
-    /// Why each pair counts as not measured, `None` for those that do.
+    /// Why each pair counts as not measured; `None` for measured pairs.
     fn missing(&self) -> Vec<Option<Fault>> {
-        // What does not fit together is for the check to tell of.
+        // If the lengths do not agree, the check reports it.
         let pairs = self.laser.len();
         if self.bins == 0 || self.sensor.len() != pairs || self.histograms.len() / self.bins != pairs {
             return vec![None; pairs];

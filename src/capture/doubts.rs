@@ -1,38 +1,40 @@
-//! What about a capture looks wrong, in plain words: time zero, the wall's scale.
+//! Signs that a capture is wrong: its time zero, the scale of its wall, empty histograms.
 
 use super::{Capture, PairKind};
 
-/// A bin counts as signal above this share of its histogram's largest.
+/// A bin counts as signal above this share of the largest bin of its histogram.
 const SIGNAL: f32 = 0.3;
-/// So much of all counts may come too early before it is worth a word: dark counts do.
+/// Up to this share of all counts may come too early without a warning: dark counts do.
 const EARLY: f64 = 0.01;
-/// First light that curves this many times as strongly as that of a point is no rounding.
+/// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
 const CURVED: f64 = 1.3;
 
 impl Capture {
-    /// What looks wrong about this capture, in sentences for people; empty if nothing does. Nothing is corrected.
+    /// Sentences that say what looks wrong about this capture; empty if nothing does. Nothing is corrected.
     ///
-    /// Light cannot come before the straight way from laser to sensor point. And along a line on a flat wall the
-    /// squared distance of the first light, less the squared place on the wall, is concave in a confocal scan (it is
-    /// the least of functions |p|² − 2x·p of the hidden points p): where it bends the other way for most of the
-    /// scan, the wall is larger than its points say; half its width was given for the whole, say. A scene of flat
-    /// faces, a wall given too large and a mirrored scan break no such law and are not found.
+    /// Two laws are checked. Light cannot arrive before it has travelled straight from the laser point to the sensor
+    /// point. And in a confocal scan of a flat wall, the squared distance of the first light, minus the squared
+    /// position on the wall, is concave along a line: it is the minimum of functions |p|² − 2x·p of the hidden points
+    /// p. If it bends the other way over most of the scan, the wall is larger than its points say; for example, half
+    /// its width was given as the whole.
+    ///
+    /// A scene of flat faces, a wall that was given too large, and a mirrored scan break no law and are not found.
     pub fn doubts(&self) -> Vec<String> {
         let mut doubts = Vec::new();
         let share = self.early_share();
         if share > EARLY {
             doubts.push(format!(
-                "{:.0} % of all counts come before light can, by the straight way from laser to sensor point: time \
-                 zero (t_start) or the wall's scale is wrong, the outer legs were taken off twice, or it is direct \
-                 light or dark counts (--gate)",
+                "{:.0} % of all counts come before light can travel straight from the laser point to the \
+                 sensor point: time zero (t_start) or the wall's scale is wrong, the outer legs were removed \
+                 twice, or these counts are direct light or dark counts that a gate should leave out",
                 100.0 * share
             ));
         }
         if let Some(times) = self.curvature().filter(|times| *times > CURVED) {
             doubts.push(format!(
-                "over the scan the first light curves {times:.1} times as strongly as that of a point: the wall is \
-                 larger than {:.3} m (--wall; is this half its width?), a bin narrower than {:.6} m of path, or time \
-                 zero later",
+                "over the scan the first light curves {times:.1} times as strongly as the light of a point: \
+                 the wall is larger than {:.3} m (is this half its width?), a bin is narrower than {:.6} m \
+                 of path, or time zero is later",
                 self.span(),
                 self.bin_width
             ));
@@ -49,7 +51,7 @@ impl Capture {
         (x1 - x0).max(y1 - y0)
     }
 
-    /// The share of the counts that come before light can.
+    /// The share of the counts that come before light can arrive.
     fn early_share(&self) -> f64 {
         let (mut early, mut total) = (0.0, 0.0);
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
@@ -63,9 +65,9 @@ impl Capture {
         if total > 0.0 { early / total } else { 0.0 }
     }
 
-    /// The median over the scan of the second difference of the first light's squared distance, along rows and
-    /// columns, over that of a point; at most 1 if all is well. `None` if the scan is no confocal lattice on a flat
-    /// wall.
+    /// The curvature of the first light relative to that of a point: the second difference of its squared distance
+    /// along rows and columns, as the median over the scan. At most 1 in a sound capture. `None` if the scan is not a
+    /// confocal lattice of at least 8 x 8 points on a flat wall, or has too little signal.
     fn curvature(&self) -> Option<f64> {
         let [nx, ny] = self.scan;
         if self.pair_kind() != PairKind::Confocal || !self.is_planar() || nx < 8 || ny < 8 {
@@ -96,7 +98,7 @@ impl Capture {
     }
 }
 
-/// The first bin with signal, of a histogram smoothed over three.
+/// The first bin with signal, in a histogram that is smoothed over three bins.
 fn first_light(histogram: &[f32]) -> Option<usize> {
     let at = |b: usize| histogram.get(b).copied().unwrap_or(0.0);
     let smooth = |b: usize| at(b.wrapping_sub(1)) + at(b) + at(b + 1);

@@ -1,9 +1,9 @@
-//! Time gates: the part of the path range that is used, given by the user or found automatically.
+//! Gates: the interval of paths that is used, given by the user or found automatically.
 
 use super::Capture;
 use crate::error::{Error, Result};
 
-/// A range of path lengths in metres, open ends infinite.
+/// A range of path lengths in metres; an open end is infinite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gate {
     /// Shortest path, metres.
@@ -12,12 +12,12 @@ pub struct Gate {
     pub to: f64,
 }
 
-/// A gate that was found in the data, and a sentence for people that says why.
+/// A gate that was found in the data, and the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutoGate {
     /// The range of paths.
     pub gate: Gate,
-    /// Why it is this one, as a sentence.
+    /// A sentence that says why.
     pub reason: String,
 }
 
@@ -25,9 +25,9 @@ impl Gate {
     /// Reads `FROM:TO` in metres of path; either end may be left out.
     ///
     /// # Errors
-    /// `Kind::Options` if it is not two numbers (or none) around a colon, or if it holds nothing.
+    /// `Kind::Options` if there is no colon, if an end is not a number, or if the range is empty.
     pub fn parse(text: &str) -> Result<Gate> {
-        let mend = "write FROM:TO in metres of path, as 0.8:2.4, 0.8: or :2.4";
+        let mend = "write FROM:TO in metres of path, for example 0.8:2.4, 0.8: or :2.4";
         let wrong = |what: String| Error::options(format!("gate {text:?}: {what}"), mend);
         let (from, to) = text.split_once(':').ok_or_else(|| wrong("there is no colon".into()))?;
         let number = |part: &str, open: f64| match part.trim() {
@@ -59,7 +59,7 @@ impl std::fmt::Display for Gate {
 }
 
 impl Capture {
-    /// The capture cropped to the bins that the gate touches; a bin partly inside is kept. `t_start` moves.
+    /// The capture cropped to the bins that the gate touches; a bin partly inside is kept. `t_start` moves with them.
     ///
     /// # Errors
     /// `Kind::Options` if the gate is empty, not a number, or touches no bin.
@@ -67,11 +67,11 @@ impl Capture {
         // NaN ends are refused here too.
         if gate.from.partial_cmp(&gate.to) != Some(std::cmp::Ordering::Less) {
             return Err(Error::options(
-                format!("the gate from {} m to {} m holds nothing", gate.from, gate.to),
-                "give a range of path lengths in metres that begins before it ends",
+                format!("the gate from {} m to {} m is empty", gate.from, gate.to),
+                "give a range of path lengths in metres whose begin is less than its end",
             ));
         }
-        // A gate end within a millionth of a bin edge means that edge.
+        // A gate end within a millionth of a bin from an edge means that edge.
         let bin = |t: f64| (t - self.t_start) / self.bin_width;
         let first = (bin(gate.from) + 1e-6).floor().max(0.0);
         let last = (bin(gate.to) - 1e-6).ceil().min(self.bins as f64);
@@ -93,19 +93,19 @@ impl Capture {
     }
 }
 
-/// The direct peak must come before this share of the longest path.
+/// The peak of direct light must come before this share of the longest path.
 const NEAR_ZERO: f64 = 0.05;
-/// ... in the same bin (to one beside it) for at least this share of the pairs with signal.
+/// It must be in the same bin, or one beside it, for at least this share of the pairs with signal.
 const SAME_BIN: f64 = 0.9;
-/// ... be this many times stronger than anything behind the valley.
+/// It must be this many times stronger than anything behind the valley.
 const STRONGER: f64 = 5.0;
-/// ... and the signal behind must rise this many times above the valley between them.
+/// The signal behind the valley must rise this many times above the valley.
 const VALLEY: f64 = 4.0;
 /// The gate opens where the direct light has decayed to this share of the strongest bin behind the valley.
 const RESIDUE: f64 = 0.03;
 
-/// Looks for residue of the first bounce: a strong peak near path 0, in the same bin for nearly all pairs,
-/// well separated from the indirect signal. Returns a gate that leaves it out, or `None` without one.
+/// Looks for direct light: a strong peak near path 0, in the same bin for nearly all pairs, well separated from the
+/// indirect signal. Returns a gate that leaves the peak out, or `None` if there is none.
 pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
     let bins = capture.bins;
     let mut peaks: Vec<usize> = capture.histograms.chunks_exact(bins).filter_map(peak_bin).collect();
@@ -120,7 +120,7 @@ pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
         return None;
     }
     let mean = smooth_mean(capture);
-    // The valley: the lowest bin so far, once the mean has risen clearly above it again.
+    // The valley is the lowest bin before the mean rises clearly above it.
     let mut valley = peak;
     let rises = |valley: usize, b: usize| mean[b] > 0.0 && mean[b] >= VALLEY * mean[valley];
     let mut risen = false;
@@ -168,14 +168,13 @@ fn smooth_mean(capture: &Capture) -> Vec<f64> {
 /// Share of the bins that the published gate drops at the start.
 const PUBLISHED_START: f64 = 0.15;
 
-/// The gate that the paper's code puts on real captures: the first 15 % of the bins go, and of the rest the
-/// window of half the bins that holds the most counts stays. Dark counts far behind the scene would otherwise
-/// turn into bright far voxels, beside which the scene is pruned. Paths below `after` are direct light and do not
-/// count.
+/// The gate of the paper's code for real captures: it drops the first 15 % of the bins and keeps the window of half the
+/// bins that holds the most counts. Without it, dark counts far behind the scene become bright far voxels, and the
+/// scene, which is darker, is removed from the domain. Paths below `after` are direct light and do not count.
 pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {
     let bins = capture.bins;
     let mut sums = vec![0.0f64; bins + 1];
-    // Sums, not means: of whole counts they are exact, so equal windows stay equal.
+    // Sums, not means: sums of whole counts are exact, so equal windows stay equal.
     let mut counts = vec![0.0f64; bins];
     for histogram in capture.histograms.chunks_exact(bins) {
         for (m, &v) in counts.iter_mut().zip(histogram) {
@@ -189,11 +188,11 @@ pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {
     }
     let length = (bins / 2).max(1);
     let held = |s: usize| sums[s + length] - sums[s];
-    // The first of equal windows, so that the choice does not depend on the order of comparison.
+    // The first of equal windows is taken, so that the choice does not depend on the order of comparison.
     let start =
         (0..=bins - length).rev().max_by(|a, b| held(*a).total_cmp(&held(*b))).unwrap_or(0).max(dropped);
     let from = capture.t_start + start as f64 * capture.bin_width;
     let to = capture.t_start + (start + length).min(bins) as f64 * capture.bin_width;
-    let reason = format!("the half of the bins with the most counts, paths {from:.3} to {to:.3} m, is used");
+    let reason = format!("the half of the bins with the most counts is used: paths {from:.3} to {to:.3} m");
     AutoGate { gate: Gate { from, to }, reason }
 }

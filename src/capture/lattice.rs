@@ -1,26 +1,26 @@
-//! How wall points stand beside each other in x and y.
+//! The arrangement of wall points in x and y.
 
 use std::collections::HashSet;
 
 use glam::DVec3;
 
-/// A lattice with this share of its places taken is one with holes; below it the points are irregular.
+/// Points that take at least this share of a lattice's places form a lattice with holes; others are irregular.
 const TAKEN: f64 = 0.5;
 
-/// Lateral range of distinct points and how many of them stand side by side in x and y.
+/// Lateral range of distinct points, and their number along x and y.
 pub(super) struct Lattice {
     /// [low, high] in x and in y, metres.
     pub range: [[f64; 2]; 2],
-    /// Points side by side in x and y: those of the lattice, or of a square lattice as dense as the points.
+    /// Points along x and y: of their lattice, or of a square lattice of the same density.
     pub counts: [usize; 2],
     /// Distance of neighbours in x and y, `None` for a single row.
     pub spacing: [Option<f64>; 2],
-    /// Column and row of each point if every place of the lattice is taken once.
+    /// Column and row of each point, if every place of the lattice is taken exactly once.
     pub places: Option<Vec<[usize; 2]>>,
 }
 
 impl Lattice {
-    /// The lattice of `points`, all of them distinct.
+    /// The lattice of `points`, which must be distinct.
     pub fn of(points: &[DVec3]) -> Lattice {
         let range = [0, 1].map(|axis| {
             let values = points.iter().map(|p| p[axis]);
@@ -66,7 +66,7 @@ impl Lattice {
     }
 }
 
-/// Groups the points by one coordinate: the group of each point and the number of groups.
+/// Groups the points by one coordinate. Returns the group of each point and the number of groups.
 fn clusters(points: &[DVec3], axis: usize, tolerance: f64) -> (Vec<usize>, usize) {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]));

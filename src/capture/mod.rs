@@ -1,8 +1,8 @@
 //! A capture: transient histograms of pairs of points on a relay wall.
 //!
-//! Metres and path length everywhere (c = 1). A pair is a laser point and a sensor point on the wall; its
-//! histogram counts the inner path laser point → hidden point → sensor point. Bin b of width Δ collects
-//! path lengths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
+//! All lengths are in metres, and times are given as path (c = 1). A pair is a laser point and a sensor point on the
+//! wall. Its histogram counts light by the length of the path laser point → hidden point → sensor point. Bin b of width
+//! Δ collects paths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 
 pub mod calibrate;
 pub mod check;
@@ -31,19 +31,19 @@ pub use turn::Turn;
 
 use glam::DVec3;
 
-/// Metres that light goes in a picosecond.
+/// Metres that light travels in a picosecond.
 pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
 
-/// Transient histograms of pairs of wall points, all arrays of one length `P` (pairs).
+/// Transient histograms of P pairs of wall points.
 ///
 /// [`Capture::new`] takes what every capture has; the other fields are set afterwards. Nothing is checked before
 /// [`Capture::check`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Capture {
-    /// A short name for people: the file's stem or the scene's name.
+    /// A short name: the stem of the file, or the name of the scene.
     pub name: String,
-    /// Scan shape (X, Y): pair `ix * Y + iy`; ix along +x, iy along +y. X * Y = P.
+    /// Scan shape (X, Y), X * Y = P. Pair `ix * Y + iy` is at ix along +x and iy along +y.
     pub scan: [usize; 2],
     /// Laser points, one per pair, in metres.
     pub laser: Vec<DVec3>,
@@ -63,12 +63,12 @@ pub struct Capture {
     pub histograms: Vec<f32>,
     /// Whether the source held integers (photon counts).
     pub integer_counts: bool,
-    /// How the instrument spreads a path of light over time, if known.
+    /// The instrument's pulse, if known.
     pub pulse: Option<Pulse>,
 }
 
 impl Capture {
-    /// A capture without a name whose bins begin at path 0, without normals or pulse, whose counts are real numbers.
+    /// A capture without name, normals and pulse. Its bins begin at path 0, and its counts are real numbers.
     ///
     /// - `scan`: points along x and along y, [X, Y]; X * Y = P pairs. A list of pairs is [P, 1].
     /// - `laser`, `sensor`: wall points of pair `ix * Y + iy`, in metres; P of each.
@@ -99,7 +99,7 @@ impl Capture {
         }
     }
 
-    /// The same pairs with other bins; `histograms` holds `bins` for each.
+    /// The same pairs with other bins; `histograms` holds `bins` counts for each pair.
     fn with_bins(&self, bins: usize, bin_width: f64, t_start: f64, histograms: Vec<f32>) -> Capture {
         Capture {
             bins,

@@ -1,15 +1,15 @@
-//! The nearest of many points: a k-d tree.
+//! A k-d tree that finds the nearest of many points.
 
 use glam::DVec3;
 
-/// Indices of the points in tree order: of every stretch the middle one splits it, along x, y, z in turn.
+/// Indices of the points in tree order. The middle index of every part splits it, along x, y and z in turn.
 pub(super) struct Tree<'a> {
     points: &'a [DVec3],
     order: Vec<usize>,
 }
 
 impl<'a> Tree<'a> {
-    /// O(n log n).
+    /// Builds the tree in O(n log n).
     pub fn new(points: &'a [DVec3]) -> Tree<'a> {
         let mut order: Vec<usize> = (0..points.len()).collect();
         split(points, &mut order, 0);
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn the_nearest_are_those_of_a_full_search() {
-        // Irregular points, and many with equal coordinates.
+        // Irregular points, many of them with equal coordinates.
         let points: Vec<DVec3> = (0..500)
             .map(|k| {
                 let f = |m: usize| (k * m % 101) as f64 / 101.0;

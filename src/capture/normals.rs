@@ -1,4 +1,4 @@
-//! Wall normals from neighbouring points, where a capture has none.
+//! Estimates wall normals from neighbouring points, for captures without normals.
 
 use glam::{DMat3, DVec3};
 
@@ -7,16 +7,16 @@ use super::nearest::Tree;
 use super::pairs::Distinct;
 use crate::error::{Error, Result};
 
-/// Neighbours of a point that its tangent plane is fitted to; on a lattice those all around it.
+/// Number of neighbours that the tangent plane of a point is fitted to; on a lattice all that surround it.
 const NEIGHBOURS: usize = 8;
 /// Points whose second principal variance is below this share of the first lie on a line.
 const COLLINEAR: f64 = 1e-6;
 
 impl Capture {
-    /// The capture with wall normals on both sides where the wall needs them: a planar wall keeps what it has,
-    /// and so does one whose normals are known. Else each unknown normal is that of a known one at the same
-    /// point, or of the plane through the nearest eight distinct wall points of both sides (weighted by
-    /// distance), facing the hidden side (+z). The note says what was assumed, `None` if nothing.
+    /// The capture with wall normals on both sides, if the wall needs them. A capture with a planar wall, or with known
+    /// normals, does not change. Otherwise an unknown normal is that of a known one at the same point. If there is
+    /// none, it is the normal of the plane through the nearest eight distinct wall points of both sides (weighted by
+    /// distance), facing the hidden side (+z). The note says what was assumed; `None` if nothing was.
     ///
     /// # Errors
     /// `Kind::Input` if the wall points all lie on a line, so that they have no plane.
@@ -42,8 +42,8 @@ impl Capture {
             *normal = Some(tangent(&points, &tree, *point).ok_or_else(|| {
                 Error::input(
                     format!(
-                        "the wall is not flat, has no normals, and its {} points lie on a line: no plane goes \
-                         through them alone",
+                        "the wall is not flat, has no normals, and its {} points lie on a line, which \
+                         determines no plane",
                         points.len()
                     ),
                     "store sensor_normal and laser_normal in the capture",
@@ -57,7 +57,7 @@ impl Capture {
         let laser_normal = Some(self.laser_normal.clone().unwrap_or_else(|| of(0)));
         let sensor_normal = Some(self.sensor_normal.clone().unwrap_or_else(|| of(pairs)));
         let note = match estimated {
-            0 => "wall normals were taken from the other side's at the same points".to_string(),
+            0 => "wall normals were taken from the other side at the same points".to_string(),
             n if n == points.len() => "wall normals were estimated from neighbouring points".to_string(),
             n => format!(
                 "wall normals of {n} of {} points were estimated from neighbouring points",
@@ -68,15 +68,15 @@ impl Capture {
     }
 }
 
-/// Unit normal of the plane through the points around `at`, towards +z; farther points are taken in as long as
-/// they lie on a line. `None` if all do.
+/// Unit normal of the plane through the points around `at`, facing +z. If these lie on a line, farther points are
+/// added. `None` if all points lie on a line.
 fn tangent(points: &[DVec3], tree: &Tree, at: DVec3) -> Option<DVec3> {
     let mut count = NEIGHBOURS + 1;
     loop {
         let near = tree.nearest(at, count);
         let reach = near.last().map_or(0.0, |f| f.0);
         if reach > 0.0 {
-            // A Gaussian that falls to a seventh at the farthest.
+            // The weight is a Gaussian that falls to a seventh at the farthest point.
             let weighted: Vec<(f64, DVec3)> =
                 near.iter().map(|&(d, i)| ((-2.0 * d / reach).exp(), points[i])).collect();
             if let Some(normal) = plane_normal(&weighted) {
@@ -106,7 +106,7 @@ fn plane_normal(weighted: &[(f64, DVec3)]) -> Option<DVec3> {
     (values[middle] > COLLINEAR * values[most]).then(|| vectors.col(least).normalize())
 }
 
-/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
+/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
 fn eigen(symmetric: DMat3) -> (DVec3, DMat3) {
     let (mut m, mut vectors) = (symmetric, DMat3::IDENTITY);
     for _ in 0..16 {

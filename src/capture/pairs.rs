@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Capture;
 
-/// Normals of one wall point may differ by this much from pair to pair and still be one normal.
+/// Normals of one wall point may differ by this much between pairs and still count as one normal.
 const SAME_NORMAL: f64 = 1e-3;
 
 /// How the laser and sensor points of a capture are combined.
@@ -16,19 +16,19 @@ const SAME_NORMAL: f64 = 1e-3;
 pub enum PairKind {
     /// Laser and sensor point coincide in every pair.
     Confocal,
-    /// One laser point, every pair with a sensor point of its own.
+    /// One laser point; every pair has a sensor point of its own.
     OneLaser,
-    /// One sensor point, every pair with a laser point of its own.
+    /// One sensor point; every pair has a laser point of its own.
     OneSensor,
-    /// Every combination of the distinct laser points and the distinct sensor points exactly once, in any
-    /// order; more than one of each.
+    /// Every combination of the distinct laser points and the distinct sensor points exactly once, in any order. There
+    /// is more than one of each.
     Exhaustive {
         /// Distinct laser points.
         lasers: usize,
         /// Distinct sensor points.
         sensors: usize,
     },
-    /// Anything else: pairs are what they are, none follows from the others.
+    /// Any other combination.
     Irregular,
 }
 
@@ -41,7 +41,7 @@ impl std::fmt::Display for PairKind {
             PairKind::Exhaustive { lasers, sensors } => {
                 write!(f, "exhaustive: {lasers} laser points x {sensors} sensor points")
             }
-            PairKind::Irregular => f.write_str("irregular: laser and sensor points of each pair are its own"),
+            PairKind::Irregular => f.write_str("irregular: each pair has its own laser and sensor point"),
         }
     }
 }
@@ -57,15 +57,15 @@ pub struct Product {
     pub scanned_normal: Option<Vec<DVec3>>,
     /// Unit wall normals at the other points, if known, `[O]`.
     pub other_normal: Option<Vec<DVec3>>,
-    /// The capture's pair of other point `o` and scanned point `a`, at `o * S + a`.
+    /// The pair of the capture with other point `o` and scanned point `a`, at `o * S + a`.
     pub pair_of: Vec<usize>,
     /// Whether the scanned side is the laser's.
     pub laser_scanned: bool,
 }
 
 impl Capture {
-    /// How laser and sensor points are combined. Points closer than a thousandth of the spacing are one
-    /// point. A single pair is confocal or has one laser point.
+    /// How laser and sensor points are combined. Points closer than a thousandth of the spacing count as one. A single
+    /// pair is confocal or has one laser point.
     pub fn pair_kind(&self) -> PairKind {
         if self.is_confocal() {
             return PairKind::Confocal;
@@ -85,12 +85,11 @@ impl Capture {
         }
     }
 
-    /// The two lists of points whose every combination, each exactly once, the pairs are; in the order of
-    /// first appearance. `None` if they are not such (confocal captures of more than one pair, irregular
-    /// ones) or if one point has several normals. One laser or one sensor point is a product with one other
-    /// point.
+    /// The two lists of points whose combinations are the pairs, each exactly once. Points are in the order of first
+    /// appearance. `None` for other captures (confocal captures of more than one pair, irregular ones), or if one point
+    /// has several normals. A capture with one laser point or one sensor point is a product, too.
     ///
-    /// The scanned side is that with more distinct points, the sensor's on a tie.
+    /// The scanned side is the one with more distinct points; the sensor's on a tie.
     pub fn product(&self) -> Option<Product> {
         let pairs = self.pair_count();
         let tolerance = self.point_tolerance();
@@ -122,7 +121,7 @@ impl Capture {
         })
     }
 
-    /// Points of the wall that are no farther apart than this, in metres, are one point.
+    /// Wall points at most this far apart, in metres, count as one.
     pub(super) fn point_tolerance(&self) -> f64 {
         1e-3 * self.spacing().unwrap_or(self.bin_width)
     }
@@ -130,22 +129,22 @@ impl Capture {
 
 /// The distinct points of a list, within a tolerance.
 pub(super) struct Distinct {
-    /// Where each distinct point is first met.
+    /// Index in the list at which each distinct point first appears.
     pub first: Vec<usize>,
     /// The distinct point of each entry of the list.
     pub index: Vec<usize>,
 }
 
 impl Distinct {
-    /// Distinct points in the order of first appearance: a point joins the first one that is no farther than
-    /// `tolerance`. A point that is not finite stays alone. O(P) expected, by cells of twice the tolerance.
+    /// Distinct points in the order of first appearance. A point joins the first one that is no farther than
+    /// `tolerance`; a point that is not finite joins none. O(P) expected, by cells of twice the tolerance.
     pub fn of(points: &[DVec3], tolerance: f64) -> Distinct {
         let largest =
             points.iter().filter(|p| p.is_finite()).map(|p| p.abs().max_element()).fold(0.0, f64::max);
-        // Not below what double precision tells apart, so that cells have numbers.
+        // Not below the resolution of double precision, so that cell numbers fit their type.
         let tolerance = if tolerance.is_finite() { tolerance } else { 0.0 };
         let tolerance = tolerance.max(1e-14 * largest).max(f64::MIN_POSITIVE);
-        // Half a cell's width is the tolerance. Added to the place in cells: to a place in metres it may overflow.
+        // The tolerance is half a cell. It is added in units of cells, because in metres the sum may overflow.
         let cell = |v: f64, aside: f64| (v / (2.0 * tolerance) + aside).floor() as i64;
         let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
         let mut first: Vec<usize> = Vec::new();
@@ -161,7 +160,7 @@ impl Distinct {
                 index.push(index[i - 1]);
                 continue;
             }
-            // A point near the edge of its cell looks into the next cell too.
+            // Near the edge of its cell, a point may belong to one in the next cell.
             let [lo, hi] = [-0.5, 0.5].map(|aside| p.to_array().map(|v| cell(v, aside)));
             let around = |axis: usize| lo[axis]..=hi[axis];
             let known = around(0)
@@ -185,7 +184,7 @@ impl Distinct {
         self.first.iter().map(|&i| values[i]).collect()
     }
 
-    /// The normals at the distinct points; an error if a point has two.
+    /// The normals at the distinct points; an error if a point has two different ones.
     fn normals(&self, normals: &[DVec3]) -> Result<Vec<DVec3>, ()> {
         let picked = self.pick(normals);
         let one = self.index.iter().zip(normals).all(|(&d, n)| picked[d].distance(*n) <= SAME_NORMAL);
@@ -207,7 +206,7 @@ mod tests {
         (0..n * n).map(|k| dvec3((k / n) as f64 * 0.1 + shift, (k % n) as f64 * 0.1, 0.0)).collect()
     }
 
-    /// Every combination, in an order that is neither of the two loops'.
+    /// Every combination, in an order that is neither laser by laser nor sensor by sensor.
     fn shuffled(lasers: &[DVec3], sensors: &[DVec3]) -> Vec<(DVec3, DVec3)> {
         let all: Vec<_> = lasers.iter().flat_map(|&l| sensors.iter().map(move |&s| (l, s))).collect();
         let step = (7..).find(|s| all.len() % s != 0).unwrap_or(1);
@@ -241,7 +240,7 @@ mod tests {
             (grid(3, 0.0), grid(3, 0.0), false),
         ] {
             let mut pairs = shuffled(&lasers, &sensors);
-            // Points as a calibration gives them: never twice the same to the last bit.
+            // Points as from a calibration: no two are equal bit for bit.
             for (k, (l, s)) in pairs.iter_mut().enumerate() {
                 l.x += 1e-9 * (k % 13) as f64;
                 s.y -= 1e-9 * (k % 7) as f64;

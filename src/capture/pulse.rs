@@ -1,12 +1,12 @@
-//! The instrument's pulse: how a single path of light looks in a histogram.
+//! The instrument's pulse: how a histogram shows a single path of light.
 //!
-//! Laser pulse, detector jitter and electronics together spread every path over time. Known, the shape is part of the
-//! model of light transport; unknown, it is taken for shape of the scene. Time zero of a pulse is where a calibration puts
-//! the path: of a Gaussian its middle.
+//! Laser pulse, detector jitter and electronics together spread every path over several bins. If the pulse is known, it
+//! is part of the model of light transport. If it is not, it appears as shape of the scene. Time zero of a pulse is
+//! where a calibration puts the path; for a Gaussian it is the centre.
 
 use crate::error::{Error, Result};
 
-/// Samples of a pulse over path length, of any common scale.
+/// Samples of a pulse over path, in any common scale.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Pulse {
@@ -14,43 +14,43 @@ pub struct Pulse {
     pub samples: Vec<f64>,
     /// Width of a sample in metres of path.
     pub width: f64,
-    /// Leading edge of the first one, metres behind the path itself; negative where it comes before.
+    /// Leading edge of the first sample, metres behind the path; negative if it comes before the path.
     pub start: f64,
 }
 
-/// A pulse over the bins of a histogram: `weights[i]` of a path's light falls `i - before` bins behind the path. Their sum
-/// is one.
+/// A pulse in bins of a histogram: the share `weights[i]` of a path's light falls `i - before` bins behind the path.
+/// The weights sum to one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PulseTaps {
-    /// Bins before the path that some of its light falls into.
+    /// Number of bins before the path that get some of its light.
     pub before: usize,
     /// Share of the light in each bin; the first is `before` bins before the path.
     pub weights: Vec<f64>,
 }
 
-/// Which way through the instrument.
+/// The direction of a pass through the instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
-    /// From sharp paths to what histograms show.
+    /// Forward: from sharp paths to the histograms that are measured.
     Spread,
     /// The adjoint: from a residual of the histograms to the paths.
     Back,
-    /// The same for variances: with the taps' squares.
+    /// The adjoint for variances: with squared taps.
     Squared,
 }
 
-/// Most samples, and most bins that a pulse may reach over: what is longer is no pulse.
+/// Largest number of samples of a pulse, and of bins that it may reach on either side of its path.
 const LONGEST: usize = 4096;
 
-/// Weights below this share of the largest, at either end, are left out.
+/// Weights at either end that are below this share of the largest are left out.
 const LEAST: f64 = 1e-3;
 
-/// Samples of a Gaussian over its full width at half maximum, and how many such widths it has.
+/// Samples of a Gaussian per full width at half maximum, and how many such widths are sampled.
 const SAMPLES: usize = 16;
 const WIDTHS: usize = 4;
 
-/// What linear binning adds to the second moment of a pulse, over what bins do by themselves, and what these do,
-/// in squared bins.
+/// What is added to the second moment of a pulse, in squared bins: [`BIN`] by bins themselves, and [`LINEAR`] by linear
+/// binning on top of that.
 const LINEAR: f64 = 1.0 / 12.0;
 const BIN: f64 = 1.0 / 12.0;
 
@@ -64,7 +64,7 @@ impl Pulse {
     /// A Gaussian whose full width at half maximum is `fwhm` metres of path.
     ///
     /// # Errors
-    /// `Kind::Options` if that is no positive number.
+    /// `Kind::Options` if `fwhm` is not a positive number.
     pub fn gaussian(fwhm: f64) -> Result<Pulse> {
         if !(fwhm.is_finite() && fwhm > 0.0) {
             return Err(Error::options(
@@ -78,25 +78,27 @@ impl Pulse {
         Ok(Pulse { samples, width: fwhm / SAMPLES as f64, start: -0.5 * WIDTHS as f64 * fwhm })
     }
 
+    /// Checks the samples and their scale.
+    ///
     /// # Errors
-    /// `Kind::Input`, naming what is no pulse.
+    /// `Kind::Input`, naming what is wrong.
     pub fn check(&self) -> Result<()> {
         let bad = |what: String, mend: &'static str| Err(Error::input(what, mend));
         if self.samples.is_empty() || self.samples.len() > LONGEST {
             return bad(
                 format!("the pulse has {} samples", self.samples.len()),
-                "give 1 to 4096 of them, around the path's own time",
+                "give 1 to 4096 samples around the path",
             );
         }
         if let Some(at) = self.samples.iter().position(|s| !(s.is_finite() && *s >= 0.0)) {
             return bad(
                 format!("sample {at} of the pulse is {}", self.samples[at]),
-                "a pulse is finite and not negative: take its background off and clamp at 0",
+                "samples must be finite and not negative: subtract the background and clamp at 0",
             );
         }
         let sum: f64 = self.samples.iter().sum();
         if !(sum.is_finite() && sum > 0.0) {
-            return bad(format!("the pulse's samples add up to {sum}"), "give one that holds light");
+            return bad(format!("the pulse's samples add up to {sum}"), "give samples with a positive sum");
         }
         if !(self.width.is_finite() && self.width > 0.0 && self.start.is_finite()) {
             return bad(
@@ -126,16 +128,16 @@ impl Pulse {
         [mean, (self.samples.iter().enumerate().map(square).sum::<f64>() / sum).sqrt()]
     }
 
-    /// For a model that shares a path linearly between two bins of such a width: with the second moment that the pulse has
-    /// in bins.
+    /// Taps for a model that divides a path linearly between two bins of this width. Their second moment is smaller by
+    /// what this division adds, so that both together have the second moment of the pulse.
     ///
     /// # Errors
-    /// `Kind::Input` if it reaches over more than 4096 bins, or is farther than that from its path.
+    /// `Kind::Input` if the pulse reaches more than 4096 bins from its path.
     pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {
         self.over(bin_width, BIN + LINEAR)
     }
 
-    /// For histograms whose paths are in their bins already.
+    /// Taps for histograms whose paths are already in bins.
     ///
     /// # Errors
     /// As [`Pulse::taps`].
@@ -143,16 +145,16 @@ impl Pulse {
         self.over(bin_width, BIN)
     }
 
-    /// Its integrals over bins, less so much of their second moment.
+    /// Integrals of the pulse over bins, with `less` squared bins taken off their second moment.
     fn over(&self, bin_width: f64, less: f64) -> Result<PulseTaps> {
         let [first, last] = [self.start, self.end()].map(|edge| (edge / bin_width).round());
         if first.abs().max(last.abs()) > LONGEST as f64 {
             return Err(Error::input(
                 format!("the pulse reaches from {first} to {last} bins around its path"),
-                format!("at most {LONGEST} are supported: cut it, or add bins up"),
+                format!("at most {LONGEST} are supported: cut the pulse, or sum neighbouring bins"),
             ));
         }
-        // One bin more at either end, for what the second difference adds there.
+        // One more bin at either end, for the second difference.
         let (first, last) = (first as i64 - 1, last as i64 + 1);
         let mut whole = vec![0.0; (last - first + 1) as usize];
         for (i, sample) in self.samples.iter().enumerate() {
@@ -175,7 +177,7 @@ impl Pulse {
             (weights.iter().position(kept).unwrap_or(0), weights.iter().rposition(kept).unwrap_or(0));
         weights.truncate(high + 1);
         weights.drain(..low);
-        // The kernels walk from the first tap to the last, and the path's own bin is among them.
+        // The kernels walk from the first tap to the last, and expect the path's own bin among them.
         let (low, high) = (first + low as i64, first + high as i64);
         let before = (-low).max(0) as usize;
         weights.splice(0..0, std::iter::repeat_n(0.0, low.max(0) as usize));
@@ -187,12 +189,13 @@ impl Pulse {
 }
 
 impl PulseTaps {
-    /// What changes nothing.
+    /// Taps that change nothing: a single one of weight 1.
     pub fn identity() -> PulseTaps {
         PulseTaps { before: 0, weights: vec![1.0] }
     }
 
-    /// These through a Gaussian of so many bins that reaches so many sigmas to each side, or themselves if it is none.
+    /// These taps convolved with a Gaussian of `sigma` bins that is cut off at `reach` sigmas on each side. Unchanged
+    /// if `sigma` is not positive.
     pub fn blurred(&self, sigma: f64, reach: f64) -> PulseTaps {
         if sigma <= 0.0 {
             return self.clone();
@@ -207,13 +210,13 @@ impl PulseTaps {
         PulseTaps { before: self.before + radius, weights }
     }
 
-    /// As kernels read them: bins before the path's own, how many there are, then their weights.
+    /// The layout that kernels read: `before`, the number of weights, the weights.
     pub fn words(&self) -> Vec<f32> {
         let head = [self.before as f32, self.weights.len() as f32];
         head.into_iter().chain(self.weights.iter().map(|w| *w as f32)).collect()
     }
 
-    /// The histograms of sharp paths as this pulse shows them; what leaves the bins is lost.
+    /// Applies the pulse to histograms of sharp paths. Light that leaves the bins is lost.
     pub fn spread(&self, histograms: &mut [f32], bins: usize) {
         for histogram in histograms.chunks_exact_mut(bins) {
             let sharp: Vec<f64> = histogram.iter().map(|v| f64::from(*v)).collect();
@@ -223,7 +226,7 @@ impl PulseTaps {
         }
     }
 
-    /// One histogram, or one residual, through the instrument; what leaves the bins is lost.
+    /// Passes one histogram, or one residual, through the instrument. Light that leaves the bins is lost.
     pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {
         let at = |bin: usize, tap: usize| {
             let from = match way {
@@ -257,7 +260,7 @@ mod tests {
             assert!(mean.abs() < 1e-12 && (deviation / (fwhm / 2.3548) - 1.0).abs() < 0.01, "{deviation}");
             let square = (deviation / bin).powi(2);
             let [mean, of_taps] = moments(&pulse.taps(bin).unwrap());
-            // Less what linear binning adds over a bin's own: 1 / 6 - 1 / 12.
+            // Without what linear binning adds to that of bins: 1 / 6 - 1 / 12.
             assert!(mean.abs() < 1e-12 && (of_taps / (square - 1.0 / 12.0) - 1.0).abs() < 0.04, "{of_taps}");
             let [_, of_bins] = moments(&pulse.taps_of_bins(bin).unwrap());
             assert!((of_bins / square - 1.0).abs() < 0.02, "{of_bins} {square}");
@@ -266,7 +269,7 @@ mod tests {
 
     #[test]
     fn a_late_pulse_stays_late() {
-        // A tail behind the path, of three bins and a half.
+        // A tail that begins three and a half bins behind the path.
         let pulse = Pulse { samples: vec![4.0, 2.0, 1.0], width: 0.01, start: 0.035 };
         let taps = pulse.taps_of_bins(0.01).unwrap();
         let [mean, _] = moments(&taps);
@@ -276,7 +279,7 @@ mod tests {
                 && taps.weights[0] == 0.0
                 && (taps.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12
         );
-        // One far before it.
+        // A pulse far before the path.
         let early = Pulse { start: -0.065, ..pulse }.taps_of_bins(0.01).unwrap();
         assert!(early.before >= 6 && early.weights.len() > early.before, "{early:?}");
         assert!((moments(&early)[0] + 10.0 - mean).abs() < 0.05);
@@ -291,7 +294,7 @@ mod tests {
         taps.spread(&mut histograms, 32);
         assert!((histograms[..32].iter().sum::<f32>() - 2.0).abs() < 1e-5);
         assert_eq!(histograms[..32].iter().copied().fold(0.0, f32::max), histograms[16]);
-        // What is before the first bin is lost, and goes to no other pair.
+        // Light before the first bin is lost, and goes to no other pair.
         assert!(histograms[32..].iter().sum::<f32>() < 0.99 && histograms[31] == 0.0);
         let mut same = vec![1.0, 2.0, 3.0];
         PulseTaps::identity().spread(&mut same, 3);

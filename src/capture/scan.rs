@@ -7,17 +7,16 @@ use super::lattice::Lattice;
 use super::pairs::Distinct;
 use crate::error::{Error, Result};
 
-/// Points that are no farther apart than this share of the wall's size are counted as one.
+/// Points at most this share of the wall's size apart count as one.
 const SAME_POINT: f64 = 1e-6;
 
 impl Capture {
-    /// The lateral part of the wall that the scan covers: (xmin, xmax, ymin, ymax) in metres, outer edges of
-    /// the scan's cells, that is the points plus half the spacing on every side.
+    /// The part of the wall that the scan covers: (xmin, xmax, ymin, ymax) in metres. These are the outer edges of the
+    /// scan's cells: the points plus half the spacing on every side.
     ///
-    /// The points of both sides count, a single laser or sensor point beside many of the other side does not.
-    /// A single row or column is as wide as its own spacing. If there is only one point on either side, the
-    /// extent is a square around the sensor's whose half side is a quarter of the longest path, the distance
-    /// over which the histogram says anything at all.
+    /// Points of both sides count, unless a side is a single point. A single row or column is as wide as its own
+    /// spacing. If both sides are single points, the extent is a square around the sensor point. Its half side is a
+    /// quarter of the longest path, which is as far as the histogram can tell.
     pub fn wall_extent(&self) -> [f64; 4] {
         let [scanned, other] = self.sides();
         let lattice = Lattice::of(&scanned);
@@ -32,15 +31,14 @@ impl Capture {
         }
     }
 
-    /// Distance in metres of neighbouring points of the scanned side (the smaller of x and y), `None` if there
-    /// is only one point. Of points that form no lattice it is the square root of the area of their cells over
-    /// their number.
+    /// Distance of neighbouring points of the scanned side in metres (the smaller of x and y); `None` for a single
+    /// point. For points that form no lattice it is the square root of the area of their cells divided by their number.
     pub fn spacing(&self) -> Option<f64> {
         Lattice::of(&self.sides()[0]).spacing.into_iter().flatten().reduce(f64::min)
     }
 
-    /// Points of the scanned side that stand side by side in x and in y: those of the lattice they form, holes
-    /// included, or of a square lattice as dense as they are. At least 1.
+    /// Points of the scanned side along x and y: of the lattice that they form, holes included, or of a square lattice
+    /// of the same density. At least 1.
     pub fn resolution(&self) -> [usize; 2] {
         Lattice::of(&self.sides()[0]).counts.map(|n| n.max(1))
     }
@@ -62,15 +60,15 @@ impl Capture {
         flat && normals.into_iter().all(|n| n.distance(DVec3::Z) <= 1e-3)
     }
 
-    /// Scales the wall about the origin so that its outermost scanned points are `size` metres apart along
-    /// the longer side (a file without a scale). Normals, bins and paths are left as they are.
+    /// Scales the wall about the origin so that its outermost scanned points are `size` metres apart along the longer
+    /// side, for files without a scale. Normals, bins and paths do not change.
     ///
     /// # Errors
     /// `Kind::Options` if `size` is not positive and finite, or if the scan has a single point.
     pub fn set_wall(&mut self, size: f64) -> Result<()> {
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::options(
-                format!("a wall of {size} m"),
+                format!("a wall of {size} m is not possible"),
                 "give the distance in metres between the outermost scan points",
             ));
         }
@@ -86,13 +84,13 @@ impl Capture {
         Ok(())
     }
 
-    /// The points of the side (sensor or laser) that was scanned, pair by pair: the one with more distinct
-    /// points, the sensor's on a tie.
+    /// The points of the scanned side (sensor or laser), pair by pair. It is the side with more distinct points, the
+    /// sensor's on a tie.
     pub fn scanned_points(&self) -> &[DVec3] {
         if self.laser_scans() { &self.laser } else { &self.sensor }
     }
 
-    /// Whether that side is the laser's.
+    /// Whether the scanned side is the laser's.
     pub fn laser_scans(&self) -> bool {
         let [lasers, sensors] = self.distinct();
         lasers.first.len() > sensors.first.len()

@@ -1,4 +1,4 @@
-//! Smaller captures that keep every count: neighbouring bins as one, neighbouring histograms as one.
+//! Smaller captures that keep every count: neighbouring bins, or neighbouring histograms, are summed.
 
 use glam::DVec3;
 
@@ -6,16 +6,16 @@ use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
 impl Capture {
-    /// The sum of every `n` neighbouring bins as one bin, the first from bin 0. Bins that are missing at the end
-    /// count as zero, so every count is kept.
+    /// Sums every `n` neighbouring bins into one, from bin 0 on. Bins missing at the end count as zero, so every count
+    /// is kept.
     ///
     /// # Errors
     /// `Kind::Options` if `n` is 0 or more than there are bins.
     pub fn binned(&self, n: usize) -> Result<Capture> {
         if n == 0 || n > self.bins {
             return Err(Error::options(
-                format!("--bin {n} of {} bins", self.bins),
-                format!("give a number of bins to be summed, from 1 to {}", self.bins),
+                format!("bins cannot be summed by {n}: a histogram has {} bins", self.bins),
+                format!("give a number of bins to sum, from 1 to {}", self.bins),
             ));
         }
         let histograms = self.histograms.chunks_exact(self.bins);
@@ -24,12 +24,12 @@ impl Capture {
         Ok(self.with_bins(self.bins.div_ceil(n), width, self.t_start, histograms))
     }
 
-    /// The sum of every `n` x `n` neighbouring histograms of the scan as one, at the middle of their points (and
-    /// with the middle of their normals). Every count is kept.
+    /// Sums every `n` x `n` neighbouring histograms of the scan into one, at the mean of their points and with the mean
+    /// of their normals. Every count is kept.
     ///
     /// # Errors
-    /// `Kind::Options` if `n` does not divide the scan along x and y, or if pairs that stand side by side in it
-    /// are no neighbours on the wall (lists, exhaustive captures).
+    /// `Kind::Options` if `n` does not divide the scan along x and y, or if neighbours in the scan are not neighbours
+    /// on the wall (lists, exhaustive captures).
     pub fn summed(&self, n: usize) -> Result<Capture> {
         let [nx, ny] = self.scan;
         if n == 1 {
@@ -37,7 +37,7 @@ impl Capture {
         }
         if n == 0 || nx % n != 0 || ny % n != 0 {
             return Err(Error::options(
-                format!("--sum {n} of a scan of {nx} x {ny} points"),
+                format!("histograms cannot be summed by {n} x {n}: the scan has {nx} x {ny} points"),
                 "give a number that divides both sides, so that every count is kept",
             ));
         }
@@ -45,9 +45,10 @@ impl Capture {
         if !matches!(kind, PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor) {
             return Err(Error::options(
                 format!(
-                    "--sum {n}, but the pairs are {kind}: those side by side are no neighbours on the wall"
+                    "histograms cannot be summed: neighbours in the scan are not neighbours on the wall \
+                     (the pairs are {kind})"
                 ),
-                "thin them by --stride instead",
+                "thin the scan by a stride or a random subset instead",
             ));
         }
         let (to_x, to_y) = (nx / n, ny / n);

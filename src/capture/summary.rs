@@ -1,4 +1,4 @@
-//! What a capture holds, for people and for reports.
+//! Summary of a capture, for the command line and reports.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,11 +17,12 @@ pub struct Summary {
     pub pairs: usize,
     /// Bins of a histogram.
     pub bins: usize,
-    /// Bin width in metres of path, and the same as light travel time in picoseconds.
+    /// Bin width in metres of path.
     pub bin_width_m: f64,
-    /// The same as time of flight in picoseconds.
+    /// Bin width as time of flight in picoseconds.
     pub bin_width_ps: f64,
-    /// Full width at half maximum in metres of path that a Gaussian as wide as the instrument's pulse has, if that is known.
+    /// Full width at half maximum, in metres of path, of a Gaussian as wide as the instrument's pulse; `None` if the
+    /// pulse is not known.
     pub pulse_fwhm_m: Option<f64>,
     /// Leading edge of the first bin, metres of path.
     pub t_start_m: f64,
@@ -31,7 +32,7 @@ pub struct Summary {
     pub pair_kind: PairKind,
     /// Pairs of the file that were left out because they were not measured.
     pub dropped_pairs: usize,
-    /// Points of the scanned side that stand side by side in x and y, or as dense a square lattice.
+    /// Points of the scanned side along x and y: [`Capture::resolution`].
     pub resolution: [usize; 2],
     /// Whether laser and sensor point coincide in every pair.
     pub confocal: bool,
@@ -43,7 +44,7 @@ pub struct Summary {
     pub wall_depth_m: [f64; 2],
     /// First and last bin with signal in any pair, `None` without signal.
     pub signal_bins: Option<[usize; 2]>,
-    /// Largest count, where it is.
+    /// Largest count.
     pub peak: f64,
     /// Bin of the largest count.
     pub peak_bin: usize,
@@ -116,7 +117,7 @@ impl Summary {
 }
 
 impl Capture {
-    /// What the capture holds, in figures.
+    /// The summary of the capture.
     pub fn summary(&self) -> Summary {
         Summary::of(self)
     }
@@ -134,7 +135,7 @@ impl std::fmt::Display for Summary {
         if self.resolution != self.scan {
             writeln!(
                 f,
-                "points    as dense as {} x {} side by side",
+                "points    as dense as a lattice of {} x {} points",
                 self.resolution[0], self.resolution[1]
             )?;
         }
@@ -142,7 +143,7 @@ impl std::fmt::Display for Summary {
         let [low, high] = self.wall_depth_m;
         let wall = match (self.planar, high - low) {
             (true, _) => "flat".to_string(),
-            (false, 0.0) => "flat, but its normals are not".to_string(),
+            (false, 0.0) => "flat, but not all of its normals are (0, 0, 1)".to_string(),
             (false, _) => format!("curved or tilted, z {low:.4} to {high:.4} m"),
         };
         writeln!(f, "wall      x {x0:.4} to {x1:.4} m, y {y0:.4} to {y1:.4} m, {wall}")?;

@@ -1,23 +1,24 @@
-//! Captures turned over: a scan whose file does not say which way it lies on the wall.
+//! Mirrors and rotates captures, for files that do not say how the scan lies on the wall.
 
 use glam::DVec3;
 
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
-/// How a capture is turned over: first mirrored, then turned by quarters. The default leaves it as it is.
+/// How a capture is mirrored and then rotated. The default changes nothing.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Turn {
     /// Whether x changes its sign: left and right swap.
     flip_x: bool,
     /// Whether y changes its sign: up and down swap.
     flip_y: bool,
-    /// Quarter turns after that, 0 to 3, counter-clockwise as seen in pictures (+x to the right, y up): +x goes to +y.
+    /// Quarter turns after the mirroring, 0 to 3, counter-clockwise in the pictures (+x to the right, +y up): +x
+    /// becomes +y.
     quarters: u8,
 }
 
 impl Turn {
-    /// Reads a mirroring (`x`, `y` or `xy`) and an angle in degrees (90, 180 or 270), either of which may be missing.
+    /// Reads a mirroring (`x`, `y` or `xy`) and an angle in degrees (90, 180 or 270). Both are optional.
     ///
     /// # Errors
     /// `Kind::Options` for anything else.
@@ -29,7 +30,7 @@ impl Turn {
             Some("xy") => (true, true),
             Some(text) => {
                 return Err(Error::options(
-                    format!("--flip is {text:?}"),
+                    format!("the flip {text:?} is not known"),
                     "give x to swap left and right, y to swap up and down, or xy for both",
                 ));
             }
@@ -39,31 +40,31 @@ impl Turn {
             Some(degrees @ (90 | 180 | 270)) => (degrees / 90) as u8,
             Some(degrees) => {
                 return Err(Error::options(
-                    format!("--rotate is {degrees}"),
-                    "give 90, 180 or 270: degrees, counter-clockwise as seen in the pictures",
+                    format!("a rotation by {degrees} degrees is not supported"),
+                    "give 90, 180 or 270 degrees, counter-clockwise in the pictures",
                 ));
             }
         };
         Ok(Turn { flip_x, flip_y, quarters })
     }
 
-    /// What is done, for people; `None` if nothing is.
+    /// A sentence that says what is done; `None` if nothing is.
     pub fn note(&self) -> Option<String> {
         let flipped = match (self.flip_x, self.flip_y) {
             (false, false) => None,
-            (true, false) => Some("mirrored left to right (--flip x)".to_string()),
-            (false, true) => Some("mirrored top to bottom (--flip y)".to_string()),
-            (true, true) => Some("mirrored left to right and top to bottom (--flip xy)".to_string()),
+            (true, false) => Some("mirrored left to right".to_string()),
+            (false, true) => Some("mirrored top to bottom".to_string()),
+            (true, true) => Some("mirrored left to right and top to bottom".to_string()),
         };
         let turned = (self.quarters > 0).then(|| {
             let degrees = 90 * u32::from(self.quarters);
-            format!("turned by {degrees} degrees counter-clockwise (--rotate {degrees})")
+            format!("rotated by {degrees} degrees counter-clockwise")
         });
         let done: Vec<String> = flipped.into_iter().chain(turned).collect();
         (!done.is_empty()).then(|| format!("the scan is {}", done.join(", then ")))
     }
 
-    /// A point or a direction turned over: a mirroring, or a turn about the z axis.
+    /// Mirrors a point or a direction, then rotates it about the z axis.
     fn apply(&self, mut v: DVec3) -> DVec3 {
         if self.flip_x {
             v.x = -v.x;
@@ -77,7 +78,7 @@ impl Turn {
         v
     }
 
-    /// The scan turned over: its shape, and for every new pair the old one.
+    /// The shape of the new scan, and the old pair of every new one.
     fn order(&self, [nx, ny]: [usize; 2]) -> ([usize; 2], Vec<usize>) {
         let mut shape = [nx, ny];
         let flip = |flip: bool, i: usize, n: usize| if flip { n - 1 - i } else { i };
@@ -95,10 +96,9 @@ impl Turn {
 }
 
 impl Capture {
-    /// The capture turned over, as if the scan had lain on the wall that way: laser points, sensor points and normals are
-    /// mirrored at x = 0 and y = 0 and turned about the z axis. Pairs that stand in columns and rows are put in the new
-    /// order, ix along +x and iy along +y. Lists and exhaustive captures keep the order of their pairs. The histograms
-    /// stay with their pairs.
+    /// Mirrors and rotates the capture: laser points, sensor points and normals are mirrored at x = 0 and y = 0, then
+    /// rotated about the z axis. Pairs in columns and rows are put in the new order, ix along +x and iy along +y. Lists
+    /// and exhaustive captures keep the order of their pairs. The histograms stay with their pairs.
     pub fn turned(mut self, turn: Turn) -> Capture {
         if turn == Turn::default() {
             return self;
@@ -228,7 +228,7 @@ mod tests {
     fn what_is_done_is_said_and_what_is_no_turn_is_refused() {
         assert_eq!(turn("", 0).note(), None);
         let note = turn("y", 270).note().unwrap();
-        assert!(note.contains("--flip y") && note.contains("--rotate 270"), "{note}");
+        assert!(note.contains("top to bottom") && note.contains("rotated by 270"), "{note}");
         for (flip, degrees) in [(Some("z"), None), (Some(""), None), (None, Some(0)), (None, Some(45))] {
             let error = Turn::parse(flip, degrees).unwrap_err();
             assert_eq!(error.kind, crate::Kind::Options);

@@ -121,7 +121,7 @@ fn gates_crop_bins() {
     assert_error(c.gated(Gate::parse("0.6:").unwrap()), Kind::Options, &["outside", "0.5500"]);
     assert_error(c.gated(Gate::parse(":0.5").unwrap()), Kind::Options, &["outside"]);
     assert_error(c.gated(Gate { from: f64::NAN, to: 1.0 }), Kind::Options, &["NaN"]);
-    assert_error(c.gated(Gate { from: 2.0, to: 1.0 }), Kind::Options, &["holds nothing"]);
+    assert_error(c.gated(Gate { from: 2.0, to: 1.0 }), Kind::Options, &["2 m to 1 m is empty"]);
 }
 
 /// An indirect signal around bin 120, earlier or later by pair.

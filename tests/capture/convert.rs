@@ -30,7 +30,7 @@ fn bins_are_summed_and_none_is_lost() {
     assert_eq!(c.binned(1).unwrap(), c);
     assert_eq!(c.binned(5).unwrap().bins, 1);
     for wrong in [0, 6] {
-        assert_error(c.binned(wrong), Kind::Options, &["--bin", "1 to 5"]);
+        assert_error(c.binned(wrong), Kind::Options, &["bins cannot be summed", "1 to 5"]);
     }
 }
 
@@ -45,13 +45,13 @@ fn neighbouring_histograms_are_summed_at_their_middle() {
     assert_eq!((total(&sum), sum.integer_counts), (total(&c), true));
     assert_eq!(c.summed(1).unwrap(), c);
     for wrong in [0, 3] {
-        assert_error(c.summed(wrong), Kind::Options, &["--sum", "4 x 2"]);
+        assert_error(c.summed(wrong), Kind::Options, &["histograms cannot be summed", "4 x 2"]);
     }
     let mut list = c.clone();
     for (p, l) in list.laser.iter_mut().enumerate() {
         l.x += 0.01 * (p * p) as f64;
     }
-    assert_error(list.summed(2), Kind::Options, &["--sum", "--stride"]);
+    assert_error(list.summed(2), Kind::Options, &["histograms cannot be summed", "stride"]);
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn doubts_are_said_and_sound_captures_have_none() {
     let mut narrow = c.clone();
     narrow.set_wall(0.5).unwrap();
     let doubts = narrow.doubts().join("\n");
-    assert!(doubts.contains("half its width") && doubts.contains("--wall"), "{doubts}");
+    assert!(doubts.contains("half its width") && doubts.contains("wall is larger"), "{doubts}");
     // Time zero is far too late: light arrives before it left.
     let mut early = c.clone();
     early.laser.fill(dvec3(0.0, 0.0, 0.0));

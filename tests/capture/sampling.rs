@@ -112,7 +112,7 @@ fn stride_thins_both_sides_of_an_exhaustive_capture_and_refuses_lists() {
         c.laser.iter().zip(&c.sensor).position(|(l, p)| (*l, *p) == (s.laser[9], s.sensor[9])).unwrap();
     assert_eq!(s.histograms[27..30], c.histograms[3 * kept..3 * kept + 3]);
     let random = list(scattered(40, 1.0, 1.0));
-    assert_error(random.stride(2), Kind::Options, &["stride of 2", "40 pairs", "--subset 10"]);
+    assert_error(random.stride(2), Kind::Options, &["stride of 2", "40 pairs", "random subset of 10 pairs"]);
     assert_eq!(random.stride(1).unwrap(), random);
     assert_eq!(capture([9, 1], 1, |_, _| 1.0).stride(2).unwrap().pair_count(), 5);
 }

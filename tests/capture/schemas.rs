@@ -421,7 +421,7 @@ fn one_array_has_rows_from_the_top_unless_it_is_turned() {
         let c = read_given(path, &given).unwrap().capture;
         assert_axes(&c, 0, |ix, iy| [1 - iy, ix], what);
         let opened = read_given(path, &given.with_turn(Turn::parse(Some("x"), Some(90)).unwrap())).unwrap();
-        assert!(opened.notes.iter().any(|n| n.contains("--flip x") && n.contains("--rotate 90")));
+        assert!(opened.notes.iter().any(|n| n.contains("left to right") && n.contains("rotated by 90")));
         // Mirrored, columns run from the right; a quarter counter-clockwise then has them run down.
         assert_eq!(opened.capture.scan, [2, 3]);
         assert_axes(&opened.capture, 0, |ix, iy| [ix, 2 - iy], what);

@@ -68,9 +68,9 @@ fn what_is_no_target_is_refused() {
     let c = target(0.0);
     let mut far = c.clone();
     far.t_start += 60.0 * c.bin_width;
-    assert_error(time_zero(&far, 40), Kind::Input, &["end of the range", "--reach"]);
+    assert_error(time_zero(&far, 40), Kind::Input, &["end of the range", "larger reach"]);
     assert!(time_zero(&far, 80).is_ok());
-    assert_error(time_zero(&c, 0), Kind::Options, &["--reach"]);
+    assert_error(time_zero(&c, 0), Kind::Options, &["reach of 0"]);
     let mut apart = c.clone();
     apart.laser.fill(glam::DVec3::ZERO);
     assert_error(time_zero(&apart, 40), Kind::Input, &["confocal"]);

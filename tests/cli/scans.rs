@@ -21,9 +21,9 @@ fn every_kind_of_pairs_is_simulated_and_told() {
     told(&["--pairs", "one-sensor"], &["36 pairs, one sensor point"]);
     let exhaustive = told(
         &["--pairs", "exhaustive", "--grid", "3"],
-        &["9 x 36 = 324 pairs, exhaustive: 9 laser points x 36", "6 x 6 side by side"],
+        &["9 x 36 = 324 pairs, exhaustive: 9 laser points x 36", "as dense as a lattice of 6 x 6 points"],
     );
-    told(&["--pairs", "irregular"], &["36 x 1 = 36 pairs, irregular", "side by side"]);
+    told(&["--pairs", "irregular"], &["36 x 1 = 36 pairs, irregular", "as dense as a lattice of"]);
     let bump = ["--pairs", "confocal", "--wall-shape", "bump", "--reflectance", "lambertian"];
     told(&bump, &["36 pairs, confocal", "curved", "normals   known"]);
 
@@ -65,7 +65,7 @@ fn what_a_file_lacks_is_told() {
     for words in [
         "253 x 1 = 253 pairs, confocal",
         "dropped   3 pairs",
-        "as dense as 16 x 16",
+        "as dense as a lattice of 16 x 16",
         "normals   estimated from neighbouring points",
         "note      3 of 256 pairs are left out",
         "note      wall normals were estimated",
@@ -77,7 +77,7 @@ fn what_a_file_lacks_is_told() {
         (&told["capture"]["dropped_pairs"], &told["capture"]["normals_estimated"]),
         (&3.into(), &true.into())
     );
-    fail(&["info", &file, "--stride", "2"], 1, "--subset 64");
+    fail(&["info", &file, "--stride", "2"], 1, "random subset of 64 pairs");
 }
 
 #[test]

@@ -141,5 +141,5 @@ pub fn captures_of_scenes_tell_no_time_zero(data: &Path) {
         assert_no_target(&read(&data.join(format!("{name}.npz"))).unwrap(), name);
     }
     let apart = read(&data.join("sim_U_nonconfocal_64.npz")).unwrap();
-    assert_error(time_zero(&apart, 40), Kind::Input, &["no confocal scan"]);
+    assert_error(time_zero(&apart, 40), Kind::Input, &["not a confocal scan"]);
 }
