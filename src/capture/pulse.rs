@@ -145,7 +145,7 @@ impl Pulse {
         self.over(bin_width, BIN)
     }
 
-    /// Integrals of the pulse over bins, with `less` squared bins taken off their second moment.
+    /// Integrals of the pulse over bins, with their second moment reduced by `less` squared bins.
     fn over(&self, bin_width: f64, less: f64) -> Result<PulseTaps> {
         let [first, last] = [self.start, self.end()].map(|edge| (edge / bin_width).round());
         if first.abs().max(last.abs()) > LONGEST as f64 {

@@ -59,7 +59,7 @@ fn the_stanford_form_comes_back() {
     let c = one_point(6, dvec3(0.1, 0.05, 0.6));
     let (_folder, path) = place("made.mat");
     let notes = write(&c, &path).unwrap();
-    assert!(notes.join("").contains("--wall 1 --bin-width 0.01"), "{notes:?}");
+    assert!(notes.join("").contains("wall size, 1 m, and the bin width, 0.01 m"), "{notes:?}");
     let bytes = std::fs::read(&path).unwrap();
     assert!(bytes.starts_with(b"MATLAB 7.3 MAT-file") && bytes[124..128] == *b"\x00\x02IM");
     let given = Given::default().with_wall(1.0).with_bin_width(0.01);

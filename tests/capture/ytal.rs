@@ -163,7 +163,7 @@ fn ytal_outer_legs_are_removed() {
     assert_error(read(&path), Kind::Input, &["laser_xyz", "t_accounts_first_and_last_bounces"]);
     // Devices so far away that no bin is left.
     ytal(&path, 1, &[20, 2, 1], &h, &points, &points, Some([0.0, 0.0, -9.0]));
-    assert_error(read(&path), Kind::Input, &["leaves no sensible range"]);
+    assert_error(read(&path), Kind::Input, &["leaves no valid range"]);
 }
 
 #[test]

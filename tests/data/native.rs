@@ -41,7 +41,7 @@ pub fn stanford_statue(data: &Path) {
         let opened = read_given(&folder.join(name), &Given::default()).unwrap();
         assert_twins(&opened.capture, &plain, name);
         let notes = opened.notes.join("\n");
-        for said in ["32 ps", "2 m", "--wall", "512 bins"] {
+        for said in ["32 ps", "2 m", "wall size", "512 bins"] {
             assert!(notes.contains(said), "{notes} does not say {said}");
         }
     }
@@ -56,7 +56,7 @@ pub fn stanford_statue(data: &Path) {
     assert_twins(&open(&two.path().join("meas_10min.mat"), &Given::default()), &plain, "tof.mat beside");
     std::fs::rename(two.path().join("tof.mat"), two.path().join("times.mat")).unwrap();
     let meas = two.path().join("meas_10min.mat");
-    assert_error(read(&meas), Kind::Input, &["meas_10min.mat", "tofgrid", "--tof"]);
+    assert_error(read(&meas), Kind::Input, &["meas_10min.mat", "tofgrid", "as the times of flight"]);
     let given = wall(1.0).with_time_of_flight(two.path().join("times.mat"));
     let narrow = open(&meas, &given);
     assert!((narrow.laser[0].x + 0.5).abs() < 1e-12);
@@ -72,8 +72,8 @@ pub fn lct_letters(data: &Path) {
 pub fn one_array_of_v73(data: &Path) {
     let plain = read(&data.join("z_captured_confocal_64.npz")).unwrap();
     let path = data.join("native/z_v73.mat");
-    assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "--wall"]);
-    assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "--bin-width"]);
+    assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "give the wall size"]);
+    assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "give the bin width"]);
     let given = wall(0.8).with_bin_width(5.0 * 299_792_458e-12);
     assert_twins(&by_fours(open(&path, &given)), &plain, "Z");
 }
@@ -83,7 +83,7 @@ pub fn ccsocr_statue(data: &Path) {
     let mirrored = Turn::parse(Some("x"), None).unwrap();
     let plain = read(&data.join("statue_confocal_64.npz")).unwrap().turned(mirrored);
     let folder = data.join("native/ccsocr_statue");
-    assert_error(read(&folder), Kind::Options, &["CC-SOCR", "--wall"]);
+    assert_error(read(&folder), Kind::Options, &["CC-SOCR", "give the wall size"]);
     for path in [folder.clone(), folder.join("sub_Sig.mat"), folder.join("C_d.mat"), folder.join("C_i.mat")] {
         assert_twins(&open(&path, &wall(2.0)), &plain, &path.display().to_string());
     }

@@ -1,9 +1,9 @@
-//! Captures of CC-SOCR (Liu, Wang, Li and others 2021/2023), three MATLAB v5 files: `C_i` and `C_d` (P, 3), the
-//! laser and sensor points as whole numbers (depth, horizontal, vertical), and `sub_Sig` (P, T), the counts of
-//! each pair in bins of 32 ps. The length of one step is not in the files.
+//! Captures of CC-SOCR (Liu, Wang, Li and others 2021/2023), three MATLAB v5 files: `C_i` and `C_d` (P, 3), the laser
+//! and sensor points as whole numbers (depth, horizontal, vertical), and `sub_Sig` (P, T), the counts of each pair in
+//! bins of 32 ps. The length of one step of the points is not in the files.
 //!
 //! Axes: horizontal runs to the left and vertical up, as in the view "from the relay surface" that their `main.m` and
-//! `three.m` draw. So their figure 4 is readable, and the statue holds its disc on the left as in its photograph.
+//! `three.m` draw. This way their figure 4 is readable, and the statue holds its disc on the left as in its photograph.
 
 use glam::DVec3;
 
@@ -26,7 +26,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         let (shape, values) = file.numbers(name)?.ok_or_else(|| file.missing(name))?;
         let [3, pairs] = shape[..] else {
             return Err(Error::input(
-                format!("{name} has shape {shape:?} (MATLAB's reversed), not three coordinates of each pair"),
+                format!("{name} has shape {shape:?} (MATLAB order reversed), not three coordinates per pair"),
                 format!("{name} is (P, 3): depth, horizontal, vertical"),
             ));
         };
@@ -38,7 +38,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     let (pairs, integer_counts) = (laser.len(), counts.whole());
     let [bins, rows] = counts.shape[..] else {
         return Err(Error::input(
-            format!("sub_Sig has {} axes", counts.shape.len()),
+            format!("sub_Sig has {} axes, not two", counts.shape.len()),
             "sub_Sig is (P, T): bins of each pair",
         ));
     };
@@ -55,7 +55,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     let steps = (high - low).x.max((high - low).y);
     if !(steps.is_finite() && steps > 0.0) {
         return Err(Error::input(
-            "all points of C_i and C_d are one",
+            "all points of C_i and C_d are the same",
             "check that the files hold the coordinates of a scan",
         ));
     }
@@ -65,7 +65,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         *p = (*p - middle) * step;
     }
     let bin_width = given.bin_width("a CC-SOCR capture", Some(PICOSECONDS), notes)?;
-    // The rows of a lattice, if these are the rows of one, one after the other.
+    // The shape of the scan, if its points form a lattice, row after row.
     let row = laser.windows(2).position(|w| w[0].x != w[1].x).map_or(pairs, |p| p + 1);
     let lattice = laser == sensor
         && pairs % row == 0

@@ -1,10 +1,10 @@
-//! NLOS-Dirac HDF5, which y-tal reads and calls deprecated: a confocal scan of a flat wall.
+//! NLOS-Dirac HDF5, which y-tal reads but calls deprecated: a confocal scan of a flat wall.
 //!
-//! `data_t` [T, X, Y]; `xg`, `yg` [X, Y] wall points in metres; `da` \[T\] paths in metres, of which the step counts;
-//! `offset_laser`: not 0 if the legs from laser to wall and back were taken off. No publication of the format was
-//! found: this is as y-tal (format.py) reads it, bin 0 at path 0. Where y-tal guesses the devices, it is refused.
+//! `data_t` [T, X, Y]; `xg`, `yg` [X, Y] wall points in metres; `da` \[T\] paths in metres (only their step is used);
+//! `offset_laser`: not 0 if the outer legs were removed. No publication of the format was found. It is read as y-tal
+//! (format.py) does, with bin 0 at path 0. Files for which y-tal guesses the positions of the devices are refused.
 //!
-//! Axes: the file has the points' coordinates, which are kept.
+//! Axes: the coordinates in the file are kept.
 
 use glam::DVec3;
 
@@ -37,18 +37,18 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let (_, paths) = numbers("da")?;
     let &[first, second, ..] = &paths[..] else {
         return Err(Error::input(
-            "da holds a single path, which tells no bin width",
+            "da holds fewer than two paths, so the bin width is unknown",
             "da holds the paths of all bins, in metres",
         ));
     };
     if numbers("offset_laser")?.1.iter().all(|v| *v == 0.0) {
         return Err(Error::input(
-            "offset_laser is 0: the paths of this NLOS-Dirac file include the legs between devices and wall, and \
-             where the devices are is not in the file",
-            "convert it to y-tal HDF5 with laser_xyz and sensor_xyz as they were",
+            "offset_laser is 0: the paths of this NLOS-Dirac file include the legs between devices and wall, \
+             but the file does not hold the positions of the devices",
+            "convert it to y-tal HDF5, with the positions of the devices as laser_xyz and sensor_xyz",
         ));
     }
-    notes.push("NLOS-Dirac HDF5 is read as y-tal does: confocal, a flat wall, bin 0 at path 0".into());
+    notes.push("NLOS-Dirac HDF5 is read as in y-tal: confocal, a flat wall, bin 0 at path 0".into());
     let points: Vec<DVec3> = x.iter().zip(&y).map(|(x, y)| DVec3::new(*x, *y, 0.0)).collect();
     let histograms = transpose(&counts.values, bins, nx * ny);
     let capture = Capture::new([nx, ny], points.clone(), points, bins, second - first, histograms);

@@ -14,8 +14,8 @@ pub struct Side {
     pub normals: Option<Vec<DVec3>>,
 }
 
-/// The laser's and the sensor's side of an exhaustive capture whose pairs stand laser point by laser point,
-/// each with all sensor points in the same order; `None` for any other capture, which is stored pair by pair.
+/// The laser's and the sensor's side of an exhaustive capture whose pairs are ordered laser point by laser point, each
+/// with all sensor points in the same order. `None` for any other capture, which is stored pair by pair.
 pub fn sides(capture: &Capture) -> Option<[Side; 2]> {
     let PairKind::Exhaustive { lasers, sensors } = capture.pair_kind() else { return None };
     if capture.scan != [lasers, sensors] {
@@ -29,8 +29,7 @@ pub fn sides(capture: &Capture) -> Option<[Side; 2]> {
     Some([laser, sensor])
 }
 
-/// The `count` points and normals at the pairs `pair_of`, if every pair has to the last bit those of its
-/// `place`.
+/// The `count` points and normals at the pairs `pair_of`. `None` if a pair has other values than its `place`.
 fn side(
     (points, normals): (&Vec<DVec3>, &Option<Vec<DVec3>>),
     count: usize,
@@ -49,7 +48,7 @@ fn side(
     Some(Side { shape: shape_of(&points), points, normals })
 }
 
-/// [X, Y] if the points stand column by column on a lattice, else a list.
+/// [X, Y] if the points are a lattice, column by column, else [n, 1].
 fn shape_of(points: &[DVec3]) -> [usize; 2] {
     let lattice = Lattice::of(points);
     let [x, y] = lattice.counts;

@@ -1,5 +1,5 @@
-//! From the frame of a file into ours: regular scans of a flat wall, the order of the pairs, walls that face
-//! another way than +z.
+//! From the frame of a file to ours: points of regular scans of a flat wall, the order of the pairs, walls that do not
+//! face +z.
 
 use glam::{DMat3, DVec3};
 
@@ -7,11 +7,11 @@ use super::variables::Counts;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 
-/// The largest distance of a vector from (0, 0, 1) that is put down to rounding.
+/// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
 const STRAIGHT: f64 = 1e-3;
 
-/// The points of a scan that lies regularly on the wall at z = 0, centred, `[ix * ny + iy]`, the outermost
-/// `wall` metres apart along the longer side.
+/// Points `[ix * ny + iy]` of a regular scan, centred on the wall at z = 0. The outermost points are `wall` metres
+/// apart along the longer side.
 pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
     let spacing = wall / (nx.max(ny).max(2) - 1) as f64;
     let at = |i: usize, n: usize| (i as f64 - 0.5 * (n as f64 - 1.0)) * spacing;
@@ -27,7 +27,7 @@ pub enum Run {
     Down,
 }
 
-/// Where the two axes of a scan run that MATLAB stores as (d1, d2, t). One runs along x, the other along y.
+/// Directions of the two scan axes of an array that MATLAB stores as (d1, d2, t). One is along x, the other along y.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Axes {
     pub d1: Run,
@@ -35,12 +35,12 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// The scan (X, Y) of `n1` by `n2` stored places.
+    /// The scan shape (X, Y) of `n1` by `n2` stored points.
     fn scan(self, [n1, n2]: [usize; 2]) -> [usize; 2] {
         if self.d1_along_x() { [n1, n2] } else { [n2, n1] }
     }
 
-    /// The pair (`ix * Y + iy`) of every stored place, d1 fastest, as an HDF5 or MATLAB file has them.
+    /// The pair (`ix * Y + iy`) of every stored point, d1 fastest, as HDF5 and MATLAB files have them.
     pub fn pairs(self, [n1, n2]: [usize; 2]) -> Vec<usize> {
         let along = |run, i, n| if matches!(run, Run::Right | Run::Up) { i } else { n - 1 - i };
         let pair = |i1, i2| {
@@ -55,15 +55,15 @@ impl Axes {
     }
 }
 
-/// A confocal scan of a flat wall from counts (d1, d2, t) of MATLAB, which come out of its files as [T, d2, d1].
+/// A confocal scan of a flat wall from counts (d1, d2, t) of MATLAB, which are read as [T, d2, d1].
 ///
 /// # Errors
-/// `Kind::Input` if the counts have another number of axes than three.
+/// `Kind::Input` if the counts do not have three axes.
 pub fn scanned(name: &str, counts: Counts, axes: Axes, wall: f64, bin_width: f64) -> Result<Capture> {
     let [bins, n2, n1] = counts.shape[..] else {
         return Err(Error::input(
             format!("{name} has {} axes, not three (two of the scan, and the bins)", counts.shape.len()),
-            format!("store {name} in MATLAB as an array of two scan axes and, last, the bins"),
+            format!("store {name} in MATLAB as an array with two scan axes, then the bins"),
         ));
     };
     let pairs = axes.pairs([n1, n2]);
@@ -79,8 +79,7 @@ pub fn scanned(name: &str, counts: Counts, axes: Axes, wall: f64, bin_width: f64
     Ok(Capture { integer_counts, ..Capture::new(scan, points.clone(), points, bins, bin_width, histograms) })
 }
 
-/// The capture with its pairs in the order of ours, ix along +x and iy along +y, where the scan is a lattice in
-/// another order.
+/// Puts the pairs of a lattice scan in our order: ix along +x, iy along +y.
 pub fn in_order(capture: Capture) -> Capture {
     let [a, b] = capture.scan;
     let points = capture.scanned_points();
@@ -118,11 +117,12 @@ pub fn in_order(capture: Capture) -> Capture {
     }
 }
 
-/// Turns and shifts the capture so that its wall lies near z = 0 and faces +z; `towards` is a point of the hidden
-/// scene, if the file tells one. A wall that does already is left alone to the last bit.
+/// Rotates and shifts the capture so that its wall lies near z = 0 and faces +z. `towards` is a point of the hidden
+/// scene, if the file holds one. A wall that already does so stays the same bit for bit. So does a wall without normals
+/// whose points lie on a line.
 ///
 /// # Errors
-/// `Kind::Input` if the wall's points lie on a line and no normal tells where it faces.
+/// None at present.
 pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<String>) -> Result<Capture> {
     let all = || capture.laser.iter().chain(&capture.sensor).filter(|p| p.is_finite());
     let count = all().count().max(1) as f64;
@@ -139,7 +139,7 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
     if side < 0.0 || (side == 0.0 && known == DVec3::ZERO && facing.z < 0.0) {
         facing = -facing;
         if known != DVec3::ZERO {
-            notes.push("the wall's normals point away from the hidden scene: they are turned round".into());
+            notes.push("the wall's normals point away from the hidden scene: they are reversed".into());
             for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {
                 *n = -*n;
             }
@@ -148,7 +148,7 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
     if facing.distance(DVec3::Z) < STRAIGHT && centre.z.abs() < STRAIGHT {
         return Ok(capture);
     }
-    // y stays up as far as it can; for a wall that is a floor or a ceiling z becomes up.
+    // y stays up as far as possible. For a wall that is a floor or a ceiling, z becomes up.
     let up = if facing.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
     let across = up.cross(facing).normalize();
     let turn = DMat3::from_cols(across, facing.cross(across), facing).transpose();
@@ -160,13 +160,14 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
         *n = turn * *n;
     }
     notes.push(format!(
-        "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is turned to face +z, and lies at z = 0",
+        "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is rotated to face +z and moved to z = 0",
         facing.x, facing.y, facing.z
     ));
     Ok(capture)
 }
 
-/// The coordinate axis along which the points spread least, none if they spread along no two.
+/// The coordinate axis along which the points spread least; `None` if they spread along fewer than two axes, or if no
+/// axis is clearly the least.
 fn thinnest(points: impl Iterator<Item = DVec3>) -> Option<DVec3> {
     let spread = points.fold(DVec3::ZERO, |s, p| s.max(p.abs()));
     let mut axes = [(spread.x, DVec3::X), (spread.y, DVec3::Y), (spread.z, DVec3::Z)];

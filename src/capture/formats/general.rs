@@ -1,11 +1,11 @@
 //! General-NLOS captures: every pair may have its own laser and sensor point on an irregular wall.
 //!
-//! `laserpoints` and `detectpoints` (N, M, 3) in metres, in `setup.mat`, and `data` (N, M, T) in a second file,
-//! bins of 32 ps. In MATLAB's axis order, or as other programs write them to HDF5; which one is told by the axis
-//! of length 3.
+//! `laserpoints` and `detectpoints` (N, M, 3), metres, are in `setup.mat`. `data` (N, M, T), with bins of 32 ps, is in
+//! a second file. The axes are in MATLAB's order, or in the order in which other programs write them to HDF5. The axis
+//! of length 3 tells which.
 //!
-//! Axes: the file has the points' coordinates, which are kept. The front view of their `show_result.py` has y up and x
-//! to the left: our pictures show it mirrored, unless `--flip x` is given.
+//! Axes: the coordinates in the file are kept. The front view of their `show_result.py` has y up and x to the left. Our
+//! pictures show it mirrored, unless the capture is flipped in x ([`crate::capture::Turn`]).
 
 use glam::DVec3;
 
@@ -32,7 +32,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     });
     let [lasers, sensors] = stored;
     let (lasers, sensors) = (lasers?, sensors?);
-    // Three points along an axis may look like x, y, z: then the data tell which it is.
+    // An axis of three points may look like x, y, z: then the shape of the data decides.
     let fits = |matlab: bool| match (&lasers.0[..], &counts.shape[..]) {
         (&[3, m, n], &[bins, a, b]) if matlab && [a, b] == [m, n] => Some(([n, m], bins)),
         (&[n, m, 3], &[a, b, bins]) if !matlab && [a, b] == [n, m] => Some(([n, m], bins)),
@@ -42,7 +42,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     let Some(([n, m], bins)) = fits(matlab).filter(|_| lasers.0 == sensors.0) else {
         return Err(Error::input(
             format!(
-                "data has shape {:?}, laserpoints {:?} and detectpoints {:?}, which do not go together",
+                "data has shape {:?}, laserpoints {:?} and detectpoints {:?}, which do not agree",
                 counts.shape, lasers.0, sensors.0
             ),
             "data is (N, M, T), laserpoints and detectpoints are (N, M, 3), all in the same axis order",

@@ -1,16 +1,16 @@
-//! What a capture file may leave unsaid: the user says it, nothing is guessed in silence.
+//! Values that a capture file may not hold: the user gives them. If a usual value is taken instead, a note says so.
 
 use std::path::PathBuf;
 
 use crate::capture::Turn;
 use crate::error::{Error, Result};
 
-/// Which bounces of a rendered capture count.
+/// The bounces of a rendered capture that are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bounce {
-    /// The nth, 2 being the first that reaches the wall again: 3 is wall, hidden scene, wall.
+    /// Bounce number n, from 2 on. 3 is wall, hidden scene, wall.
     Nth(usize),
-    /// The sum of all that the file holds.
+    /// The sum of all bounces in the file.
     All,
 }
 
@@ -25,14 +25,14 @@ impl Bounce {
             ("all", _) => Ok(Bounce::All),
             (_, Ok(n)) if n >= 2 => Ok(Bounce::Nth(n)),
             _ => Err(Error::options(
-                format!("--bounce is {text:?}"),
+                format!("the bounce {text:?} is not known"),
                 "give third (wall, hidden scene, wall), all, or a number from 2",
             )),
         }
     }
 }
 
-/// What the user says about a capture that its file does not; nothing by default.
+/// Values that the user gives because the file does not hold them; none by default.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Given {
@@ -40,11 +40,11 @@ pub struct Given {
     pub wall: Option<f64>,
     /// Bin width in metres of path.
     pub bin_width: Option<f64>,
-    /// Bounces that count, of formats that keep them apart; the third unless said.
+    /// Bounces to use, for formats that keep them apart; the third by default.
     pub bounce: Option<Bounce>,
-    /// The file with the times of flight to the wall, of formats that keep them in a second file.
+    /// The file with the times of flight to the wall, for formats that keep them in a second file.
     pub time_of_flight: Option<PathBuf>,
-    /// How the scan is turned over, for files that do not say which way it lies on the wall.
+    /// How to mirror and rotate the scan, for files that do not say how it lies on the wall.
     pub turn: Turn,
 }
 
@@ -59,7 +59,7 @@ impl Given {
         Given { bin_width: width.into(), ..self }
     }
 
-    /// With the bounces that count.
+    /// With the bounces to use.
     pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {
         Given { bounce: bounce.into(), ..self }
     }
@@ -69,43 +69,43 @@ impl Given {
         Given { time_of_flight: file.into(), ..self }
     }
 
-    /// With a scan that is turned over.
+    /// With a scan that is mirrored or rotated.
     pub fn with_turn(self, turn: Turn) -> Given {
         Given { turn, ..self }
     }
 
-    /// The wall's size, which the file does not say.
+    /// The wall's size, which the file does not hold.
     ///
     /// # Errors
-    /// `Kind::Options` if the user did not say it either, or no length.
+    /// `Kind::Options` if the user did not give it either, or if it is not a positive length.
     pub(super) fn wall(&self, format: &str) -> Result<f64> {
         let wall = self.wall.ok_or_else(|| {
             Error::options(
-                format!("{format} does not say how wide the wall is"),
-                "give --wall SIZE, the distance in metres between the outermost scan points",
+                format!("{format} does not hold the wall size"),
+                "give the wall size, the distance in metres between the outermost scan points",
             )
         })?;
-        if wall.is_finite() && wall > 0.0 { Ok(wall) } else { Err(bad_length("--wall", wall)) }
+        if wall.is_finite() && wall > 0.0 { Ok(wall) } else { Err(bad_length("the wall size", wall)) }
     }
 
-    /// The bin width in metres, which the file does not say and the format only by custom (`usual` picoseconds, if
-    /// there is a custom); a note tells which was taken.
+    /// The bin width in metres, which the file does not hold. If the user does not give it, the `usual` one of the
+    /// format's publication is taken, in picoseconds, and a note says so.
     ///
     /// # Errors
-    /// `Kind::Options` if there is neither, or no length.
+    /// `Kind::Options` if there is neither, or if the given one is not a positive length.
     pub(super) fn bin_width(&self, format: &str, usual: Option<f64>, notes: &mut Vec<String>) -> Result<f64> {
         match (self.bin_width, usual) {
             (Some(width), _) if width.is_finite() && width > 0.0 => Ok(width),
-            (Some(width), _) => Err(bad_length("--bin-width", width)),
+            (Some(width), _) => Err(bad_length("the bin width", width)),
             (None, Some(ps)) => {
                 notes.push(format!(
-                    "{format} does not say how wide a bin is: {ps} ps are taken, as in its publication (--bin-width)"
+                    "{format} does not hold the bin width: {ps} ps is taken, as in its publication"
                 ));
                 Ok(ps * crate::capture::METRES_PER_PICOSECOND)
             }
             (None, None) => Err(Error::options(
-                format!("{format} does not say how wide a bin is"),
-                "give --bin-width M, in metres of path (picoseconds times 0.000299792458)",
+                format!("{format} does not hold the bin width"),
+                "give the bin width in metres of path (picoseconds times 0.000299792458)",
             )),
         }
     }

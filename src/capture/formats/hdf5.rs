@@ -1,7 +1,7 @@
-//! Arrays of an HDF5 file, by name; MATLAB v7.3 files are HDF5 behind a user block.
+//! Arrays of an HDF5 file, by name. MATLAB v7.3 files are HDF5 after a user block.
 //!
-//! A dataset in a group goes by `group/name`. Shapes are those of the file, in C order: MATLAB's dimensions
-//! come out reversed.
+//! A dataset in a group is named `group/name`. Shapes are those of the file, in C order: MATLAB's dimensions are
+//! reversed.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,12 +12,12 @@ use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
 use super::variables::Counts;
 use crate::error::{Error, Result};
 
-/// No filter of HDF5 in use shrinks data more than this.
+/// No HDF5 filter in use shrinks data more than this.
 const MOST_DEFLATED: u64 = 1100;
-/// Numbers that are not counts (points, normals, settings) never come near this many.
+/// Largest array of numbers that are not counts (points, normals, settings).
 const MOST_NUMBERS: usize = 1 << 28;
 
-/// An open file and how many bytes it has, to judge the sizes that its datasets claim.
+/// An open file, with its length in bytes to check the sizes that its datasets claim.
 pub struct Hdf5 {
     file: H5File,
     bytes: u64,
@@ -26,7 +26,7 @@ pub struct Hdf5 {
 fn damaged(e: impl std::fmt::Display) -> Error {
     Error::input(
         format!("the HDF5 file cannot be read: {e}"),
-        "the file is damaged or cut short: fetch it anew",
+        "the file is damaged or cut short: copy or download it again",
     )
 }
 
@@ -34,18 +34,18 @@ thread_local! {
     static GUARDED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether this thread is reading a file whose damage may make the HDF5 reader panic: such a panic becomes an error
-/// and is none to tell the user of.
+/// Whether this thread is inside the HDF5 reader, which may panic on a damaged file. Such a panic becomes an error and
+/// is not shown to the user.
 pub fn is_guarded() -> bool {
     GUARDED.get()
 }
 
-/// Damaged files make the HDF5 reader panic at times; that is a damaged file, not our end.
+/// Turns a panic of the HDF5 reader into the error of a damaged file.
 fn guarded<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
     let before = GUARDED.replace(true);
     let done = catch_unwind(AssertUnwindSafe(read));
     GUARDED.set(before);
-    done.unwrap_or_else(|_| Err(damaged("its inner structure makes no sense")))
+    done.unwrap_or_else(|_| Err(damaged("its inner structure is not valid")))
 }
 
 impl Hdf5 {
@@ -92,8 +92,8 @@ impl Hdf5 {
                 "rewrite the file with the values inside (h5repack does it)",
             ));
         }
-        // The HDF5 reader takes memory for the sizes that a file claims, and a failed allocation ends the
-        // program: look at them first, those of chunks too.
+        // The HDF5 reader allocates the sizes that a file claims, and a failed allocation ends the program. So the
+        // sizes are checked first, those of chunks too.
         let claim = |shape: &[usize]| {
             let bytes = shape.iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
             bytes.is_some_and(|size| size / MOST_DEFLATED <= self.bytes)
@@ -106,7 +106,7 @@ impl Hdf5 {
                     dataset.chunk_dims(),
                     self.bytes
                 ),
-                "the file is damaged or malicious: fetch or write it anew",
+                "the file is damaged or malicious: download or write it again",
             ));
         }
         Ok(Some(dataset))
@@ -115,7 +115,7 @@ impl Hdf5 {
     /// A dataset as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
     ///
     /// # Errors
-    /// `Kind::Input` if it is damaged, no numbers, or claims an absurd size.
+    /// `Kind::Input` if it is damaged, does not hold numbers, or claims an absurd size.
     pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
@@ -141,8 +141,8 @@ impl Hdf5 {
         })
     }
 
-    /// All numbers of a small dataset in float64, C order; truth values and enums as their number. `None` if it
-    /// is missing or empty.
+    /// All numbers of a small dataset as float64 in C order, booleans and enums as their numbers. `None` if it is
+    /// missing or empty.
     ///
     /// # Errors
     /// As [`Hdf5::counts`].
@@ -179,7 +179,7 @@ fn no_number(name: &str, found: &DatatypeMessage) -> Error {
     )
 }
 
-/// The numbers behind an enum's raw elements (truth values are an enum of one byte).
+/// The numbers of an enum's raw elements (booleans are an enum of one byte).
 fn enum_values(base: &DatatypeMessage, raw: &[u8]) -> Vec<f64> {
     let DatatypeMessage::FixedPoint { size, byte_order, .. } = base else { return Vec::new() };
     let value = |element: &[u8]| {

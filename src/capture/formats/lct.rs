@@ -1,11 +1,11 @@
 //! Captures of the light-cone transform (O'Toole, Lindell, Wetzstein 2018), MATLAB v5 or v7.3.
 //!
-//! `rect_data` (d1, d2, t) counts; `width` is **half** the wall in metres, that is the distance of the outermost
-//! points from the middle. Bins of 4 ps are not in the file. The direct light is: their code zeroes the first 600
-//! bins, here the automatic gate leaves it out.
+//! `rect_data` (d1, d2, t) counts; `width` is **half** the wall in metres, the distance of the outermost points from
+//! the middle. The bin width, 4 ps, is not in the file. The file holds the direct light: their code sets the first 600
+//! bins to zero, here the automatic gate leaves it out.
 //!
 //! Axes: d1 runs to the left and d2 down. The front view of their `cnlos_reconstruction.m` has d2 as rows from the top
-//! and d1 as columns from the right; so the letters S and U and the word EXIT are readable.
+//! and d1 as columns from the right. This way the letters S and U and the word EXIT are readable.
 
 use super::frame::{self, Axes, Run};
 use super::given::Given;

@@ -1,16 +1,16 @@
-//! Removing the outer legs (laser device to wall, wall to sensor device) from recorded paths.
+//! Removes the outer legs (laser device to wall, wall to sensor device) from recorded paths.
 
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 
-/// Shifts every histogram of `capture` down by its own `legs` (metres, one per pair), so that only the inner
-/// path is left. A shift by a part of a bin splits each count linearly between two bins, which keeps the
-/// sum. Paths below zero are dropped. The new range begins with the earliest inner path recorded by any pair
-/// (at least 0) and ends with the last one recorded by all, or later where there is still signal. A pair whose
-/// leg is NaN (an unknown wall point) or whose histogram is NaN throughout stays NaN throughout.
+/// Shifts every histogram of `capture` down by its own leg (`legs`, metres, one per pair), so that only the inner path
+/// is left. A shift by a part of a bin splits each count linearly between two bins, which keeps the sum. Paths below
+/// zero are dropped. The new range begins with the earliest inner path recorded by any pair (at least 0). It ends with
+/// the last inner path recorded by all pairs, or later if there is signal later. A pair whose leg is NaN (an unknown
+/// wall point) or whose histogram is NaN in every bin is NaN in every bin afterwards.
 ///
 /// # Errors
-/// `Kind::Input` if a leg is infinite, all are NaN, or nothing is left.
+/// `Kind::Input` if a leg is infinite, all legs are NaN, or nothing is left.
 pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
     let (shortest, longest) =
         legs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b): (f64, f64), &l| (a.min(l), b.max(l)));
@@ -21,7 +21,7 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
         || legs.len() != capture.pair_count()
     {
         return Err(Error::input(
-            format!("the paths outside the scene range from {shortest} m to {longest} m"),
+            format!("the outer legs range from {shortest} m to {longest} m"),
             "check the positions of the laser and the sensor",
         ));
     }
@@ -29,7 +29,7 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
         return Err(Error::input(
             format!(
                 "removing the outer legs ({shortest:.3} m to {longest:.3} m) from paths of {:.3} m to {:.3} m \
-                 leaves no sensible range",
+                 leaves no valid range",
                 capture.t_start,
                 capture.t_end()
             ),
@@ -47,7 +47,7 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
         }
         let shift = (capture.t_start - leg - t_start) / width;
         let (whole, part) = (shift.floor(), (shift - shift.floor()) as f32);
-        // Rounding in the positions is no reason to smear: a millionth of a bin is none.
+        // A shift within 1e-4 of whole bins is taken as whole, so that rounding in the positions does not split counts.
         let (whole, part) = match part {
             p if p < 1e-4 => (whole, 0.0),
             p if p > 1.0 - 1e-4 => (whole + 1.0, 0.0),

@@ -1,8 +1,8 @@
-//! A MATLAB file with nothing but one array of counts (y, x, t), rows from the top: a confocal scan of a flat
-//! wall. Neither the wall's size nor the bin width is in it.
+//! A MATLAB file with a single array of counts (y, x, t), rows from the top: a confocal scan of a flat wall. The file
+//! holds neither the wall size nor the bin width.
 //!
-//! Axes: nobody can know; `--flip` and `--rotate` turn the scan over. Rows from the top and columns from the left are
-//! as the f-k migration of the ABP publication (Zhang and others) shows its `tof_data`.
+//! Axes: the file does not say; [`crate::capture::Turn`] mirrors and rotates the scan. Rows from the top and columns
+//! from the left are as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`.
 
 use super::frame::{self, Axes, Run};
 use super::given::Given;
@@ -31,15 +31,15 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         let there = file.names();
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
         return Err(Error::input(
-            format!("is no known format: it holds {there}"),
-            "known are y-tal, Z-NLOS, NeTF, Stanford f-k, LCT, CC-SOCR, General-NLOS, phasor-field files, and a \
-             file with a single array of counts (y, x, t)",
+            format!("is in no known format: it holds {there}"),
+            "known formats are y-tal, Z-NLOS, NeTF, Stanford f-k, LCT, CC-SOCR, General-NLOS, phasor-field \
+             files, and a file with a single array of counts (y, x, t)",
         ));
     };
-    let what = format!("a file with the one array {name}");
+    let what = format!("a file with the single array {name}");
     let (wall, bin_width) = (given.wall(&what)?, given.bin_width(&what, None, notes)?);
     notes.push(format!(
-        "{name} is taken as {} bins over {} columns and {} rows from the top, laser and sensor at one point, t = 0 at the wall",
+        "{name} is read as {} bins of {} columns and {} rows from the top: confocal, t = 0 at the wall",
         shape[0], shape[1], shape[2]
     ));
     frame::scanned(name, file.counts(name)?, AXES, wall, bin_width)

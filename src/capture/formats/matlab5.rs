@@ -1,8 +1,8 @@
 //! Arrays of a MATLAB v5 file (what `save` writes without `-v7.3`), plain or compressed, of either byte order.
 //!
-//! Numeric and logical arrays are read, fields of a struct as `struct/field`; text, cells, sparse matrices and
-//! objects are passed over. Source of the format: "MAT-File Format", MathWorks. Every size is held against the
-//! bytes that are there before any memory is taken.
+//! Numeric and logical arrays are read, fields of a struct as `struct/field`. Text, cells, sparse matrices and objects
+//! are skipped. Source of the format: "MAT-File Format", MathWorks. Every size is compared with the bytes of the file
+//! before memory is allocated.
 
 use std::io::Read;
 use std::ops::Range;
@@ -13,29 +13,29 @@ use flate2::read::ZlibDecoder;
 use super::variables::Counts;
 use crate::error::{Error, Result};
 
-/// Deflate never shrinks data more than 1032 times; a larger claim is a lie.
+/// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
 const MOST_DEFLATED: usize = 1100;
-/// An array's flags, dimensions and name stand within so many bytes.
+/// An array's flags, dimensions and name lie within this many bytes.
 const PREFIX: usize = 4096;
-/// Arrays of a file, fields of a struct, and structs within structs: more is no capture.
+/// Largest number of arrays in a file or of fields in a struct, and deepest nesting of structs.
 const MOST_ARRAYS: usize = 4096;
 const DEEPEST: usize = 4;
-/// Numbers that are not counts (points, settings) never come near this many.
+/// Largest array of numbers that are not counts (points, settings).
 const MOST_NUMBERS: usize = 1 << 28;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 const STRUCT: u8 = 2;
 
-/// A file that was read, and where its arrays stand in it.
+/// A file in memory, and where its arrays are.
 pub struct Matlab5 {
-    /// The file, then what was inflated of it.
+    /// The file, then its inflated parts.
     blocks: Vec<Vec<u8>>,
     big_endian: bool,
     arrays: Vec<Found>,
 }
 
-/// Where an array stands.
+/// Where an array is.
 #[derive(Debug, Clone)]
 struct Found {
     name: String,
@@ -59,15 +59,15 @@ struct Element {
 fn damaged(what: impl std::fmt::Display) -> Error {
     Error::input(
         format!("the MATLAB file cannot be read: {what}"),
-        "the file is damaged or cut short: fetch it anew",
+        "the file is damaged or cut short: copy or download it again",
     )
 }
 
 impl Matlab5 {
-    /// Reads a file and lists its arrays; values are decoded when asked for.
+    /// Reads a file and lists its arrays; values are decoded on request.
     ///
     /// # Errors
-    /// `Kind::Input` for a damaged file, without the path (see [`Error::at`]).
+    /// `Kind::Input` for a damaged file. The error does not name the path (see [`Error::at`]).
     pub fn open(path: &Path) -> Result<Matlab5> {
         let bytes = std::fs::read(path)
             .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path and the disk"))?;
@@ -82,7 +82,7 @@ impl Matlab5 {
         let big_endian = match bytes.get(124..128) {
             Some([0, 1, b'I', b'M']) => false,
             Some([1, 0, b'M', b'I']) => true,
-            Some(_) => return Err(damaged("its header names no version 5")),
+            Some(_) => return Err(damaged("its header does not name version 5")),
             None => return Err(damaged("it ends within its header")),
         };
         let end = bytes.len();
@@ -109,7 +109,7 @@ impl Matlab5 {
     /// The shape of an array in C order, `None` if it is missing or empty.
     ///
     /// # Errors
-    /// None as yet: shapes are known since the file was opened.
+    /// None at present: shapes are known since the file was opened.
     pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
         Ok(self.find(name).map(|a| a.shape.clone()))
     }
@@ -117,7 +117,7 @@ impl Matlab5 {
     /// An array as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
     ///
     /// # Errors
-    /// `Kind::Input` if it is damaged, complex or no numbers.
+    /// `Kind::Input` if it is damaged, complex or does not hold numbers.
     pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
         let Some(found) = self.find(name) else { return Ok(None) };
         let values = self.decode(found, |v| v as f32).map_err(|e| e.at(format!("array {name}")))?;
@@ -162,7 +162,7 @@ impl Matlab5 {
         let at = within.start;
         let first = self.word(block, at)?;
         if first >> 16 != 0 {
-            // Up to four bytes stand within the tag itself.
+            // Content of up to four bytes lies inside the tag.
             let size = (first >> 16) as usize;
             let content = at + 4..at + 4 + size;
             return (size <= 4).then_some(Element { kind: first & 0xffff, content, next: at + 8 });
@@ -174,8 +174,8 @@ impl Matlab5 {
         Some(Element { kind: first, content, next })
     }
 
-    /// Flags, dimensions and name of a matrix element's content, and where its values begin. Only these need be
-    /// within `known`.
+    /// Flags, dimensions and name of a matrix element's content, and where its values begin. Only these must lie within
+    /// `known`.
     fn header(&self, block: usize, known: Range<usize>) -> Result<(Found, usize)> {
         let flags = self.element(block, known.clone())?;
         let dims = self.element(block, flags.next..known.end)?;
@@ -235,7 +235,7 @@ impl Matlab5 {
             let name = name.split(|b| *b == 0).next().unwrap_or_default();
             let field = self.element(block, at..within.end)?;
             if field.kind != MATRIX {
-                return Err(damaged(format!("a field of the struct {path} is no array")));
+                return Err(damaged(format!("a field of the struct {path} is not an array")));
             }
             at = field.next;
             let path = format!("{path}/{}", String::from_utf8_lossy(name));
@@ -244,7 +244,7 @@ impl Matlab5 {
         Ok(())
     }
 
-    /// Lists a compressed matrix element by its first bytes; a struct is inflated, anything else when asked for.
+    /// Lists a compressed matrix element by its first bytes. A struct is inflated now, other arrays on request.
     fn list_deflated(&mut self, at: Range<usize>) -> Result<()> {
         let mut start = Vec::new();
         let inflated =
@@ -261,7 +261,7 @@ impl Matlab5 {
             Ok(Some(Found { block: 0, at: at.clone(), deflated: true, ..found }))
         })();
         self.blocks.pop();
-        // What could be inflated tells most; a cut is found where the values are wanted.
+        // A readable header is enough here: an array that is cut off fails when its values are read.
         match (listed, inflated) {
             (Ok(None), _) => Ok(()),
             (Ok(Some(found)), _) if found.class == STRUCT => {
@@ -285,7 +285,7 @@ impl Matlab5 {
         Ok(())
     }
 
-    /// A compressed element, whole.
+    /// Inflates a whole compressed element.
     fn inflate(&self, at: &Range<usize>) -> Result<Vec<u8>> {
         let mut decoder = ZlibDecoder::new(&self.blocks[0][at.clone()]);
         let mut tag = [0u8; 8];
@@ -295,7 +295,7 @@ impl Matlab5 {
         if size / MOST_DEFLATED > at.len() {
             return Err(Error::input(
                 format!("a compressed array claims {size} bytes in {} compressed ones", at.len()),
-                "the file is damaged or malicious: fetch or write it anew",
+                "the file is damaged or malicious: download or write it again",
             ));
         }
         let mut whole = tag.to_vec();
@@ -330,7 +330,7 @@ impl Matlab5 {
         if !found.deflated {
             return self.values(found.block, found.at.clone(), count, to);
         }
-        // As a file of its own.
+        // The inflated element is read like a file of its own.
         let inner =
             Matlab5 { blocks: vec![self.inflate(&found.at)?], big_endian: self.big_endian, arrays: vec![] };
         let content = inner.element(0, 0..inner.blocks[0].len())?.content;
@@ -351,7 +351,7 @@ impl Matlab5 {
             ($type:ty) => {{
                 let (values, rest) = bytes.as_chunks::<{ size_of::<$type>() }>();
                 if values.len() != count || !rest.is_empty() {
-                    return Err(damaged(format!("{} bytes hold no {count} values", bytes.len())));
+                    return Err(damaged(format!("{} bytes do not hold {count} values", bytes.len())));
                 }
                 let big = self.big_endian;
                 let value = |b: &[u8; size_of::<$type>()]| {

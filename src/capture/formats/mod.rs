@@ -1,5 +1,5 @@
-//! Capture files, one module per format. Which one a file is in is decided by its contents, not its name; some
-//! formats are several files in a folder.
+//! Capture files, one module per format. The contents of a file decide its format, not its name. Some formats are
+//! several files in a folder.
 
 pub mod ccsocr;
 pub mod dirac;
@@ -35,7 +35,7 @@ use crate::error::{Error, Result};
 
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 
-/// What a file holds, by its first bytes.
+/// The kind of a file, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Contents {
     Zip,
@@ -54,7 +54,7 @@ pub struct Opened {
     pub capture: Capture,
     /// Pairs of the file that were left out because they were not measured.
     pub dropped: usize,
-    /// What was left out and why, in sentences for people.
+    /// Sentences that say what was assumed and what was left out, and why.
     pub notes: Vec<String>,
 }
 
@@ -62,14 +62,14 @@ pub struct Opened {
 /// [`Capture::without_missing`]) and checks the rest. The name is the file's stem.
 ///
 /// # Errors
-/// `Kind::Input`, opening with the path: a missing, empty, cut or damaged file, a folder without a capture, an
-/// unknown format, missing arrays, or whatever [`Capture::check`] finds. `Kind::Options` if the file leaves
-/// something unsaid that has no usual value (see [`Given`]). `Kind::Memory` if the counts do not fit.
+/// `Kind::Input`, beginning with the path: a missing, empty, cut or damaged file, a folder without a capture, an
+/// unknown format, missing arrays, or anything that [`Capture::check`] finds. `Kind::Options` if the file lacks a value
+/// that has no usual value either (see [`Given`]). `Kind::Memory` if the counts do not fit.
 pub fn read(path: &Path) -> Result<Capture> {
     read_given(path, &Given::default()).map(|read| read.capture)
 }
 
-/// Reads a capture as [`read`] does, and says what was left out.
+/// Reads a capture as [`read`] does, and returns notes and the number of dropped pairs with it.
 ///
 /// # Errors
 /// Those of [`read`].
@@ -77,10 +77,10 @@ pub fn read_with_notes(path: &Path) -> Result<Opened> {
     read_given(path, &Given::default())
 }
 
-/// Reads a capture as [`read`] does, with what the user says beyond the file.
+/// Reads a capture as [`read`] does, with values that the file does not hold.
 ///
 /// # Errors
-/// Those of [`read`]; `Kind::Options` for a bin width or a choice of bounce that the file leaves no room for.
+/// Those of [`read`]. `Kind::Options` for a bin width, a bounce or a file of times of flight if the format takes none.
 pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
     let place = path.display().to_string();
     let read = || {
@@ -103,20 +103,20 @@ pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
     read().map_err(|e: Error| e.at(place))
 }
 
-/// Reads the format that the arrays' names tell.
+/// Finds the format by the names of the arrays, and reads it.
 fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
     let no_bounce = |what: &str| match given.bounce {
         None => Ok(()),
         Some(_) => Err(Error::options(
-            format!("--bounce was given, but {what} does not keep bounces apart"),
-            "leave --bounce out",
+            format!("a bounce was given, but {what} does not keep bounces apart"),
+            "leave the bounce out",
         )),
     };
     let says_width = |what: &str| match given.bin_width {
         None => Ok(()),
         Some(_) => Err(Error::options(
-            format!("--bin-width was given, but {what} says how wide its bins are"),
-            "leave --bin-width out",
+            format!("a bin width was given, but {what} holds its own bin width"),
+            "leave the bin width out",
         )),
     };
     if set.any("meas") || set.any("tofgrid") {
@@ -125,8 +125,8 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
     }
     if given.time_of_flight.is_some() {
         return Err(Error::options(
-            "--tof was given, but there is no meas, the counts of a Stanford f-k capture",
-            "leave --tof out",
+            "times of flight were given, but there is no meas, the counts of a Stanford f-k capture",
+            "leave the file of times of flight out",
         ));
     }
     if ["C_i", "C_d", "sub_Sig"].iter().any(|name| set.any(name)) {
@@ -175,13 +175,12 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
     matlab::read(file, given, notes)
 }
 
-/// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if
-/// it ends in `.mat`. The file appears whole or not at all. Yields what the format could not hold, in sentences
-/// for people.
+/// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if it
+/// ends in `.mat`. The file appears whole or not at all. Returns sentences that say what the format cannot hold.
 ///
 /// # Errors
-/// `Kind::Input` for a capture that fails [`Capture::check`], `Kind::Options` for another ending or a capture
-/// that the format cannot hold, `Kind::Output` if it cannot be written.
+/// `Kind::Input` if the capture fails [`Capture::check`], `Kind::Options` for another ending or a capture that the
+/// format cannot hold, `Kind::Output` if the file cannot be written.
 pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     let mut notes = match ending.as_str() {
@@ -189,13 +188,13 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
         "hdf5" | "h5" => ytal::write(capture, path).map(|()| vec![]),
         "mat" => stanford::write(capture, path),
         _ => Err(Error::options(
-            format!("{}: the ending says no capture format", path.display()),
+            format!("{}: the ending is not that of a capture format", path.display()),
             "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
         )),
     }?;
     if capture.pulse.is_some() {
         notes.push(
-            "this format has no place for the instrument's pulse: give it by --pulse, or write npz".into(),
+            "this format cannot hold the pulse: write npz, or give the pulse when the file is read".into(),
         );
     }
     Ok(notes)
@@ -226,7 +225,7 @@ fn contents(path: &Path) -> Result<Contents> {
         return Err(Error::input("is not a regular file", "copy the capture to a file first"));
     }
     if meta.len() == 0 {
-        return Err(Error::input("is empty", "fetch or write the capture anew"));
+        return Err(Error::input("is empty", "copy or write the file again"));
     }
     let mut file = File::open(path).map_err(unreadable)?;
     let mut head = [0u8; 128];
@@ -244,7 +243,7 @@ fn contents(path: &Path) -> Result<Contents> {
     if head.starts_with(b"\x93NUMPY") {
         return Ok(Contents::Npy);
     }
-    // HDF5 may stand behind a user block of 512, 1024, 2048 ... bytes (MATLAB v7.3: 512).
+    // HDF5 may begin after a user block of 512, 1024, 2048 ... bytes (MATLAB v7.3: 512).
     let mut at = 0u64;
     while at + 8 <= meta.len() && at <= 1 << 20 {
         let mut start = Vec::new();
@@ -254,7 +253,7 @@ fn contents(path: &Path) -> Result<Contents> {
             return match hdf5_end(&start) {
                 Some(end) if end > meta.len() => Err(Error::input(
                     format!("the HDF5 file is cut short: {} of {end} bytes", meta.len()),
-                    "the file is damaged: fetch it anew",
+                    "the file is damaged: copy or download it again",
                 )),
                 _ => Ok(Contents::Hdf5),
             };
@@ -265,7 +264,7 @@ fn contents(path: &Path) -> Result<Contents> {
     Ok(if version_5 || head.starts_with(b"MATLAB 5.0") { Contents::Matlab5 } else { Contents::Unknown })
 }
 
-/// The length of an HDF5 file as its superblock says (the reader does not look), if it can be told.
+/// The length of an HDF5 file according to its superblock, which the HDF5 reader does not check; `None` if unknown.
 fn hdf5_end(superblock: &[u8]) -> Option<u64> {
     let at = match (superblock.get(8)?, superblock.get(13)?, superblock.get(9)?) {
         (0, 8, _) => 40,
@@ -276,7 +275,7 @@ fn hdf5_end(superblock: &[u8]) -> Option<u64> {
     Some(u64::from_le_bytes(superblock.get(at..at + 8)?.try_into().ok()?))
 }
 
-/// One vector per pair from `n` given ones: as they are, or a single one for all pairs.
+/// One vector per pair. `given` holds one for each, or a single one for all.
 fn per_pair(what: &str, given: Vec<DVec3>, pairs: usize) -> Result<Vec<DVec3>> {
     match given.len() {
         n if n == pairs => Ok(given),
@@ -299,19 +298,19 @@ fn triples(what: &str, shape: &[usize], values: &[f64]) -> Result<Vec<DVec3>> {
     Ok(values.chunks_exact(3).map(|v| DVec3::new(v[0], v[1], v[2])).collect())
 }
 
-/// Normals come as float32 at times: brings one back to unit length, but leaves a wrong one for the check, and a
-/// unit one to the last bit.
+/// Brings a normal that was rounded to float32 back to unit length. A wrong normal is left for the check; a unit normal
+/// does not change by a bit.
 fn unit(n: DVec3) -> DVec3 {
     let off = (n.length() - 1.0).abs();
     if (1e-12..1e-4).contains(&off) { n.normalize() } else { n }
 }
 
-/// Whether all values are whole and not negative, and the largest of them: what integer type holds them.
+/// The largest value, which decides the integer type to store; `None` unless all values are whole and not negative.
 fn largest_count(values: &[f32]) -> Option<f32> {
     values.iter().try_fold(0.0f32, |largest, &v| (v >= 0.0 && v.fract() == 0.0).then(|| largest.max(v)))
 }
 
-/// A single point if all are the same, else all of them, as (leading shape, flat values).
+/// Shape and flat values of the points: a single point, of shape `single`, if all are equal, else all of them.
 fn compact(points: &[DVec3], scan: [usize; 2], single: &[usize]) -> (Vec<usize>, Vec<f64>) {
     let all_equal = points.windows(2).all(|w| w[0] == w[1]);
     let (shape, points) = if all_equal && points.len() > 1 {

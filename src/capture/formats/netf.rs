@@ -1,12 +1,12 @@
 //! Captures that NeTF (Shen and others 2021) prepared: MATLAB v5 with the names of Z-NLOS.
 //!
 //! `data` (t, i, j) with the outer legs removed, `cameraGridPositions` 3×(I·J), j fastest, optional
-//! `laserGridPositions` of one or as many points, `deltaT` (metres, or seconds where it is below a millionth),
-//! `hiddenVolumePosition`. A confocal file counts the way **one way**: bin b is at the distance b · deltaT, twice
-//! that in path. Here everything is path.
+//! `laserGridPositions` of one or as many points, `deltaT` (metres, or seconds if it is below 1e-6),
+//! `hiddenVolumePosition`. The bins of a confocal file are **one-way** distances: bin b is at the distance b · deltaT,
+//! a path of twice that. Here all lengths are paths.
 //!
-//! Axes: the file has the points' coordinates, which are kept but for the turn of the wall to +z. Pair (i, j) has the
-//! point i * J + j, as in the loop of the script that prepares their files.
+//! Axes: the coordinates in the file are kept, except for the rotation of the wall to +z. Pair (i, j) has the point
+//! `i * J + j`, as in the loop of the script that prepares their files.
 
 use glam::DVec3;
 
@@ -16,7 +16,7 @@ use crate::capture::Capture;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 
-/// No bin of light is as short in metres, none as long in seconds.
+/// A bin width below this is in seconds: no bin is so short in metres, and none is so long in seconds.
 const LONGEST_SECONDS: f64 = 1e-6;
 
 /// Reads a capture without checking its values; see [`super::read`].
@@ -28,7 +28,7 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let lasers = znlos::Grid::read(file, "laser")?;
     let counts = file.counts("data")?;
     let integer_counts = counts.whole();
-    // MATLAB's (t, i, j) comes as [j, i, t].
+    // MATLAB's (t, i, j) is read as [j, i, t].
     let [nj, ni, bins] = counts.shape[..] else {
         return Err(Error::input(
             format!("data has {} axes, not three", counts.shape.len()),
@@ -47,7 +47,7 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let metres = if width < LONGEST_SECONDS { width * 1e12 * METRES_PER_PICOSECOND } else { width };
     if confocal {
         notes.push(format!(
-            "deltaT is taken one way, as NeTF does: a bin is {:.6} m of path, the outer legs are removed already",
+            "deltaT is one-way, as in NeTF: a bin is {:.6} m of path; the outer legs are already removed",
             2.0 * metres
         ));
     }
@@ -68,7 +68,7 @@ fn in_rows(name: &str, points: &[DVec3], shape: [usize; 2], [ni, nj]: [usize; 2]
             "give one point per histogram",
         ));
     }
-    // A list has one axis; a grid comes with its axes reversed, i fastest.
+    // A list has one axis. A grid is read with its axes reversed, i fastest.
     let list = shape[1] == 1 || shape[0] == 1;
     Ok((0..ni * nj).map(|p| if list { points[p] } else { points[p % nj * ni + p / nj] }).collect())
 }

@@ -1,15 +1,15 @@
 //! The plain form of a capture: an npz file.
 //!
-//! `H` [T, X, Y] counts (ix along +x, iy along +y); `sensor_xyz` and `laser_xyz` [X, Y, 3] pair by pair or
-//! [1, 3] for a single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars
-//! `delta_t` (bin width, metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` \[n\],
-//! how the instrument spreads a path over time, with the scalars `pulse_delta_t` (width of a sample, metres of path) and
-//! `pulse_t_start` (leading edge of the first one behind the path itself, metres; 0 if missing).
+//! `H` [T, X, Y] counts (ix along +x, iy along +y); `sensor_xyz` and `laser_xyz` [X, Y, 3] pair by pair or [1, 3] for a
+//! single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars `delta_t` (bin width,
+//! metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` \[n\], samples of the
+//! instrument's pulse, with the scalars `pulse_delta_t` (width of a sample, metres of path) and `pulse_t_start`
+//! (leading edge of the first sample behind the path, metres; 0 if missing).
 //!
 //! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
-//! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3], or with points in a list on either side: `H`
-//! [T, L, S] with [L, 3] and [S, 3], and so on. It is read as the scan (laser points, sensor points), pair
-//! `l * S + s`. Normals have the shape of their points or are single.
+//! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3]. The points of either side may be a list instead: `H` [T, L, S]
+//! with [L, 3] and [S, 3], and so on. It is read as the scan (laser points, sensor points), pair `l * S + s`. Normals
+//! have the shape of their points, or there is a single one.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ pub fn read(path: &Path) -> Result<Capture> {
     } else {
         return Err(Error::input(
             format!(
-                "H has shape {:?} with laser_xyz {:?} and sensor_xyz {:?}, which do not go together",
+                "H has shape {:?} with laser_xyz {:?} and sensor_xyz {:?}, which do not agree",
                 h.shape, laser.shape, sensor.shape
             ),
             "store H as [T, X, Y] (bins, then the scan along x and y), or, with every combination of laser and \
@@ -69,7 +69,7 @@ pub fn read(path: &Path) -> Result<Capture> {
     })
 }
 
-/// Wall points of one side as the file has them.
+/// Wall points of one side as the file stores them.
 struct Points {
     names: [&'static str; 2],
     shape: Vec<usize>,
@@ -94,7 +94,7 @@ impl Points {
         Ok(Points { names: [name, normal], shape: array.shape.clone(), points, normals })
     }
 
-    /// The axes along which the points are laid out.
+    /// The shape of the points, without the axis of x, y, z.
     fn places(&self) -> &[usize] {
         &self.shape[..self.shape.len() - 1]
     }
@@ -114,9 +114,9 @@ impl Points {
     }
 }
 
-/// Writes a capture, an exhaustive one whose pairs stand laser point by laser point in its compact form; equal
-/// captures give equal bytes. Counts become uint16 or uint32 where they are whole and
-/// fit, float32 otherwise. The file appears whole or not at all.
+/// Writes a capture. An exhaustive capture whose pairs are ordered laser point by laser point gets the compact form.
+/// Equal captures give equal bytes. Counts are stored as uint16 or uint32 if they are whole and fit, else as float32.
+/// The file appears whole or not at all.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
@@ -166,7 +166,7 @@ fn counts(capture: &Capture, places: &[usize]) -> Array {
         Some(largest) if largest <= f32::from(u16::MAX) => {
             Array::from_u16(&shape, &h.iter().map(|&v| v as u16).collect::<Vec<_>>())
         }
-        // 2^32 as float32 is one beyond the largest uint32.
+        // 2^32 is one more than the largest uint32.
         Some(largest) if largest < 4_294_967_296.0 => {
             Array::from_u32(&shape, &h.iter().map(|&v| v as u32).collect::<Vec<_>>())
         }

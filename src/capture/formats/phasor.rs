@@ -1,15 +1,16 @@
 //! The two layouts of the phasor-field publications, MATLAB v5 or v7.3.
 //!
-//! 2019 (Liu and others, *Phasor-field virtual wave optics*): a struct `dataset` with `data` (laser points, camera
-//! points, t) in MATLAB's order, which y-tal (format.py) meets reversed, or in the reversed one; `deltat` and `t0` in
-//! metres of path, `laserPos`, `cameraPos` (n, 3), optional `laserNorm`, `cameraNorm` (n, 3 or one), and the devices
-//! `laserOrigin`, `cameraOrigin`. The paths include the legs from and to the devices, which are removed. The wall is
-//! turned to face +z. Axes: the file has the points' coordinates, which are kept but for that turn.
+//! 2019 (Liu and others, *Phasor-field virtual wave optics*): a struct `dataset`. `data` is (laser points, camera
+//! points, t) in MATLAB's order, which HDF5 readers such as y-tal (format.py) see reversed, or stored in the reversed
+//! order. `deltat` and `t0` are metres of path. `laserPos` and `cameraPos` are (n, 3); the optional `laserNorm` and
+//! `cameraNorm` are (n, 3) or a single one. The devices are `laserOrigin` and `cameraOrigin`. The paths include the
+//! legs from and to the devices, which are removed. The wall is rotated to face +z. Axes: the coordinates in the file
+//! are kept, except for that rotation.
 //!
-//! 2020 (Liu, Bauer, Velten, *Phasor field diffraction*): `rect_data` (d1, d2, t) without outer legs, `ts` seconds
-//! per bin, `sampling_spacing` in metres, `SPAD_index` (d1, d2) of the one sensor point in the scan, counted from 1
-//! as MATLAB does. Axes: d1 runs down and d2 to the left. Their code shows `fliplr` of the volume by `imagesc`: d1 as
-//! rows from the top, d2 as columns from the right. The middle of the scan is the origin.
+//! 2020 (Liu, Bauer, Velten, *Phasor field diffraction*): `rect_data` (d1, d2, t) without outer legs, `ts` seconds per
+//! bin, `sampling_spacing` in metres, `SPAD_index` (d1, d2) of the only sensor point in the scan, counted from 1 as in
+//! MATLAB. Axes: d1 runs down and d2 to the left. Their code shows `fliplr` of the volume by `imagesc`: d1 as rows from
+//! the top, d2 as columns from the right. The middle of the scan is the origin.
 
 use glam::DVec3;
 
@@ -24,7 +25,7 @@ use crate::files::array::transpose;
 /// Rows from the top, columns from the right.
 const AXES: Axes = Axes { d1: Run::Down, d2: Run::Left };
 
-/// The place of a pair's point in its list, from the pair and the number of camera points.
+/// The index of a pair's point in its list, from the pair and the number of camera points.
 type Place = fn(usize, usize) -> usize;
 
 /// Reads the 2019 layout without checking its values; see [`super::read`].
@@ -40,7 +41,7 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         let name = format!("dataset/{name}");
         let Some((shape, values)) = file.numbers(&name)? else { return Ok(None) };
         let n = values.len() / 3;
-        // (n, 3) of MATLAB comes as [3, n]; a single point may lie along either axis.
+        // MATLAB's (n, 3) is read as [3, n]; a single point may lie along either axis.
         match shape[..] {
             [3, _] => {
                 Ok(Some((0..n).map(|p| DVec3::new(values[p], values[n + p], values[2 * n + p])).collect()))
@@ -70,7 +71,7 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         _ => {
             return Err(Error::input(
                 format!(
-                    "dataset/data has shape {:?} (MATLAB's reversed) for {l} laser and {s} camera points",
+                    "dataset/data has shape {:?} (MATLAB order reversed) for {l} laser and {s} camera points",
                     counts.shape
                 ),
                 "data is (laser points, camera points, t) in MATLAB",
@@ -136,7 +137,7 @@ pub fn read_2020(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         ));
     }
     let spad = AXES.pairs([n1, n2])[(at2 as usize - 1) * n1 + at1 as usize - 1];
-    notes.push(format!("the one sensor point is ({at1}, {at2}) of the scan, counted from 1"));
+    notes.push(format!("the only sensor point is ({at1}, {at2}) of the scan, counted from 1"));
     let wall = spacing * (n1.max(n2).max(2) - 1) as f64;
     let bin_width = seconds * 1e12 * METRES_PER_PICOSECOND;
     let scanned = frame::scanned("rect_data", counts, AXES, wall, bin_width)?;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::variables::Variables;
 use crate::error::{Error, Result};
 
-/// Files of a folder that are looked into.
+/// Largest number of files of a folder that are opened.
 const MOST_FILES: usize = 256;
 
-/// Names of arrays by which a file is known to belong to a capture of several files.
+/// A file of a folder belongs to a capture if it has an array of one of these names.
 const KNOWN: [&str; 9] =
     ["meas", "tofgrid", "C_i", "C_d", "sub_Sig", "laserpoints", "detectpoints", "data", "dataset/data"];
 
@@ -23,7 +23,7 @@ impl Set {
     /// The file at `path`, or the files of the folder at `path` that hold arrays of a known name.
     ///
     /// # Errors
-    /// `Kind::Input` if it cannot be read, or if no file of the folder is of use.
+    /// `Kind::Input` if it cannot be read, or if no file of the folder holds such an array.
     pub fn open(path: &Path) -> Result<Set> {
         let mut set = Set { path: path.to_path_buf(), folder: path.is_dir(), files: vec![] };
         if !set.folder {
@@ -36,7 +36,7 @@ impl Set {
         files.sort();
         let of_use = |p: &PathBuf| p.is_file() && ends_in(p, &["mat", "hdf5", "h5"]);
         for file in files.into_iter().filter(of_use).take(MOST_FILES) {
-            // A damaged file is told of if nothing else fits; others may be whole.
+            // A damaged file is skipped: others may hold the capture.
             let Ok(variables) = Variables::open(&file) else { continue };
             if variables.names().iter().any(|n| KNOWN.contains(&n.as_str())) {
                 set.files.push((file, variables));
@@ -65,14 +65,14 @@ impl Set {
                 let names: Vec<_> = all.iter().map(|(path, _)| file_name(path)).collect();
                 Err(Error::input(
                     format!("the folder holds {} files with {name}: {}", names.len(), names.join(", ")),
-                    "give the one that is meant, by its path",
+                    "give the path of the right one",
                 ))
             }
         }
     }
 
-    /// Adds the files of these names beside the one that was given, as far as there are any; none for a folder,
-    /// whose files are all known.
+    /// Adds the files of these names that lie beside the given file. Does nothing for a folder, whose files are all
+    /// known.
     ///
     /// # Errors
     /// `Kind::Input` if one of them is damaged.

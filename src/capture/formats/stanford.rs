@@ -1,9 +1,9 @@
 //! Captures of the f-k migration data set (Lindell, Wetzstein, O'Toole 2019), MATLAB v7.3 or v5.
 //!
-//! `meas` (d1, d2, t) counts, bins of 32 ps; `tofgrid` (d1, d2), in a second file as a rule, the time in
-//! picoseconds from the laser's pulse to the wall point and back to the sensor. Every histogram is shifted by
-//! floor(tofgrid / bin) whole bins and, as in the published code, 512 bins are kept (all bins if no histogram is
-//! shifted). Their scans are 2 m wide; the file does not say it. Bins that a gated detector did not record stay zero.
+//! `meas` (d1, d2, t) counts, bins of 32 ps; `tofgrid` (d1, d2), usually in a second file: the time in picoseconds from
+//! the laser's pulse to the wall point and back to the sensor. Every histogram is shifted by floor(tofgrid / bin) whole
+//! bins and, as in the published code, 512 bins are kept (all bins if no histogram is shifted). Their scans are 2 m
+//! wide, which is not in the file. Bins that a gated detector did not record stay zero.
 //!
 //! Axes: d1 runs up and d2 to the left. The front view of their `cnlos_reconstruction.m` has d1 as rows from the bottom
 //! and d2 as columns from the right.
@@ -40,8 +40,8 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     }
     let Some(file) = set.holding("meas")? else {
         return Err(Error::input(
-            "holds tofgrid, the times of flight, but there is no meas, the counts, beside it",
-            "give the file with meas and name this one by --tof FILE, or give the folder of both",
+            "holds tofgrid (times of flight), but no file beside it holds meas (counts)",
+            "give the file with meas, and this one as its times of flight; or give the folder of both",
         ));
     };
     let Some((tof_shape, tof)) = (match set.holding("tofgrid")? {
@@ -49,14 +49,14 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         None => None,
     }) else {
         return Err(Error::input(
-            "holds meas, but tofgrid, the times of flight to the wall points, is neither in it nor in a file beside it",
-            "name the file with tofgrid by --tof FILE, or give the folder of both",
+            "holds meas, but neither it nor a file beside it holds tofgrid (times of flight to the wall)",
+            "give the file with tofgrid as the times of flight, too; or give the folder of both",
         ));
     };
     let counts = file.counts("meas")?;
     if counts.shape.len() != 3 || counts.shape[1..] != tof_shape[..] {
         return Err(Error::input(
-            format!("meas has shape {:?} and tofgrid {tof_shape:?}, which do not go together", counts.shape),
+            format!("meas has shape {:?} and tofgrid {tof_shape:?}, which do not agree", counts.shape),
             "meas is (d1, d2, t) in MATLAB and tofgrid (d1, d2), of the same scan",
         ));
     }
@@ -65,7 +65,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         Some(_) => given.wall("a Stanford f-k capture")?,
         None => {
             notes.push(format!(
-                "a Stanford f-k capture does not say how wide the wall is: {WALL} m are taken, as in its publication (--wall)"
+                "a Stanford f-k capture does not hold the wall size: {WALL} m is taken, as in its publication"
             ));
             WALL
         }
@@ -77,20 +77,20 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     rectified(capture, &per_pair, notes)
 }
 
-/// Every histogram shifted to the left by its time of flight in picoseconds, in whole bins.
+/// Shifts every histogram to the left by its time of flight in picoseconds, in whole bins.
 fn rectified(capture: Capture, tof: &[f64], notes: &mut Vec<String>) -> Result<Capture> {
     let bins = capture.bins;
     let ps = capture.bin_width / METRES_PER_PICOSECOND;
     let mut shifts = Vec::with_capacity(tof.len());
     for (pair, &time) in tof.iter().enumerate() {
-        // A time that is not known makes a pair that was not measured.
+        // A NaN time marks a pair that was not measured.
         if time.is_infinite() || time < 0.0 || time / ps >= bins as f64 {
             return Err(Error::input(
                 format!(
                     "tofgrid is {time} ps at pair {pair}, but the {bins} bins reach from 0 to {:.0} ps",
                     ps * bins as f64
                 ),
-                "tofgrid is in picoseconds; check --bin-width and that both files belong together",
+                "tofgrid is in picoseconds: check the bin width, and that both files belong together",
             ));
         }
         shifts.push(time.is_finite().then(|| (time / ps).floor() as usize));
@@ -111,19 +111,20 @@ fn rectified(capture: Capture, tof: &[f64], notes: &mut Vec<String>) -> Result<C
     }
     if most > 0 {
         notes.push(format!(
-            "every histogram is shifted to the time the wall is met, by up to {most} bins, and {kept} bins are kept, as \
-             in its publication ({lost} counts come later)"
+            "every histogram is shifted by its time of flight to the wall, up to {most} bins, and {kept} \
+             bins are kept, as in its publication ({lost} later counts are dropped)"
         ));
     }
     Ok(Capture { bins: kept, histograms, ..capture })
 }
 
-/// Writes a confocal scan of a flat wall as `meas` and `tofgrid` (all zero: rectified already) in one MATLAB v7.3
-/// file. The wall's size and the bin width are not part of this format; notes say what to give when it is read.
+/// Writes a confocal scan of a flat wall as `meas` and `tofgrid` (all zero, because nothing is left to shift) in one
+/// MATLAB v7.3 file. The format does not hold the wall size and the bin width; notes say what to give when the file is
+/// read.
 ///
 /// # Errors
-/// `Kind::Options` if the capture is no such scan or does not begin at path 0, `Kind::Input` if it fails its
-/// check, `Kind::Output` if the file cannot be written.
+/// `Kind::Options` if the capture is not such a scan or does not begin at path 0, `Kind::Input` if it fails its check,
+/// `Kind::Output` if the file cannot be written.
 pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     capture.check()?;
     let [nx, ny] = capture.scan;
@@ -161,7 +162,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
         })
     })?;
     Ok(vec![format!(
-        "the Stanford format holds neither scale: read it with --wall {wall} --bin-width {}",
+        "the Stanford format lacks the wall size, {wall} m, and the bin width, {} m: give both to read it",
         capture.bin_width
     )])
 }
@@ -178,7 +179,7 @@ fn write_file(path: &Path, [bins, nx, ny]: [usize; 3], meas: &[f32]) -> std::res
     tof.write_raw(&vec![0.0f64; nx * ny])?;
     matlab_class(&tof, "double")?;
     file.close()?;
-    // MATLAB knows the file by this text and the version behind it.
+    // MATLAB recognises the file by this text and the version after it.
     let mut header = format!(
         "{:<124}",
         "MATLAB 7.3 MAT-file, Platform: GLNXA64, written by thirdbounce HDF5 schema 1.00 ."

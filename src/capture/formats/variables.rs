@@ -1,4 +1,4 @@
-//! Named arrays of numbers, whatever kind of file they stand in: HDF5 (MATLAB v7.3 too) or MATLAB v5.
+//! Named arrays of numbers in a file of either kind: HDF5 (MATLAB v7.3 included) or MATLAB v5.
 //!
 //! Shapes are in C order, so MATLAB's dimensions are reversed in both: (y, x, t) in MATLAB is [t, x, y] here.
 
@@ -22,8 +22,8 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Whether the values count photons: stored as integers, or whole and not negative, as MATLAB keeps counts
-    /// in its usual floating point.
+    /// Whether the values are photon counts: stored as integers, or whole and not negative, because MATLAB usually
+    /// stores counts as floating point.
     pub fn whole(&self) -> bool {
         self.integer || self.values.iter().all(|v| v.is_nan() || (*v >= 0.0 && v.fract() == 0.0))
     }
@@ -38,7 +38,7 @@ pub enum Variables {
 }
 
 impl Variables {
-    /// Opens a file of either kind, told apart by its contents.
+    /// Opens a file of either kind; the contents tell which.
     ///
     /// # Errors
     /// `Kind::Input` for a damaged file or one of another kind.
@@ -46,7 +46,7 @@ impl Variables {
         match super::contents(path)? {
             super::Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
             super::Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
-            _ => Err(Error::input("is no HDF5 or MATLAB file", "give the .mat or .hdf5 file")),
+            _ => Err(Error::input("is not an HDF5 or MATLAB file", "give the .mat or .hdf5 file")),
         }
     }
 
@@ -75,10 +75,10 @@ impl Variables {
         }
     }
 
-    /// An array of counts that must be there.
+    /// A required array of counts.
     ///
     /// # Errors
-    /// `Kind::Input` if it is missing, damaged, no numbers, or claims an absurd size.
+    /// `Kind::Input` if it is missing, damaged, does not hold numbers, or claims an absurd size.
     pub fn counts(&self, name: &str) -> Result<Counts> {
         let counts = match self {
             Variables::Hdf5(file) => file.counts(name)?,
@@ -90,7 +90,7 @@ impl Variables {
     /// The shape and the numbers of an array in C order, `None` if it is missing or empty.
     ///
     /// # Errors
-    /// `Kind::Input` if it is damaged, no numbers, or claims an absurd size.
+    /// `Kind::Input` if it is damaged, does not hold numbers, or claims an absurd size.
     pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
         match self {
             Variables::Hdf5(file) => file.numbers(name),
@@ -98,10 +98,10 @@ impl Variables {
         }
     }
 
-    /// The one number of an array, `None` if it is missing or empty.
+    /// The only number of an array; `None` if it is missing or empty.
     ///
     /// # Errors
-    /// As [`Variables::numbers`], or if it holds more numbers than one.
+    /// As [`Variables::numbers`], or if it holds more than one number.
     pub fn number(&self, name: &str) -> Result<Option<f64>> {
         match self.numbers(name)? {
             None => Ok(None),
@@ -116,7 +116,7 @@ impl Variables {
     /// A single point (x, y, z), `None` if it is missing or empty.
     ///
     /// # Errors
-    /// As [`Variables::numbers`], or if it holds another number of values than 3.
+    /// As [`Variables::numbers`], or if it does not hold 3 numbers.
     pub fn point(&self, name: &str) -> Result<Option<DVec3>> {
         match self.numbers(name)? {
             None => Ok(None),
@@ -128,13 +128,13 @@ impl Variables {
         }
     }
 
-    /// The error for an array that is not there.
+    /// The error of a missing array.
     pub fn missing(&self, name: &str) -> Error {
         let there = self.names();
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
         Error::input(
             format!("there is no array {name}, or it is empty (the file holds {there})"),
-            "check that the right file was given, or store what is missing",
+            "check that the right file was given, or store the array",
         )
     }
 }

@@ -1,18 +1,19 @@
 //! y-tal HDF5 captures.
 //!
 //! `H` in one of the layouts of `H_format` (1 = T_Sx_Sy, 2 = T_Lx_Ly_Sx_Sy, 3 = T_Si, 4 = T_Li_Si);
-//! `{laser,sensor}_grid_xyz` are the wall points, `{laser,sensor}_grid_normals` their normals,
-//! `{laser,sensor}_xyz` the **devices**; `delta_t` and `t_start` in metres of path. A missing value is an
-//! empty dataspace. If `t_accounts_first_and_last_bounces`, the legs between devices and wall are removed.
-//! Without `H_format` (or 0, unknown) the number of axes and of points tells it. 10 to 13 are the same four in
-//! frequencies: without the frequencies, which y-tal does not store, no histogram can be made of them.
+//! `{laser,sensor}_grid_xyz` are the wall points, `{laser,sensor}_grid_normals` their normals, `{laser,sensor}_xyz` the
+//! **devices**; `delta_t` and `t_start` in metres of path. A missing value is an empty dataspace. If
+//! `t_accounts_first_and_last_bounces` is set, the legs between devices and wall are removed. If `H_format` is missing
+//! or 0 (unknown), the numbers of axes and of points decide. 10 to 13 are the same four layouts in frequencies. These
+//! are refused, because y-tal does not store the frequencies.
 //!
-//! Layouts 1 and 3 pair the laser points with the sensor points one by one when there are as many (confocal),
-//! or share a single one. Layouts 2 and 4 hold every combination: the scan becomes (laser points, sensor
-//! points), pair `l * S + s`, unless one side is a single point.
+//! In layouts 1 and 3 the laser points and the sensor points are paired one by one if there are as many of both
+//! (confocal); otherwise all pairs share a single point. Layouts 2 and 4 hold every combination: the scan becomes
+//! (laser points, sensor points), pair `l * S + s`, unless one side is a single point.
 //!
-//! Axes: the file has the points' coordinates, which are kept. y-tal's frame is right-handed (x right, y up, z away from
-//! the wall, for who looks at the wall): our pictures mirror what is seen from the wall, unless `--flip x` is given.
+//! Axes: the coordinates in the file are kept. y-tal's frame is right-handed: for a viewer who looks at the wall, x is
+//! to the right, y up, and z away from the wall. Our pictures show the scene mirrored compared with the view from the
+//! wall, unless the capture is flipped in x ([`crate::capture::Turn`]).
 
 use std::path::Path;
 
@@ -30,8 +31,8 @@ use crate::files::atomic;
 /// Reads a capture without checking its values; see [`super::read`].
 ///
 /// # Errors
-/// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths
-/// that include the outer legs without telling where the devices are.
+/// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths that
+/// include the outer legs if the file does not hold the positions of the devices.
 pub fn read(source: &Variables) -> Result<Capture> {
     let h = source.counts("H")?;
     let (shape, integer_counts) = (h.shape, h.integer);
@@ -65,8 +66,8 @@ pub fn read(source: &Variables) -> Result<Capture> {
         }
         _ => {
             return Err(Error::input(
-                format!("H has shape {shape:?} and H_format {format}, which do not go together"),
-                "known are 1 (T, Sx, Sy), 2 (T, Lx, Ly, Sx, Sy), 3 (T, Si) and 4 (T, Li, Si)",
+                format!("H has shape {shape:?} and H_format {format}, which do not agree"),
+                "known layouts are 1 (T, Sx, Sy), 2 (T, Lx, Ly, Sx, Sy), 3 (T, Si) and 4 (T, Li, Si)",
             ));
         }
     };
@@ -106,7 +107,7 @@ pub fn read(source: &Variables) -> Result<Capture> {
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);
     }
-    // What was not measured is left out later: the rest must be sound.
+    // Pairs that were not measured are left out later; the rest must be valid.
     capture.clone().without_missing()?.0.check()?;
     let legs = outer_legs(source, &capture)?;
     legs::remove(&capture, &legs)
@@ -118,7 +119,7 @@ enum Side {
     Sensor,
 }
 
-/// The scan of `n` points in a row: the X, Y of the first grid that has as many points, else a row.
+/// The scan shape of `n` points in a row: X, Y of the first grid with as many points, else [n, 1].
 fn grid_of(n: usize, shapes: &[&[usize]]) -> [usize; 2] {
     let grid = shapes.iter().find_map(|shape| match shape {
         &&[x, y, 3] if x * y == n => Some([x, y]),
@@ -133,7 +134,7 @@ fn outer_legs(source: &Variables, capture: &Capture) -> Result<Vec<f64>> {
             Some(points) if points.len() == 1 => Ok(points[0]),
             _ => Err(Error::input(
                 format!(
-                    "the paths include the legs between devices and wall, but {name} does not say where one is"
+                    "the paths include the legs between devices and wall, but {name} does not hold a position"
                 ),
                 "store the device's position (x, y, z in metres), or remove the legs and clear \
                  t_accounts_first_and_last_bounces",
@@ -145,7 +146,7 @@ fn outer_legs(source: &Variables, capture: &Capture) -> Result<Vec<f64>> {
     Ok(pairs.map(|(l, s)| laser.distance(*l) + sensor.distance(*s)).collect())
 }
 
-/// Vectors and the shape of their array.
+/// The vectors of an array, and its shape.
 fn vectors(source: &Variables, name: &str) -> Result<Option<(Vec<usize>, Vec<DVec3>)>> {
     let Some((shape, values)) = source.numbers(name)? else { return Ok(None) };
     let vectors = triples(name, &shape, &values)?;
@@ -153,9 +154,10 @@ fn vectors(source: &Variables, name: &str) -> Result<Option<(Vec<usize>, Vec<DVe
 }
 
 /// Writes a capture with the inner path only. The devices are left out: y-tal takes an empty `laser_xyz` for a position
-/// and its back-projection fails. The normals of a flat wall are stated. An exhaustive one whose pairs stand laser
-/// point by laser point, or one with a single sensor point, in layout 2 (T, Lx, Ly, Sx, Sy), any other in layout 1
-/// (T, X, Y). A side of a single point is stored as [1, 1, 3]. The file appears whole or not at all.
+/// and its back-projection fails. The normals of a flat wall are written. Layout 2 (T, Lx, Ly, Sx, Sy) is for
+/// exhaustive captures whose pairs are ordered laser point by laser point, and for captures with a single sensor point.
+/// All others have layout 1 (T, X, Y). A side of a single point is stored as [1, 1, 3]. The file appears whole or not
+/// at all.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
@@ -170,8 +172,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     })
 }
 
-/// The capture with the normals that y-tal's solvers ask for, where they are known without being said: those of a flat
-/// wall. `None` if there is nothing to add.
+/// The capture with the normals that y-tal's solvers need, if the wall is flat. `None` if there is nothing to add.
 fn facing(capture: &Capture) -> Option<Capture> {
     let missing = capture.laser_normal.is_none() || capture.sensor_normal.is_none();
     (missing && capture.is_planar()).then(|| {
@@ -203,7 +204,7 @@ fn stored(capture: &Capture) -> ([Option<Vectors>; 4], Vec<usize>) {
     }
     let side = |values: &Vec<DVec3>| compact(values, capture.scan, &[1, 1, 3]);
     let (laser, sensor) = (side(&capture.laser), side(&capture.sensor));
-    // As many normals as points: y-tal takes both by one index.
+    // As many normals as points, because y-tal uses one index for both.
     let facing = |normals: &Option<Vec<DVec3>>, points: &Vectors| {
         let count = points.1.len() / 3;
         normals.as_ref().map(|n| (points.0.clone(), n[..count].iter().flat_map(|v| v.to_array()).collect()))
@@ -212,7 +213,7 @@ fn stored(capture: &Capture) -> ([Option<Vectors>; 4], Vec<usize>) {
     let [laser_normal, sensor_normal] = normals;
     let mut places = capture.scan.to_vec();
     if sensor.0 == [1, 1, 3] && laser.0 != [1, 1, 3] {
-        // y-tal takes the scan of layout 1 for the sensor's.
+        // y-tal takes the scan of layout 1 as that of the sensor points.
         places.extend([1, 1]);
     }
     ([Some(laser), Some(sensor), laser_normal, sensor_normal], places)
@@ -261,7 +262,7 @@ fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Err
         .scalar()
         .create("t_accounts_first_and_last_bounces")?
         .write_raw(&[HBool::from(false)])?;
-    // y-tal hands this to its YAML reader, which takes text of any length and refuses text of a fixed one.
+    // y-tal passes this to its YAML reader, which refuses strings of fixed length.
     let info = format!("name: {}\nsource: thirdbounce\n", serde_json::Value::from(capture.name.as_str()));
     file.write_vlen_strings("scene_info", &[&info])?;
     file.close()

@@ -1,14 +1,14 @@
-//! Z-NLOS (Zaragoza) captures, HDF5 or MATLAB, and those that NeTF made of them (see [`super::netf`]).
+//! Z-NLOS (Zaragoza) captures, HDF5 or MATLAB. Files that NeTF made of them: [`super::netf`].
 //!
-//! `data` with the axes (colour, t, bounce, sx, sy), confocal, or (colour, t, bounce, sx, sy, lx, ly), or with all
-//! axes reversed, as HDF5 readers see a file of the other language; colours are summed, the bounce is chosen.
-//! `{camera,laser}GridPositions` 3×X×Y or X×Y×3, in the axis order of `data`; optional
-//! `{camera,laser}GridNormals`; the devices `cameraPosition` and `laserPosition`; `deltaT` and `t0` in metres of
-//! path, `t` the number of bins. The paths include the legs from laser and to camera, which are removed for each
-//! point. `hiddenVolumePosition` tells on which side of the wall the scene is; the wall is turned to face +z.
+//! `data` has the axes (colour, t, bounce, sx, sy) if confocal, else (colour, t, bounce, sx, sy, lx, ly). All axes may
+//! be reversed, because HDF5 and MATLAB order them differently. Colours are summed, and the given bounce is used.
+//! `{camera,laser}GridPositions` are 3×X×Y or X×Y×3, in the axis order of `data`; `{camera,laser}GridNormals` are
+//! optional. The devices are `cameraPosition` and `laserPosition`. `deltaT` and `t0` are metres of path, `t` is the
+//! number of bins. The paths include the legs from the laser and to the camera, which are removed for each point.
+//! `hiddenVolumePosition` tells on which side of the wall the scene is; the wall is rotated to face +z.
 //!
-//! Axes: the file has the points' coordinates, which are kept but for that turn. They are right-handed: our pictures
-//! mirror what is seen from the wall, unless `--flip x` is given.
+//! Axes: the coordinates in the file are kept, except for that rotation. They are right-handed: our pictures show the
+//! scene mirrored compared with the view from the wall, unless the capture is flipped in x ([`crate::capture::Turn`]).
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 /// Reads a capture without checking its values; see [`super::read`].
 ///
 /// # Errors
-/// `Kind::Input` for missing arrays, shapes that do not agree, or an axis order that cannot be told.
+/// `Kind::Input` for missing arrays, shapes that do not agree, or an axis order that cannot be determined.
 pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
     let number = |name: &str| -> Result<f64> { file.number(name)?.ok_or_else(|| file.missing(name)) };
     let counts = file.counts("data")?;
@@ -38,7 +38,7 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
     let sensor_places = sensors.ordered(axes.reversed);
     let (laser_places, scan, laser, sensor);
     if confocal {
-        // Without a laser grid the laser goes with the camera.
+        // Without a laser grid the laser points are the camera points.
         laser_places = lasers.as_ref().unwrap_or(&sensors).ordered(axes.reversed);
         scan = [axes.size[3], axes.size[4]];
         (laser, sensor) = (laser_places.points.clone(), sensor_places.points.clone());
@@ -75,7 +75,7 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         integer_counts,
         ..Capture::new(scan, laser, sensor, axes.size[1], number("deltaT")?, histograms)
     };
-    // What was not measured is left out later: the rest must be sound.
+    // Pairs that were not measured are left out later; the rest must be valid.
     capture.clone().without_missing()?.0.check()?;
     let device = |name: &str| -> Result<DVec3> { file.point(name)?.ok_or_else(|| file.missing(name)) };
     let camera_at = device("cameraPosition")?;
@@ -87,12 +87,12 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
     notes.push("the legs from the laser to the wall and from the wall to the camera are removed".into());
     let capture = legs::remove(&capture, &outer)?;
     let capture = frame::facing_z(capture, file.point("hiddenVolumePosition")?, notes)?;
-    // The pairs of an exhaustive capture stand laser point by laser point.
+    // The pairs of an exhaustive capture are ordered laser point by laser point.
     let lattice = confocal || scan[0] != laser_places.points.len() || s == 1;
     Ok(if lattice { frame::in_order(capture) } else { capture })
 }
 
-/// The places of the bounces that count, of `bounces` from the second on; the third unless another is given.
+/// Indices of the bounces to use, by default the third. The file holds `bounces` of them, from the second on.
 fn kept_bounces(given: Option<Bounce>, bounces: usize, notes: &mut Vec<String>) -> Result<Range<usize>> {
     let chosen = given.unwrap_or(Bounce::Nth(3));
     let kept = match chosen {
@@ -101,16 +101,16 @@ fn kept_bounces(given: Option<Bounce>, bounces: usize, notes: &mut Vec<String>) 
         Bounce::Nth(n) if n < bounces + 2 => n - 2..n - 1,
         Bounce::Nth(n) => {
             return Err(Error::options(
-                format!("--bounce {n}, but the file holds the bounces 2 to {}", bounces + 1),
-                "give a bounce that it holds, or all",
+                format!("bounce {n} was given, but the file holds the bounces 2 to {}", bounces + 1),
+                "give a bounce that the file holds, or all",
             ));
         }
     };
     notes.push(match (bounces, chosen) {
         (1, _) => "data holds a single bounce, or the sum of all".into(),
-        (_, Bounce::All) => format!("the sum of the bounces 2 to {} is taken", bounces + 1),
+        (_, Bounce::All) => format!("the sum of the bounces 2 to {} is used", bounces + 1),
         (_, Bounce::Nth(n)) => {
-            format!("of the bounces 2 to {} only the {n}. is taken (--bounce all sums them)", bounces + 1)
+            format!("only bounce {n} of the bounces 2 to {} is used; they can also be summed", bounces + 1)
         }
     });
     Ok(kept)
@@ -120,13 +120,13 @@ fn kept_bounces(given: Option<Bounce>, bounces: usize, notes: &mut Vec<String>) 
 pub(super) struct Grid {
     /// Points along the two axes in the order of the file.
     pub shape: [usize; 2],
-    /// Coordinates first: [3, ., .], as a file in the order of the format has it.
+    /// Whether the coordinates are the first axis, [3, ., .], as in a file in the order of the format.
     first: bool,
     pub points: Vec<DVec3>,
     pub normals: Option<Vec<DVec3>>,
 }
 
-/// Places along the two axes of the file, whether the coordinates come first, and the vectors.
+/// Numbers of points along the two axes of the file, whether the coordinates come first, and the vectors.
 type Vectors = ([usize; 2], bool, Vec<DVec3>);
 
 impl Grid {
@@ -167,10 +167,10 @@ impl Grid {
         Ok(Some(Grid { shape, first, points, normals }))
     }
 
-    /// The number of points along the first and the second axis of the scan, whose data are reversed or not.
+    /// Numbers of points along the first and the second axis of the scan; `reversed` if the axes of `data` are.
     fn scan(&self, reversed: bool) -> [usize; 2] {
         let [a, b] = self.shape;
-        // A reversed file has the points reversed too, [Y, X, 3]; one with [3, X, Y] all the same means X, Y.
+        // A reversed file has reversed points too, [Y, X, 3]. If it has [3, X, Y] all the same, the order is X, Y.
         if reversed && !self.first { [b, a] } else { [a, b] }
     }
 
@@ -201,7 +201,7 @@ impl Axes {
         if !(4..=7).contains(&shape.len()) {
             return Err(Error::input(
                 format!("data has {} axes: {shape:?}", shape.len()),
-                "data is (colour, t, bounce, sx, sy), with lx, ly behind it if not confocal, or reversed",
+                "data is (colour, t, bounce, sx, sy), followed by lx, ly if not confocal, or reversed",
             ));
         }
         let fits = |reversed: bool| {
@@ -209,7 +209,7 @@ impl Axes {
             if reversed {
                 size.reverse();
             }
-            // MATLAB drops last axes of length 1, and so a single colour.
+            // MATLAB drops trailing axes of length 1, such as a single colour.
             if size.len().is_multiple_of(2) {
                 size.insert(0, 1);
             }
@@ -220,7 +220,7 @@ impl Axes {
         };
         match (fits(false), fits(true)) {
             (Some(axes), None) | (None, Some(axes)) => Ok(axes),
-            // Both orders fit by their lengths: points and data of one file are in one order.
+            // Both orders fit the lengths: the data are in the order of the points.
             (Some(plain), Some(reversed)) => Ok(if sensors.first { plain } else { reversed }),
             (None, None) => Err(Error::input(
                 format!(
@@ -231,7 +231,7 @@ impl Axes {
                     lasers.shape[1],
                     bins.map_or(String::new(), |t| format!(" and t = {t} bins"))
                 ),
-                "data is (colour, t, bounce, sx, sy), with lx, ly behind it if not confocal, or reversed",
+                "data is (colour, t, bounce, sx, sy), followed by lx, ly if not confocal, or reversed",
             )),
         }
     }
@@ -239,7 +239,7 @@ impl Axes {
     /// Histograms pair by pair, laser points slowest, summed over colours and the kept bounces.
     fn gather(&self, counts: &Counts, kept: Range<usize>) -> Vec<f32> {
         let axes = self.size.len();
-        // Steps in the file per axis of the format.
+        // Stride in the file of each axis of the format.
         let mut step = vec![1usize; axes];
         if self.reversed {
             (1..axes).for_each(|a| step[a] = step[a - 1] * self.size[a - 1]);
