@@ -1,6 +1,7 @@
-//! Compiles every kernel variant of the table below to SPIR-V, and writes Rust for the crate to include: a typed value
-//! for every module, for every block that one binds and for every specialization constant, so a wrong name does not
-//! compile; and the Rust side of the structs that host and kernels share. The output depends on the sources alone.
+//! Compiles every kernel variant of the table below to SPIR-V, and writes Rust code for the crate to include. The code
+//! has a typed value for every module, for every block that a module binds and for every specialization constant, so a
+//! wrong name does not compile. It also has the Rust side of the structs that host and kernels share. The output
+//! depends only on the sources.
 extern crate shaderc_link;
 
 use std::collections::BTreeSet;
@@ -74,7 +75,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("variance", "variance.comp", &[]),
 ];
 
-/// Set this variable and kernels are compiled as they are written.
+/// If this environment variable is set, kernels are compiled without optimisation.
 const UNOPTIMISED: &str = "THIRDBOUNCE_UNOPTIMISED";
 
 fn main() {
@@ -83,7 +84,7 @@ fn main() {
     println!("cargo:rerun-if-env-changed={UNOPTIMISED}");
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
     let compiler = shaderc::Compiler::new().unwrap_or_else(|e| {
-        panic!("shaderc does not start ({e}). On Debian: apt-get install libshaderc-dev; elsewhere cmake, git, python3 and a C++ compiler let the shaderc crate build itself")
+        panic!("shaderc does not start ({e}). On Debian: apt-get install libshaderc-dev. On other systems, install cmake, git, python3 and a C++ compiler, so that the shaderc crate can build shaderc")
     });
 
     let mut rust = String::from("// Written by build.rs.\n\n");
@@ -152,7 +153,7 @@ fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u
     let mut options = shaderc::CompileOptions::new().expect("shaderc gives options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
-    // The validation layer cannot instrument loops as the optimiser leaves them: for runs with GPU-assisted validation.
+    // GPU-assisted validation needs unoptimised kernels: the layer cannot instrument loops after the optimiser.
     options.set_optimization_level(match env::var_os(UNOPTIMISED) {
         Some(_) => shaderc::OptimizationLevel::Zero,
         None => shaderc::OptimizationLevel::Performance,

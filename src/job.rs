@@ -1,8 +1,8 @@
-//! Whole jobs, from a capture file to result files: what stands behind the command line.
+//! Whole jobs, from a capture file to result files. The command line calls them.
 //!
-//! [`load`] reads and prepares a capture, [`run`] reconstructs it and writes every result, [`compare()`] does so
-//! by several methods and sets them side by side, [`evaluate()`] measures an earlier result, [`inspect()`] tells
-//! what a run would do, [`demo()`] makes its own scene. Callers only gather options and show what comes back.
+//! [`load`] reads and prepares a capture. [`run`] reconstructs it and writes every result. [`compare()`] does this by
+//! several methods and compares them. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
+//! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
 
 mod advice;
 pub mod compare;
@@ -45,39 +45,39 @@ pub use request::{Request, memory_bytes};
 pub use simulated::{Simulated, Simulation, simulate};
 pub use words::{plain, write_json};
 
-/// Which capture, and what of it.
+/// A capture, and the part of it that is used.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Input {
     /// The file, or the folder of several.
     pub path: PathBuf,
-    /// Scale the wall so that its outermost scan points are so many metres apart.
+    /// Scale the wall so that its outermost scan points are this far apart, metres.
     pub wall: Option<f64>,
-    /// Bin width in metres of path, where the file does not say it.
+    /// Bin width in metres of path, for files without it.
     pub bin_width: Option<f64>,
-    /// Bounces that count, of formats that keep them apart.
+    /// Bounces that count, for formats that keep them apart.
     pub bounce: Option<capture::Bounce>,
-    /// File with the times of flight to the wall, of formats that keep them in a second file.
+    /// File with the times of flight to the wall, for formats that keep them in a second file.
     pub time_of_flight: Option<PathBuf>,
-    /// How the scan is turned over, where the file does not say which way it lies on the wall.
+    /// How to turn the scan, for files that do not say how it lies on the wall.
     pub turn: capture::Turn,
     /// Keep every Nth scan point in x and in y; `None` keeps all.
     pub stride: Option<usize>,
-    /// Keep so many pairs, drawn at random after the stride; `None` keeps all.
+    /// Keep this many pairs, drawn at random after the stride; `None` keeps all.
     pub subset: Option<usize>,
-    /// Seed of that draw.
+    /// Seed of the random draw.
     pub subset_seed: u64,
     /// Paths that are used; `None` looks for direct light and leaves it out.
     pub gate: Option<Gate>,
-    /// Use every path even if there seems to be direct light.
+    /// Do not look for a gate: use every path.
     pub no_auto_gate: bool,
     /// The instrument's pulse; `None` takes the file's, if it has one.
     pub pulse: Option<GivenPulse>,
-    /// The set of parameters to come; `None` takes [`preset_for`]. Captures get the published gate.
+    /// The published set of parameters; `None` takes [`preset_for`]. [`Preset::Captured`] brings the published gate.
     pub preset: Option<Preset>,
 }
 
 impl Input {
-    /// What the user says beyond the file.
+    /// The values that complete or correct those of the file.
     pub fn given(&self) -> capture::Given {
         capture::Given {
             wall: self.wall,
@@ -89,10 +89,10 @@ impl Input {
     }
 }
 
-/// What is said of the instrument's pulse.
+/// The instrument's pulse, as the user gives it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GivenPulse {
-    /// Paths are sharp, whatever the file says.
+    /// No pulse: paths are sharp, even if the file has a pulse.
     Sharp,
     /// This pulse.
     Shape(capture::Pulse),
@@ -111,14 +111,14 @@ pub struct Loaded {
     pub dropped: usize,
     /// Whether wall normals were estimated from neighbouring points.
     pub normals_estimated: bool,
-    /// What was done to the capture, in sentences for people.
+    /// What was done to the capture, as sentences.
     pub notes: Vec<String>,
     /// Seconds that loading took.
     pub seconds: f64,
 }
 
 impl Loaded {
-    /// What the capture holds, and what of it the file did not.
+    /// What the capture holds. Also counts the pairs that were left out, and says whether normals were estimated.
     pub fn summary(&self) -> Summary {
         Summary {
             dropped_pairs: self.dropped,
@@ -128,9 +128,9 @@ impl Loaded {
     }
 }
 
-/// Reads and checks a capture, estimates the normals of a curved wall that has none, then scales the wall,
-/// thins the scan and gates the bins: as told, or without direct light and, for captured histograms, as
-/// published.
+/// Reads and checks a capture. Estimates the normals of a curved wall without normals. Then scales the wall, thins the
+/// scan and gates the bins. If no gate is given, direct light is left out, and captured histograms get the published
+/// gate.
 ///
 /// # Errors
 /// Those of [`capture::read_given`]; a wall, stride, subset or gate that does not fit the capture.
@@ -138,7 +138,7 @@ pub fn load(input: &Input) -> Result<Loaded> {
     let start = Instant::now();
     let capture::Opened { mut capture, dropped, mut notes } =
         capture::read_given(&input.path, &input.given())?;
-    // Before the scan is thinned, while neighbours are near.
+    // Before the scan is thinned: near neighbours give better normals.
     let mut normals_estimated = false;
     match capture.with_normals() {
         Ok((with, Some(note))) => {
@@ -147,7 +147,7 @@ pub fn load(input: &Input) -> Result<Loaded> {
             notes.push(note);
         }
         Ok((_, None)) => {}
-        // Some models do without; those that do not say so.
+        // Some models need no normals. The others report the error.
         Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
     }
     if let Some(size) = input.wall {
@@ -162,13 +162,13 @@ pub fn load(input: &Input) -> Result<Loaded> {
         notes.push(if exhaustive {
             format!("every {nth} laser and sensor point in x and y is used: {kept} of {all} pairs")
         } else {
-            format!("of {x} x {y} scan points every {nth}, {to_x} x {to_y}, is used")
+            format!("every {nth} of {x} x {y} scan points in x and y is used: {to_x} x {to_y}")
         });
     }
     if let Some(n) = input.subset {
         let all = capture.pair_count();
         capture = capture.subset(n, input.subset_seed)?;
-        notes.push(format!("of {all} pairs {n}, drawn at random, are used"));
+        notes.push(format!("{n} of {all} pairs, drawn at random, are used"));
     }
     let mut gate = input.gate;
     if let Some(gate) = gate {
@@ -178,7 +178,7 @@ pub fn load(input: &Input) -> Result<Loaded> {
         let direct = auto_gate(&capture);
         let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
         for found in direct.into_iter().chain(published) {
-            notes.push(format!("automatic gate: {} (--no-auto-gate keeps all)", found.reason));
+            notes.push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
             gate = Some(found.gate);
         }
         if let Some(gate) = gate {
@@ -198,36 +198,36 @@ pub fn load(input: &Input) -> Result<Loaded> {
     Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
 }
 
-/// The published set of parameters that fits the capture: whole counts come from a detector.
+/// The published set of parameters that fits the capture: if all counts are whole numbers, a detector made them.
 pub fn preset_for(capture: &Capture) -> Preset {
     if capture.integer_counts { Preset::Captured } else { Preset::Synthetic }
 }
 
-/// What a run yields besides its files.
+/// The result of a run, besides its files.
 #[derive(Debug, Clone)]
 pub struct Outcome {
     /// The report, as `report.json` has it.
     pub report: Report,
     /// Albedo, depth, normals and mask.
     pub maps: Maps,
-    /// The truth, if one was named.
+    /// The truth, if its file was given.
     pub truth: Option<Truth>,
     /// Time per kernel, if it was asked for.
     pub kernels: Vec<(&'static str, KernelTime)>,
-    /// What the validation layer said, if it was asked for.
+    /// Messages of the validation layer, if it was on.
     pub validation: Vec<String>,
-    /// What the caller may not have wanted, in sentences.
+    /// Warnings, as sentences.
     pub notes: Vec<String>,
     /// Every file that was written, the report last.
     pub files: Vec<PathBuf>,
 }
 
-/// Reconstructs a capture and writes maps, pictures, points, the volume if a file was named, and last the
-/// report: a folder with a report holds a whole result. `hear` is told of the progress and may break off.
+/// Reconstructs a capture. Writes maps, pictures, points, the volume if the request names a file for it, and last the
+/// report: a folder with a report holds a whole result. `hear` is called with the progress and may cancel.
 ///
 /// # Errors
-/// Bad options, an unreadable truth or a place that cannot be written before anything is computed; what
-/// [`SolverOptions::solve`] finds; a file that cannot be written. Without success there is no report.
+/// Before anything is computed: options out of range, a truth that cannot be read, or a place that cannot be written.
+/// Later: the errors of [`SolverOptions::solve`], or a file that cannot be written. No report is written then.
 pub fn run(
     request: &Request,
     loaded: &Loaded,
@@ -239,7 +239,7 @@ pub fn run(
     let mut done = reconstruct::solve(request, loaded, &gpu, grid, truth.as_ref(), hear)?;
 
     let start = Instant::now();
-    // An older result stays whole until the new one is.
+    // An older result stays whole until the new one is complete.
     let staging = Staging::new(&request.out)?;
     let mut staged = export::write_maps(staging.path(), &done.result.maps)?;
     let mut files = vec![];
@@ -269,27 +269,29 @@ pub fn run(
     })
 }
 
-/// What the caller may not have wanted: an end before the last doubling, an empty result.
+/// Warnings: an end before the last doubling, a surface that was not taken, an empty result.
 fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
     let mut notes = Vec::new();
     let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
     if reached < wanted {
         notes.push(format!(
-            "{} iterations end at {reached} lateral voxels, not at {wanted}: give more --iterations, a smaller \
-             --double-every or --no-coarse-to-fine",
+            "{} iterations end at {reached} lateral voxels, not at {wanted}: give more iterations, double the grid \
+             earlier, or start with the finest grid",
             request.solver.common().iterations[0]
         ));
     }
     if solved.surface_left {
         notes.push(
-            "one surface explains the data far worse than the volume, as where one lies behind another: the maps are \
-             the volume's (--surface-iterations 0 saves the time, and solves the volume at the maps' own resolution)"
+            "one surface explains the data far worse than the volume, for example if one object hides another: \
+             the maps are those of the volume (with 0 iterations of the surface, a run takes less time and solves \
+             the volume at the resolution of the maps)"
                 .into(),
         );
     }
     if !solved.maps.mask.contains(&true) {
         notes.push(
-            "nothing was found: the maps are empty. Check --volume and --gate against the capture (`thirdbounce info`)"
+            "nothing was found: the maps are empty. Check that volume and gate fit the capture (see \
+             `thirdbounce info`)"
                 .into(),
         );
     }

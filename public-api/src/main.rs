@@ -1,7 +1,7 @@
-//! Prints what the library makes public as Rust without bodies: a change of the listing is a change of the interface.
+//! Prints the library's public interface as Rust code without bodies. If the listing changes, the interface changes.
 //!
-//! Read from the source, so that it is the same with every compiler and takes no build. In private modules an item
-//! counts if some `pub use` names it. Not seen: what `build.rs` writes, and names that a macro makes.
+//! The listing is made from the source, so it is the same with every compiler and needs no build. In a private module,
+//! an item counts if some `pub use` names it. Not included: code that `build.rs` writes, and names that a macro makes.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -30,7 +30,7 @@ fn parse(file: &Path) -> File {
     syn::parse_file(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
 }
 
-/// Puts the items of modules that are files of their own in their places.
+/// Inserts the items of modules that have files of their own.
 fn load(items: &mut [Item], folder: &Path) {
     for item in items {
         let Item::Mod(ItemMod { attrs, ident, content, .. }) = item else { continue };
@@ -54,7 +54,7 @@ fn tests(attrs: &[Attribute]) -> bool {
     attrs.iter().any(|a| a.path().is_ident("cfg") && a.parse_args::<syn::Ident>().is_ok_and(|i| i == "test"))
 }
 
-/// The names that are passed on by `pub use`.
+/// The names that `pub use` exports.
 #[derive(Default)]
 struct Named(BTreeSet<String>);
 
@@ -82,7 +82,7 @@ fn public(vis: &Visibility) -> bool {
     matches!(vis, Visibility::Public(_))
 }
 
-/// Leaves what is public: in a private module (`open` is false) the items among `named`.
+/// Keeps public items. In a private module (`open` is false), keeps those among `named`.
 fn keep(items: &mut Vec<Item>, open: bool, named: &BTreeSet<String>) {
     let counts =
         |vis: &Visibility, name: &syn::Ident| public(vis) && (open || named.contains(&name.to_string()));
@@ -110,7 +110,7 @@ fn keep(items: &mut Vec<Item>, open: bool, named: &BTreeSet<String>) {
                 fields.named =
                     std::mem::take(&mut fields.named).into_iter().filter(|f| public(&f.vis)).collect();
             }
-            // Adding the first private field breaks who builds the struct by its fields.
+            // The first private field breaks code that builds the struct from its fields.
             if s.fields.len() < whole {
                 s.attrs.push(syn::parse_quote!(#[private_fields]));
             }
@@ -153,12 +153,13 @@ fn keep(items: &mut Vec<Item>, open: bool, named: &BTreeSet<String>) {
     });
 }
 
-/// Leaves the attributes that belong to the interface.
+/// Keeps the attributes that belong to the interface.
 fn bare(attrs: &mut Vec<Attribute>) {
     attrs.retain(|a| ["derive", "non_exhaustive", "cfg"].iter().any(|name| a.path().is_ident(name)));
 }
 
-/// Leaves the public items of an implementation, and of that of a trait its types; false if nothing is left.
+/// Keeps the public items of an implementation; if it implements a trait, its types and macros. Returns whether to keep
+/// the implementation.
 fn keep_public(block: &mut ItemImpl) -> bool {
     bare(&mut block.attrs);
     let of_trait = block.trait_.is_some();
@@ -179,7 +180,7 @@ fn keep_public(block: &mut ItemImpl) -> bool {
     of_trait || !block.items.is_empty()
 }
 
-/// The names of all types that are left.
+/// The names of all types that were kept.
 fn types_of(items: &[Item], into: &mut BTreeSet<String>) {
     for item in items {
         match item {
@@ -191,7 +192,7 @@ fn types_of(items: &[Item], into: &mut BTreeSet<String>) {
     }
 }
 
-/// Leaves the implementations of `types`, and then the modules in which something is left.
+/// Keeps the implementations of `types`. Then removes empty modules.
 fn keep_impls(items: &mut Vec<Item>, types: &BTreeSet<String>) {
     items.retain_mut(|item| match item {
         Item::Impl(i) => match &*i.self_ty {

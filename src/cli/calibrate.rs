@@ -12,21 +12,21 @@ use super::{interrupt, print};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Confocal capture of one small bright target, made with the device that is calibrated
+    /// Confocal capture of one small bright target, made with the instrument to calibrate
     capture: PathBuf,
-    /// Capture to write, with time zero put right: .npz or .hdf5
+    /// Capture to write, with time zero corrected: .npz or .hdf5
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
-    /// Capture to put right by the shift that is found [default: the one of the target]
+    /// Capture to correct by the shift that is found [default: the target's capture]
     #[arg(long, value_name = "CAPTURE")]
     apply_to: Option<PathBuf>,
-    /// Try shifts of up to so many bins
+    /// Try shifts of up to this many bins
     #[arg(long, value_name = "BINS", default_value_t = 40)]
     reach: usize,
-    /// Draw the residual over the shift
+    /// Draw the residual over the shift into this file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Use these paths of the target's capture only, in metres
+    /// Use only these paths of the target's capture, in metres
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
     gate: Option<String>,
     #[command(flatten)]

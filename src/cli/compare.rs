@@ -15,9 +15,9 @@ use super::{interrupt, print};
 
 const METHODS: &str = "\
 Methods:
-  A method is a solver, or solver:key=value,key=value,... with the solver options, depth-pitch and trace-every of
-  reconstruct as keys, and name=... for what plots and folders call it. What a method does not say is taken from
-  the options given here. The first method is what the others are held against.
+  A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch and
+  trace-every of reconstruct. name=... sets the name in plots and folders. Options that a method does not set are
+  taken from the options given here. The other methods are compared with the first.
     --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
     --method 'paper;paper:iterations=300,double-every=50'";
 
@@ -32,10 +32,10 @@ pub struct Args {
     /// Folder for plots, tables and each method's maps
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// A method (see below), repeatable, or several with ; between [default: every solver, or --solver]
+    /// A method (see below). May be repeated, or separate several with ; [default: every solver, or --solver]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
-    /// Run every method so many times, in turns; times are medians
+    /// Run every method R times, in turns; times are medians
     #[arg(long, value_name = "R", default_value_t = 3)]
     repeats: usize,
     /// Measure after every Nth iteration; measuring does not count as solving
@@ -113,7 +113,7 @@ pub fn run(args: &Args) -> Result<()> {
 fn specs(args: &Args) -> Result<Vec<methods::Spec>> {
     let asked: Vec<&str> = args.method.iter().map(|m| m.trim()).filter(|m| !m.is_empty()).collect();
     if asked.is_empty() && !args.method.is_empty() {
-        return Err(Error::options("--method is empty", "name a solver, as --method paper"));
+        return Err(Error::options("--method is empty", "name a solver: --method paper"));
     }
     let all = match &args.solver.solver {
         Some(name) => vec![name.as_str()],

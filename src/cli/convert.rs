@@ -10,7 +10,7 @@ use super::{interrupt, print};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Capture to read: a file of any known format, or the folder of one that has several
+    /// Capture to read: a file of any known format, or the folder of a capture with several files
     #[arg(value_name = "IN")]
     from: PathBuf,
     /// Capture to write: .npz, .hdf5 for y-tal, or .mat for meas and tofgrid as in Stanford's f-k captures

@@ -12,7 +12,7 @@ pub struct Args {
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
-    /// Index or part of the name of the device [default: the best kind there is]
+    /// Index or part of the name of the device [default: the best kind available]
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
     /// No progress, errors only

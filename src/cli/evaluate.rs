@@ -8,12 +8,12 @@ use super::{json, print, tables};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Folder that reconstruct wrote, or a maps.npz
+    /// Folder that reconstruct wrote, or a maps.npz file
     dir: PathBuf,
     /// True maps: npz with gt_depth, gt_normal, gt_mask, gt_extent
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
-    /// A pixel is surface above this share of the brightest albedo [default: as reconstructed]
+    /// A pixel is surface above this share of the brightest albedo [default: that of the reconstruction]
     #[arg(long, value_name = "X")]
     mask_fraction: Option<f64>,
     /// Do not draw depth_error.png into the folder

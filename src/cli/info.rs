@@ -17,8 +17,8 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Draw the mean histogram, the peaks' paths and the counts over the scan: into this .png, or into capture.png of
-    /// this folder
+    /// Draw the mean histogram, and maps of the scan with the path of each peak and the sum of counts: into this .png
+    /// file, or into capture.png in this folder
     #[arg(long, value_name = "DIR or FILE")]
     png: Option<PathBuf>,
     #[command(flatten)]
@@ -65,7 +65,7 @@ fn text(found: &Inspection) -> String {
     let list = |all: &[usize]| all.iter().map(|n| n.to_string()).collect::<Vec<_>>().join(", ");
     out += &format!("levels    {} lateral voxels", list(&plan.levels));
     if plan.level_pairs.iter().any(|n| *n < found.capture.pairs) {
-        out += &format!(", of {} pairs", list(&plan.level_pairs));
+        out += &format!(", with {} pairs", list(&plan.level_pairs));
     }
     if let Some(pixels) = plan.surface {
         out += &format!("; then a surface of {pixels} x {pixels} pixels");

@@ -1,4 +1,4 @@
-//! Options that say which capture, which volume and which device.
+//! Options for the capture, the volume and the device.
 
 use std::path::{Path, PathBuf};
 
@@ -11,70 +11,73 @@ use thirdbounce::{Error, Result};
 
 use super::solver::SolverArgs;
 
-/// The capture and what of it is used.
+/// The capture, and the part of it that is used.
 #[derive(Args)]
 pub struct CaptureArgs {
-    /// Capture: a file (npz, HDF5 or MATLAB), or the folder of one that has several
+    /// Capture: a file (npz, HDF5 or MATLAB), or the folder of a capture with several files
     pub capture: PathBuf,
     /// Use every Nth scan point in x and in y
     #[arg(long, value_name = "N", help_heading = "Capture")]
     pub stride: Option<usize>,
-    /// Use so many pairs only, drawn at random by --seed
+    /// Use only N pairs, drawn at random with --seed
     #[arg(long, value_name = "N", help_heading = "Capture")]
     pub subset: Option<usize>,
-    /// Use these paths only, in metres; an end may be left out (0.8:2.4, 0.8:, :2.4)
+    /// Use only these paths, in metres; one end may be left out (0.8:2.4, 0.8:, :2.4)
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, help_heading = "Capture")]
     pub gate: Option<String>,
-    /// Use all paths: neither look for direct light nor, for --preset captured, for the half with the most counts
+    /// Use all paths. Without this option, direct light is left out, and --preset captured takes the half of the bins
+    /// with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
-    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian in metres of path, an npz with
-    /// pulse, pulse_delta_t and pulse_t_start, none for sharp paths, or auto to find its width by quick trials [default:
-    /// what the capture holds, else auto for --preset captured and the vector solver, else none]
+    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, in metres of path; an
+    /// npz file with pulse, pulse_delta_t and pulse_t_start; none for sharp paths; or auto to find the width by quick
+    /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else none]
     #[arg(long, value_name = "M|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
-    // Not flattened from UnsaidArgs: a group within a group would hide from clap whether a capture was given.
+    // Not flattened from UnsaidArgs: with a group inside a group, clap cannot tell whether a capture was given.
     /// Scale the wall so that its outermost scan points are SIZE metres apart
     #[arg(long, value_name = "SIZE", help_heading = "Capture")]
     pub wall: Option<f64>,
-    /// Bin width in metres of path (picoseconds times 0.000299792458), for files that do not say it
+    /// Bin width in metres of path (picoseconds times 0.000299792458), for files without it
     #[arg(long, value_name = "M", help_heading = "Capture")]
     pub bin_width: Option<f64>,
-    /// Which bounce of a rendered Z-NLOS capture counts: third, all, or a number from 2 [default: third]
+    /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
     pub bounce: Option<String>,
     /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
     #[arg(long, value_name = "FILE", help_heading = "Capture")]
     pub tof: Option<PathBuf>,
-    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files that do
-    /// not say which way the scan lies on the wall
+    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files
+    /// that do not say how the scan lies on the wall
     #[arg(long, value_name = "x|y|xy", help_heading = "Capture")]
     pub flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees, counter-clockwise as seen in the pictures (+x to the right, y up), after --flip
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures (+x to the
+    /// right, +y up)
     #[arg(long, value_name = "DEGREES", help_heading = "Capture")]
     pub rotate: Option<u32>,
 }
 
-/// What a capture file may not say, for verbs that take no solver.
+/// Values that a capture file may lack, for verbs without a solver.
 #[derive(Args)]
 pub struct UnsaidArgs {
     /// Scale the wall so that its outermost scan points are SIZE metres apart
     #[arg(long, value_name = "SIZE", help_heading = "Capture")]
     pub wall: Option<f64>,
-    /// Bin width in metres of path (picoseconds times 0.000299792458), for files that do not say it
+    /// Bin width in metres of path (picoseconds times 0.000299792458), for files without it
     #[arg(long, value_name = "M", help_heading = "Capture")]
     pub bin_width: Option<f64>,
-    /// Which bounce of a rendered Z-NLOS capture counts: third, all, or a number from 2 [default: third]
+    /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
     pub bounce: Option<String>,
     /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
     #[arg(long, value_name = "FILE", help_heading = "Capture")]
     pub tof: Option<PathBuf>,
-    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files that do
-    /// not say which way the scan lies on the wall
+    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files
+    /// that do not say how the scan lies on the wall
     #[arg(long, value_name = "x|y|xy", help_heading = "Capture")]
     pub flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees, counter-clockwise as seen in the pictures (+x to the right, y up), after --flip
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures (+x to the
+    /// right, +y up)
     #[arg(long, value_name = "DEGREES", help_heading = "Capture")]
     pub rotate: Option<u32>,
 }
@@ -106,7 +109,7 @@ impl CaptureArgs {
             no_auto_gate: self.no_auto_gate,
             pulse: match self.pulse.as_deref() {
                 None => None,
-                // To be found anew, whatever the file says.
+                // The file's pulse is dropped. With `auto`, the run then finds one.
                 Some("none" | "auto") => Some(GivenPulse::Sharp),
                 Some(text) => Some(GivenPulse::Shape(pulse(text)?)),
             },
@@ -114,8 +117,8 @@ impl CaptureArgs {
         })
     }
 
-    /// Whether the pulse is to be found: where that is asked for, and for a detector's counts unless it is the published
-    /// solver's turn, which takes paths for sharp.
+    /// Whether a run finds the pulse first: with `auto`, and by default for captured counts and a vector solve with a
+    /// surface. The paper's solver takes paths as sharp.
     pub fn finds_pulse(&self, preset: Preset, solver: &SolverOptions) -> bool {
         match (self.pulse.as_deref(), solver) {
             (None, SolverOptions::Vector(o)) => preset == Preset::Captured && o.surface.iterations > 0,
@@ -124,7 +127,7 @@ impl CaptureArgs {
     }
 }
 
-/// A pulse as options tell it: a Gaussian's width in metres of path, or a file.
+/// Reads a pulse from an option: a Gaussian's width in metres of path, or a file.
 pub fn pulse(text: &str) -> Result<Pulse> {
     match text.trim().parse::<f64>() {
         Ok(width) => Pulse::gaussian(width),
@@ -132,14 +135,15 @@ pub fn pulse(text: &str) -> Result<Pulse> {
     }
 }
 
-/// The grid besides its lateral resolution.
+/// The grid, apart from its lateral resolution.
 #[derive(Args)]
 pub struct VolumeArgs {
     /// Voxel size along z in metres [default: the bin width]
     #[arg(long, value_name = "M", help_heading = "Volume")]
     pub depth_pitch: Option<f64>,
-    /// Reconstruct this box, in metres, as -0.5:0.5,-0.5:0.5,0.3:1.2 [default: the wall's extent, and the depths
-    /// that the gate allows]; reconstruct takes a file's name too, .npz or .hdf5, and writes the volume there
+    /// Reconstruct this box, in metres, for example -0.5:0.5,-0.5:0.5,0.3:1.2 [default: the wall's extent, and the
+    /// depths that the gate allows]. Given the name of a .npz or .hdf5 file, the verb reconstruct writes the volume to
+    /// it. Box and file may both be given
     #[arg(
         long = "volume",
         value_name = "X0:X1,Y0:Y1,Z0:Z1 or FILE",
@@ -161,7 +165,7 @@ impl VolumeArgs {
             if twice {
                 return Err(Error::options(
                     format!("--volume {text:?} is the second of its kind"),
-                    "give one box and one file at most",
+                    "give at most one box and one file",
                 ));
             }
         }
@@ -173,14 +177,14 @@ impl VolumeArgs {
         match self.volume()? {
             (volume, None) => Ok(volume),
             (_, Some(file)) => Err(Error::options(
-                format!("--volume is {:?}, which is no box", file.display().to_string()),
+                format!("--volume is {:?}, which is not a box", file.display().to_string()),
                 format!("give {BOX}; only reconstruct writes the volume to a file"),
             )),
         }
     }
 }
 
-const BOX: &str = "three ranges in metres, x, y and z, as -0.5:0.5,-0.5:0.5,0.3:1.2";
+const BOX: &str = "three ranges in metres, for x, y and z: -0.5:0.5,-0.5:0.5,0.3:1.2";
 
 /// A box of three ranges; `None` if the text is a file's name.
 fn box_of(text: &str) -> Result<Option<Volume>> {
@@ -200,13 +204,13 @@ fn box_of(text: &str) -> Result<Option<Volume>> {
     Ok(Some(Volume { min: glam::dvec3(x0, y0, z0), max: glam::dvec3(x1, y1, z1) }))
 }
 
-/// Which device, and how it is watched.
+/// The device, and how it is used.
 #[derive(Args)]
 pub struct DeviceArgs {
-    /// Index or part of the name of the device (see `thirdbounce devices`) [default: the best kind there is]
+    /// Index or part of the name of the device (see `thirdbounce devices`) [default: the best kind available]
     #[arg(long, value_name = "DEVICE", help_heading = "Device")]
     pub device: Option<String>,
-    /// Most device memory to use: MiB, or with K, M or G behind it [default: what is free]
+    /// Most device memory to use: a number in MiB, or with K, M or G after it [default: all free memory]
     #[arg(long, value_name = "SIZE", help_heading = "Device")]
     pub memory: Option<String>,
     /// Turn on the Vulkan validation layer
@@ -220,8 +224,8 @@ impl DeviceArgs {
     }
 }
 
-/// A capture as told, and what is asked of it but for truth and places: what `info` and `reconstruct` share.
-/// Everything that can be refused without the capture is refused before it is read.
+/// Loads the capture, and makes the request that several verbs share: without truth and without the folder of results.
+/// Options are checked before the capture is read, as far as that is possible.
 pub fn load(
     capture: &CaptureArgs,
     solver: &SolverArgs,

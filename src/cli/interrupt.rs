@@ -1,5 +1,5 @@
-//! Ctrl-C: breaks off the solver between two steps; a second one, or one where nothing is being solved or
-//! written, ends the process at once.
+//! Ctrl-C cancels the solver between two steps. A second Ctrl-C ends the process at once. So does the first if nothing
+//! is being solved or written.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,17 +15,17 @@ pub fn listen() -> Result<()> {
         if ASKED.swap(true, Ordering::Relaxed) || !CARE.load(Ordering::Relaxed) {
             std::process::exit(130);
         }
-        super::progress::say("stopping (again to stop at once)");
+        super::progress::say("stopping (press Ctrl-C again to stop at once)");
     })
-    .map_err(|e| Error::device(format!("Ctrl-C cannot be listened to: {e}"), "run it from a usual terminal"))
+    .map_err(|e| Error::device(format!("Ctrl-C cannot be handled: {e}"), "run it in another terminal"))
 }
 
-/// From now on files may be in the making: Ctrl-C waits until [`asked`] is looked at.
+/// From now on files may be incomplete: Ctrl-C waits until [`asked`] is called.
 pub fn take_care() {
     CARE.store(true, Ordering::Relaxed);
 }
 
-/// Breaks off if Ctrl-C was pressed.
+/// Whether to go on: breaks if Ctrl-C was pressed.
 pub fn asked() -> ControlFlow<()> {
     if ASKED.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }

@@ -1,5 +1,5 @@
-//! Methods of a comparison as text: `solver`, or `solver:key=value,key=value,...`, where the keys are the
-//! options of `reconstruct` without their dashes, or `name` for what the plots call it.
+//! Methods of a comparison as text: `solver`, or `solver:key=value,key=value,...`. Keys are the options of
+//! `reconstruct` without their dashes. The key `name` sets the method's name in plots.
 
 use clap::Parser;
 use thirdbounce::{Error, Result};
@@ -9,7 +9,7 @@ use super::solver::SolverArgs;
 /// A method as it was asked for.
 pub struct Spec {
     pub text: String,
-    /// What plots and folders call it: as told, or its text.
+    /// Its name in plots and folders: the given one, or its text.
     pub name: String,
     pub solver: SolverArgs,
     pub depth_pitch: Option<f64>,
@@ -27,10 +27,10 @@ struct SpecArgs {
     trace_every: Option<usize>,
 }
 
-/// Reads a method; `base` holds the options that all methods have unless they say otherwise.
+/// Reads a method. `base` holds the options of all methods; a method's own options come first.
 ///
 /// # Errors
-/// An unknown solver, an unknown key, a value that makes no sense, each with the method's text.
+/// An unknown solver, an unknown key or a value out of range, each with the method's text.
 pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
     let text = text.trim();
     let mend =

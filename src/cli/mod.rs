@@ -1,4 +1,4 @@
-//! The command line: one file per verb. What a verb does stands in the library.
+//! The command line: one file per verb. The library does the work of a verb.
 
 mod advice;
 mod calibrate;
@@ -40,8 +40,8 @@ Lengths are metres, times are metres of path (seconds times 299792458).";
 
 /// Sees around corners: reconstructs a hidden scene from light that bounced three times.
 ///
-/// Reads transient histograms captured off a relay wall and computes albedo, depth and surface normals of
-/// what the wall faces, on any Vulkan device.
+/// Reads transient histograms captured at a relay wall. Computes albedo, depth and surface normals of the hidden scene,
+/// on any Vulkan device.
 #[derive(Parser)]
 #[command(name = "thirdbounce", version, after_help = EXAMPLES, subcommand_required = true)]
 struct Cli {
@@ -51,9 +51,9 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Simulate a scene, reconstruct it, measure the result and write pictures: under a minute.
+    /// Simulate a scene, reconstruct it, measure the result and write pictures, in less than a minute.
     Demo(demo::Args),
-    /// Tell what a capture holds, what a reconstruction would leave out, and how much memory it takes.
+    /// Show what a capture holds, what a reconstruction would leave out, and how much memory it needs.
     Info(Box<info::Args>),
     /// Reconstruct a capture: maps, pictures, points and a report.
     Reconstruct(Box<reconstruct::Args>),
@@ -61,13 +61,13 @@ enum Verb {
     Simulate(simulate::Args),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
-    /// Set methods side by side on one capture: error against run time.
+    /// Compare methods on one capture: error against run time.
     Compare(Box<compare::Args>),
-    /// Rewrite a capture of any format as npz, y-tal HDF5 or Stanford MATLAB, summed or thinned if asked for.
+    /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
     Convert(convert::Args),
-    /// Find the shift of time zero from a capture of one small target, and write a capture without it.
+    /// Find the shift of time zero from a capture of one small target, and write a corrected capture.
     Calibrate(calibrate::Args),
-    /// Tell where the time of a reconstruction goes: every kernel against the device's limits, idle time, a timeline.
+    /// Show where the time of a reconstruction goes: kernels and their limits on the device, idle time, a timeline.
     Profile(Box<profile::Args>),
     /// Print what a reconstruction would run, dispatch by dispatch: sizes, buffers read -> buffers written.
     Schedule(Box<schedule::Args>),
@@ -129,7 +129,7 @@ fn run() -> Result<()> {
     }
 }
 
-/// The command with negative numbers let through to the checks that explain what is wanted.
+/// The command. It accepts negative numbers, because later checks explain better which values are allowed.
 pub fn command() -> clap::Command {
     let all = Cli::command().mut_subcommand("profile", |verb| {
         verb.mut_arg("capture", |arg| arg.required(false).required_unless_present("check"))
@@ -142,7 +142,7 @@ pub fn command() -> clap::Command {
     })
 }
 
-/// Prints lines on stdout. A reader that went away (`| head`) is no error: the work is done all the same.
+/// Prints lines to stdout. A closed stdout (`| head`) is not an error: the work itself is done.
 fn print(text: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stdout().lock(), "{}", text.trim_end());

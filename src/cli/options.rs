@@ -1,4 +1,4 @@
-//! The solvers' options on the command line, from their declarations.
+//! Makes the solvers' options on the command line from their declarations.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches, value_parser};
@@ -7,7 +7,7 @@ use thirdbounce::job::SolverOptions;
 use thirdbounce::solve::Sizes;
 use thirdbounce::solve::option::{Range, Row, Suit, Value};
 
-/// One of the words that `T` is written as in files.
+/// Parses one of the words that stand for values of `T` in files.
 pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
     words: &'static [&'static str],
 ) -> impl TypedValueParser<Value = T> {
@@ -23,14 +23,15 @@ impl Given {
         self.0.iter().find(|g| g.0 == key).map(|g| &g.1)
     }
 
-    /// Sets those that the solver has.
+    /// Sets the given options that the solver has.
     pub fn over(&self, options: &mut SolverOptions) {
         self.0.iter().for_each(|(key, value)| {
             options.set(key, value);
         });
     }
 
-    /// The name of the first that `options` lack. The seed suits every solver: it draws `--subset`, too.
+    /// The name of the first given option that `options` lack. The seed fits every solver: it also draws the pairs of
+    /// `--subset`.
     pub fn foreign(&self, options: &SolverOptions) -> Option<String> {
         let lacks = |(key, _): &&(&str, Value)| *key != "seed" && options.get(key).is_none();
         let lacking = self.0.iter().find(lacks)?.0;
@@ -81,7 +82,7 @@ impl clap::Args for Given {
     }
 }
 
-/// A sentence's beginning in the middle of another.
+/// The text with its first letter in lower case, to continue a sentence.
 fn lower(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
@@ -114,7 +115,7 @@ impl FromArgMatches for Given {
     }
 }
 
-/// A word as a value: of an option that is on or off, the second word is on.
+/// A word as a value. The second word of an option that is on or off means on.
 fn worded(key: &str, words: &[&str], word: &str) -> Value {
     let all = SolverOptions::NAMES.iter().filter_map(|name| SolverOptions::suited_to(name, &Suit::USUAL));
     match all.filter_map(|options| options.get(key)).next() {

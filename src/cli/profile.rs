@@ -24,18 +24,18 @@ pub struct Args {
     /// Write the profile as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write what host and device did when, for Perfetto (ui.perfetto.dev) and chrome://tracing
+    /// Write the timeline of host and device, for Perfetto (ui.perfetto.dev) and chrome://tracing
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
     /// Folder for the maps [default: they are not written]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Instead of a capture: hold every pass of both solvers, on every accumulation path of the device, against its
-    /// float64 twin, and measure what the device does at most
+    /// Check the device, without a capture: compare every pass of both solvers with its float64 twin, on every
+    /// accumulation path of the device, and measure the device's limits
     #[arg(long, conflicts_with_all = ["capture", "trace", "out"])]
     pub check: bool,
-    /// Instead of one solve: solve with one size of workgroups, chunks and columns after the other, and keep the
-    /// fastest for later runs of this device, solver, kind of pairs and model
+    /// Try several sizes of workgroups, chunks and columns instead of one solve, and keep the fastest for later runs
+    /// with the same device, solver, kind of pairs and model
     #[arg(long, conflicts_with_all = ["trace", "out", "check", "sizes"])]
     tune: bool,
     /// No progress and no notes, errors only
@@ -87,9 +87,9 @@ fn tune(args: &Args, loaded: &Loaded, request: &Request, tell: &mut dyn FnMut(&s
     let tuned = profile::tune::tune(request, loaded, tell)?;
     let mut text = format!("for       {}\n", tuned.class);
     text += &match tuned.best.is_default() {
-        true => "best      the device kind's own sizes\n".to_string(),
+        true => "best      the default sizes\n".to_string(),
         false => {
-            format!("best      --sizes {}, {:.2} of the time of its kind's own\n", tuned.best, tuned.ratio)
+            format!("best      --sizes {}, {:.2} of the time with the defaults\n", tuned.best, tuned.ratio)
         }
     };
     if let Some(file) = &tuned.file {
@@ -102,7 +102,7 @@ fn tune(args: &Args, loaded: &Loaded, request: &Request, tell: &mut dyn FnMut(&s
     }
 }
 
-/// What `--check` writes.
+/// The report of `--check`.
 #[derive(Serialize)]
 struct CheckReport {
     device: Device,
@@ -123,7 +123,7 @@ fn check_device(args: &Args) -> Result<()> {
     let checked = open(true)?;
     let checks = check::check(&checked)?;
     checked.close().iter().for_each(|message| say(&format!("validation: {message}")));
-    // What a device offers is measured as runs use it: without checks of bounds.
+    // Limits are measured as runs use the device: without checks of bounds.
     let gpu = open(false)?;
     let limits = limits::measure(&gpu)?;
     let mut text = format!("device    {} ({})\n", gpu.info.name, gpu.info.driver);
@@ -228,7 +228,7 @@ fn line(k: &KernelProfile) -> String {
     )
 }
 
-/// Whether a driver's statistic is of registers, shared memory or spills.
+/// Whether a driver's statistic is about registers, shared memory or spills.
 fn tells(name: &str) -> bool {
     let name = name.to_lowercase();
     ["register", "gpr", "shared", "lds", "spill", "local memory", "scratch", "occupancy"]

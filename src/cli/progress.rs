@@ -1,4 +1,4 @@
-//! What is told while work goes on, on stderr: a bar on a terminal, plain lines elsewhere.
+//! Shows progress on stderr: a bar on a terminal, plain lines elsewhere.
 
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
@@ -9,10 +9,10 @@ use thirdbounce::solve::Progress;
 
 use super::tables::number;
 
-/// Plain lines come at most so often.
+/// Least time between two plain lines.
 const EVERY: Duration = Duration::from_secs(2);
 
-/// Writes a line on stderr. A closed stderr is no error.
+/// Writes a line to stderr. A closed stderr is not an error.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
@@ -35,7 +35,7 @@ impl Meter {
         Meter { bar, quiet, said: None }
     }
 
-    /// Shows a point of the trace; breaks off if Ctrl-C was pressed.
+    /// Shows a point of the trace. Cancels if Ctrl-C was pressed.
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
         if progress.trial {
             self.bar.iter().for_each(|bar| bar.set_message("finding the instrument's pulse"));
@@ -67,7 +67,7 @@ impl Meter {
         super::interrupt::asked()
     }
 
-    /// Leaves the bar as it stands, so that what follows gets a line of its own.
+    /// Ends the bar and leaves it on the screen, so that later output starts on a line of its own.
     pub fn end(&self) {
         if let Some(bar) = self.bar.as_ref().filter(|bar| !bar.is_finished()) {
             bar.abandon();

@@ -24,20 +24,20 @@ pub struct Args {
     /// A pixel is surface above this share of the brightest albedo
     #[arg(long, value_name = "X", default_value_t = Maps::MASK_FRACTION)]
     mask_fraction: f64,
-    /// A point of the report's trace after every Nth iteration, with the figures if there is truth; 0: these at the
-    /// end only. Measuring does not count as solving [default: with --truth 10, else 0]
+    /// Add a point to the report's trace after every Nth iteration, with the figures if there is truth; 0: figures only
+    /// at the end. Measuring does not count as solving [default: 10 with --truth, else 0]
     #[arg(long, value_name = "N")]
     trace_every: Option<usize>,
-    /// Keep maps and pictures of these iterations too, in DIR/snapshots/000100 and so on
+    /// Also keep maps and pictures of these iterations, in DIR/snapshots/000100 and so on
     #[arg(long, value_name = "I,I,...", value_delimiter = ',')]
     snapshots: Vec<usize>,
-    /// Keep the solver's state in this file, to go on from with --resume
+    /// Save the solver's state in this file; --resume continues from it
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Keep it after so many iterations each
+    /// Save the state after every Nth iteration
     #[arg(long, value_name = "N", default_value_t = Request::CHECKPOINT_EVERY, requires = "checkpoint")]
     checkpoint_every: usize,
-    /// Go on from the state in this file; capture and options must be those it was kept with
+    /// Continue from the state in this file; capture and options must be the same as when it was saved
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
     /// Print the time per kernel at the end (`thirdbounce profile` tells more)

@@ -18,20 +18,21 @@ use super::{interrupt, print, tables};
 pub struct Args {
     /// A built-in scene (listed below), or the path of a .obj or .ply mesh
     scene: String,
-    /// Capture to write, npz or y-tal HDF5 by its ending
+    /// Capture to write: .npz, or .hdf5 for y-tal
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
-    /// Write true depth, normals and mask too
+    /// Also write true depth, normals and mask, to this file
     #[arg(long, value_name = "TRUTH.npz")]
     truth: Option<PathBuf>,
-    /// Pixels of the truth's side
+    /// Pixels per side of the truth
     #[arg(long, value_name = "N", default_value_t = DEFAULT_RESOLUTION)]
     truth_resolution: usize,
     /// Scan points per side
     #[arg(long, value_name = "N", default_value_t = 32)]
     scan: usize,
-    /// How laser and sensor are paired: at every scan point together; one of them fixed at --spot; every laser point
-    /// of --grid with every scan point; or NxN pairs drawn over the wall by --seed
+    /// How laser and sensor points are paired. confocal: both at every scan point; one-laser, one-sensor: one of them
+    /// fixed at --spot; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
+    /// points, drawn over the wall with --seed
     #[arg(long, value_name = "KIND", default_value = "confocal",
         value_parser = PossibleValuesParser::new(["confocal", "one-laser", "one-sensor", "exhaustive", "irregular"]))]
     pairs: String,
@@ -41,7 +42,7 @@ pub struct Args {
     /// Laser points per side of exhaustive pairs [default: as --scan]
     #[arg(long, value_name = "L")]
     grid: Option<usize>,
-    /// Shape of the wall; the bump is a Gaussian towards the scene, a tenth of the wall's side high
+    /// Shape of the wall; bump is a Gaussian towards the scene, with a height of a tenth of the wall's side
     #[arg(long, value_name = "SHAPE", default_value = "flat",
         value_parser = PossibleValuesParser::new(["flat", "bump"]).map(wall_shape))]
     wall_shape: WallShape,
@@ -51,7 +52,7 @@ pub struct Args {
     /// Bin width in metres of path
     #[arg(long, value_name = "M", default_value_t = 0.006)]
     bin_width: f64,
-    /// Number of bins [default: as many as the scene's paths take]
+    /// Number of bins [default: as many as the scene's paths need]
     #[arg(long, value_name = "N")]
     bins: Option<usize>,
     /// How surfaces reflect
@@ -62,14 +63,14 @@ pub struct Args {
     #[arg(long, value_name = "ON|OFF", default_value = "on", action = clap::ArgAction::Set,
         value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
     occlusion: bool,
-    /// Albedo of everything
+    /// Albedo of all surfaces
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     albedo: f64,
-    /// Spread every path over time as an instrument does: a Gaussian's full width at half maximum in metres of path, or an
-    /// npz with pulse, pulse_delta_t and pulse_t_start. The capture then holds the pulse
+    /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, in metres of
+    /// path, or an npz file with pulse, pulse_delta_t and pulse_t_start. The capture then holds the pulse
     #[arg(long, value_name = "M|FILE")]
     pulse: Option<String>,
-    /// Draw photon counts, so many expected in the strongest bin
+    /// Draw photon counts at random, with P expected in the strongest bin
     #[arg(long, value_name = "P")]
     photons: Option<f64>,
     /// Mean dark counts of every bin; needs --photons
@@ -90,7 +91,7 @@ fn wall_shape(name: String) -> WallShape {
     if name == "bump" { WallShape::Bump } else { WallShape::Flat }
 }
 
-/// The layout that the options tell; one that another kind of pairs has is refused.
+/// The layout that the options ask for. Refuses an option of another kind of pairs.
 fn layout(args: &Args) -> Result<Layout> {
     let kind = args.pairs.as_str();
     let misplaced = |option: &str, value: String, kinds: &str| {
@@ -120,7 +121,7 @@ fn spot_of(text: &str) -> Result<DVec2> {
     let numbers: Vec<Option<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers[..] {
         [Some(x), Some(y)] => Ok(DVec2::new(x, y)),
-        _ => Err(Error::options(format!("--spot is {text:?}"), "give x,y in metres, as 0.1,-0.2")),
+        _ => Err(Error::options(format!("--spot is {text:?}"), "give x,y in metres: 0.1,-0.2")),
     }
 }
 
@@ -147,7 +148,7 @@ pub fn run(args: &Args) -> Result<()> {
     let done = job::simulate(&simulation, &mut interrupt::take_care)?;
     if !done.converged && !args.quiet {
         say(&format!(
-            "note: the noise is {:.4}, above the bound of {}, after the most samples that are taken",
+            "note: the noise is {:.4}, above the bound of {}, after the largest number of samples",
             done.noise, args.noise
         ));
     }

@@ -1,4 +1,4 @@
-//! Which solver, and every solver's options.
+//! The choice of a solver, and the options of all solvers.
 
 use clap::Args;
 use thirdbounce::capture::Capture;
@@ -12,17 +12,17 @@ use super::options::{Given, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
-    /// How to solve: vector, paper [default: vector]
+    /// The solver: vector, paper [default: vector]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     pub solver: Option<String>,
-    /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto: by the falloff that
-    /// the capture shows [default: cosine]
+    /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto to choose by the falloff in the
+    /// capture [default: cosine]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     model: Option<String>,
     /// The published parameters to start from [default: captured if all counts are whole numbers, else synthetic]
     #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
     pub preset: Option<Preset>,
-    /// The same bits on every run of the same seed and device: fixed-point accumulation
+    /// Get the same bits from every run with the same seed and device: fixed-point accumulation
     #[arg(long, conflicts_with = "accumulation", help_heading = "Solver")]
     deterministic: bool,
     #[command(flatten)]
@@ -30,8 +30,8 @@ pub struct SolverArgs {
 }
 
 impl SolverArgs {
-    /// Refuses what this version does not have and what makes no sense, before any file is read. `base` holds
-    /// what is not given here.
+    /// Refuses unknown names and values out of range, before any file is read. `base` holds the options that are not
+    /// given here.
     pub fn check(&self, base: Option<&SolverArgs>) -> Result<()> {
         for args in [Some(self), base].into_iter().flatten() {
             args.solver.as_deref().map_or(Ok(()), job::check_solver)?;
@@ -52,7 +52,7 @@ impl SolverArgs {
         }
     }
 
-    /// Refuses options that only another solver has: to ignore them would mislead.
+    /// Refuses options that only another solver has. Ignoring them would mislead.
     pub fn check_fit(&self) -> Result<()> {
         let name = self.solver.as_deref().unwrap_or(SolverOptions::DEFAULT);
         let options = SolverOptions::suited_to(name, &Suit::USUAL);
@@ -64,7 +64,7 @@ impl SolverArgs {
         })
     }
 
-    /// The preset for `capture`, notes on what was not given, and the options over it.
+    /// The preset for `capture`, notes on the values that were chosen, and the resulting options.
     pub fn resolve(
         &self,
         base: Option<&SolverArgs>,
@@ -83,7 +83,7 @@ impl SolverArgs {
                 notes.push(why);
                 reflectance
             }
-            // `check` has let through known names only.
+            // `check` has refused unknown names.
             Some(name) => job::reflectance(name).unwrap_or(Reflectance::Cosine),
             None => Reflectance::Cosine,
         };
@@ -95,10 +95,11 @@ impl SolverArgs {
         self.model.as_deref().or(base.and_then(|b| b.model.as_deref()))
     }
 
-    /// These options over those of `base` over the defaults for such scenes.
+    /// The defaults for such scenes, then the options of `base`, then the options given here. Later ones replace
+    /// earlier ones.
     fn options(&self, base: Option<&SolverArgs>, suit: &Suit) -> SolverOptions {
         let named = self.solver.as_deref().or(base.and_then(|b| b.solver.as_deref()));
-        // `check` has let through known names only.
+        // `check` has refused unknown names.
         let start = named.and_then(|name| SolverOptions::suited_to(name, suit));
         let mut options = start
             .or_else(|| SolverOptions::suited_to(SolverOptions::DEFAULT, suit))

@@ -1,10 +1,10 @@
-//! Figures as lines for people.
+//! Figures as lines of text.
 
 use thirdbounce::export::report::Report;
 use thirdbounce::gpu::KernelTime;
 use thirdbounce::measure::Metrics;
 
-/// What a run came to.
+/// The summary of a run.
 pub fn report(report: &Report) -> String {
     let t = &report.totals;
     let mut out = String::new();
@@ -51,8 +51,8 @@ pub fn report(report: &Report) -> String {
         line(&mut out, "end", text);
     }
     if report.plan.full {
-        let what = "the domain was larger than there is room for, its dimmest voxels were left out: if the result \
-                    looks cut off, use a larger --room, a coarser --lateral or --depth-pitch, or a narrower --gate";
+        let what = "the domain was larger than its room, so its dimmest voxels were left out. If the result looks \
+                    cut off, use a larger --room, a coarser --lateral or --depth-pitch, or a narrower --gate";
         line(&mut out, "note", what.into());
     }
     if let Some(metrics) = &report.metrics {
@@ -107,7 +107,7 @@ pub fn kernels(times: &[(&'static str, KernelTime)]) -> String {
     out + &format!("{:<26}{:>8}{total:>12.4}\n", "all", "")
 }
 
-/// Four figures, by powers of ten where that is shorter.
+/// A number with four digits, with an exponent if that is shorter.
 pub fn number(v: f64) -> String {
     if v == 0.0 || (1e-3..1e4).contains(&v.abs()) {
         let decimals = (3.0 - v.abs().max(1e-3).log10().floor()).clamp(0.0, 6.0) as usize;

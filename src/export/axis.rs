@@ -12,7 +12,7 @@ use plotters::element::{Circle, DashedPathElement, PathElement, Rectangle};
 use plotters::prelude::{Color, DashedLineSeries};
 use plotters::style::RGBColor;
 
-/// A range of values with marks at plain numbers.
+/// A range of values with marks at round numbers.
 #[derive(Clone)]
 pub struct Axis {
     pub low: f64,
@@ -21,7 +21,8 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Holds all `values`, with a little room around them; of a logarithmic axis those above zero.
+    /// An axis for all `values`, with a little room around them. A logarithmic axis ignores values that are not above
+    /// zero.
     pub fn new(values: impl Iterator<Item = f64>, logarithmic: bool) -> Axis {
         let fits = |v: &f64| v.is_finite() && (!logarithmic || *v > 0.0);
         let (low, high) = values.filter(fits).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
@@ -37,7 +38,7 @@ impl Axis {
         Axis { low, high: high + room, logarithmic }
     }
 
-    /// Where a value lies, 0 at the low end and 1 at the high one.
+    /// Position of a value on the axis: 0 at the low end, 1 at the high end.
     fn share(&self, value: f64) -> f64 {
         let share = if self.logarithmic {
             (value.max(1e-300) / self.low).ln() / (self.high / self.low).ln()
@@ -54,7 +55,7 @@ impl Axis {
         all.filter(|v| (self.low..=self.high).contains(v)).collect()
     }
 
-    /// The marks of a logarithmic axis that have labels: the fewer decades, the more.
+    /// The marks of a logarithmic axis that have labels. Fewer decades get more labels.
     fn labelled(&self) -> Vec<f64> {
         let marks = self.multiples(match (self.high / self.low).log10() {
             d if d > 2.2 => &[1.0],
@@ -65,7 +66,7 @@ impl Axis {
         if marks.len() > 1 {
             return marks;
         }
-        // Hardly a mark within: even parts.
+        // At most one round number is on the axis, so even parts are marked.
         [0.25, 0.5, 0.75].map(|part| rounded(self.low * (self.high / self.low).powf(part))).into()
     }
 }
@@ -100,12 +101,12 @@ impl ValueFormatter<f64> for Axis {
     }
 }
 
-/// Three figures.
+/// The value with three digits.
 pub fn rounded(v: f64) -> f64 {
     format!("{v:.2e}").parse().unwrap_or(v)
 }
 
-/// A number as short as it goes.
+/// The shortest text for a number.
 pub fn plain(v: f64) -> String {
     if v != 0.0 && !(1e-4..1e5).contains(&v.abs()) {
         return format!("{:e}", rounded(v));
@@ -119,8 +120,8 @@ pub fn plain(v: f64) -> String {
 pub struct Panel<'a, B: Canvas>(ChartContext<'a, B, Cartesian2d<Axis, Axis>>);
 
 impl<B: Canvas> Panel<'_, B> {
-    /// Draws title, grid, labels and frame. The plot itself stands at `[left, top, width, height]` in pixels, its title
-    /// above and `x`, what the axis below counts, below.
+    /// Draws title, grid, labels and frame. The plot itself is at `[left, top, width, height]` in pixels. The title is
+    /// above it, and the label `x` of the lower axis is below it.
     pub fn new<'a>(
         area: &Area<B>,
         [left, top, width, height]: [f64; 4],
@@ -166,7 +167,7 @@ impl<B: Canvas> Panel<'_, B> {
         Ok(())
     }
 
-    /// Fills from the axis below up to `y`, between two values of x.
+    /// Fills the area from the lower axis up to `y`, between two values of x.
     pub fn bar(&mut self, [from, to]: [f64; 2], y: f64, colour: RGBColor) -> Drawn<B> {
         self.0.draw_series([Rectangle::new([(from, 0.0), (to, y)], colour.filled())])?;
         Ok(())
@@ -182,7 +183,7 @@ impl<B: Canvas> Panel<'_, B> {
     }
 }
 
-/// A legend's line: a stroke of a curve's colour, and its name. `[x, y]` is the middle of the stroke's left end, in
+/// A legend's line: a stroke in a curve's colour, and its name. `[x, y]` is the middle of the stroke's left end, in
 /// pixels.
 pub fn legend<B: Canvas>(area: &Area<B>, name: &str, stroke: Stroke, [x, y]: [f64; 2]) -> Drawn<B> {
     let [from, to] = [(px(x), px(y)), (px(x + 34.0), px(y))];
@@ -199,7 +200,7 @@ pub fn legend<B: Canvas>(area: &Area<B>, name: &str, stroke: Stroke, [x, y]: [f6
     line_of_text(area, name, &font(BODY, INK), [x + 50.0, y])
 }
 
-/// How a legend shows what it names.
+/// The stroke in a legend's line.
 pub enum Stroke {
     Curve(RGBColor),
     Dashes,

@@ -1,4 +1,4 @@
-//! The residual of a calibration over the shift of time zero.
+//! A plot of a calibration: the residual over the shift of time zero.
 
 use std::path::Path;
 

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::measure::{Metrics, Reach};
 
-/// All of a comparison. The first method is what the others are held against.
+/// A whole comparison. The other methods are compared with the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Version of thirdbounce.
@@ -31,24 +31,24 @@ pub struct Comparison {
     pub methods: Vec<MethodReport>,
 }
 
-/// One method. Times are medians over the repeats, figures are those of the first.
+/// One method. Times are medians over the repeats; figures are those of the first run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MethodReport {
     /// Short name, unique in the comparison.
     pub name: String,
-    /// As it was asked for.
+    /// The text that asked for it.
     pub method: String,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
     /// Iterations between measured points; 0: measured at the end only.
     pub trace_every: usize,
-    /// Iterations that were made.
+    /// Iterations that ran.
     pub iterations: usize,
     /// Solve seconds, without load, set-up, measuring and export.
     pub seconds: f64,
-    /// Those of each repeat.
+    /// Solve seconds of each repeat.
     pub repeats_s: Vec<f64>,
-    /// Active voxels at the end, and their share of the grid.
+    /// Active voxels at the end.
     pub active: usize,
     /// Their share of the grid.
     pub active_ratio: f64,
@@ -127,13 +127,13 @@ impl Comparison {
             self.table()
         );
         out += &format!(
-            "Time is solve time: without load, set-up, measuring and export. Every method ran {}, in turns; the \
-             time is the median and, in brackets, the range. A pixel counts as \
-             surface above a fraction of the brightest albedo; for every point the fraction with the best IoU is \
-             taken, and depth and normal errors are over the pixels that are surface there and in truth. (Figures \
-             at {} stand in compare.json.)\n\n\
-             *s to …*: seconds until the figure is as good as that of `{first}` at its end and stays so, and in \
-             brackets their share of the whole time of `{first}`. Times are those of measured points, {}.\n",
+            "Time is solve time, without load, set-up, measuring and export. Every method ran {}, in turns. The \
+             time is the median, with the range in brackets. A pixel counts as surface above a fraction of the \
+             brightest albedo. Every point uses the fraction with the best IoU. Depth and normal errors are over the \
+             pixels that are surface both in the result and in truth. (Figures at the fraction {} are in \
+             compare.json.)\n\n\
+             *s to …*: seconds until the figure is as good as that of `{first}` at its end, and stays as good. Their \
+             share of the whole time of `{first}` is in brackets. Times are those of measured points: {}.\n",
             times(self.repeats),
             self.mask_fraction,
             self.steps(),
@@ -149,9 +149,9 @@ impl Comparison {
         let mut steps: Vec<usize> = self.methods.iter().map(|m| m.trace_every).collect();
         steps.dedup();
         match steps[..] {
-            [0] => "here the last one only".into(),
+            [0] => "only the last one".into(),
             [n] => format!("one after every {n} iterations"),
-            _ => "whose interval differs from method to method (trace_every in compare.json)".into(),
+            _ => "their interval depends on the method (trace_every in compare.json)".into(),
         }
     }
 }

@@ -9,7 +9,7 @@ const WIDTH: f64 = 1200.0;
 const PANEL: [f64; 2] = [495.0, 300.0];
 const LEFT: f64 = 90.0;
 const TOP: f64 = 108.0;
-/// From a panel's corner to the next one's.
+/// Distance from a panel's corner to the next panel's corner.
 const STEP: [f64; 2] = [585.0, 388.0];
 const LEGEND_LINE: f64 = 28.0;
 
@@ -40,8 +40,8 @@ const GRAPHS: [Graph; 4] = [
     },
 ];
 
-/// Residual, depth error, best IoU and normal error of every method over solve time, a disc at each end, and a dashed
-/// line at the first method's final value.
+/// Residual, depth error, best IoU and normal error of every method over solve time. A disc marks each end. A dashed
+/// line marks the first method's final value.
 pub struct ErrorVsTime<'a>(pub &'a Comparison);
 
 impl ErrorVsTime<'_> {
@@ -66,7 +66,7 @@ impl ErrorVsTime<'_> {
             at[1] += LEGEND_LINE;
         }
         let Some(first) = self.0.methods.first() else { return Ok(()) };
-        legend(area, &format!("dashed: where {} ends", shortened(&first.name, 90)), Stroke::Dashes, at)
+        legend(area, &format!("dashed: final value of {}", shortened(&first.name, 90)), Stroke::Dashes, at)
     }
 }
 

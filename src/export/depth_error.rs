@@ -1,4 +1,4 @@
-//! Depth errors as a picture: how far off, what is missed, what is false.
+//! Depth errors as a picture, with missed and false pixels.
 
 use std::path::Path;
 
@@ -9,15 +9,16 @@ use crate::maps::{Maps, Truth, percentile};
 
 /// True surface that was not found.
 const MISSED: [u8; 3] = [232, 48, 48];
-/// Found where nothing is.
+/// Surface that was found where truth has none.
 const FALSE: [u8; 3] = [110, 110, 122];
 const MARGIN: usize = 14;
-/// A square of the legend with the blank behind it.
+/// A square of the legend, with the gap after it.
 const SQUARE: usize = 22;
 
-/// Writes, on the truth's grid, |depth − true depth| of the pixels that are surface in both (above `fraction` of
-/// the brightest albedo, as [`crate::measure::metrics()`] has it) in colour beside a bar in millimetres, missed and
-/// false pixels in colours of their own. The bar goes from 0 (purple) to the errors' 99th percentile (yellow).
+/// Writes the picture on the truth's grid. Pixels that are surface in both show |depth − true depth| in colour. A pixel
+/// of the maps is surface above `fraction` of the brightest albedo, as in [`crate::measure::metrics()`]. Missed and
+/// false pixels have colours of their own. A bar in millimetres goes from 0 (purple) to the errors' 99th percentile
+/// (yellow).
 ///
 /// # Errors
 /// `Kind::Input` if sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -27,13 +28,13 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth, fraction: f64) -> Result<(
     png::write(path, &picture(maps, truth, fraction))
 }
 
-/// What a pixel of the truth is.
+/// The state of a pixel of the truth.
 #[derive(Clone, Copy)]
 enum Found {
     Nothing,
     Missed,
     False,
-    /// Metres off; NaN where the truth has no depth.
+    /// Depth error in metres; NaN where the truth has no depth.
     Hit(f32),
 }
 
@@ -94,7 +95,7 @@ fn shade(share: f64) -> [u8; 3] {
     colour(1.0 - share.clamp(0.0, 1.0))
 }
 
-/// Metres as millimetres with three figures.
+/// Metres as millimetres with three digits.
 fn millimetres(metres: f64) -> String {
     let mm = 1000.0 * metres;
     let digits = if mm == 0.0 { 0 } else { (2.0 - mm.log10().floor()).clamp(0.0, 4.0) as usize };

@@ -3,7 +3,7 @@
 //! One part with named layers, the way viewers and compositing programs know them (`layer.channel`):
 //! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
 //! `Y` for viewers without layers. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
-//! column the smallest x. The attribute `extent` (box2f) holds it in metres.
+//! column the smallest x. The attribute `extent` (box2f) holds the extent in metres.
 
 use std::io::Cursor;
 use std::path::Path;

@@ -15,15 +15,15 @@ use super::picture::Picture;
 use super::text;
 use crate::error::{Error, Result};
 
-/// Units of a drawing in a pixel. `plotters` has whole coordinates: curves would have steps of a pixel, and pictures
-/// ragged edges.
+/// Units of a drawing per pixel. `plotters` has whole coordinates: with one unit per pixel, curves would have steps,
+/// and pictures would have ragged edges.
 pub(super) const FINE: u32 = 3;
 
-/// Inks that all plots share.
+/// Colours that all plots share.
 pub(super) const INK: RGBColor = RGBColor(40, 40, 46);
 pub(super) const GRID: RGBColor = RGBColor(226, 226, 230);
 pub(super) const FRAME: RGBColor = RGBColor(120, 120, 128);
-/// Colours that people of all kinds of colour vision tell apart (Okabe and Ito).
+/// Colours that people with any kind of colour vision can tell apart (Okabe and Ito).
 pub(super) const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -34,20 +34,20 @@ pub(super) const COLOURS: [RGBColor; 7] = [
     RGBColor(70, 70, 70),
 ];
 
-/// Sizes of text, in pixels an em.
+/// Sizes of text, in pixels per em.
 pub(super) const HEADING: u32 = 21;
 pub(super) const TITLE: u32 = 16;
 pub(super) const BODY: u32 = 14;
 
-/// The names of the compiled-in font and of fonts that stand in for it where an SVG is shown without it.
+/// The names of the compiled-in font, and of fonts that replace it where an SVG is shown without it.
 const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
-/// What `plotters` calls the size of a font, over its em.
+/// A font's size in `plotters`, over its em.
 const EM: f64 = 1.24;
 
 pub(super) type Area<B> = DrawingArea<B, Shift>;
 pub(super) type Drawn<B> = std::result::Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
-/// What `plotters` draws on.
+/// A target that `plotters` draws on.
 pub trait Canvas: DrawingBackend<ErrorType: 'static> {}
 
 impl<B: DrawingBackend<ErrorType: 'static>> Canvas for B {}
@@ -57,7 +57,7 @@ pub trait Figure {
     /// Width and height in pixels.
     fn size(&self) -> [u32; 2];
 
-    /// Draws it on a white area of three times [`Figure::size`]: coordinates are whole numbers.
+    /// Draws it on a white area of three times [`Figure::size`], because coordinates are whole numbers.
     fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B>;
 }
 
@@ -102,12 +102,12 @@ pub(super) fn px(pixels: f64) -> i32 {
     (pixels * f64::from(FINE)).round() as i32
 }
 
-/// Text of `em` pixels an em.
+/// Text of `em` pixels per em.
 pub(super) fn font(em: u32, colour: RGBColor) -> TextStyle<'static> {
     TextStyle { color: colour.to_backend_color(), ..(FAMILY, f64::from(em * FINE) * EM).into() }
 }
 
-/// Writes a line of text from `[x, y]` on, in pixels, `y` its middle.
+/// Writes a line of text. It begins at `x`, and its middle is at `y`, in pixels.
 pub(super) fn line_of_text<B: Canvas>(
     area: &Area<B>,
     words: &str,
@@ -144,7 +144,8 @@ impl DrawingBackend for Raster<'_> {
         Ok(())
     }
 
-    /// Segment by segment with round joints: the outline of a whole path has holes where it crosses itself.
+    /// Draws segment by segment with round joints. The outline of a whole path would have holes where it crosses
+    /// itself.
     fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
         &mut self,
         path: I,
@@ -163,8 +164,8 @@ impl DrawingBackend for Raster<'_> {
         Ok(())
     }
 
-    /// As the SVG backend places it. The text of `plotters` itself leaves out the blank at the left of each glyph and
-    /// stands a fifth of its size too high.
+    /// Places text as the SVG backend does. The own text of `plotters` leaves out the blank at the left of each glyph,
+    /// and it is a fifth of its size too high.
     fn draw_text<S: BackendTextStyle>(&mut self, words: &str, style: &S, (x, y): BackendCoord) -> Done {
         let em = (style.size() / EM) as f32;
         let left = match style.anchor().h_pos {

@@ -1,4 +1,4 @@
-//! A capture in one picture: its mean histogram, and over the scan the path of each histogram's peak and its sum.
+//! A capture in one picture: its mean histogram, and two maps of the scan with each histogram's peak and sum.
 
 use std::path::Path;
 
@@ -15,12 +15,12 @@ use crate::maps::percentile;
 const WIDTH: f64 = 1120.0;
 const LEFT: f64 = 90.0;
 const PLOT: [f64; 4] = [LEFT, 80.0, 980.0, 250.0];
-/// Upper edge and side of the maps, and the way from one to the next.
+/// Upper edge and side of the maps, and the distance from one to the next.
 const MAPS: [f64; 2] = [430.0, 380.0];
 const STEP: f64 = 540.0;
 
-/// Writes the picture as PNG. Maps show +x to the right and +y up, one square per place of the scan; a scan that
-/// is a list is a column.
+/// Writes the picture as PNG. Maps show +x to the right and +y up, with one square for each place of the scan. A scan
+/// that is a list becomes a column.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
@@ -72,7 +72,7 @@ impl Figure for MeanHistogram<'_> {
         let along = Axis::new([capture.t_start, capture.t_end()].into_iter(), false);
         let up = Axis::new(mean.iter().copied().chain([0.0]), false);
         let mut panel = Panel::new(area, PLOT, ["mean histogram", "path (m)"], [along, up])?;
-        // Many bins fall into one column of pixels, which shows the largest.
+        // If many bins share a column of pixels, it shows the largest.
         let per_column = mean.len().div_ceil(px(PLOT[2]) as usize).max(1);
         let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
         for (at, bins) in mean.chunks(per_column).enumerate() {
@@ -89,7 +89,7 @@ fn map(values: &[f32], [nx, ny]: [usize; 2], low: f64, high: f64) -> Picture {
     let side = MAPS[1] as usize;
     let mut picture = Picture::new(side, side);
     let longest = nx.max(ny);
-    // Squares stay squares: the shorter side leaves a margin.
+    // Squares stay square, so the shorter side leaves a margin.
     let (w, h) = ((side * nx / longest).max(1), (side * ny / longest).max(1));
     for row in 0..h {
         for column in 0..w {

@@ -1,13 +1,13 @@
 //! The reconstructed surface as a triangle mesh in a binary PLY file, by screened Poisson reconstruction from the
 //! depth map's points and normals.
 //!
-//! Poisson's surface is closed: it invents backs and bridges. What no pixel saw, or what faces away from the wall (a
-//! depth map sees along +z only), is cut off.
+//! Poisson's surface is closed: it adds backs and bridges that do not exist. Parts that no pixel saw are cut off. So
+//! are parts that face away from the wall, because a depth map sees only along +z.
 //!
-//! On the demo's figure (64 x 64 pixels of 15.6 mm), and the same for the depth map's own grid of triangles in
-//! brackets: mesh to truth 4.5 mm (4.1), truth to mesh 4.5 mm (4.4), 97.4 % of the truth within a pixel (97.2 %),
-//! triangles' normals 15.4° off (18.2°), neither with a hole. Poisson's rim reaches half a pixel farther, hence its
-//! distance; steps of the voxel grid are gone. The solve takes 0.1 s.
+//! Measured on the demo's figure (64 x 64 pixels of 15.6 mm), with the depth map's own grid of triangles in brackets:
+//! mesh to truth 4.5 mm (4.1), truth to mesh 4.5 mm (4.4), 97.4 % of the truth within a pixel (97.2 %), normals of
+//! triangles 15.4° off (18.2°), no holes in either. Poisson's rim reaches half a pixel farther, so its distance to
+//! truth is larger. Steps of the voxel grid are gone. The solve takes 0.1 s.
 
 mod nets;
 mod poisson;
@@ -22,20 +22,21 @@ use crate::error::Result;
 use crate::files::atomic;
 use crate::maps::Maps;
 
-/// Vertices farther aside than so many pixels from every point are cut off; the middle of four is 0.71 from each.
+/// A vertex is cut off if it is more than this many pixels aside of every point. The middle of four points is 0.71 from
+/// each.
 const NEAR: f64 = 0.8;
-/// A surface steeper than this, |n_z| of its normal, counts as if it were no steeper: its pixels are too few to tell.
+/// Least |n_z| of a normal. A steeper surface counts as this steep: it has too few pixels to measure its slope.
 const STEEPEST: f64 = 0.25;
 
-/// Points so many pixels from the origin are left out.
+/// Points farther than this many pixels from the origin are left out.
 const FARTHEST: f64 = 1e8;
 
 /// A vertex: place in metres, outward unit normal, albedo.
 type Vertex = (DVec3, DVec3, f32);
 
 /// Writes vertices (`x y z nx ny nz albedo` as float32 and the albedo as grey `red green blue`, as [`super::ply`]
-/// does) and triangles, which turn counter-clockwise as seen from the wall. In the capture's frame, metres; a file
-/// without triangles if nothing was found.
+/// does) and triangles, which turn counter-clockwise as seen from the wall. Coordinates are metres in the capture's
+/// frame. If nothing was found, the file has no triangles.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -94,7 +95,7 @@ fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     (vertices, triangles)
 }
 
-/// The point of a masked pixel that has a depth. One without a normal faces the wall.
+/// The point of a masked pixel that has a depth. A point without a normal faces the wall.
 fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
     if !maps.mask[pixel] || !maps.depth[pixel].is_finite() {
         return None;
@@ -103,15 +104,15 @@ fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
     let normal = DVec3::from_array(maps.normal[pixel].map(f64::from));
     let normal = if normal.is_finite() { normal.normalize_or(DVec3::NEG_Z) } else { DVec3::NEG_Z };
     let at = dvec3(x, y, f64::from(maps.depth[pixel]));
-    // Cells are counted in 32 bits.
+    // Indices of cells have 32 bits.
     if (at / area.sqrt()).abs().max_element() > FARTHEST {
         return None;
     }
     Some(Sample { at, normal, area: area / normal.z.abs().max(STEEPEST) })
 }
 
-/// The albedo at a place of the surface, from the pixels that saw it; `None` if none did. A pixel sees [`NEAR`] to
-/// every side, and as much deeper or higher as its surface may rise over a pixel.
+/// The albedo at a place of the surface, from the pixels that saw it; `None` if none did. A pixel sees places up to
+/// [`NEAR`] pixels aside, and along z as far as its slope rises over a pixel (at least one pixel).
 fn seen(maps: &Maps, samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Option<f32> {
     let [x0, x1, y0, y1] = maps.extent;
     let place = |v: f64, low: f64, high: f64, n: usize| ((v - low) / (high - low) * n as f64).floor() as i64;

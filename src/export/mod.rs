@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use crate::error::Result;
 use crate::maps::Maps;
 
-/// Writes the maps in every form into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
+/// Writes the maps in every format into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
 /// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`. Returns the paths.
 ///
 /// # Errors

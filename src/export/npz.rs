@@ -30,7 +30,7 @@ pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
     atomic::write(path, &bytes)
 }
 
-/// Reads maps back. A missing `mask` or `mask_fraction` is made from the albedo.
+/// Reads maps. Without `mask_fraction` it is [`Maps::MASK_FRACTION`]. Without `mask`, the albedo gives the mask.
 ///
 /// # Errors
 /// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.
@@ -75,7 +75,7 @@ pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {
     atomic::write(path, &bytes)
 }
 
-/// Reads truth. A missing `gt_mask` is where the depth is not NaN; missing normals are all NaN.
+/// Reads truth. Without `gt_mask`, pixels with a finite depth are the mask. Without `gt_normal`, all normals are NaN.
 ///
 /// # Errors
 /// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.

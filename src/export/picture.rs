@@ -3,14 +3,14 @@
 use super::text;
 use crate::maps::Maps;
 
-/// What stands where there is nothing.
+/// Colour of pixels without content.
 pub const BACKGROUND: [u8; 3] = [20, 20, 26];
 /// Text and frames.
 pub const INK: [u8; 3] = [230, 230, 230];
 /// Pictures are enlarged by a whole factor to about this many pixels on the longer side.
 pub const SIDE: usize = 512;
 
-/// Size of text, in pixels an em, and the height of a capital.
+/// Size of text, in pixels per em.
 const EM: f32 = 15.0;
 /// Height of a capital letter of [`Picture::text`], in pixels.
 pub const CAPITAL: usize = 11;
@@ -60,7 +60,7 @@ impl Picture {
         picture
     }
 
-    /// Fills a rectangle; what lies outside the picture is left out.
+    /// Fills a rectangle. Parts outside the picture are left out.
     pub fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: [u8; 3]) {
         for row in y.min(self.height)..(y + height).min(self.height) {
             for column in x.min(self.width)..(x + width).min(self.width) {
@@ -70,7 +70,7 @@ impl Picture {
         }
     }
 
-    /// Copies another picture in at (x, y); what lies outside is left out.
+    /// Copies another picture in at (x, y). Parts outside the picture are left out.
     pub fn paste(&mut self, other: &Picture, x: usize, y: usize) {
         for (at, pixel) in other.rgb.chunks_exact(3).enumerate() {
             let (column, row) = (at % other.width, at / other.width);
@@ -78,7 +78,7 @@ impl Picture {
         }
     }
 
-    /// Mixes `colour` into the pixel `[column, row]`, if there is one: by nothing at `cover` 0, wholly at 1.
+    /// Mixes `colour` into the pixel `[column, row]`, if there is one. `cover` is the share of `colour`, from 0 to 1.
     pub fn blend(&mut self, [column, row]: [i32; 2], colour: [u8; 3], cover: f64) {
         let within = (0..self.width as i32).contains(&column) && (0..self.height as i32).contains(&row);
         if !within {
@@ -90,7 +90,7 @@ impl Picture {
         }
     }
 
-    /// The picture with squares of `factor` pixels made one each, their mean.
+    /// The picture shrunk by `factor`: each pixel is the mean of a square of pixels.
     pub fn shrunk(&self, factor: usize) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
         let mean = |at: usize| {
@@ -105,18 +105,19 @@ impl Picture {
         Picture { width, height, rgb: (0..3 * width * height).map(mean).collect() }
     }
 
-    /// Writes a line of text that begins at `[x, y]` on the base line, at `em` pixels an em; what lies outside is left out.
+    /// Writes a line of text that begins at `[x, y]` on the base line, at `em` pixels per em. Parts outside the picture
+    /// are left out.
     pub fn write(&mut self, words: &str, at: [f32; 2], em: f32, colour: [u8; 3]) {
         text::write(words, at, em, |pixel, cover| self.blend(pixel, colour, cover));
     }
 
-    /// Writes a line of text from `[x, y]` on, `y` its base line.
+    /// Writes a line of text that begins at `[x, y]` on the base line.
     pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {
         self.write(words, [x as f32, y as f32], EM, INK);
     }
 
-    /// A colour bar from the row `top` to the row `bottom`, with labels at even steps beside it from its top on. Its
-    /// colours are those of the shares from `first` at its top to `1 - first` at its bottom.
+    /// Draws a colour bar from the row `top` to the row `bottom`, with labels at even steps beside it, from top to
+    /// bottom. Its colours are those of the shares from `first` at the top to `1 - first` at the bottom.
     pub fn colour_bar(
         &mut self,
         x: usize,
@@ -137,13 +138,13 @@ impl Picture {
         }
     }
 
-    /// How many pixels a colour bar and its labels are wide.
+    /// Width of a colour bar and its labels, in pixels.
     pub fn bar_width(labels: &[String]) -> usize {
         BAR + BESIDE + labels.iter().map(|l| text_width(l)).max().unwrap_or(0)
     }
 }
 
-/// How many pixels a line of [`Picture::text`] is long.
+/// Length of a line of [`Picture::text`], in pixels.
 pub fn text_width(words: &str) -> usize {
     text::width(words, EM).ceil() as usize
 }

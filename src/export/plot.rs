@@ -1,20 +1,20 @@
-//! A plot of curves over one axis, both logarithmic or not.
+//! A plot of curves. Each axis is linear or logarithmic.
 
 use super::axis::{Axis, Panel, Stroke, legend};
 use super::figure::{Area, BODY, COLOURS, Canvas, Drawn, Figure, HEADING, INK, font, line_of_text};
 
-/// Curves by name, each of points (x, y); what is not finite, or not above zero on a logarithmic axis, is left out.
+/// A plot of named curves. Points that are not finite, or not above zero on a logarithmic axis, are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
-    /// Above the plot.
+    /// Title, above the plot.
     pub title: String,
-    /// What the axes count, with their units.
+    /// Label of the x axis, with its unit.
     pub x: String,
-    /// As `x`, for the axis that points up.
+    /// Label of the y axis, with its unit.
     pub y: String,
-    /// Of x and of y.
+    /// Whether the x axis and the y axis are logarithmic.
     pub logarithmic: [bool; 2],
-    /// Name and points of each.
+    /// Name and points (x, y) of each curve.
     pub curves: Vec<(String, Vec<[f64; 2]>)>,
     /// A dashed line at this y, with a name.
     pub mark: Option<(String, f64)>,

@@ -8,8 +8,8 @@ use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Writes one point per masked pixel with a depth, in the capture's frame in metres, little-endian:
-/// `x y z nx ny nz albedo` as float32 and the albedo once more as grey `red green blue` (white at its 99.9th
-/// percentile), which viewers show. An unknown normal is (0, 0, 0).
+/// `x y z nx ny nz albedo` as float32, and the albedo again as grey `red green blue` for viewers (white at its 99.9th
+/// percentile). An unknown normal is (0, 0, 0).
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.

@@ -1,5 +1,5 @@
-//! Maps as PNG pictures for people: +x to the right, +y up, enlarged by a whole factor to about 512 pixels,
-//! dark where there is nothing.
+//! Maps as PNG pictures: +x to the right, +y up, enlarged by a whole factor to about 512 pixels, dark where there is
+//! nothing.
 
 use std::path::Path;
 
@@ -25,9 +25,9 @@ pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
     write(path, &picture)
 }
 
-/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) beside a colour bar with
-/// its ends in metres. The ends are the 1st and 99th percentile of the depths shown, so that a few strays do
-/// not take the colours from the rest.
+/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) beside a colour bar with its ends in
+/// metres. The ends are the 1st and 99th percentile of the depths shown, so that a few outliers do not take most of the
+/// colours.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.

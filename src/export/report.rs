@@ -1,4 +1,4 @@
-//! `report.json`: everything that a run did, for people and programs.
+//! `report.json`: everything that a run did.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,13 +21,13 @@ pub struct Report {
     pub settings: serde_json::Value,
     /// The capture.
     pub capture: Summary,
-    /// What was prepared.
+    /// The plan of the run.
     pub plan: Plan,
-    /// Figures on the way.
+    /// The trace of the run.
     pub trace: Vec<TraceEntry>,
     /// Sums over the run.
     pub totals: Totals,
-    /// Null without truth.
+    /// Figures against truth; null without truth.
     pub metrics: Option<Metrics>,
 }
 
@@ -42,7 +42,7 @@ pub struct Device {
     pub kind: String,
 }
 
-/// What was prepared before solving.
+/// The plan, made before solving.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Kernel variants chosen.
@@ -51,7 +51,7 @@ pub struct Plan {
     pub left_out: Vec<String>,
     /// Bytes of each buffer by name.
     pub buffers: BTreeMap<String, u64>,
-    /// The domain was larger than there is room for at some time: its dimmest voxels were left out.
+    /// The domain was larger than its room at some time, so its dimmest voxels were left out.
     pub full: bool,
 }
 
@@ -62,28 +62,28 @@ pub struct TraceEntry {
     pub iteration: usize,
     /// Wall-clock seconds since solving began.
     pub seconds: f64,
-    /// Seconds the device was busy, null if it cannot tell.
+    /// Seconds that the device was busy; null if it has no clock or was not timed.
     pub gpu_seconds: Option<f64>,
     /// Lateral resolution of the grid.
     pub lateral: usize,
-    /// Laser-sensor pairs that it took; the losses are means over their bins.
+    /// Laser-sensor pairs that the iteration used; the losses are means over their bins.
     #[serde(default)]
     pub pairs: usize,
-    /// Active voxels, and their share of the whole grid.
+    /// Active voxels.
     pub active: usize,
     /// Active voxels as a share of the whole grid.
     pub active_ratio: f64,
-    /// Written as null where it is not finite.
+    /// The loss; written as null if it is not finite.
     #[serde(deserialize_with = "null_is_nan")]
     pub loss: f64,
     /// Mean squared difference over the bins, without any solver's weights or regularisation.
     #[serde(default)]
     pub data_loss: Option<f64>,
-    /// ‖Av − h‖ / ‖h‖, h as the solver takes it (without the background, where it takes one off): the square root
-    /// of `data_loss` over that of an empty volume. Null if nothing was measured.
+    /// ‖Av − h‖ / ‖h‖: the square root of `data_loss` over that of an empty volume. h is the measurement as the solver
+    /// uses it, without the background if the solver subtracts one. Null if nothing was measured.
     #[serde(default)]
     pub residual: Option<f64>,
-    /// Stand beside the other fields when truth was given; left out without.
+    /// Figures against truth, as fields beside the others; left out without truth.
     #[serde(flatten)]
     pub metrics: Option<Metrics>,
 }
@@ -97,11 +97,11 @@ pub struct Totals {
     pub solve_s: f64,
     /// Seconds of writing results.
     pub export_s: f64,
-    /// Voxel-pair interactions evaluated, and per second of solving.
+    /// Voxel-pair evaluations.
     pub pairs: f64,
-    /// The same per second of solving.
+    /// Voxel-pair evaluations per second of solving.
     pub pairs_per_s: f64,
-    /// Most bytes of device memory taken at once.
+    /// Most bytes of device memory in use at once.
     pub peak_device_bytes: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Text on pictures, in the font that is compiled in.
+//! Text on pictures, in the compiled-in font.
 //!
 //! `assets/DejaVuSans.ttf` is DejaVu Sans 2.37 with the characters of Latin, Greek and common signs only, made by
 //! `pyftsubset DejaVuSans.ttf --no-hinting --layout-features= --unicodes=20-7E,A0-17F,370-3FF,2010-2026,2030,2032,2033,
@@ -18,14 +18,14 @@ fn scale(em: f32) -> PxScale {
     PxScale::from(em * DEJAVU.height_unscaled() / DEJAVU.units_per_em().unwrap_or(1.0))
 }
 
-/// Length of a line of text in pixels, at `em` pixels an em.
+/// Length of a line of text in pixels, at `em` pixels per em.
 pub fn width(text: &str, em: f32) -> f32 {
     let font = DEJAVU.as_scaled(scale(em));
     text.chars().map(|c| font.h_advance(font.glyph_id(c))).sum()
 }
 
-/// Calls `ink` with `[column, row]` and coverage (0 to 1) of every pixel of a line of text that begins at `[x, y]` on the base
-/// line, in pixels from the upper left corner.
+/// Calls `ink` with `[column, row]` and coverage (0 to 1) for every pixel of a line of text. The text begins at
+/// `[x, y]` on the base line, in pixels from the upper left corner.
 pub fn write(text: &str, [mut x, y]: [f32; 2], em: f32, mut ink: impl FnMut([i32; 2], f64)) {
     let font = DEJAVU.as_scaled(scale(em));
     for character in text.chars() {

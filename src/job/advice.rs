@@ -1,4 +1,4 @@
-//! What would fit where a job does not: other options, each tried on a plan of its own.
+//! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
 use super::{Loaded, Request, find_pulse, load};
 use crate::advice::{Advice, Remedy, Setting, advice};
@@ -6,7 +6,7 @@ use crate::capture::Gate;
 use crate::gpu::{Gpu, check};
 use crate::{Error, Kind};
 
-/// The error of a job that needs too much memory, with options that would fit in place of its advice.
+/// Replaces the advice of an error: if a job needs too much memory, the advice names options that would fit.
 pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu) -> Error {
     if error.kind != Kind::Memory {
         return error;
@@ -27,7 +27,7 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
     Error { mend, ..error }
 }
 
-/// Settings with values, any one of which makes the job fit. Of each the least change that was tried.
+/// Settings with values. Each of them alone makes the job fit, by the least change that was tried.
 pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
     let fits = |request: &Request, loaded: &Loaded| fits_on(request, loaded, gpu);
     let lateral = request.solver.common().lateral;
@@ -37,12 +37,12 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
         .find(|request| fits(request, loaded))
         .map(|request| (Setting::Lateral, request.solver.common().lateral.to_string()));
     let stride = loaded.input.stride.unwrap_or(1);
-    // Loaded anew, as a user would: the stride comes before the gate, which may then be found elsewhere.
+    // The capture is loaded again: the stride comes before the gate, so the automatic gate may change.
     let thinner = [2, 3, 4, 6, 8, 12, 16].map(|k| stride.saturating_mul(k)).into_iter().find(|stride| {
         let input = super::Input { stride: Some(*stride), ..loaded.input.clone() };
         load(&input).is_ok_and(|loaded| fits(request, &loaded))
     });
-    // What begins with the signal, so that some of it stays.
+    // Gates that begin with the signal, so that some of it stays.
     let capture = &loaded.capture;
     let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
     let [first, last] = capture.summary().signal_bins.unwrap_or([0, capture.bins]);

@@ -1,4 +1,4 @@
-//! Several methods on one capture, in one process and in turns: error against run time.
+//! Compares several methods on one capture, in one process and in turns: error against run time.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -17,35 +17,35 @@ use crate::solve::Progress;
 use crate::transport::Grid;
 use crate::{Error, Result};
 
-/// What a comparison writes into its folder, beside a folder for each method.
+/// Files that a comparison writes into its folder, beside a folder for each method.
 const FILES: [&str; 4] = ["error_vs_time.png", "error_vs_time.svg", "compare.md", "compare.json"];
 
 /// A method of a comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Method {
-    /// What plots and tables call it; its folder is named after it.
+    /// Its name in plots and tables. Its folder is named after it.
     pub name: String,
-    /// As it was asked for; for the report only.
+    /// The text that asked for it; only for the report.
     pub spec: String,
-    /// What to do; its folder, volume file and snapshots are not looked at, and its device is the first one's.
+    /// What to do. Its folder, volume file and snapshots are ignored. All methods run on the device of the first.
     pub request: Request,
 }
 
 /// What to compare.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// The others are held against the first.
+    /// All methods. The others are compared with the first.
     pub methods: Vec<Method>,
-    /// Every method runs once, then all again, so often.
+    /// How often each method runs. All methods run once, then all run again.
     pub repeats: usize,
     /// Folder for plots, tables and each method's maps.
     pub out: PathBuf,
 }
 
-/// Which run a progress is of.
+/// The run that a progress belongs to.
 #[derive(Debug, Clone, Copy)]
 pub struct Turn<'n> {
-    /// Of all turns, from 0.
+    /// Index of the turn among all turns, from 0.
     pub number: usize,
     /// Number of all turns.
     pub turns: usize,
@@ -53,23 +53,23 @@ pub struct Turn<'n> {
     pub name: &'n str,
 }
 
-/// What a comparison yields besides its files.
+/// The result of a comparison, besides its files.
 #[derive(Debug, Clone)]
 pub struct Compared {
     /// The comparison, as `compare.json` has it.
     pub report: comparison::Comparison,
-    /// What the validation layer said, if it was asked for.
+    /// Messages of the validation layer, if it was on.
     pub validation: Vec<String>,
     /// Every file and folder that was written.
     pub files: Vec<PathBuf>,
 }
 
-/// Runs every method `repeats` times, in turns and after a short warm-up, and writes `error_vs_time.png` and `.svg`, `compare.md`, each
-/// method's maps and report in a folder of its own, and last `compare.json`.
+/// Runs every method `repeats` times, in turns and after a short warm-up. Writes `error_vs_time.png` and `.svg`,
+/// `compare.md`, each method's maps and report in a folder of its own, and last `compare.json`.
 ///
 /// # Errors
-/// No method or no truth, options that make no sense, a place that cannot be written: all before anything is
-/// computed. What a solver finds, with the method's name. A broken off comparison writes nothing.
+/// Before anything is computed: no method, no truth, options out of range, or a place that cannot be written. Later:
+/// the errors of a solver, with the method's name. A cancelled comparison writes nothing.
 pub fn compare(
     what: &Comparison,
     loaded: &Loaded,
@@ -100,7 +100,7 @@ pub fn compare(
     let report = what.report(&methods, loaded, &gpu, &grids, &runs);
 
     let json = what.out.join("compare.json");
-    // From here on an older one would stand beside files that it does not describe.
+    // An older one does not describe the files that are written from here on.
     staging::remove(&json)?;
     let mut files = Vec::new();
     for ((method, run), grid) in methods.iter().zip(&runs).zip(&grids) {
@@ -142,7 +142,7 @@ impl Runs {
         self.totals.push(again.result.solve_seconds);
     }
 
-    /// The measured points of the first run at the median time of all runs that came to them.
+    /// The measured points of the first run. Times are medians over all runs that reached the point.
     fn trace(&self) -> Vec<TraceEntry> {
         let mut trace = self.first.trace();
         trace.retain(|entry| entry.metrics.is_some());
@@ -155,17 +155,17 @@ impl Runs {
 }
 
 impl Comparison {
-    /// Finds out what is wrong before anything is computed; yields the methods with their folders, and the truth.
+    /// Checks everything before anything is computed. Returns the methods with their folders, and the truth.
     fn check(&self) -> Result<(Vec<Method>, Truth)> {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
-                "name at least one, as --method paper",
+                "name at least one, for example vector",
             ));
         }
         if !(1..=1000).contains(&self.repeats) {
             return Err(Error::options(
-                format!("--repeats is {}", self.repeats),
+                format!("the number of repeats is {}", self.repeats),
                 "give a whole number from 1 to 1000, usually 3",
             ));
         }
@@ -187,8 +187,7 @@ impl Comparison {
             let before: Vec<String> = methods[..at].iter().map(|m| m.name.clone()).collect();
             methods[at].name = unused(&methods[at].name, &before, " #");
         }
-        let missing =
-            || Error::options("a comparison needs truth", "name the true maps, as --truth truth.npz");
+        let missing = || Error::options("a comparison needs truth", "give the file of the true maps");
         Ok((methods, truth.ok_or_else(missing)?))
     }
 
@@ -236,7 +235,7 @@ impl Comparison {
 /// When the trace was as good as `goal`.
 fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
     type Figure = fn(&Metrics) -> Option<f64>;
-    // All of them the smaller the better.
+    // Smaller is better for all of them.
     let figures: [Figure; 3] =
         [|m| m.at_best?.depth_mae, |m| m.at_best?.normal_error_deg, |m| m.best_iou.map(|iou| -iou)];
     let good = |entry: &TraceEntry, figure: Figure| {
@@ -255,14 +254,14 @@ fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
     }
 }
 
-/// A name that any file system takes.
+/// A name that any file system accepts.
 fn folder_name(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_=+.,".contains(c) { c } else { '_' };
     let name: String = name.chars().map(plain).take(100).collect();
     if name.is_empty() || name.starts_with('.') { format!("_{name}") } else { name }
 }
 
-/// `name`, or with a number behind it if it is taken.
+/// `name`, with a number after it if it is taken.
 fn unused(name: &str, taken: &[String], between: &str) -> String {
     let free = |name: &String| !taken.iter().any(|t| t.eq_ignore_ascii_case(name));
     let numbered = (2..).map(|i| format!("{name}{between}{i}"));

@@ -1,4 +1,4 @@
-//! The whole way on a scene of its own: simulate, reconstruct, measure, picture.
+//! The whole process on a built-in scene: simulate, reconstruct, measure, draw.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -12,24 +12,24 @@ use crate::gpu::{Gpu, GpuOptions};
 use crate::simulate::{RenderOptions, Scene, simulate, truth};
 use crate::solve::{Preset, Progress, VectorOptions};
 
-/// What the demo made.
+/// The result of the demo.
 #[derive(Debug, Clone)]
 pub struct Demo {
     /// The reconstruction.
     pub outcome: Outcome,
     /// Seconds that the simulation took.
     pub simulate_seconds: f64,
-    /// Everything together.
+    /// Seconds of the whole demo.
     pub seconds: f64,
-    /// Result and truth side by side.
+    /// The picture with result and truth side by side.
     pub overview: PathBuf,
 }
 
 /// Simulates a scene, reconstructs it into `out` and writes `capture.npz`, `truth.npz` and `overview.png`
-/// beside the results. `say` is told what happens next.
+/// beside the results. `say` is called with a line before each step, `hear` as in [`run`].
 ///
 /// # Errors
-/// A place that cannot be written, or no device; see [`run`].
+/// A place that cannot be written, no device, or the errors of [`run`].
 pub fn demo(
     out: &Path,
     device: Option<String>,
@@ -38,7 +38,7 @@ pub fn demo(
 ) -> Result<Demo> {
     let start = Instant::now();
     places::check_results(out)?;
-    // Found out before anything is written; the run opens it anew.
+    // A missing device is an error before anything is written. The run opens the device again.
     Gpu::open(&GpuOptions { device: device.clone(), ..GpuOptions::default() })?;
     let scene = Scene::named("figure")?;
     say("simulating a hidden figure that is scanned at 32 x 32 points of a 1 m wall");

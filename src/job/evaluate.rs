@@ -1,4 +1,4 @@
-//! An earlier result against truth.
+//! Compares an earlier result with truth.
 
 use std::path::{Path, PathBuf};
 
@@ -6,10 +6,10 @@ use crate::Result;
 use crate::export::{self, report};
 use crate::measure::{Metrics, metrics};
 
-/// What an evaluation found.
+/// The result of an evaluation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
-    /// The figures.
+    /// Figures against truth.
     pub metrics: Metrics,
     /// Solve seconds of the run, if it left a report.
     pub solve_s: Option<f64>,
@@ -17,8 +17,8 @@ pub struct Evaluation {
     pub picture: Option<PathBuf>,
 }
 
-/// The maps of an earlier run, a folder or a maps.npz, against truth. With `pictures` and a folder it draws
-/// the depth errors into `depth_error.png` there.
+/// Compares the maps of an earlier run with truth. `folder` is the run's folder, or a maps.npz. With `pictures` and a
+/// folder, the depth errors are drawn into `depth_error.png` in this folder.
 ///
 /// # Errors
 /// Files that cannot be read, a mask fraction out of range, a picture that cannot be written.

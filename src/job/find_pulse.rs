@@ -1,5 +1,6 @@
-//! The width of the instrument's pulse, found by trying: of quick solves with Gaussians of several widths the one that explains
-//! the data best has it. A surface cannot make up for a pulse that is too narrow or too wide, as the haze of a volume can.
+//! Finds the width of the instrument's pulse by trials. A trial is a quick solve with a Gaussian pulse; the width that
+//! explains the data best is taken. Trials end with a surface: unlike the haze of a volume, it cannot compensate for a
+//! wrong width.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -13,16 +14,16 @@ use crate::gpu::Gpu;
 use crate::solve::{Progress, Suit, VectorOptions, Watch, default_volume};
 use crate::{Error, Kind, Result};
 
-/// What was found.
+/// The result of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoundPulse {
-    /// Full width at half maximum, metres of path; 0: as good as sharp.
+    /// Full width at half maximum, metres of path; 0: no width is better than sharp paths.
     pub fwhm: f64,
-    /// Widths that were tried, metres, and what each left of the objective.
+    /// Widths that were tried, metres, and the final objective of each.
     pub trials: Vec<[f64; 2]>,
     /// Seconds that the trials took.
     pub seconds: f64,
-    /// Why nothing could be tried to the end; paths are sharp then.
+    /// Why the trials failed, if they did; paths are then taken as sharp.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
 }
@@ -33,29 +34,31 @@ const LATERAL: usize = 64;
 const ITERATIONS: usize = 25;
 const SURFACE_ITERATIONS: usize = 40;
 
-/// A pulse must explain so much more of the objective than none, as a share of it, to be taken for real.
+/// A pulse is taken only if it lowers the objective by more than this share.
 const WORTH: f64 = 0.003;
 
-/// Widths in bins: the first that is tried, the widest, and the narrowest that is worth its kernels.
+/// Widths in bins: the first trial, the widest trial, and the narrowest pulse that is worth its kernels.
 const FIRST: f64 = 2.0;
 const WIDEST: f64 = 32.0;
 const NARROWEST: f64 = 1.0;
 
 impl FoundPulse {
+    /// The pulse; `None` if paths are sharp.
+    ///
     /// # Errors
-    /// None that a found width has.
+    /// The width makes no pulse. This does not happen with a width that was found.
     pub fn pulse(&self) -> Result<Option<Pulse>> {
         of_width(self.fwhm)
     }
 
-    /// For people.
+    /// The result as a sentence.
     pub fn note(&self) -> String {
         if let Some(why) = &self.failed {
             return format!(
-                "the instrument's pulse is not known, paths are taken for sharp: {why} (--pulse gives it)"
+                "the instrument's pulse is not known, paths are taken as sharp: {why} (give it if known)"
             );
         }
-        let how = format!("of {} widths tried in {:.1} s", self.trials.len(), self.seconds);
+        let how = format!("of {} widths tried in {:.1} s,", self.trials.len(), self.seconds);
         if self.fwhm == 0.0 {
             return format!("the instrument's pulse: {how} none explains the data better than sharp paths");
         }
@@ -63,21 +66,21 @@ impl FoundPulse {
         let fwhm = self.fwhm;
         format!(
             "the instrument's pulse: {how} {fwhm} m ({ps} ps) full width at half maximum explains the data best \
-             (--pulse {fwhm} spares the trials, --pulse none takes paths for sharp)"
+             (give this width, or no pulse, to skip the trials)"
         )
     }
 }
 
-/// None of no width.
+/// A Gaussian of this width; `None` for width 0.
 fn of_width(fwhm: f64) -> Result<Option<Pulse>> {
     (fwhm > 0.0).then(|| Pulse::gaussian(fwhm)).transpose()
 }
 
-/// The capture with its pulse, found first if `request` asks for that and nobody has `known` it.
+/// The capture with its pulse. Finds the pulse first if `request` asks for that and it is not `known`.
 ///
 /// # Errors
-/// The device's; [`Kind::Cancelled`] if `hear`, which is told of the trials, broke off. A trial that fails otherwise leaves
-/// paths sharp: the solve itself then tells what is wrong.
+/// The device fails, or `hear` cancels a trial ([`Kind::Cancelled`]). If a trial fails otherwise, paths stay sharp, and
+/// the solve itself reports what is wrong.
 pub fn settle<'c>(
     request: &Request,
     capture: &'c Capture,
@@ -104,7 +107,7 @@ pub(super) fn is_unfound(request: &Request, capture: &Capture) -> bool {
     request.find_pulse && capture.pulse.is_none()
 }
 
-/// The capture that a plan is made for: what is to be found is as wide as any, as far as memory goes.
+/// The capture to plan for. A pulse that is still to be found gets any width: all widths take the same memory.
 ///
 /// # Errors
 /// A bin width that makes no pulse.
@@ -142,14 +145,14 @@ fn find(
     Ok(FoundPulse { fwhm, trials, seconds: start.elapsed().as_secs_f64(), failed })
 }
 
-/// As a note has it, so that who gives it gets the same.
+/// Rounds as the note does, so that a width copied from the note gives the same result.
 fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 type Misfit<'a> = Box<dyn FnMut(f64) -> Result<Option<f64>> + 'a>;
 
-/// What a quick solve with a pulse of some width leaves of the objective; nothing where it finds no surface.
+/// Prepares trials. The result maps a width in metres to the final objective, or to `None` if no surface is found.
 fn trial_of<'a>(
     request: &Request,
     capture: &Capture,
@@ -192,10 +195,10 @@ fn trial_of<'a>(
     }))
 }
 
-/// The width in bins at which `misfit` is least, doubled while that helps, then by a parabola; 0 if none is worth it, or it
-/// falls to the widest.
+/// The width in bins with the least `misfit`. Doubles the width while that helps, then fits a parabola. 0 if no width
+/// is enough better than sharp paths, or if the misfit falls up to the widest.
 fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
-    let unknown = || Error::input("a trial found no surface", "give --pulse");
+    let unknown = || Error::input("a trial found no surface", "give the instrument's pulse");
     let mut at = |width: f64| misfit(width)?.ok_or_else(unknown);
     let sharp = at(0.0)?;
     let mut known = vec![[0.0, sharp], [FIRST, at(FIRST)?]];
@@ -208,7 +211,7 @@ fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64>
         {
             known.push([2.0 * width, at(2.0 * width)?]);
         }
-        // The one side of the least may be much steeper than the other: both halves are looked at.
+        // One side of the minimum may be much steeper than the other, so both sides are tried.
         let least = least_of(&known);
         let halves: Vec<f64> = known[least.saturating_sub(1)..(least + 2).min(known.len())]
             .windows(2)
@@ -220,12 +223,12 @@ fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64>
         known.sort_by(|a, b| a[0].total_cmp(&b[0]));
     }
     let least = known[least_of(&known)][1];
-    // The parabola tells more than the best trial.
+    // The vertex of the parabola is more accurate than the best trial.
     let width = vertex(&known).filter(|w| *w >= NARROWEST && least < (1.0 - WORTH) * sharp);
     Ok(width.unwrap_or(0.0))
 }
 
-/// Where the parabola through the least of `known`, in the order of widths, and its neighbours is least.
+/// The vertex of the parabola through the least of `known` and its two neighbours. `known` is in order of width.
 fn vertex(known: &[[f64; 2]]) -> Option<f64> {
     let least = least_of(known);
     let [[a, fa], [b, fb], [c, fc]] = known.get(least.checked_sub(1)?..least + 2)?.try_into().ok()?;
@@ -257,7 +260,7 @@ mod tests {
             let (width, calls) = found(|w| 1.0 + ((w - true_width) / (3.0 + true_width)).powi(2));
             assert!((width / true_width - 1.0).abs() < 0.03 && calls <= 8, "{true_width}: {width}, {calls}");
         }
-        // Twice as steep beyond.
+        // Twice as steep above the true width.
         for true_width in [2.0, 3.4, 5.0, 9.0, 20.0] {
             let steep = |w: f64| if w < true_width { 1.0 } else { 4.0 };
             let (width, _) = found(|w| 1.0 + steep(w) * ((w - true_width) / (3.0 + true_width)).powi(2));
@@ -269,7 +272,7 @@ mod tests {
     fn what_is_as_good_as_sharp_is_sharp() {
         assert_eq!(found(|w| 1.0 + w).0, 0.0);
         assert_eq!(found(|_| 1.0).0, 0.0);
-        // Next to nothing is gained.
+        // The gain is too small.
         assert_eq!(found(|w| 1.0 + 1e-4 * (w - 3.0) * (w - 3.0)).0, 0.0);
         assert!(best_width(&mut |_| Ok(None)).is_err());
     }

@@ -1,4 +1,4 @@
-//! What a run would do, without doing it.
+//! Finds out what a run would do, without doing it.
 
 use std::collections::BTreeMap;
 
@@ -12,14 +12,14 @@ use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, 
 use crate::solve::{Accumulation, Part, Preset};
 use crate::{Error, Kind, Result};
 
-/// A capture, the grid it would be reconstructed on, and what that takes.
+/// A capture, the grid of its reconstruction, and the work and memory it would take.
 #[derive(Debug, Clone, Serialize)]
 pub struct Inspection {
     /// What the capture holds.
     pub capture: Summary,
     /// What was done to the capture.
     pub notes: Vec<String>,
-    /// What about it looks wrong.
+    /// What looks wrong in the capture.
     pub doubts: Vec<String>,
     /// The preset in force.
     pub preset: Option<Preset>,
@@ -32,26 +32,26 @@ pub struct Inspection {
     /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres.
     #[serde(rename = "box")]
     pub volume: Vec<f64>,
-    /// What would do the work; null if there is no device.
+    /// The device that would do the work; null if there is none.
     pub device: Option<DeviceInfo>,
-    /// Null if the solver cannot take this capture.
+    /// The plan; null if the solver cannot take this capture.
     pub plan: Option<Planned>,
     /// Why there is no device or no plan, or why it would not run.
     pub problems: Vec<Advice>,
 }
 
-/// What the solver would need of the device.
+/// What the solver would do on the device, and the memory it would need.
 #[derive(Debug, Clone, Serialize)]
 pub struct Planned {
     /// Lateral resolutions, coarse to fine.
     pub levels: Vec<usize>,
-    /// The pairs that each of them takes.
+    /// Pairs used at each level.
     pub level_pairs: Vec<usize>,
-    /// Lateral pixels of the surface, if there is to be one.
+    /// Lateral pixels of the surface, if there is one after the volume.
     pub surface: Option<usize>,
     /// How rendered values would be added up.
     pub accumulation: Accumulation,
-    /// What the scene does not need, with what leaving it out saves.
+    /// What the scene does not need, and what leaving it out saves.
     pub left_out: Vec<String>,
     /// Passes with their modules and constants.
     pub variants: Vec<String>,
@@ -61,11 +61,11 @@ pub struct Planned {
     pub total_bytes: u64,
 }
 
-/// Tells what [`super::run`] would do with these. Without a device it plans for a usual GPU and says so.
+/// Finds out what [`super::run`] would do. Without a device it plans for a usual GPU and says so.
 ///
 /// # Errors
-/// Options that make no sense, a device that was named and is not there. A capture that the solver does not
-/// take is no error but a problem of the inspection.
+/// Options out of range, or a device that was named and is not there. A capture that the solver cannot take is not an
+/// error: it is listed among the problems.
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.solver.check()?;
     let capture = &loaded.capture;
@@ -84,7 +84,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let mut notes = loaded.notes.clone();
     if find_pulse::is_unfound(request, capture) {
         notes.push(
-            "the instrument's pulse: a run finds its width first (--pulse M gives it, --pulse none takes paths for sharp)"
+            "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
                 .into(),
         );
     }
@@ -130,7 +130,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 /// The schedules that [`super::run`] would submit, in order.
 ///
 /// # Errors
-/// Options that make no sense, no device, a capture that the solver does not take.
+/// Options out of range, no device, or a capture that the solver cannot take.
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;

@@ -13,8 +13,8 @@ const LINE: usize = 20;
 /// Side of a panel.
 const PANEL: usize = 288;
 
-/// Writes albedo, normals, true normals, depth and true depth side by side, the depths in one scale with a
-/// colour bar.
+/// Writes albedo, normals, true normals, depth and true depth side by side. Both depths share one scale and a colour
+/// bar.
 pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     maps.check()?;
     truth.check()?;
@@ -82,7 +82,7 @@ fn shown_depths(maps: &Maps) -> Vec<f32> {
     shown.map(|(_, d)| *d).collect()
 }
 
-/// Truth in the form of maps, so that both are drawn by the same hand.
+/// Truth in the form of maps, so that the same code draws both.
 fn as_maps(truth: &Truth) -> Maps {
     Maps {
         nx: truth.nx,

@@ -1,4 +1,4 @@
-//! Whether results can be written, found out before hours of work and without leaving anything behind.
+//! Checks that results can be written, before hours of work. The checks leave nothing behind.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use crate::files::atomic::cannot;
 use crate::files::staging;
 use crate::{Error, Result};
 
-/// What a run writes into its folder.
+/// Files that a run writes into its folder.
 const RESULTS: [&str; 8] = [
     "maps.npz",
     "maps.exr",
@@ -19,31 +19,31 @@ const RESULTS: [&str; 8] = [
     "report.json",
 ];
 
-/// Whether `folder` can take the results of a run; it need not exist.
+/// Checks that `folder` can take the results of a run. It need not exist.
 pub fn check_results(folder: &Path) -> Result<()> {
     check_folder(folder)?;
     match RESULTS.iter().map(|name| folder.join(name)).find(|path| path.is_dir()) {
         Some(path) => Err(Error::output(
-            format!("{}: is a folder where a result file goes", path.display()),
-            "choose another --out, or move that folder away",
+            format!("{}: is a folder, but a result file has this name", path.display()),
+            "choose another folder for the results, or move this folder away",
         )),
         None => Ok(()),
     }
 }
 
-/// Whether `file` can take a volume.
+/// Checks that `file` can take a volume.
 pub fn check_volume(file: &Path) -> Result<()> {
     let ending = file.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
         return Err(Error::options(
-            format!("{}: the ending says no volume format", file.display()),
-            "name the volume's file .npz or .hdf5",
+            format!("{}: no volume format has this ending", file.display()),
+            "let the name of the volume's file end in .npz or .hdf5",
         ));
     }
     check_file(file)
 }
 
-/// Whether `file` can be written; its folder need not exist.
+/// Checks that `file` can be written. Its folder need not exist.
 pub fn check_file(file: &Path) -> Result<()> {
     if file.is_dir() {
         return Err(Error::output(
@@ -54,9 +54,9 @@ pub fn check_file(file: &Path) -> Result<()> {
     check_folder(file.parent().unwrap_or(Path::new(".")))
 }
 
-/// Writes and removes an empty file in `folder`, or in the nearest one above it that exists.
+/// Writes and removes an empty file in `folder`, or in the nearest folder above it that exists.
 fn check_folder(folder: &Path) -> Result<()> {
-    // A relative path ends in nothing, which is the folder one is in.
+    // The last ancestor of a relative path is empty: the current folder.
     let here = |at: &Path| at.as_os_str().is_empty();
     let exists = |at: &&Path| here(at) || fs::symlink_metadata(at).is_ok();
     let at = folder.ancestors().find(exists).filter(|at| !here(at)).unwrap_or(Path::new("."));

@@ -1,9 +1,9 @@
-//! Where the time of a solve goes: every kernel against what the device can do at most, the device's idle time, the
-//! host's part.
+//! Where the time of a solve goes: every kernel compared with the device's limits, the device's idle time, and the
+//! host's work.
 //!
-//! [`profile`] solves as [`super::run`] does, with a time stamp behind every command; nothing else is different, so
-//! the device's work is the same. [`limits::measure`] finds what the device does at most, [`check::check`] whether it
-//! computes what the float64 twins do.
+//! [`profile`] solves as [`super::run`] does, with a time stamp after every command. Nothing else is different, so the
+//! device's work is the same. [`limits::measure`] measures the device's limits. [`check::check`] compares the device's
+//! results with the float64 twins.
 
 pub mod check;
 mod kernels;
@@ -31,7 +31,7 @@ use crate::{Error, Result};
 pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
 
-/// What to profile, and where that is written. [`Request::out`] is not looked at.
+/// What to profile, and the files to write. [`Request::out`] is ignored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProfileRequest {
     /// What to solve.
@@ -44,7 +44,7 @@ pub struct ProfileRequest {
     pub out: Option<PathBuf>,
 }
 
-/// Everything that a profile tells.
+/// The whole profile.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
     /// Version of this program.
@@ -53,19 +53,19 @@ pub struct Profile {
     pub device: report::Device,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
-    /// What the device can do at most.
+    /// The device's limits.
     pub limits: DeviceLimits,
-    /// The longest first.
+    /// All kernels, the longest first.
     pub kernels: Vec<KernelProfile>,
-    /// What an iteration costs.
+    /// The time of an iteration.
     pub iterations: IterationProfile,
     /// The device's idle time.
     pub gaps: Gaps,
-    /// What the host did while solving, the calls and seconds of each; what lies inside another counts in both.
+    /// Calls and seconds of each kind of work on the host while solving. Work inside other work counts in both.
     pub host: BTreeMap<String, HostTime>,
     /// Sums over the run.
     pub totals: Totals,
-    /// What the validation layer said, if it was asked for.
+    /// Messages of the validation layer, if it was on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub validation: Vec<String>,
 }
@@ -84,11 +84,11 @@ pub struct HostTime {
 pub struct Totals {
     /// Seconds of loading the capture.
     pub load_s: f64,
-    /// Plan, memory, kernels, uploads.
+    /// Seconds of preparing: plan, memory, kernels, uploads.
     pub prepare_s: f64,
-    /// On the host's clock, from the first iteration's submission to the maps.
+    /// Seconds of solving by the host's clock, from the first iteration's submission to the maps.
     pub solve_s: f64,
-    /// Of all kernels, copies and fills of the solver.
+    /// Device seconds of all kernels, copies and fills of the solver.
     pub device_s: f64,
     /// Seconds of writing results.
     pub export_s: f64,
@@ -96,15 +96,15 @@ pub struct Totals {
     pub pairs: f64,
     /// Pair evaluations per second of solving.
     pub pairs_per_s: f64,
-    /// The most device memory that was taken, bytes.
+    /// The most device memory in use at once, bytes.
     pub peak_device_bytes: u64,
 }
 
-/// Solves and tells where the time went; writes the files that the request names. `say` is told what comes next,
-/// `hear` of the solver's progress, and may break off.
+/// Solves, measures where the time goes, and writes the files that the request names. `say` is called with a line
+/// before each step. `hear` is called with the solver's progress and may cancel.
 ///
 /// # Errors
-/// As [`super::run`]; a device without time stamps.
+/// Those of [`super::run`], and a device without time stamps.
 pub fn profile(
     what: &ProfileRequest,
     loaded: &Loaded,
@@ -120,9 +120,9 @@ pub fn profile(
     let grid = request.grid(&loaded.capture)?;
     let gpu = request.open()?;
     check_clock(&gpu)?;
-    say(&format!("measuring what {} does at most", gpu.info.name));
+    say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
-    // Its trials are no part of the profile.
+    // The trials that find a pulse are no part of the profile.
     let (capture, found) = super::find_pulse::settle(&request, &loaded.capture, &gpu, None, hear)?;
     let with_pulse = match capture {
         Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),
@@ -133,7 +133,7 @@ pub fn profile(
     reconstruct::warm_up(&request, loaded, &gpu, grid)?;
     gpu.take_recording();
 
-    say("solving, with a time stamp behind every command");
+    say("solving, with a time stamp after every command");
     let began = gpu.now();
     let done = reconstruct::Finished {
         pulse: found,
@@ -181,7 +181,7 @@ pub fn profile(
     Ok(profile)
 }
 
-/// Voxels that are not too near, by the lateral resolution of a level.
+/// Voxels beyond the least depth, by the lateral resolution of a level.
 fn voxels_of(plan: &Plan, min_depth: f64) -> BTreeMap<u64, usize> {
     let far = |g: &Grid| {
         let layers = ((min_depth - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
@@ -197,18 +197,18 @@ fn check_clock(gpu: &Gpu) -> Result<()> {
     }
     Err(Error::device(
         format!("{} has no time stamps", gpu.info.name),
-        "its kernels cannot be timed one by one: choose another device with --device",
+        "choose another device: without time stamps, kernels cannot be timed one by one",
     ))
 }
 
-/// The device as reports name it.
+/// The device in the form of reports.
 pub fn device_of(gpu: &Gpu) -> report::Device {
     let (name, driver) = (gpu.info.name.clone(), gpu.info.driver.clone());
     report::Device { name, driver, kind: plain(&gpu.info.kind) }
 }
 
-/// Adds the spans that nobody recorded: loading, which was before the device was opened, and planning, which is from
-/// the solve's beginning to its first memory. Yields the seconds until the first iteration was recorded.
+/// Adds the spans that were not recorded: loading, before the device was opened, and planning, from the start of the
+/// solve to its first allocation. Returns the seconds until the first iteration was recorded.
 fn complete(recording: &mut Recording, began: f64, load_seconds: f64) -> f64 {
     let after =
         |what: &str| recording.host.iter().find(|s| s.what == what && s.from >= began).map(|s| s.from);

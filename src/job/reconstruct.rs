@@ -1,4 +1,4 @@
-//! A solve that is measured on its way.
+//! A solve with figures, snapshots and checkpoints on the way.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -16,24 +16,24 @@ use crate::solve::{Beside, Checkpoint, Keep, Progress, Reconstruction, Watch};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
-/// What a solve yields, and its figures.
+/// The result of a solve, and its figures.
 pub struct Finished {
-    /// With the mask that the request asks for.
+    /// The result, with the mask that the request asks for.
     pub result: Reconstruction,
-    /// Against truth, if there is one.
+    /// Figures against truth, if there is truth.
     pub metrics: Option<Metrics>,
-    /// In brief after those iterations that were measured, the last one among them.
+    /// Brief figures after each measured iteration, including the last.
     pub along: BTreeMap<usize, Metrics>,
     /// The maps after the iterations that the request names.
     pub snapshots: Vec<(usize, Maps)>,
-    /// The pulse that was found before, if it was asked for; its time is part of the solve's.
+    /// The pulse that was found before the solve, if that was asked for. Its time counts as solve time.
     pub pulse: Option<FoundPulse>,
 }
 
-/// Solves as `request` says; `hear` is told of the progress and may break off.
+/// Solves as `request` says. `hear` is called with the progress and may cancel.
 ///
 /// # Errors
-/// Those of [`super::SolverOptions::solve`] and of [`metrics`].
+/// Those of [`super::SolverOptions::solve`], of [`metrics`] and of checkpoint files.
 pub fn solve(
     request: &Request,
     loaded: &Loaded,
@@ -45,7 +45,7 @@ pub fn solve(
     let step = request.trace_step();
     let resumed = request.resume.as_deref().map(state_file::read).transpose()?;
     let mut failed = None;
-    // What is gathered on the way, heard of by the watch and kept with the state.
+    // Figures and snapshots so far. The watch adds to them, and checkpoints save them.
     let gathered = RefCell::new((BTreeMap::new(), Vec::new()));
     if let Some(kept) = &resumed {
         kept.check(request)?;
@@ -113,18 +113,18 @@ pub fn solve(
     Ok(Finished { result, metrics, along, snapshots, pulse: found })
 }
 
-/// A cancelled solve tells where it can be taken up again.
+/// Adds to the error of a cancelled solve how to resume it.
 fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Error {
     if let (Kind::Cancelled, Some(file), Some(iteration)) = (error.kind, &request.checkpoint, kept_at) {
-        let mend = format!("--resume {} goes on after iteration {iteration}", file.display());
+        let mend = format!("resume from {} to continue after iteration {iteration}", file.display());
         error.what += &format!(", {mend}");
         error.mend = mend.into();
     }
     error
 }
 
-/// Begins a solve and breaks off, so that drivers that compile at the first dispatch have done so before any
-/// time is taken, and what does not fit is found out before hours of work.
+/// Begins a solve and cancels it. Drivers that compile at the first dispatch do so here, before any time is measured. A
+/// job that does not fit fails here, before hours of work.
 pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
@@ -136,7 +136,7 @@ pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Res
 }
 
 impl Finished {
-    /// The trace as the report has it.
+    /// The trace in the form of the report.
     pub fn trace(&self) -> Vec<TraceEntry> {
         let result = &self.result;
         let timed = result.trace.iter().any(|p| p.gpu_seconds > 0.0);

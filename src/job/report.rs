@@ -11,7 +11,7 @@ use crate::gpu::Gpu;
 use crate::solve::surface;
 use crate::transport::Grid;
 
-/// The report, all but the time of the export.
+/// The report, without the time of the export.
 pub fn report_of(
     request: &Request,
     loaded: &Loaded,
@@ -48,7 +48,7 @@ pub fn report_of(
     }
 }
 
-/// All settings as they were resolved: with these the run can be made again.
+/// All settings as they were resolved. They suffice to repeat the run.
 pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Finished) -> Value {
     let result = &done.result;
     let mut all = json!({

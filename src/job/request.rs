@@ -1,4 +1,4 @@
-//! What can be asked for.
+//! The settings of a reconstruction.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use crate::solve::{Preset, default_volume};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
-/// What to reconstruct, how, and where the results go. The capture comes beside it.
+/// What to reconstruct, how, and where the results go. The capture is given separately.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// Where the solver's options started from; for the report only.
+    /// The preset that the solver's options started from; only for the report.
     pub preset: Option<Preset>,
     /// The solver with its options.
     pub solver: SolverOptions,
@@ -28,28 +28,28 @@ pub struct Request {
     pub device: Option<String>,
     /// Turn on the Vulkan validation layer.
     pub validation: bool,
-    /// Time every kernel by itself and keep what host and device did when.
+    /// Time every kernel, and record what host and device do when.
     pub timings: bool,
-    /// Use the sizes that [`super::profile::tune`] has found for this device and kind of scene, if it has.
+    /// Use the sizes that [`super::profile::tune`] found for this device and kind of scene, if there are any.
     pub tuned: bool,
-    /// Find the width of the instrument's pulse first, where the capture holds none.
+    /// Find the width of the instrument's pulse first, if the capture holds no pulse.
     pub find_pulse: bool,
-    /// What is to go wrong on the device; for tests.
+    /// Faults to cause on the device; for tests.
     pub faults: Faults,
     /// Truth to measure the result against.
     pub truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo.
     pub mask_fraction: f64,
-    /// A point of the trace after every Nth iteration, with the figures if there is truth. 0: figures at the
-    /// end only. `None`: 10 with truth, 0 without. Measuring is not counted as solving.
+    /// Add a point to the trace after every Nth iteration, with the figures if there is truth. 0: figures only at the
+    /// end. `None`: 10 with truth, 0 without. Measuring does not count as solving.
     pub trace_every: Option<usize>,
     /// Keep maps and pictures of these iterations, in `snapshots/000100` and so on.
     pub snapshots: Vec<usize>,
-    /// File that keeps the solver's state on its way.
+    /// File to save the solver's state in while it runs.
     pub checkpoint: Option<PathBuf>,
-    /// Keep it after so many iterations each.
+    /// Save the state after every Nth iteration.
     pub checkpoint_every: usize,
-    /// Such a file, to go on from.
+    /// File with a saved state, to continue from.
     pub resume: Option<PathBuf>,
     /// Folder of the results.
     pub out: PathBuf,
@@ -58,7 +58,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// Iterations between two checkpoints, unless told otherwise.
+    /// Default number of iterations between two checkpoints.
     pub const CHECKPOINT_EVERY: usize = 50;
 
     /// A request with the given options and the defaults for the rest.
@@ -90,7 +90,7 @@ impl Request {
     /// The grid for a capture.
     ///
     /// # Errors
-    /// A box without voxels, or more voxels than can be counted.
+    /// A box without voxels, a box nearer than the least depth, or more voxels than can be counted.
     pub fn grid(&self, capture: &Capture) -> Result<Grid> {
         let volume = match self.volume {
             Some(volume) => volume,
@@ -100,9 +100,9 @@ impl Request {
         let grid = Grid::new(volume, self.solver.common().lateral, pitch)?;
         if volume.max.z <= self.solver.common().min_depth {
             return Err(Error::options(
-                format!("--volume ends at a depth of {} m", volume.max.z),
+                format!("the volume ends at a depth of {} m", volume.max.z),
                 format!(
-                    "nothing nearer than --min-depth, {} m, is reconstructed",
+                    "give a deeper volume: nothing nearer than the least depth, {} m, is reconstructed",
                     self.solver.common().min_depth
                 ),
             ));
@@ -110,7 +110,7 @@ impl Request {
         if grid.origin.z > volume.max.z {
             return Err(Error::options(
                 format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
-                "give a smaller --depth-pitch or a deeper --volume",
+                "give a smaller depth pitch or a deeper volume",
             ));
         }
         Ok(grid)
@@ -126,12 +126,12 @@ impl Request {
         })
     }
 
-    /// Everything that can be known to be wrong before the work begins; yields the truth if one was named.
+    /// Checks everything that can be checked before the work begins. Returns the truth, if its file is given.
     pub(super) fn check(&self) -> Result<Option<Truth>> {
         self.solver.check()?;
         if !(0.0..1.0).contains(&self.mask_fraction) {
             return Err(Error::options(
-                format!("--mask-fraction is {}", self.mask_fraction),
+                format!("the mask fraction is {}", self.mask_fraction),
                 format!(
                     "give a share of the brightest albedo from 0 to below 1, usually {}",
                     Maps::MASK_FRACTION
@@ -141,8 +141,8 @@ impl Request {
         let iterations = self.solver.all_iterations();
         if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
             return Err(Error::options(
-                format!("--snapshots names iteration {beyond}"),
-                format!("name iterations from 1 to the last, {iterations}"),
+                format!("the snapshots include iteration {beyond}"),
+                format!("give iterations from 1 to the last, {iterations}"),
             ));
         }
         places::check_results(&self.out)?;
@@ -154,7 +154,7 @@ impl Request {
         }
         if self.checkpoint_every == 0 {
             return Err(Error::options(
-                "--checkpoint-every is 0",
+                "the number of iterations between checkpoints is 0",
                 format!("give a number of iterations, usually {}", Request::CHECKPOINT_EVERY),
             ));
         }
@@ -162,26 +162,26 @@ impl Request {
         self.truth.as_deref().map(export::npz::read_truth).transpose()
     }
 
-    /// Iterations between points of the trace; 0 for none but those that come by themselves.
+    /// Iterations between measured points of the trace; 0 measures only the end.
     pub(super) fn trace_step(&self) -> usize {
         self.trace_every.unwrap_or(if self.truth.is_some() { 10 } else { 0 })
     }
 
-    /// Where below `out` the maps after an iteration are kept.
+    /// The folder below `out` for the maps after an iteration.
     pub(super) fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
         out.join("snapshots").join(format!("{iteration:06}"))
     }
 }
 
-/// Reads an amount of memory: MiB, or a number with K, M or G behind it.
+/// Reads an amount of memory: a number in MiB, or a number with K, M or G after it.
 ///
 /// # Errors
-/// Anything else.
+/// Any other text.
 pub fn memory_bytes(text: &str) -> Result<u64> {
     let wrong = || {
         Error::options(
-            format!("--memory is {text:?}"),
-            "give MiB, or a number with K, M or G behind it, as 512, 512M or 2G",
+            format!("the memory budget is {text:?}"),
+            "give a number in MiB, or a number with K, M or G after it: 512, 512M or 2G",
         )
     };
     let trimmed = text.trim();

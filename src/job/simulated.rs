@@ -1,4 +1,4 @@
-//! A capture of a known scene, and its truth.
+//! Simulates a capture of a known scene, and its truth.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -9,7 +9,7 @@ use crate::export;
 use crate::simulate::{self, RenderOptions, Scene};
 use crate::{Error, Result};
 
-/// What to simulate and where to.
+/// What to simulate, and the files to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulation {
     /// The scene.
@@ -18,16 +18,16 @@ pub struct Simulation {
     pub render: RenderOptions,
     /// The capture, .npz or .hdf5.
     pub out: PathBuf,
-    /// The truth's file, and the pixels of its side.
+    /// The truth's file, and its pixels per side.
     pub truth: Option<(PathBuf, usize)>,
 }
 
-/// What a simulation made.
+/// The result of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulated {
     /// What the capture holds.
     pub summary: Summary,
-    /// Achieved noise, whether it is within the bound, and the samples it took.
+    /// Noise of the rendering: RMS error over RMS value.
     pub noise: f64,
     /// Whether the wanted noise was reached.
     pub converged: bool,
@@ -37,28 +37,28 @@ pub struct Simulated {
     pub seconds: f64,
     /// Every file that was written.
     pub files: Vec<PathBuf>,
-    /// What the capture's format could not hold, in sentences.
+    /// What the capture's format could not hold, as sentences.
     pub notes: Vec<String>,
 }
 
-/// Renders the scene and writes its capture, and its truth if a file was named. `before_writing` is called
-/// when all is computed.
+/// Renders the scene. Writes its capture, and its truth if a file for it is given. `before_writing` is called once
+/// everything is computed.
 ///
 /// # Errors
-/// A scene or options that make no sense, files that cannot be written.
+/// A scene or options out of range, or a file that cannot be written.
 pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<Simulated> {
     places::check_file(&what.out)?;
     let ending = what.out.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
         return Err(Error::options(
-            format!("{}: the ending says no capture format", what.out.display()),
-            "name the file .npz or .hdf5 (y-tal)",
+            format!("{}: no capture format has this ending", what.out.display()),
+            "let the file's name end in .npz, or in .hdf5 for y-tal",
         ));
     }
     if let Some((file, _)) = &what.truth {
         places::check_file(file)?;
         if file == &what.out {
-            return Err(Error::options("capture and truth go to the same file", "name two files"));
+            return Err(Error::options("capture and truth go to the same file", "give two files"));
         }
     }
     let start = Instant::now();

@@ -1,4 +1,4 @@
-//! Sizes of workgroups that were found for a device and a kind of scene, kept for later runs.
+//! Keeps sizes of workgroups that were found for a device and a kind of scene, for later runs.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::{Accumulation, Sizes};
 
-/// What sizes are kept for.
+/// The key under which sizes are kept: device, driver, solver, kind of pairs and reflectance.
 pub fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
     let kind = capture.pair_kind();
     let model = request.solver.common().reflectance;
@@ -18,8 +18,8 @@ pub fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
     format!("{name} | {driver} | {} | {} | {}", request.solver.name(), plain(&kind), plain(&model))
 }
 
-/// The request's solver with the sizes that were found for it, unless it asks for its own, or for the same bits on
-/// every run: private columns change them.
+/// The request's solver with the sizes that were found for it. A request for other sizes stays as it is. So does a
+/// request for the same bits on every run, because private columns change the bits.
 pub fn with_kept(request: &Request, gpu: &Gpu, capture: &Capture) -> SolverOptions {
     let solver = &request.solver;
     let fixed = matches!(solver.common().accumulation, Accumulation::Fixed | Accumulation::Fixed32);
@@ -32,19 +32,20 @@ pub fn with_kept(request: &Request, gpu: &Gpu, capture: &Capture) -> SolverOptio
     }
 }
 
-/// `thirdbounce/sizes.json` in the user's folder for caches.
+/// `thirdbounce/sizes.json` in the user's cache folder.
 fn cache() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let folder = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
     Some(folder.join("thirdbounce").join("sizes.json"))
 }
 
-/// All that is kept. A file that cannot be read counts as none: it is a cache.
+/// All sizes that are kept. A file that cannot be read counts as empty: it is only a cache.
 fn kept() -> BTreeMap<String, Sizes> {
     let text = cache().and_then(|file| std::fs::read_to_string(file).ok());
     text.and_then(|t| serde_json::from_str(&t).ok()).unwrap_or_default()
 }
 
+/// Keeps the sizes for later runs. Returns the file; `None` if no cache folder is known.
 pub fn keep(class: &str, sizes: Sizes) -> Result<Option<PathBuf>> {
     let Some(file) = cache() else { return Ok(None) };
     let mut all = kept();
@@ -52,8 +53,8 @@ pub fn keep(class: &str, sizes: Sizes) -> Result<Option<PathBuf>> {
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).map_err(|e| {
             crate::Error::output(
-                format!("{}: {e}", folder.display()),
-                "set XDG_CACHE_HOME to a folder of your own",
+                format!("{}: the folder cannot be made: {e}", folder.display()),
+                "set XDG_CACHE_HOME to a folder that you may write to",
             )
         })?;
     }

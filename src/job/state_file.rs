@@ -1,7 +1,7 @@
-//! Checkpoint files: the state of a solve, and what was measured and kept on its way.
+//! Checkpoint files: the state of a solve, with the figures and snapshots so far.
 //!
-//! Eight bytes that say what it is, eight of the head's length, the head as JSON, the buffers and maps one behind the
-//! other as one zlib stream, four bytes of CRC-32 over all before. Little-endian.
+//! Layout: 8 bytes that identify the format, 8 bytes with the length of the head, the head as JSON, one zlib stream of
+//! all buffers and then all maps, 4 bytes of CRC-32 over everything before. All numbers are little-endian.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -22,31 +22,31 @@ use crate::{Error, Result};
 /// The last byte is the version of the format.
 const MAGIC: [u8; 8] = *b"TBSTATE\x01";
 
-/// A state, and what the caller had gathered by then.
+/// A solver's state, and what the caller gathered until then.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kept {
     /// The solver's state.
     pub state: Checkpoint,
-    /// Figures after those iterations that were measured.
+    /// Figures after the measured iterations.
     pub along: BTreeMap<usize, Metrics>,
-    /// Maps after those that were asked for.
+    /// Maps after the iterations that were asked for.
     pub snapshots: Vec<(usize, Maps)>,
-    /// The pulse that was found before.
+    /// The pulse that was found before the solve.
     pub pulse: Option<FoundPulse>,
 }
 
 impl Kept {
+    /// Checks that the request asks for no snapshot that is over.
+    ///
     /// # Errors
-    /// A request for maps of an iteration that is over and was not kept.
+    /// The request asks for maps of an iteration that is over, and the checkpoint does not hold them.
     pub(super) fn check(&self, request: &Request) -> Result<()> {
         let done = self.state.iteration;
         let missing = |i: &&usize| **i <= done && !self.snapshots.iter().any(|s| s.0 == **i);
         match request.snapshots.iter().find(missing) {
             Some(beyond) => Err(Error::options(
-                format!(
-                    "--snapshots names iteration {beyond}, the checkpoint was kept after {done} without it"
-                ),
-                format!("name iterations after {done}, or start without --resume"),
+                format!("the checkpoint after iteration {done} has no snapshot of iteration {beyond}"),
+                format!("ask for snapshots after iteration {done}, or start without the checkpoint"),
             )),
             None => Ok(()),
         }
@@ -61,7 +61,7 @@ struct Head {
     first: usize,
     active: usize,
     pending: Vec<[usize; 3]>,
-    /// Bits, as a loss may be anything.
+    /// Bits of the values: JSON cannot hold a loss that is infinite or NaN.
     trace: Vec<[u64; 9]>,
     pairs: u64,
     seconds: f64,
@@ -113,7 +113,7 @@ pub fn write(path: &Path, kept: &Kept) -> Result<()> {
             file.write_all(&MAGIC)?;
             file.write_all(&(head.len() as u64).to_le_bytes())?;
             file.write_all(&head)?;
-            // A state is large and soon out of date: the fastest level.
+            // A state is large and soon replaced, so the fastest level is used.
             let mut packed = ZlibEncoder::new(file, Compression::fast());
             for content in state.buffers.values() {
                 packed.write_all(content)?;
@@ -134,27 +134,27 @@ pub fn write(path: &Path, kept: &Kept) -> Result<()> {
 /// Reads a checkpoint.
 ///
 /// # Errors
-/// A file that cannot be read, is none, is cut off or damaged; each with its path.
+/// A file that cannot be read, is not a checkpoint, or is cut off or damaged; each with its path.
 pub fn read(path: &Path) -> Result<Kept> {
     let unread = |e: std::io::Error| {
-        Error::input(format!("the checkpoint cannot be read: {e}"), "check the path given to --resume")
+        Error::input(format!("the checkpoint cannot be read: {e}"), "check the path of the checkpoint")
     };
     let whole = fs::read(path).map_err(unread).and_then(|bytes| parse(&bytes));
     whole.map_err(|e| e.at(path.display()))
 }
 
 fn parse(bytes: &[u8]) -> Result<Kept> {
-    let mend = "give --resume a file that --checkpoint wrote";
+    let mend = "give a file that an earlier run wrote as its checkpoint";
     if bytes.len() < 20 || bytes[..7] != MAGIC[..7] {
-        return Err(Error::input("this is no checkpoint", mend));
+        return Err(Error::input("this is not a checkpoint", mend));
     }
     if bytes[7] != MAGIC[7] {
         return Err(Error::input(
-            format!("the checkpoint is of format {}, this program reads {}", bytes[7], MAGIC[7]),
-            "resume with the program that wrote it, or start without --resume",
+            format!("the checkpoint has format {}, this program reads {}", bytes[7], MAGIC[7]),
+            "resume with the version that wrote it, or start without the checkpoint",
         ));
     }
-    let damaged = || Error::input("the checkpoint is cut off or damaged", "start without --resume");
+    let damaged = || Error::input("the checkpoint is cut off or damaged", "start without the checkpoint");
     let (body, sum) = bytes.split_at(bytes.len() - 4);
     let mut crc = Crc::new();
     crc.update(body);
@@ -167,7 +167,7 @@ fn parse(bytes: &[u8]) -> Result<Kept> {
     let head: Head = serde_json::from_slice(head).map_err(|_| damaged())?;
     let maps = head.snapshots.iter().map(|s| s.nx.saturating_mul(s.ny).saturating_mul(20));
     let claimed = head.buffers.iter().map(|b| b.1).chain(maps).fold(0usize, usize::saturating_add);
-    // No stream of deflate holds more than some thousand times its length.
+    // Deflate compresses by a factor of about a thousand at most.
     if claimed / 1100 > packed.len() {
         return Err(damaged());
     }
@@ -240,7 +240,7 @@ fn point(bits: &[u64; 9]) -> TracePoint {
     }
 }
 
-/// A writer that sums up what passes through.
+/// A writer that computes the CRC-32 of what passes through.
 struct Summed<W> {
     to: W,
     crc: Crc,

@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::files::atomic;
 use crate::{Error, Result};
 
-/// The plain word that a value is written as in files ("cpu", "captured").
+/// The word for a value in files ("cpu", "captured").
 pub fn plain(value: &impl serde::Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(Value::String(word)) => word,

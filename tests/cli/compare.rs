@@ -202,8 +202,8 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
         (&[&with_truth[..], &["--method", "paper:sampling=wild"]].concat(), 1, "'wild'"),
         (&[&with_truth[..], &["--method", "paper:no-reduce=1"]].concat(), 1, "no-reduce"),
         (&[&with_truth[..], &["--method", ""]].concat(), 1, "--method is empty"),
-        (&[&with_truth[..], &["--repeats", "0"]].concat(), 1, "--repeats is 0"),
-        (&[&with_truth[..], &["--mask-fraction", "2"]].concat(), 1, "--mask-fraction is 2"),
+        (&[&with_truth[..], &["--repeats", "0"]].concat(), 1, "the number of repeats is 0"),
+        (&[&with_truth[..], &["--mask-fraction", "2"]].concat(), 1, "the mask fraction is 2"),
         (&[&with_truth[..], &["--lateral", "0"]].concat(), 1, "--lateral is 0"),
     ];
     for (arguments, code, words) in cases {
@@ -213,9 +213,13 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
     check_failure(
         &[&reconstruct[..], &["--snapshots", "5,2000"]].concat(),
         1,
-        "--snapshots names iteration 2000",
+        "the snapshots include iteration 2000",
     );
-    check_failure(&[&reconstruct[..], &["--snapshots", "0"]].concat(), 1, "--snapshots names iteration 0");
+    check_failure(
+        &[&reconstruct[..], &["--snapshots", "0"]].concat(),
+        1,
+        "the snapshots include iteration 0",
+    );
     check_failure(&[&reconstruct[..], &["--snapshots", "x"]].concat(), 2, "--snapshots");
     assert_eq!(entries(folder.path()), Vec::<String>::new(), "something was written");
 }

@@ -209,7 +209,7 @@ fn its_width_is_found_and_told() {
     let found = &report["settings"]["pulse_found"];
     let fwhm = found["fwhm"].as_f64().unwrap();
     assert!((fwhm / FWHM - 1.0).abs() < 0.25, "{found}");
-    assert!(said.contains("pulse: of ") && said.contains(&format!("--pulse {fwhm} ")), "{said}");
+    assert!(said.contains("pulse: of ") && said.contains(&format!(" {fwhm} m ")), "{said}");
     let seconds = found["seconds"].as_f64().unwrap();
     let trace = report["trace"].as_array().unwrap();
     assert!(

@@ -198,6 +198,6 @@ fn damaged(share: Share) -> Row {
     for (what, place) in [("missing", folder.path().join("none")), ("a folder", folder.path().into())] {
         row.add(what, refused(read(&place), Kind::Input, &place.display().to_string()));
     }
-    row.add("a capture", refused(read(Path::new(&files().capture())), Kind::Input, "no checkpoint"));
+    row.add("a capture", refused(read(Path::new(&files().capture())), Kind::Input, "not a checkpoint"));
     row
 }

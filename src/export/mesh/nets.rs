@@ -1,5 +1,5 @@
-//! The surface χ = 0 as triangles: one vertex per cell that it passes, at the mean of where it meets the cell's edges
-//! (surface nets), moved onto the surface; two triangles around every edge that it meets.
+//! The surface χ = 0 as triangles (surface nets). Every cell that the surface crosses has a vertex, at the mean of the
+//! points where the surface crosses the cell's edges. Two triangles surround every edge that the surface crosses.
 
 use std::collections::BTreeMap;
 
@@ -49,7 +49,8 @@ pub fn surface(field: &Field) -> Surface {
     Surface { vertices, triangles }
 }
 
-/// Where the surface passes a cell, from its lowest corner; `None` where it does not.
+/// The mean of the points where the surface crosses a cell's edges, from the cell's lowest corner. `None` if there are
+/// none.
 fn middle(values: &[f64; 8]) -> Option<DVec3> {
     let (mut sum, mut count) = (DVec3::ZERO, 0);
     for (i, low) in CORNERS.iter().enumerate() {

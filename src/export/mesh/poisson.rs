@@ -1,9 +1,9 @@
 //! Screened Poisson reconstruction (Kazhdan and Hoppe 2013) on a narrow band of a regular grid.
 //!
-//! Wanted is a function χ, zero on the surface and positive behind it, whose gradient is the field of the points'
-//! normals: minimise Σ over the grid's edges of (∂χ − V)² + α Σ over the points of area · χ(point)². Only nodes near a
-//! point take part and the band's rim is free: what is far from all points is cut off anyway, and a few thousand
-//! nodes do where a whole box has millions.
+//! Finds a function χ that is zero on the surface and positive behind it. Its gradient is close to the field V of the
+//! points' normals. χ minimises Σ over the grid's edges of (∂χ − V)² + α Σ over the points of area · χ(point)². Only
+//! nodes near a point take part, and the band's rim is free, because everything far from all points is cut off later. A
+//! few thousand nodes are enough; a whole box has millions.
 
 use glam::{DVec3, IVec3, dvec3, ivec3};
 
@@ -13,16 +13,16 @@ pub struct Sample {
     pub at: DVec3,
     /// Unit, outward: towards the wall.
     pub normal: DVec3,
-    /// Of the surface that it stands for, square metres.
+    /// Area of the surface that it stands for, square metres.
     pub area: f64,
 }
 
 /// Weight α of the points against the normals, for areas in squares of the grid's pitch.
 const SCREENING: f64 = 10.0;
-/// Nodes so many cells from the cell of a point, along every axis, take part.
+/// Nodes take part up to this many cells from the cell of a point, along every axis.
 const BAND: i32 = 3;
 const ITERATIONS: usize = 200;
-/// The residual falls to this share of the right side.
+/// The iteration ends once the residual is this share of the right side.
 const TOLERANCE: f64 = 1e-4;
 
 pub const CORNERS: [IVec3; 8] = [
@@ -51,7 +51,7 @@ impl Field {
         find(&self.nodes, at)
     }
 
-    /// Of a node, or of a place between nodes, in metres.
+    /// Position of a node, or of a place between nodes, in metres.
     pub fn position(&self, at: DVec3) -> DVec3 {
         at * self.pitch
     }
@@ -84,7 +84,7 @@ fn weight(corner: IVec3, into: DVec3) -> f64 {
 /// Solves for χ on a grid of this pitch, whose nodes lie at multiples of it.
 pub fn solve(samples: &[Sample], pitch: f64) -> Field {
     let nodes = band(samples, pitch);
-    // Of every node the next one along each axis.
+    // For every node, the next node along each axis.
     let next: Vec<[u32; 3]> =
         (nodes.iter()).map(|n| AXES.map(|axis| find(&nodes, *n + axis).map_or(NONE, |i| i as u32))).collect();
     let mut field = vec![[0.0f64; 3]; nodes.len()];
@@ -96,7 +96,7 @@ pub fn solve(samples: &[Sample], pitch: f64) -> Field {
         let corners = CORNERS.map(|c| (find(&nodes, cell + c).unwrap_or(0), weight(c, into)));
         screens.push((SCREENING * area, corners));
         for (axis, step) in AXES.iter().enumerate() {
-            // The normal's share along an axis belongs to the edges, half a cell on. Inward χ rises.
+            // The normal's component along an axis belongs to the edges, half a cell further on. χ rises inward.
             let rise = -sample.normal[axis] * area;
             let (cell, into) = cell_of(place - 0.5 * step.as_dvec3());
             for corner in CORNERS {
@@ -146,7 +146,7 @@ fn band(samples: &[Sample], pitch: f64) -> Vec<IVec3> {
     let mut cells: Vec<[i32; 3]> = samples.iter().map(|s| cell_of(s.at / pitch).0.to_array()).collect();
     cells.sort_unstable();
     cells.dedup();
-    // One axis after the other, so that every node is met a few times only.
+    // One axis after the other: this makes fewer duplicates than all axes at once.
     for axis in 0..3 {
         let reach = -BAND..=BAND + 1;
         cells = cells.iter().flat_map(|c| reach.clone().map(move |d| shifted(*c, axis, d))).collect();
@@ -161,7 +161,7 @@ fn shifted(mut cell: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
     cell
 }
 
-/// With the diagonal as preconditioner, from zero.
+/// Starts from zero, with the diagonal as preconditioner.
 fn conjugate_gradients(apply: impl Fn(&[f64], &mut [f64]), diagonal: &[f64], right: Vec<f64>) -> Vec<f64> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let scaled =
@@ -191,7 +191,7 @@ fn conjugate_gradients(apply: impl Fn(&[f64], &mut [f64]), diagonal: &[f64], rig
     x
 }
 
-/// χ's gradient in a cell, `into` it from its lowest corner, in units of the pitch.
+/// The gradient of χ in a cell, at the offset `into` from its lowest corner. Lengths are in units of the pitch.
 pub fn gradient(values: &[f64; 8], into: DVec3) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for (value, c) in values.iter().zip(CORNERS) {

@@ -1,4 +1,4 @@
-//! Whether a device computes what the float64 twins do: an iteration of each solver and of the surface on a small
+//! Compares a device's results with the float64 twins: an iteration of each solver and of the surface, on a small
 //! simulated scene, on every accumulation path that the device offers.
 
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ mod vector;
 pub struct Check {
     /// The solver's name in tables.
     pub solver: &'static str,
-    /// The passes that it holds against their twins.
+    /// The passes that it compares with their twins.
     pub holds: &'static [&'static Pass],
     /// Whether it runs with an instrument's pulse, too.
     pub with_pulse: bool,
@@ -76,16 +76,16 @@ pub static CHECKS: &[Check] = &[
     },
 ];
 
-/// What one comparison found.
+/// The result of one comparison.
 struct Held {
     pass: &'static str,
     error: f64,
 }
 
-/// A pass that was held against its twin.
+/// A pass that was compared with its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checked {
-    /// The solver, and whether with a pulse.
+    /// The solver, with ", pulse" after it if there was one.
     pub solver: String,
     /// How rendered values were added up.
     pub accumulation: String,
@@ -98,23 +98,23 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// Not so if the device gave NaN.
+    /// Whether the error is allowed. NaN is not.
     pub fn passed(&self) -> bool {
         self.error <= self.allowed
     }
 }
 
-/// fp32 over some thousand additions, whose sums may cancel.
+/// Error of fp32 after some thousand additions. Terms may cancel.
 const ALLOWED: f64 = 1e-4;
 
-/// Runs and compares them all.
+/// Runs all checks.
 ///
 /// # Errors
-/// The device's. A pass that differs is no error here: see [`Checked::passed`].
+/// The device fails. A pass that differs is not an error here: see [`Checked::passed`].
 pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
     let scene = Scene { scan: 6, bin_width: 0.02, ..Scene::named("letter-Z")? };
     let capture = simulate(&scene, &RenderOptions { noise: 0.2, ..RenderOptions::default() })?.capture;
-    // An uneven one, three bins and a half from end to end.
+    // An asymmetric pulse, three and a half bins long.
     let pulse = Pulse { samples: vec![1.0, 4.0, 3.0, 2.0, 1.0], width: 0.014, start: -0.02 };
     let pulsed = Capture { pulse: Some(pulse), ..capture.clone() };
     let mut all = vec![];
@@ -152,8 +152,8 @@ fn random(i: usize) -> [f32; 4] {
     std::array::from_fn(|k| twin::random3(i as u32, k as u32, 0, 1)[0] as f32)
 }
 
-/// Whether no path by that point runs so near to where a bin begins (`part` 0) or to its centre (0.5) that fp32 and float64
-/// may choose different ones.
+/// Whether fp32 and float64 choose the same bins for all paths by this point: no path lies near the start of a bin
+/// (`part` 0) or near its centre (`part` 0.5).
 fn is_clear(model: &Model, point: DVec3, part: f64) -> bool {
     (0..model.pairs()).all(|pair| {
         let position = (model.wall.path(pair, point) - model.t_start) / model.bin_width - part;
@@ -161,7 +161,7 @@ fn is_clear(model: &Model, point: DVec3, part: f64) -> bool {
     })
 }
 
-/// NaN if the device gave one.
+/// The largest difference over the largest true value; NaN if the device gave a NaN.
 fn error(got: &[f64], want: &[f64]) -> f64 {
     let largest = want.iter().fold(1e-300f64, |a, b| a.max(b.abs()));
     let worst = got.iter().zip(want).map(|(g, w)| (g - w).abs()).max_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! From what was recorded to figures per kernel, per iteration and of the device's idle time.
+//! Turns a recording into figures per kernel, per iteration, and of the device's idle time.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,41 +10,41 @@ use crate::gpu::{Constant, Ran, Recording};
 use crate::solve::{TracePoint, Voxels, pass_of};
 use crate::transport::kernels::constant;
 
-/// A kernel's share of a solve. What is null is not known of it, or does not apply: most kernels evaluate no pairs.
+/// A kernel's part in a solve. A null value is not known or does not apply: most kernels evaluate no pairs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelProfile {
-    /// Passes over pairs begin with `forward` or `backward`.
+    /// Its name in reports. Names of passes over pairs begin with `forward` or `backward`.
     pub name: String,
-    /// Its name in schedules, labels and traces, and the variant of the source that it is.
+    /// Its name in schedules, labels and traces.
     pub kernel: String,
-    /// The module.
+    /// Its module.
     pub code: String,
     /// Number of dispatches.
     pub calls: u64,
     /// Device seconds in all.
     pub seconds: f64,
-    /// Of the device's time.
+    /// Share of the device's time.
     pub share: f64,
     /// Voxel-pair evaluations.
     pub pairs: f64,
     /// Pairs per second, if it evaluates pairs.
     pub pairs_per_s: Option<f64>,
-    /// What the limits below allow, over what it took.
+    /// The least time that the device's limits allow, over the time that it took.
     pub share_of_limit: Option<f64>,
     /// The least time that a pair can take, if it evaluates pairs.
     pub floor: Option<Floor>,
     /// Instructions of a pair, counted in the compiled module.
     pub counts: Option<Counts>,
-    /// What the loop around it does once for so many pairs: in a product, the arm of the scanned point.
+    /// Instructions that the outer loop runs once for this many pairs: in a product, those for the scanned point's arm.
     pub shared: Option<(Counts, u32)>,
-    /// Registers, shared memory and so on, in the driver's words.
+    /// Registers, shared memory and so on, with the driver's names.
     pub statistics: BTreeMap<String, f64>,
 }
 
-/// The least seconds of a pair by what each part of the device does at most; the largest holds.
+/// The least seconds of a pair by the limit of each part of the device. The largest of them counts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Floor {
-    /// Every counted instruction at the rate of fused multiply-adds.
+    /// Seconds to issue all counted instructions, at the rate of fused multiply-adds.
     pub issue: f64,
     /// Seconds of the special functions.
     pub special: f64,
@@ -55,7 +55,7 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// The floor of so many instructions on a device of these limits.
+    /// The floor of these instructions on a device with these limits.
     pub fn new(c: &Counts, l: &DeviceLimits, float_atomics: bool) -> Floor {
         let global = match l.global_atomic_float_per_s.filter(|_| float_atomics) {
             Some(rate) => rate,
@@ -64,18 +64,18 @@ impl Floor {
         Floor {
             issue: f64::from(c.issued()) / l.fma_per_s,
             special: f64::from(c.special) / l.special_per_s,
-            // Broadcasts issue, but take a load's bandwidth once for a whole subgroup.
+            // A broadcast is issued for every lane, but takes a load's bandwidth once for a whole subgroup.
             load: f64::from(c.loads) / l.load_per_s,
             atomic: f64::from(c.atomics) / global + f64::from(c.shared_atomics) / l.shared_atomic_per_s,
         }
     }
 
-    /// Seconds of the slowest part: the parts overlap at best.
+    /// Seconds of the slowest part: at best, all parts overlap.
     pub fn seconds(&self) -> f64 {
         self.issue.max(self.special).max(self.load).max(self.atomic)
     }
 
-    /// What holds.
+    /// Name of the slowest part.
     pub fn bound(&self) -> &'static str {
         let all =
             [(self.issue, "issue"), (self.special, "special"), (self.load, "load"), (self.atomic, "atomic")];
@@ -86,11 +86,11 @@ impl Floor {
 /// The device's idle time while it was solving.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Gaps {
-    /// Between commands of one submission, where the second had to wait for the first.
+    /// Seconds between commands of one submission, where the second had to wait for the first.
     pub within_s: f64,
     /// The longest one, seconds.
     pub largest_within_s: f64,
-    /// Between submissions: the host was late.
+    /// Seconds between submissions: the host was late.
     pub between_s: f64,
     /// The longest one, seconds.
     pub largest_between_s: f64,
@@ -103,13 +103,14 @@ pub struct IterationProfile {
     pub count: usize,
     /// Seconds of an iteration.
     pub seconds: f64,
-    /// Of it in passes over pairs.
+    /// Seconds of it in passes over pairs.
     pub pass_s: f64,
-    /// All that is neither.
+    /// Seconds of the rest.
     pub overhead_s: f64,
 }
 
-/// What all kernels did, the longest first. `grid_voxels`: those that are not too near, by lateral resolution.
+/// The profiles of all kernels, the longest first. `grid_voxels` holds the voxels beyond the least depth, by lateral
+/// resolution.
 pub fn times(
     recording: &Recording,
     trace: &[TracePoint],
@@ -122,7 +123,7 @@ pub fn times(
         let k = all.entry(ran.kernel).or_default();
         k.calls += 1;
         k.seconds += ran.to - ran.from;
-        // However many dispatches a pass takes, all of a stage together evaluate every pair once.
+        // All dispatches of a pass in one stage together evaluate every pair once.
         let voxels = pass_of(ran.kernel).and_then(|p| p.pairs);
         if let Some(voxels) = voxels.filter(|_| met.insert((ran.kernel, stage))) {
             let value = |name| recording.stages[stage].value(name);
@@ -174,7 +175,7 @@ pub fn times(
 }
 
 impl Floor {
-    /// Of this and that.
+    /// The sum of two floors.
     fn and(self, o: Floor) -> Floor {
         Floor {
             issue: self.issue + o.issue,
@@ -184,7 +185,7 @@ impl Floor {
         }
     }
 
-    /// Of one pair, where a turn evaluates so many.
+    /// The floor of one pair, if a turn evaluates this many.
     fn shared(self, pairs: u32) -> Floor {
         let by = |v: f64| v / f64::from(pairs.max(1));
         Floor {
@@ -196,7 +197,7 @@ impl Floor {
     }
 }
 
-/// Commands that belong to a stage, with it: the solver's own work.
+/// Commands that belong to a stage, with the stage's index: the solver's own work.
 fn staged(recording: &Recording) -> impl Iterator<Item = (usize, &Ran)> {
     recording.device.iter().filter_map(|r| r.stage.map(|s| (s, r)))
 }
@@ -208,7 +209,7 @@ fn active_at(trace: &[TracePoint], iteration: usize) -> usize {
     point.or(trace.last()).map_or(0, |p| p.active)
 }
 
-/// How long the device had nothing to do between the first and the last command of the solver.
+/// The device's idle time between the first and the last command of the solver.
 pub fn gaps(recording: &Recording) -> Gaps {
     let mut gaps = Gaps::default();
     let ran: Vec<&Ran> = staged(recording).map(|(_, r)| r).collect();
@@ -225,14 +226,14 @@ pub fn gaps(recording: &Recording) -> Gaps {
     gaps
 }
 
-/// What an iteration takes and what of it no pass over pairs does.
+/// The mean time of an iteration: passes over pairs, and the rest.
 pub fn iterations(recording: &Recording) -> IterationProfile {
     // Stage, its end, seconds, seconds of passes.
     let mut each: Vec<(usize, f64, f64, f64)> = vec![];
     let mut before: Option<&Ran> = None;
     for (stage, ran) in staged(recording) {
         if recording.stages[stage].name == "iteration" {
-            // The wait for what is before it is part of it.
+            // An iteration includes the wait for the command before it.
             let same = before.filter(|b| b.submission == ran.submission);
             let from = same.map_or(ran.from, |b| b.to);
             if each.last().is_none_or(|e| e.0 != stage) {

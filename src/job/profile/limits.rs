@@ -1,4 +1,4 @@
-//! What a device can do at most, measured by kernels that do one thing each (`glsl/limit_*.comp`).
+//! A device's limits, measured by kernels that do one thing each (`glsl/limit_*.comp`).
 
 use std::time::Instant;
 
@@ -9,42 +9,42 @@ use crate::solve::{UPLOAD, upload};
 use crate::transport::kernels::{buffer, kernel};
 use crate::{Error, Result};
 
-/// The most of each per second. A fused multiply-add counts once.
+/// The highest rates of a device. A fused multiply-add counts once.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceLimits {
     /// Fused multiply-adds per second.
     pub fma_per_s: f64,
-    /// Inverse square roots, for all special functions.
+    /// Inverse square roots per second. They stand for all special functions.
     pub special_per_s: f64,
-    /// Words loaded that the nearest cache holds.
+    /// Words loaded per second from the nearest cache.
     pub load_per_s: f64,
     /// Atomic additions in shared memory per second.
     pub shared_atomic_per_s: f64,
     /// Atomic additions in global memory per second.
     pub global_atomic_per_s: f64,
-    /// Null where the device has no fp32 atomics.
+    /// fp32 atomic additions in global memory per second; null if the device has none.
     pub global_atomic_float_per_s: Option<f64>,
-    /// Bytes read and written by a copy from buffer to buffer.
+    /// Bytes per second, read and written, of a copy from buffer to buffer.
     pub copy_bytes_per_s: f64,
-    /// Seconds of a dispatch that does next to nothing, with the barrier before it.
+    /// Seconds of an almost empty dispatch, with the barrier before it.
     pub dispatch_s: f64,
 }
 
 /// A kernel that measures one limit.
 struct Probe {
     kernel: &'static KernelCode,
-    /// Loop turns of an invocation, far below what drivers allow.
+    /// Loop turns of an invocation, far below the limits of drivers.
     turns: u32,
-    /// What is measured, per turn of an invocation.
+    /// Measured operations per turn of an invocation.
     per_turn: u32,
-    /// What word `i` of the result must be, given turns and workgroups of one dispatch and dispatches.
+    /// Whether word `i` of the result is right. `did` holds turns, workgroups per dispatch, and dispatches.
     right: fn(word: u32, i: u32, did: [u32; 3]) -> bool,
 }
 
 const LANES: u32 = 64;
 /// Most workgroups of one dispatch.
 const GROUPS: u32 = 32_768;
-/// Words that the atomic kernels walk, and that the load kernel reads: as the kernels have it.
+/// Words that the atomic kernels add to, and words that the load kernel reads. The kernels have the same numbers.
 const ATOMIC_WORDS: u32 = 65_536;
 const TABLE_WORDS: u32 = 2_048;
 
@@ -60,7 +60,7 @@ const FLOAT: Probe =
     Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC_FLOAT, turns: 64, per_turn: 4, right: global_float_right };
 
 fn fma_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
-    // 16 chains count two per turn from 0..8, four zeros and four ones.
+    // 16 chains add 2 per turn. Eight start at 0 to 7, four at 0 and four at 1: 32 in all.
     f32::from_bits(word) == (32 * turns + 32) as f32
 }
 
@@ -83,7 +83,7 @@ fn shared_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
     word == 4 * turns
 }
 
-/// How often a word was added to: four times per turn by every workgroup that owns it.
+/// Number of additions to a word: four per turn from every workgroup that owns it.
 fn additions(i: u32, [turns, groups, dispatches]: [u32; 3]) -> u32 {
     let owners = ATOMIC_WORDS / LANES;
     let mine = groups / owners + u32::from(i / LANES < groups % owners);
@@ -98,10 +98,10 @@ fn global_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
     f32::from_bits(word) == additions(i, did) as f32
 }
 
-/// Measures them all: best of several runs, each sized to some tens of milliseconds on the device at hand.
+/// Measures all limits: each is the best of several runs of some tens of milliseconds.
 ///
 /// # Errors
-/// The device's, and a device that computes wrong.
+/// The device fails, or its results are wrong.
 pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
     let float = gpu.accumulations.float;
@@ -117,7 +117,7 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     })
 }
 
-/// Runs that are compared; a run is grown until it takes so long.
+/// Runs of a measurement, and the least seconds that a run takes.
 const RUNS: usize = 4;
 const LONG_ENOUGH: f64 = 0.02;
 
@@ -134,7 +134,7 @@ struct Bench<'g> {
 impl<'g> Bench<'g> {
     fn new(gpu: &'g Gpu) -> Result<Bench<'g>> {
         let result = u64::from(GROUPS * LANES) * 4;
-        // Beyond the caches of a GPU; what is free may be little, and a buffer's size is limited.
+        // Larger than the caches of a GPU, but within free memory and the largest binding.
         let most = if gpu.info.kind == DeviceKind::Cpu { 32 << 20 } else { 512 << 20 };
         let copied = (gpu.free_memory() / 8).min(most).min(gpu.limits.storage_range) / 4096 * 4096;
         let copied = copied.max(4096);
@@ -156,7 +156,7 @@ impl<'g> Bench<'g> {
         self.executor.add_kernel(code, code, &[])
     }
 
-    /// Device seconds of a schedule; the host's where the device has no clock.
+    /// Device seconds of a schedule; host seconds if the device has no clock.
     fn seconds(&mut self, schedule: &Schedule) -> Result<f64> {
         let (before, start) = (self.executor.gpu_seconds(), Instant::now());
         self.executor.run(schedule)?;
@@ -164,7 +164,7 @@ impl<'g> Bench<'g> {
         Ok(if device > 0.0 { device } else { start.elapsed().as_secs_f64() })
     }
 
-    /// Grows `units` until a run takes long enough, then yields units and seconds of the best of several runs.
+    /// Grows `units` until a run takes long enough. Returns the units, and the seconds of the best of several runs.
     fn best(&mut self, mut units: u64, schedule: &dyn Fn(u64) -> Schedule) -> Result<(u64, f64)> {
         // The first run may compile.
         self.seconds(&schedule(1))?;
@@ -189,7 +189,7 @@ impl<'g> Bench<'g> {
         Ok((invocations * u64::from(probe.turns) * u64::from(probe.per_turn)) as f64 / seconds)
     }
 
-    /// Whether a run of the kernel leaves what it must.
+    /// Checks the result of a run of the kernel.
     fn check(&mut self, probe: &Probe, groups: u64) -> Result<()> {
         let (x, dispatches) = split(groups);
         let words = x * LANES;
@@ -200,7 +200,7 @@ impl<'g> Bench<'g> {
         self.executor.run(&s)?;
         let got: Vec<u32> = self.executor.read(BACK, ..words as usize);
         let did = [probe.turns, x, dispatches];
-        // Words that no invocation owns stay as they were. A prime step meets every lane of some workgroup.
+        // Words that no invocation owns stay as they were. The step is prime, so that every lane is checked.
         let owned = if probe.per_turn == 4 && probe.turns == 64 { words.min(ATOMIC_WORDS) } else { words };
         match (0..owned).step_by(61).find(|i| !(probe.right)(got[*i as usize], *i, did)) {
             Some(i) => {
@@ -212,8 +212,8 @@ impl<'g> Bench<'g> {
 
     fn wrong(&self, what: &str) -> Error {
         Error::device(
-            format!("{} computes wrong: {what}", self.gpu.info.name),
-            "update its driver, or choose another device with --device",
+            format!("{} computes wrong results: {what}", self.gpu.info.name),
+            "update its driver, or choose another device",
         )
     }
 
@@ -235,7 +235,7 @@ impl<'g> Bench<'g> {
         self.executor.run(&after)?;
         let back: Vec<u32> = self.executor.read(BACK, ..seen as usize / 4);
         if back.iter().any(|w| *w != PATTERN) {
-            return Err(self.wrong("a copy does not arrive"));
+            return Err(self.wrong("a copy leaves other bytes"));
         }
         Ok((2 * bytes * copies) as f64 / seconds)
     }
@@ -263,13 +263,13 @@ impl<'g> Bench<'g> {
         self.executor.run(&read)?;
         let counted = self.executor.read::<u32>(BACK, ..1)[0];
         if u64::from(counted) != count {
-            return Err(self.wrong(&format!("of {count} dispatches in order {counted} count")));
+            return Err(self.wrong(&format!("{counted} of {count} dispatches ran in order")));
         }
         Ok(best / count as f64)
     }
 }
 
-/// Workgroups of a dispatch and dispatches, for so many workgroups in all or a few more.
+/// Workgroups per dispatch, and dispatches, for at least this many workgroups in all.
 fn split(groups: u64) -> (u32, u32) {
     let dispatches = groups.div_ceil(u64::from(GROUPS)).max(1);
     (groups.div_ceil(dispatches) as u32, dispatches as u32)
@@ -303,7 +303,7 @@ mod tests {
             bench.add(probe.kernel).unwrap();
             // More groups than there are sets of atomic words, and not a multiple of them.
             bench.check(probe, 1100).unwrap();
-            // What is right for other work is wrong for this.
+            // The right result of other work must not pass.
             let off = Probe { turns: probe.turns - 1, ..*probe };
             let mut s = Schedule::default();
             s.fill(buffer::RESULT, u64::from(GROUPS * LANES) * 4, 0);
@@ -314,7 +314,7 @@ mod tests {
             assert!((probe.right)(word, 0, [off.turns, 4, 1]), "{}", probe.kernel.name);
             assert!(
                 !(probe.right)(word, 0, [probe.turns, 4, 1]),
-                "{}: a turn less goes unseen",
+                "{}: a missing turn is not noticed",
                 probe.kernel.name
             );
         }

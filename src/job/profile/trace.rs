@@ -1,4 +1,4 @@
-//! The recording as a trace that Perfetto and chrome://tracing show: a lane for the host, one for the device.
+//! The recording as a trace for Perfetto and chrome://tracing: one lane for the host, one for the device.
 
 use serde_json::{Value, json};
 
@@ -11,7 +11,7 @@ const DEVICE: u32 = 2;
 pub fn events(recording: &Recording, device: &str) -> Value {
     let host = recording.host.iter().map(|s| s.from);
     let start = host.chain(recording.device.iter().map(|r| r.from)).fold(f64::INFINITY, f64::min);
-    // Whole nanoseconds, so that what nests in seconds nests in the file.
+    // Rounded to nanoseconds, so that spans that nest in seconds also nest in the file.
     let us = |s: f64| ((s - start) * 1e9).round() / 1e3;
     let slice = |lane, name: &str, from: f64, to: f64, arguments: Value| {
         let duration = ((us(to) - us(from)) * 1e3).round() / 1e3;

@@ -1,4 +1,4 @@
-//! Finds the sizes of workgroups, chunks and columns that suit a device and a kind of scene, and keeps them.
+//! Finds the fastest sizes of workgroups, chunks and columns for a device and a kind of scene, and keeps them.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -16,35 +16,36 @@ use crate::{Kind, Result};
 pub struct Tried {
     /// The sizes of this trial.
     pub sizes: Sizes,
-    /// Device seconds of all forward passes and of all backward passes.
+    /// Device seconds of all forward passes.
     pub forward_s: f64,
     /// Device seconds of all backward passes.
     pub backward_s: f64,
 }
 
-/// What tuning found.
+/// The result of tuning.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tuned {
     /// Device, driver, solver, pairs and reflectance that it is for.
     pub class: String,
-    /// The first one is the device kind's own.
+    /// All trials. The first has the default sizes of the device's kind.
     pub tried: Vec<Tried>,
     /// The fastest sizes.
     pub best: Sizes,
-    /// Seconds of both passes with the best sizes over those with the device kind's own.
+    /// Seconds of both passes with the best sizes, over those with the default sizes.
     pub ratio: f64,
-    /// Where it is kept; `None` if no folder for caches is known or the device kind's own are best.
+    /// The file that keeps the best sizes; `None` if no cache folder is known, or if the default sizes are best.
     pub file: Option<PathBuf>,
 }
 
-/// A pass must become this much faster to be worth other sizes.
+/// Other sizes are taken if the time of a pass falls below this share.
 const WORTH: f64 = 0.95;
 
-/// Solves with one size after the other changed, each from the best so far: what the forward pass takes, then what the
-/// backward pass does. The sizes found are kept for later runs of the class. `say` is told of every trial.
+/// Changes one size after the other, each time starting from the best sizes so far: first the sizes of the forward
+/// pass, then those of the backward pass. The best sizes are kept for later runs of the class. `say` is called with a
+/// line for every trial.
 ///
 /// # Errors
-/// As [`super::profile`]; a cache that cannot be written.
+/// Those of [`super::profile`], and a cache that cannot be written.
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
     let request = Request { timings: true, tuned: false, find_pulse: false, ..request.clone() };
     request.solver.check()?;
@@ -53,7 +54,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     super::check_clock(&gpu)?;
     let mut tried: Vec<Tried> = vec![];
     let mut seen = vec![];
-    // None where the device does not take the sizes, or they cut the work as others did.
+    // None if the device does not take the sizes, or if they divide the work as earlier sizes did.
     let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
         let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
         match request.solver.plan(&loaded.capture, grid, &gpu.abilities(), false) {
@@ -62,7 +63,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
             Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
             Err(e) => return Err(e),
         }
-        // The best of three: in the first the driver may still compile.
+        // The best of three runs: the driver may still compile in the first.
         let mut best = Tried { sizes, forward_s: f64::INFINITY, backward_s: f64::INFINITY };
         for _ in 0..3 {
             let mut hear = |_: &_| ControlFlow::Continue(());
@@ -77,14 +78,14 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
         gpu.take_recording();
         say(&format!(
             "{:<52} forward {:.4} s, backward {:.4} s",
-            if sizes.is_default() { "the device kind's own".into() } else { sizes.to_string() },
+            if sizes.is_default() { "the default sizes".into() } else { sizes.to_string() },
             best.forward_s,
             best.backward_s
         ));
         tried.push(best.clone());
         Ok(Some(best))
     };
-    let own = run(request.solver.common().sizes, &mut tried)?.expect("the own sizes are no trial");
+    let own = run(request.solver.common().sizes, &mut tried)?.expect("the default sizes always run");
     let (mut best, mut forward_s, mut backward_s) = (own.sizes, own.forward_s, own.backward_s);
     for (forward, set, values) in steps(gpu.info.kind) {
         for value in values {
@@ -104,7 +105,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     Ok(Tuned { class, tried, best, ratio, file })
 }
 
-/// One size: whether the forward pass judges it (else the backward pass), how it is set, what is tried in turn.
+/// One size: whether the forward pass decides on it (else the backward pass), how to set it, and the values to try.
 type Step = (bool, fn(&mut Sizes, u32), &'static [u32]);
 
 fn steps(kind: DeviceKind) -> [Step; 5] {

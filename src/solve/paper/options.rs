@@ -7,7 +7,7 @@ use crate::solve::option::{Options, Preset, Suit, options, refused, words};
 use crate::solve::{Accumulation, Sizes};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
-/// What has a weight of the noise term.
+/// What the noise term has a weight for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NoiseTerm {
@@ -50,20 +50,21 @@ options! {
             /// How rendered values are added up: auto takes the fastest that the device has
             accumulation: Accumulation = Accumulation::Auto,
                 Range::Words(&["auto", "float", "fixed", "fixed32", "cas", "owned"]);
-            /// Leave nothing out that this scene does not need: the most general kernels, to compare with
+            /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
             reflectance: Reflectance = suit.reflectance, Range::Internal;
         }
         "Device" {
             /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
-            /// [default: as found by `profile --tune` for this device and kind of scene, else by its kind]
+            /// [default: those that `profile --tune` found for this device and kind of scene, else those for the
+            /// device's kind]
             #[serde(default)]
             #[serde(skip_serializing_if = "Sizes::is_default")]
             sizes: Sizes = Sizes::default(), Range::Sizes;
         }
         "Optimiser" {
-            /// Adam's step
+            /// Step size of Adam
             learning_rate: f64 = 1.0, Range::Positive;
             /// How the learning rate falls over all iterations
             learning_rate_decay: Decay = Decay::None, Range::Words(&["none", "cosine"]);
@@ -71,19 +72,19 @@ options! {
             beta1: f64 = 0.9, Range::Fraction;
             /// Decay of Adam's second moment
             beta2: f64 = 0.999, Range::Fraction;
-            /// Keeps Adam from dividing by zero
+            /// Adam's term that prevents a division by zero
             epsilon: f64 = 1e-8, Range::Positive;
-            /// Adam's moments are set to zero after every N iterations
+            /// Set Adam's moments to zero after every N iterations
             restart_every: usize = 100, Range::Count(1, 1_000_000);
             /// Weight α of the L1 term
             l1: f64 = if suit.captured() { 0.8 } else { 0.001 }, Range::NotNegative;
-            /// The measurement is scaled to this largest value
+            /// Scale the measurement to this largest value
             peak: f64 = 10.0, Range::Positive;
-            /// The initial albedo is uniform from 0 to this
+            /// The initial albedo is random, uniform from 0 to this
             initial_albedo: f64 = 1.0, Range::NotNegative;
         }
         "Light transport" {
-            /// Where in its voxel a sample lies: at random, anew in every iteration (continuous), or at the centre (fixed)
+            /// Position of a sample in its voxel: random in every iteration (continuous), or the centre (fixed)
             sampling: Sampling = Sampling::Continuous, Range::Words(&["continuous", "fixed"]);
             /// Light goes into the bin of its path (nearest), or is shared by the two nearest bins (linear)
             binning: Binning = Binning::Nearest, Range::Words(&["nearest", "linear"]);
@@ -98,9 +99,9 @@ options! {
     pub struct Domain(suit) {
         nested {}
         "Domain" {
-            /// Nothing nearer than this is ever active, metres
+            /// Voxels nearer than this are never active, metres
             min_depth: f64 = 0.2, Range::NotNegative;
-            /// Start at the scan's resolution and double
+            /// Start at the scan's resolution, and double it in steps
             coarse_to_fine: bool = true, Range::Flag;
             /// Double the lateral resolution after every N iterations
             double_every: usize = 100, Range::Count(1, 1_000_000);
@@ -114,10 +115,10 @@ options! {
             smooth_sigma: f64 = 3.0, Range::Positive;
             /// The Gaussian is cut off after this many sigmas
             smooth_truncate: f64 = 4.0, Range::Positive;
-            /// Share of the finest grid that may be active at once: of a larger domain the brightest voxels are kept
-            /// [default: paper a tenth, at least the first grid; vector a sixteenth, at least half of it; both at least 262,144
-            /// voxels]
-            // All voxels where the first grid is half of the finest or more, or if doublings come without a reduction.
+            /// Share of the finest grid that may be active at once; of a larger domain, only the brightest voxels are
+            /// kept [default: paper a tenth, at least the first grid; vector a sixteenth, at least half of the first
+            /// grid; both at least 262,144 voxels]
+            // All voxels, if the first grid is half of the finest or more, or if doublings come without a reduction.
             room: Option<f64> = None, Range::Share;
         }
     }
@@ -128,7 +129,7 @@ options! {
     pub struct Noise(suit) {
         nested {}
         "Light transport" {
-            /// What has a learnt weight of the noise term
+            /// What the noise term has learnt weights for: nothing (off), every bin, or every histogram
             term as "noise": NoiseTerm = if suit.captured() { NoiseTerm::Bin } else { NoiseTerm::Off },
                 Range::Words(&["off", "bin", "histogram"]);
             /// Constant part b of the noise term, relative to the peak
@@ -151,7 +152,7 @@ impl PaperOptions {
     /// Checks the options.
     ///
     /// # Errors
-    /// The first option that makes no sense, by its name on the command line.
+    /// The first option out of its range, by its name on the command line.
     pub fn check(&self) -> Result<()> {
         self.check_ranges()?;
         let Domain { smooth_sigma, smooth_truncate, .. } = self.domain;

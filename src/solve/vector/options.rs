@@ -17,52 +17,57 @@ options! {
             surface: SurfaceOptions,
         }
         "Solver" {
-            /// Lateral pixels of the maps (N of N × N), and lateral voxels of the finest volume unless pixels are finer
+            /// Lateral pixels of the maps (N of N × N). The finest volume has as many lateral voxels, unless a voxel
+            /// has several pixels
             lateral: usize = 128, Range::Count(1, 4096);
             /// Iterations of the optimiser
-            // Where laser and sensor point differ, half of a path moves, and so half as fast (docs/scenes.md).
+            // Pairs of two points need more iterations: one fixed point halves the information of a path
+            // (docs/scenes.md).
             iterations: usize = if suit.confocal { 60 } else { 80 }, Range::Count(1, 1_000_000);
             /// How rendered values are added up: auto takes the fastest that the device has
             accumulation: Accumulation = Accumulation::Auto,
                 Range::Words(&["auto", "float", "fixed", "fixed32", "cas", "owned"]);
-            /// Leave nothing out that this scene does not need: the most general kernels, to compare with
+            /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
             reflectance: Reflectance = suit.reflectance, Range::Internal;
         }
         "Device" {
             /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
-            /// [default: as found by `profile --tune` for this device and kind of scene, else by its kind]
+            /// [default: those that `profile --tune` found for this device and kind of scene, else those for the
+            /// device's kind]
             #[serde(default)]
             #[serde(skip_serializing_if = "Sizes::is_default")]
             sizes: Sizes = Sizes::default(), Range::Sizes;
         }
         "Optimiser" {
-            /// The measurement is scaled to this largest value
+            /// Scale the measurement to this largest value
             peak: f64 = 10.0, Range::Positive;
         }
         "Vector solver" {
-            /// Iterations at the end in which the pairs grow fourfold until all are used; those before use a part of them
-            /// if there are more than 1,024
+            /// Iterations at the end in which the number of pairs grows fourfold, again and again, until all are used.
+            /// Earlier iterations use a part of the pairs if there are more than 1,024
             growth_iterations: usize = if suit.confocal { 30 } else { 40 }, Range::Count(1, 1_000_000);
             /// Use all pairs in every iteration, and no grid coarser than the scan
             all_pairs: bool = false, Range::Flag;
-            /// Renew the bounds that give the steps after every N iterations; between, the domain may only shrink
+            /// Renew the bounds, which give the step lengths, after every N iterations. In between, the domain only
+            /// shrinks
             bound_every: usize = 15, Range::Count(1, 1_000_000);
-            /// Power of a voxel's expected brightness in the weights of its bound: 0 weighs all voxels alike, more gives bright
-            /// voxels longer steps
-            // The cosine model of a confocal scan of matt surfaces would fit its own error sooner, and normals get worse.
+            /// Power of a voxel's expected brightness in the weights of its bound: 0 weights all voxels equally, larger
+            /// values give bright voxels longer steps
+            // With the cosine model of a confocal scan, longer steps would fit the model's error on matt surfaces
+            // sooner, and normals would get worse.
             bound_power: f64 = if !suit.confocal || suit.lambertian() { 0.5 } else { 0.0 }, Range::NotNegative;
-            /// Share of the bound that the first step divides by: 1 cannot overshoot, less is faster and grows when the
-            /// objective rises
+            /// The first step is divided by this share of the bound. 1 cannot overshoot. A smaller share is faster, and
+            /// it grows when the objective rises
             step_share: f64 = 0.25, Range::Share;
             /// Weight λ of the group term, in standard deviations of the photon noise in a voxel's gradient
             noise_factor: f64 = 3.0, Range::NotNegative;
-            /// Weight of the roughness term, which holds neighbours together where photons are few
+            /// Weight of the roughness term, which keeps neighbours similar where photons are few
             roughness: f64 = 30.0, Range::NotNegative;
             /// Steepest surface: largest |v_xy| / |v_z|
             cone: f64 = 2.0, Range::Positive;
-            /// Subtract the background estimated after the signal
+            /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;
             /// When to stop: at the noise of the data (auto), or after all iterations (never)
             stop: bool = true, Range::Words(&["never", "auto"]);
@@ -75,17 +80,17 @@ options! {
     pub struct Domain(suit) {
         nested {}
         "Domain" {
-            /// Nothing nearer than this is ever active, metres
+            /// Voxels nearer than this are never active, metres
             min_depth: f64 = 0.2, Range::NotNegative;
-            /// Start at the scan's resolution, or at 32 lateral voxels if it is finer, and double
+            /// Start at the scan's resolution, or at 32 lateral voxels if the scan is finer, and double it in steps
             coarse_to_fine: bool = true, Range::Flag;
             /// Reduce the domain after every N iterations
             reduce_every: usize = 5, Range::Count(1, 1_000_000);
             /// Keep voxels above this share of the largest smoothed albedo
             keep_above: f64 = 0.05, Range::Fraction;
-            /// Share of the finest grid that may be active at once: of a larger domain the brightest voxels are kept
-            /// [default: paper a tenth, at least the first grid; vector a sixteenth, at least half of it; both at least 262,144
-            /// voxels]
+            /// Share of the finest grid that may be active at once; of a larger domain, only the brightest voxels are
+            /// kept [default: paper a tenth, at least the first grid; vector a sixteenth, at least half of the first
+            /// grid; both at least 262,144 voxels]
             room: Option<f64> = None, Range::Share;
         }
         "Vector solver" {
@@ -101,7 +106,7 @@ impl VectorOptions {
     /// Its name on the command line.
     pub const NAME: &'static str = "vector";
 
-    /// Pixels of the maps side by side in a voxel of the finest volume.
+    /// Lateral pixels of the maps per lateral voxel of the finest volume.
     pub fn pixels_per_voxel(&self) -> usize {
         let halved = self.lateral.is_multiple_of(2) && self.lateral / 2 >= 2 * AMPLE;
         match self.surface.pixels_per_voxel {
@@ -114,12 +119,12 @@ impl VectorOptions {
     /// Checks the options.
     ///
     /// # Errors
-    /// The first option that makes no sense, by its name on the command line.
+    /// The first option out of its range, by its name on the command line.
     pub fn check(&self) -> Result<()> {
         self.check_ranges()?;
         let wide = self.pixels_per_voxel();
         if wide == 0 || !self.lateral.is_multiple_of(wide) {
-            let want = format!("a whole number that divides {} (--lateral)", self.lateral);
+            let want = format!("a whole number that divides the lateral pixels, {}", self.lateral);
             return Err(refused("pixels-per-voxel", wide, &want));
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! What a check reads from the device and writes to it.
+//! Reads and writes the device's buffers for a check.
 
 use glam::dvec3;
 
@@ -9,10 +9,10 @@ use crate::transport::Model;
 use crate::transport::kernels::buffer;
 use crate::transport::twin::{Raw, Sample};
 
-/// What other buffers are read through.
+/// The buffer through which the others are read.
 const BACK: Buffer = Buffer::named("back");
 
-/// The job with a buffer through which every other can be read.
+/// The job, with one more buffer through which the others are read.
 pub fn readable<'g>(gpu: &'g Gpu, model: Model, mut plan: Plan) -> Result<OnDevice<'g>> {
     let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
     plan.buffers.push(BufferPlan::new(BACK, largest, Place::Readback));
@@ -42,7 +42,7 @@ pub fn read_floats(job: &mut OnDevice<'_>, from: Buffer, count: usize) -> Result
     Ok(read::<f32>(job, from, count)?.into_iter().map(f64::from).collect())
 }
 
-/// What gradients gather from, `[pair * bins + bin]`.
+/// The residual that gradients gather from, `[pair * bins + bin]`.
 pub fn read_residual(job: &mut OnDevice<'_>) -> Result<Vec<f64>> {
     let (from, cells) = (job.plan.residual(), job.model.cells());
     let all = read_floats(job, from, cells)?;

@@ -1,4 +1,4 @@
-//! An iteration of the paper's solver against the float64 twins.
+//! Compares an iteration of the paper's solver with the float64 twins.
 
 use super::buffers::{read_raw, read_residual, read_samples, readable, write_raw, zeroed};
 use super::{Held, LATERAL, error, is_clear, random};
@@ -39,7 +39,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     s.extend(paper::iteration(&job.plan, job.plan.finest(), 0, 1));
     job.executor.run(&s)?;
 
-    // Every pass is held against its twin on what the pass before it left on the device.
+    // Every pass is compared with its twin on the values that the pass before it left on the device.
     let mut all = vec![];
     let mut note = |pass, error| all.push(Held { pass, error });
     let got = read_samples(&mut job, active.len())?;
@@ -57,15 +57,15 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     let (mut want, rest) = (raw, vec![[0.0; 4]; grid.storage()]);
     let (mut first, mut second) = (rest.clone(), rest);
     twin::update(&twin, 0, 1, &active, &touched, &gradient, &mut want, &mut first, &mut second);
-    // Adam's first step is the sign of a sum that may vanish: its moments tell whether the sum is right.
+    // Adam's first step is the sign of a sum, which may be near zero. So the sum's first moment is compared instead.
     let got = read_raw(&mut job, buffer::MOMENT_FIRST, touched.len())?;
     let want: Vec<Raw> = touched.iter().map(|i| first[*i as usize]).collect();
     note("update", error(&got.concat(), &want.concat()));
     Ok(all)
 }
 
-/// A fifth of the voxels that may be active, less those of which some path runs so near to the edge of a bin that
-/// fp32 and float64 may choose different ones.
+/// A random fifth of the voxels that may be active. A voxel is left out if one of its paths lies so near to the edge of
+/// a bin that fp32 and float64 may choose different bins.
 fn domain(twin: &Twin, raw: &[Raw]) -> Vec<bool> {
     let (model, grid) = (twin.model, twin.grid);
     let near = model.near_z(grid);

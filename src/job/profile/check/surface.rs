@@ -1,4 +1,4 @@
-//! An iteration of the surface against the float64 twins.
+//! Compares an iteration of the surface with the float64 twins.
 
 use super::buffers::{read_raw, read_residual, read_samples, zeroed};
 use super::{Held, LATERAL, error, is_clear, random, vector};
@@ -22,7 +22,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     let grid = job.plan.finest().grid;
     let (model, level, points) = (job.model.clone(), *job.plan.finest(), surface::points_of(&job.plan));
     let twin = Twin { model: &model, grid: &grid };
-    // Three by four pixels of a slanted surface, as deep as it takes for no path to lie where a bin ends.
+    // Three by four pixels of a slanted surface, at a depth where no path lies near a bin's centre.
     let columns: Vec<u32> = (0..12u32).map(|i| (4 + i / 4) * LATERAL as u32 + 4 + i % 4).collect();
     let heights = |try_: u32| -> Vec<Height> {
         let height = |i: u32| Height {

@@ -1,4 +1,4 @@
-//! An iteration of the vector solver against the float64 twins.
+//! Compares an iteration of the vector solver with the float64 twins.
 
 use glam::{DVec3, dvec3};
 
@@ -12,7 +12,7 @@ use crate::transport::Grid;
 use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE, buffer};
 use crate::transport::twin::{self, Raw, Sample, Twin};
 
-/// The vector solver's job of that capture, on one grid.
+/// The vector solver's job for a capture, on one grid.
 pub fn job<'g>(gpu: &'g Gpu, capture: &Capture, options: &VectorOptions) -> Result<OnDevice<'g>> {
     let grid = Grid::new(default_volume(capture, options.domain.min_depth)?, LATERAL, capture.bin_width)?;
     let model = vector::model(capture, &grid, options);
@@ -35,7 +35,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
     let level = *job.plan.finest();
     let mut s = vector::start(&job.plan, &level, &options);
-    // After the first iteration there is something to render; momentum it must be given.
+    // After the first iteration there is something to render. It leaves no momentum, so momentum is set here.
     s.extend(vector::iteration(&job.plan, &level, 0));
     s.set(buffer::MOMENTUM, MOMENTUM_BETA, 0.5f32.to_bits());
     job.executor.run(&s)?;
@@ -44,7 +44,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     let vectors = |raw: Vec<Raw>| -> Vec<DVec3> { raw.iter().map(|r| dvec3(r[0], r[1], r[2])).collect() };
     let count = read::<u32>(&mut job, buffer::COUNTS, 1)?[0] as usize;
     let active = read::<u32>(&mut job, buffer::ACTIVE_VOXELS, count)?;
-    // What lies by slot, by storage index for the twins.
+    // Moves values from slots to storage indices, which the twins use.
     let spread = |slots: Vec<Raw>| -> Vec<DVec3> {
         let mut all = vec![DVec3::ZERO; storage];
         active.iter().zip(vectors(slots)).for_each(|(i, v)| all[*i as usize] = v);
