@@ -62,7 +62,10 @@ const FARTHEST: usize = 32_767;
 /// The reach is out of range, or the capture is not confocal.
 fn check_asked(capture: &Capture, reach: usize) -> Result<()> {
     if reach == 0 {
-        return Err(Error::options("a reach of 0 leaves no shift to try", "give a reach in bins, usually 40"));
+        return Err(Error::options(
+            "a reach of 0 leaves no shift to try",
+            "give a reach in bins, usually 40",
+        ));
     }
     if reach > FARTHEST {
         return Err(Error::options(
