@@ -119,7 +119,7 @@ fn error_of(found: &Fit, beside: [f64; 2], peaks: usize, width: f64) -> Result<f
     // The squared residual is a parabola over the shift. The standard error is where it has grown by residual² / peaks.
     let beside = 0.5 * (beside[0].powi(2) + beside[1].powi(2));
     let growth = (beside - found.residual.powi(2)) / (2.0 * width).powi(2);
-    let error = found.residual / (growth.max(0.0) * peaks as f64).sqrt();
+    let error = if growth > 0.0 { found.residual / (growth * peaks as f64).sqrt() } else { f64::INFINITY };
     if error.is_nan() || error > MOST_UNSURE * width {
         return Err(Error::input(
             format!(

@@ -214,6 +214,9 @@ fn unreadable_files_give_errors() {
     let (folder, path) = place("file");
     assert_error(read(&path), Kind::Input, &["file", "no such file"]);
     assert_error(read(folder.path()), Kind::Input, &["folder"]);
+    // A damaged file is named where nothing else holds a capture.
+    std::fs::write(folder.path().join("half.mat"), b"not a MATLAB file").unwrap();
+    assert_error(read(folder.path()), Kind::Input, &["half.mat"]);
     let contents = |bytes: &[u8], words: &[&str]| {
         std::fs::write(&path, bytes).unwrap();
         assert_error(read(&path), Kind::Input, words);

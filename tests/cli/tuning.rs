@@ -31,7 +31,7 @@ fn sizes_are_obeyed_found_and_kept() {
     let (cache, capture) = (folder.path().join("cache"), path("z.npz"));
     let scan = ["--scan", "8", "--bin-width", "0.02", "--noise", "0.2"];
     run(&cache, &[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
-    let short = ["--lateral", "16", "--iterations", "6", "--quiet"];
+    let short = ["--lateral", "16", "--iterations", "6", "--surface-iterations", "12", "--quiet"];
     let solve = |out: &str, more: &[&str]| {
         let out = path(out);
         run(&cache, &[&["reconstruct", &capture, "--out", &out], &short[..], more].concat());

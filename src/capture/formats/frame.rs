@@ -100,30 +100,13 @@ pub fn in_order(capture: Capture) -> Capture {
     if order.iter().enumerate().all(|(to, from)| to == *from) {
         return capture;
     }
-    let pick = |values: &[DVec3]| order.iter().map(|&p| values[p]).collect::<Vec<_>>();
-    let bins = capture.bins;
-    Capture {
-        scan: [nx, ny],
-        laser: pick(&capture.laser),
-        sensor: pick(&capture.sensor),
-        laser_normal: capture.laser_normal.as_deref().map(pick),
-        sensor_normal: capture.sensor_normal.as_deref().map(pick),
-        histograms: order
-            .iter()
-            .flat_map(|&p| &capture.histograms[p * bins..(p + 1) * bins])
-            .copied()
-            .collect(),
-        ..capture
-    }
+    capture.keep(&order, [nx, ny])
 }
 
 /// Rotates and shifts the capture so that its wall lies near z = 0 and faces +z. `towards` is a point of the hidden
 /// scene, if the file holds one. A wall that already does so stays the same bit for bit. So does a wall without normals
 /// whose points lie on a line.
-///
-/// # Errors
-/// None at present.
-pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<String>) -> Result<Capture> {
+pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<String>) -> Capture {
     let all = || capture.laser.iter().chain(&capture.sensor).filter(|p| p.is_finite());
     let count = all().count().max(1) as f64;
     let centre = all().sum::<DVec3>() / count;
@@ -132,7 +115,7 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
         Some(normal) => normal,
         None => match thinnest(all().map(|p| *p - centre)) {
             Some(normal) => normal,
-            None => return Ok(capture),
+            None => return capture,
         },
     };
     let side = towards.map_or(0.0, |p| (p - centre).dot(facing));
@@ -146,7 +129,7 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
         }
     }
     if facing.distance(DVec3::Z) < STRAIGHT && centre.z.abs() < STRAIGHT {
-        return Ok(capture);
+        return capture;
     }
     // y stays up as far as possible. For a wall that is a floor or a ceiling, z becomes up.
     let up = if facing.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
@@ -163,7 +146,7 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
         "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is rotated to face +z and moved to z = 0",
         facing.x, facing.y, facing.z
     ));
-    Ok(capture)
+    capture
 }
 
 /// The coordinate axis along which the points spread least; `None` if they spread along fewer than two axes, or if no

@@ -57,7 +57,7 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let capture =
         Capture { integer_counts, ..Capture::new([ni, nj], laser, points, bins, bin_width, histograms) };
     let towards = file.point("hiddenVolumePosition")?;
-    Ok(frame::in_order(frame::facing_z(capture, towards, notes)?))
+    Ok(frame::in_order(frame::facing_z(capture, towards, notes)))
 }
 
 /// Points `[i * J + j]`, stored in a list of that order or as MATLAB's (3, I, J) or (I, J, 3).

@@ -105,7 +105,7 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         .map(|(l, s)| laser_at.distance(*l) + camera_at.distance(*s))
         .collect();
     notes.push("the legs from the laser to the wall and from the wall to the camera are removed".into());
-    frame::facing_z(legs::remove(&capture, &outer)?, None, notes)
+    Ok(frame::facing_z(legs::remove(&capture, &outer)?, None, notes))
 }
 
 /// Reads the 2020 layout without checking its values; see [`super::read`].

@@ -23,7 +23,8 @@ impl Set {
     /// The file at `path`, or the files of the folder at `path` that hold arrays of a known name.
     ///
     /// # Errors
-    /// `Kind::Input` if it cannot be read, or if no file of the folder holds such an array.
+    /// `Kind::Input` if it cannot be read, or if no file of the folder holds such an array. Where none does, the first
+    /// damaged file is reported.
     pub fn open(path: &Path) -> Result<Set> {
         let mut set = Set { path: path.to_path_buf(), folder: path.is_dir(), files: vec![] };
         if !set.folder {
@@ -34,13 +35,23 @@ impl Set {
             .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path"))?;
         let mut files: Vec<PathBuf> = listed.flatten().map(|entry| entry.path()).collect();
         files.sort();
+        let mut damaged = None;
         let of_use = |p: &PathBuf| p.is_file() && ends_in(p, &["mat", "hdf5", "h5"]);
         for file in files.into_iter().filter(of_use).take(MOST_FILES) {
-            // A damaged file is skipped: others may hold the capture.
-            let Ok(variables) = Variables::open(&file) else { continue };
+            // Others may hold the capture: a damaged file counts only where none does.
+            let variables = match Variables::open(&file) {
+                Ok(variables) => variables,
+                Err(e) => {
+                    damaged.get_or_insert(e.at(file.display()));
+                    continue;
+                }
+            };
             if variables.names().iter().any(|n| KNOWN.contains(&n.as_str())) {
                 set.files.push((file, variables));
             }
+        }
+        if let (true, Some(error)) = (set.files.is_empty(), damaged) {
+            return Err(error);
         }
         if set.files.is_empty() {
             return Err(Error::input(

@@ -86,7 +86,7 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         .collect();
     notes.push("the legs from the laser to the wall and from the wall to the camera are removed".into());
     let capture = legs::remove(&capture, &outer)?;
-    let capture = frame::facing_z(capture, file.point("hiddenVolumePosition")?, notes)?;
+    let capture = frame::facing_z(capture, file.point("hiddenVolumePosition")?, notes);
     // The pairs of an exhaustive capture are ordered laser point by laser point.
     let lattice = confocal || scan[0] != laser_places.points.len() || s == 1;
     Ok(if lattice { frame::in_order(capture) } else { capture })
