@@ -63,6 +63,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("sample", "sample.comp", &[]),
     ("settle", "settle.comp", &[]),
     ("step", "step.comp", &[]),
+    ("sum_bins", "sum_bins.comp", &[]),
     ("surface_bonds", "surface_bonds.comp", &[]),
     ("surface_combine", "surface_combine.comp", &[]),
     ("surface_extract", "surface_extract.comp", &[]),

@@ -5,6 +5,7 @@
 //! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
 
 mod advice;
+mod bins;
 pub mod compare;
 pub mod demo;
 mod evaluate;
@@ -36,6 +37,7 @@ use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
 
 pub use crate::solve::{SolverOptions, check_solver, reflectance};
 pub use advice::suggestions;
+pub use bins::Bins;
 pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
@@ -234,9 +236,10 @@ pub fn run(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
     let truth = request.check()?;
-    let grid = request.grid(&loaded.capture)?;
+    // What does not fit is told before a device is asked for.
+    request.grid(&loaded.capture)?;
     let gpu = request.open()?;
-    let mut done = reconstruct::solve(request, loaded, &gpu, grid, truth.as_ref(), hear)?;
+    let mut done = reconstruct::solve(request, loaded, &gpu, truth.as_ref(), hear)?;
 
     let start = Instant::now();
     // An older result stays whole until the new one is complete.
@@ -252,7 +255,7 @@ pub fn run(
     }
     let mut notes: Vec<String> = done.pulse.iter().map(find_pulse::FoundPulse::note).collect();
     notes.extend(notes_on(request, &done.result));
-    let mut report = report::report_of(request, loaded, &grid, &gpu, &done);
+    let mut report = report::report_of(request, loaded, &gpu, &done);
     report.totals.export_s = start.elapsed().as_secs_f64();
     let path = staging.path().join("report.json");
     export::report::write(&path, &report)?;

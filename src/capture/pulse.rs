@@ -189,6 +189,18 @@ impl Pulse {
 }
 
 impl PulseTaps {
+    /// Standard deviation, bins.
+    pub fn deviation(&self) -> f64 {
+        let moment = |power| -> f64 {
+            self.weights
+                .iter()
+                .enumerate()
+                .map(|(i, w)| w * (i as f64 - self.before as f64).powi(power))
+                .sum()
+        };
+        (moment(2) - moment(1).powi(2)).max(0.0).sqrt()
+    }
+
     /// Taps that change nothing: a single one of weight 1.
     pub fn identity() -> PulseTaps {
         PulseTaps { before: 0, weights: vec![1.0] }

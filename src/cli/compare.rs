@@ -64,10 +64,12 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
+    let bins = args.grid.bins()?;
     let method = |spec: &methods::Spec| {
         let (preset, _, solver) = spec.solver.resolve(Some(&args.solver), &loaded.capture);
         let request = Request {
             preset: Some(preset),
+            bins,
             depth_pitch: spec.depth_pitch.or(args.grid.depth_pitch),
             volume,
             memory,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use thirdbounce::capture::{Bounce, Gate, Given, Pulse, Turn};
-use thirdbounce::job::{self, GivenPulse, Loaded, Request, SolverOptions};
+use thirdbounce::job::{self, Bins, GivenPulse, Loaded, Request, SolverOptions};
 use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
@@ -138,7 +138,12 @@ pub fn pulse(text: &str) -> Result<Pulse> {
 /// The grid, apart from its lateral resolution.
 #[derive(Args)]
 pub struct VolumeArgs {
-    /// Voxel size along z in metres [default: the bin width]
+    /// Bins of the capture that are one for the solver: auto sums what neither the maps' pixels nor the pulse tell
+    /// apart, native none, N every N neighbours [default: auto; the paper's solver native]
+    #[arg(long, value_name = "auto|native|N", help_heading = "Volume")]
+    pub bins: Option<String>,
+    /// Voxel size along z in metres. The volume sums bins that are narrower [default: the bin width; of the vector
+    /// solver at least half of a voxel's width]
     #[arg(long, value_name = "M", help_heading = "Volume")]
     pub depth_pitch: Option<f64>,
     /// Reconstruct this box, in metres, for example -0.5:0.5,-0.5:0.5,0.3:1.2 [default: the wall's extent, and the
@@ -154,6 +159,11 @@ pub struct VolumeArgs {
 }
 
 impl VolumeArgs {
+    /// How many bins are one for the solver.
+    pub fn bins(&self) -> Result<Bins> {
+        self.bins.as_deref().map_or(Ok(Bins::Auto), str::parse)
+    }
+
     /// The box to reconstruct and the file to write the volume to.
     pub fn volume(&self) -> Result<(Option<Volume>, Option<PathBuf>)> {
         let (mut volume, mut file) = (None, None);
@@ -241,6 +251,7 @@ pub fn load(
     loaded.notes.extend(notes);
     let request = Request {
         preset: Some(preset),
+        bins: grid.bins()?,
         depth_pitch: grid.depth_pitch,
         volume,
         volume_file,

@@ -1,5 +1,6 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
+use super::bins::Ready;
 use super::{Loaded, Request, find_pulse, load};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::Gate;
@@ -58,9 +59,9 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
 
 fn fits_on(request: &Request, loaded: &Loaded, gpu: &Gpu) -> bool {
     let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
-    let Ok(grid) = request.grid(&loaded.capture) else { return false };
     let with_volume = request.volume_file.is_some();
-    let Ok(capture) = find_pulse::to_plan(request, &loaded.capture) else { return false };
+    let planned = find_pulse::to_plan(request, &loaded.capture).and_then(|capture| request.ready(capture));
+    let Ok(Ready { capture, grid, .. }) = planned else { return false };
     let plan = request.solver.plan(&capture, grid, &gpu.abilities(), with_volume);
     plan.is_ok_and(|plan| check(&plan.buffers, gpu.limits.storage_range, budget, true).is_ok())
 }

@@ -14,7 +14,6 @@ use crate::gpu::Gpu;
 use crate::maps::Truth;
 use crate::measure::{Metrics, Reach, median, reach};
 use crate::solve::Progress;
-use crate::transport::Grid;
 use crate::{Error, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
@@ -76,11 +75,10 @@ pub fn compare(
     hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
 ) -> Result<Compared> {
     let (methods, truth) = what.check()?;
-    let grids: Vec<Grid> = methods.iter().map(|m| m.request.grid(&loaded.capture)).collect::<Result<_>>()?;
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
-    for (method, grid) in methods.iter().zip(&grids) {
-        reconstruct::warm_up(&method.request, loaded, &gpu, *grid)
+    for method in &methods {
+        reconstruct::warm_up(&method.request, loaded, &gpu)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
     }
     let mut runs: Vec<Option<Runs>> = methods.iter().map(|_| None).collect();
@@ -89,7 +87,7 @@ pub fn compare(
         let method = &methods[at];
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
-        let done = reconstruct::solve(&method.request, loaded, &gpu, grids[at], Some(&truth), &mut hear)
+        let done = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), &mut hear)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
         match &mut runs[at] {
             Some(runs) => runs.add(&done),
@@ -97,17 +95,17 @@ pub fn compare(
         }
     }
     let runs: Vec<Runs> = runs.into_iter().flatten().collect();
-    let report = what.report(&methods, loaded, &gpu, &grids, &runs);
+    let report = what.report(&methods, loaded, &gpu, &runs);
 
     let json = what.out.join("compare.json");
     // An older one does not describe the files that are written from here on.
     staging::remove(&json)?;
     let mut files = Vec::new();
-    for ((method, run), grid) in methods.iter().zip(&runs).zip(&grids) {
+    for (method, run) in methods.iter().zip(&runs) {
         let folder = &method.request.out;
         staging::remove(&folder.join("report.json"))?;
         export::write_maps(folder, &run.first.result.maps)?;
-        let report = report::report_of(&method.request, loaded, grid, &gpu, &run.first);
+        let report = report::report_of(&method.request, loaded, &gpu, &run.first);
         export::report::write(&folder.join("report.json"), &report)?;
         files.push(folder.clone());
     }
@@ -196,18 +194,17 @@ impl Comparison {
         methods: &[Method],
         loaded: &Loaded,
         gpu: &Gpu,
-        grids: &[Grid],
         runs: &[Runs],
     ) -> comparison::Comparison {
         let goal = runs[0].first.metrics.clone().unwrap_or_default();
-        let whole = report::report_of(&methods[0].request, loaded, &grids[0], gpu, &runs[0].first);
-        let report = |((method, run), grid): ((&Method, &Runs), &Grid)| {
+        let whole = report::report_of(&methods[0].request, loaded, gpu, &runs[0].first);
+        let report = |(method, run): (&Method, &Runs)| {
             let last = run.first.result.trace.last();
             let trace = run.trace();
             MethodReport {
                 name: method.name.clone(),
                 method: method.spec.clone(),
-                settings: report::settings(&method.request, loaded, grid, &run.first),
+                settings: report::settings(&method.request, loaded, &run.first),
                 trace_every: method.request.trace_step(),
                 iterations: last.map_or(0, |p| p.iteration),
                 seconds: median(&run.totals).unwrap_or(0.0),
@@ -227,7 +224,7 @@ impl Comparison {
             truth: methods[0].request.truth.clone(),
             mask_fraction: methods[0].request.mask_fraction,
             repeats: self.repeats,
-            methods: methods.iter().zip(runs).zip(grids).map(report).collect(),
+            methods: methods.iter().zip(runs).map(report).collect(),
         }
     }
 }

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::bins::Ready;
 use super::{Request, SolverOptions};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Pulse};
 use crate::gpu::Gpu;
@@ -128,9 +129,11 @@ fn find(
     let _span = gpu.span("pulse");
     let start = Instant::now();
     let mut trials = vec![];
-    let best = trial_of(request, capture, gpu, hear).and_then(|mut misfit| {
+    let mut bin_width = capture.bin_width;
+    let best = trial_of(request, capture, gpu, hear).and_then(|(mut misfit, wide)| {
+        bin_width = wide;
         best_width(&mut |bins| {
-            let width = bins * capture.bin_width;
+            let width = bins * bin_width;
             let left = misfit(width)?;
             trials.extend(left.map(|left| [width, left]));
             Ok(left)
@@ -141,7 +144,7 @@ fn find(
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
         Err(e) => (0.0, Some(e.what)),
     };
-    let fwhm = three_digits(bins * capture.bin_width);
+    let fwhm = three_digits(bins * bin_width);
     Ok(FoundPulse { fwhm, trials, seconds: start.elapsed().as_secs_f64(), failed })
 }
 
@@ -152,13 +155,14 @@ fn three_digits(value: f64) -> f64 {
 
 type Misfit<'a> = Box<dyn FnMut(f64) -> Result<Option<f64>> + 'a>;
 
-/// Prepares trials. The result maps a width in metres to the final objective, or to `None` if no surface is found.
+/// Prepares trials. The first part of the result maps a width in metres to the final objective, or to `None` if no
+/// surface is found. The second is the width of the trials' bins, metres: as narrow as their pixels can tell.
 fn trial_of<'a>(
     request: &Request,
     capture: &Capture,
     gpu: &'a Gpu,
     hear: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Misfit<'a>> {
+) -> Result<(Misfit<'a>, f64)> {
     let options = match &request.solver {
         SolverOptions::Vector(o) => o.clone(),
         other => {
@@ -182,17 +186,25 @@ fn trial_of<'a>(
         o.domain.room = None;
     });
     let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
-    let trial = Request { volume: Some(volume), memory: request.memory, ..Request::new(options, "") };
-    let mut thin = capture.subset(PAIRS.min(capture.pair_count()), 0)?;
-    let grid = trial.grid(&thin)?;
-    Ok(Box::new(move |width| {
+    let trial = Request {
+        volume: Some(volume),
+        memory: request.memory,
+        bins: request.bins,
+        ..Request::new(options, "")
+    };
+    let thin = capture.subset(PAIRS.min(capture.pair_count()), 0)?;
+    let Ready { capture: thin, grid, .. } = trial.ready(Cow::Owned(thin))?;
+    let mut thin = thin.into_owned();
+    let bin_width = thin.bin_width;
+    let misfit: Misfit<'a> = Box::new(move |width| {
         thin.pulse = of_width(width)?;
         let mut told = |p: &Progress| hear(&Progress { trial: true, ..p.clone() });
         let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
         let done = trial.solver.solve(gpu, &thin, grid, trial.memory, false, &mut watch)?;
         let last = done.trace.last().filter(|p| p.iteration > done.volume_iterations);
         Ok(last.map(|p| p.loss))
-    }))
+    });
+    Ok((misfit, bin_width))
 }
 
 /// The width in bins with the least `misfit`. Doubles the width while that helps, then fits a parabola. 0 if no width

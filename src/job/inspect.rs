@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::bins::Ready;
 use super::report::box_of;
 use super::{Loaded, Request, SolverOptions, advice, find_pulse};
 use crate::advice::{Advice, advice};
@@ -69,7 +70,7 @@ pub struct Planned {
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.solver.check()?;
     let capture = &loaded.capture;
-    let grid = request.grid(capture)?;
+    let Ready { capture: planned, grid, sum } = request.ready(find_pulse::to_plan(request, capture)?)?;
     let mut problems = Vec::new();
     let device = match request.open() {
         Ok(gpu) => Some(gpu),
@@ -80,8 +81,13 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
-    let planned = find_pulse::to_plan(request, capture)?;
     let mut notes = loaded.notes.clone();
+    if sum > 1 {
+        let width = 1e3 * planned.bin_width;
+        notes.push(format!(
+            "{sum} bins are one of {width:.3} mm: pixels and pulse tell no narrower ones apart"
+        ));
+    }
     if find_pulse::is_unfound(request, capture) {
         notes.push(
             "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
@@ -134,8 +140,8 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
-    let grid = request.grid(&loaded.capture)?;
     let planned = find_pulse::to_plan(request, &loaded.capture)?;
+    let Ready { capture: planned, grid, .. } = request.ready(planned)?;
     let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
     Ok(request.solver.solver().outline(&plan))
 }

@@ -117,7 +117,7 @@ pub fn profile(
         places::check_file(file)?;
     }
     what.out.as_deref().map(places::check_results).transpose()?;
-    let grid = request.grid(&loaded.capture)?;
+    request.grid(&loaded.capture)?;
     let gpu = request.open()?;
     check_clock(&gpu)?;
     say(&format!("measuring the limits of {}", gpu.info.name));
@@ -130,15 +130,13 @@ pub fn profile(
     };
     let loaded = with_pulse.as_ref().unwrap_or(loaded);
     let request = Request { find_pulse: false, ..request };
-    reconstruct::warm_up(&request, loaded, &gpu, grid)?;
+    reconstruct::warm_up(&request, loaded, &gpu)?;
     gpu.take_recording();
 
     say("solving, with a time stamp after every command");
     let began = gpu.now();
-    let done = reconstruct::Finished {
-        pulse: found,
-        ..reconstruct::solve(&request, loaded, &gpu, grid, None, hear)?
-    };
+    let done =
+        reconstruct::Finished { pulse: found, ..reconstruct::solve(&request, loaded, &gpu, None, hear)? };
     let result = &done.result;
     let start = Instant::now();
     if let Some(out) = &what.out {
@@ -154,7 +152,7 @@ pub fn profile(
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),
-        settings: settings(&request, loaded, &grid, &done),
+        settings: settings(&request, loaded, &done),
         limits,
         iterations: kernels::iterations(&recording),
         gaps: kernels::gaps(&recording),

@@ -1,9 +1,11 @@
 //! A solve with figures, snapshots and checkpoints on the way.
 
+use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
+use super::bins::Ready;
 use super::find_pulse::{self, FoundPulse};
 use super::sizes;
 use super::state_file::{self, Kept};
@@ -28,6 +30,10 @@ pub struct Finished {
     pub snapshots: Vec<(usize, Maps)>,
     /// The pulse that was found before the solve, if that was asked for. Its time counts as solve time.
     pub pulse: Option<FoundPulse>,
+    /// The grid that was solved.
+    pub grid: Grid,
+    /// How many of the capture's bins were one.
+    pub sum: usize,
 }
 
 /// Solves as `request` says. `hear` is called with the progress and may cancel.
@@ -38,7 +44,6 @@ pub fn solve(
     request: &Request,
     loaded: &Loaded,
     gpu: &Gpu,
-    grid: Grid,
     truth: Option<&Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Finished> {
@@ -56,6 +61,7 @@ pub fn solve(
         kept.state
     });
     let (capture, found) = find_pulse::settle(request, &loaded.capture, gpu, known, hear)?;
+    let Ready { capture, grid, sum } = request.ready(capture)?;
     let capture = &*capture;
     let kept_at = Cell::new(None);
     let mut save = |state: Checkpoint| {
@@ -110,7 +116,7 @@ pub fn solve(
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
-    Ok(Finished { result, metrics, along, snapshots, pulse: found })
+    Ok(Finished { result, metrics, along, snapshots, pulse: found, grid, sum })
 }
 
 /// Adds to the error of a cancelled solve how to resume it.
@@ -125,11 +131,12 @@ fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Err
 
 /// Begins a solve and cancels it. Drivers that compile at the first dispatch do so here, before any time is measured. A
 /// job that does not fit fails here, before hours of work.
-pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu, grid: Grid) -> Result<()> {
+pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Result<()> {
+    let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    let solver = sizes::with_kept(request, gpu, &loaded.capture);
-    match solver.solve(gpu, &loaded.capture, grid, request.memory, false, &mut watch) {
+    let solver = sizes::with_kept(request, gpu, &capture);
+    match solver.solve(gpu, &capture, grid, request.memory, false, &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }

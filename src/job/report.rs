@@ -12,13 +12,7 @@ use crate::solve::surface;
 use crate::transport::Grid;
 
 /// The report, without the time of the export.
-pub fn report_of(
-    request: &Request,
-    loaded: &Loaded,
-    grid: &Grid,
-    gpu: &Gpu,
-    done: &Finished,
-) -> report::Report {
+pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished) -> report::Report {
     let result = &done.result;
     report::Report {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -27,7 +21,7 @@ pub fn report_of(
             driver: gpu.info.driver.clone(),
             kind: plain(&gpu.info.kind),
         },
-        settings: settings(request, loaded, grid, done),
+        settings: settings(request, loaded, done),
         capture: loaded.summary(),
         plan: report::Plan {
             variants: result.plan.variants(),
@@ -49,8 +43,8 @@ pub fn report_of(
 }
 
 /// All settings as they were resolved. They suffice to repeat the run.
-pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Finished) -> Value {
-    let result = &done.result;
+pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
+    let (result, grid) = (&done.result, &done.grid);
     let mut all = json!({
         "solver": request.solver.name(),
         "model": result.plan.reflectance,
@@ -67,6 +61,9 @@ pub fn settings(request: &Request, loaded: &Loaded, grid: &Grid, done: &Finished
         },
         "pulse_found": done.pulse,
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
+        "bins": request.bins,
+        "bins_summed": done.sum,
+        "bins_summed_for_volume": done.sum * result.plan.sum,
         "grid": grid.n,
         "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
         "volume_reached": [result.lateral, result.lateral, grid.n[2]],

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{SolverOptions, places};
+use super::{Bins, SolverOptions, places};
 use crate::capture::Capture;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
@@ -18,7 +18,9 @@ pub struct Request {
     pub preset: Option<Preset>,
     /// The solver with its options.
     pub solver: SolverOptions,
-    /// Voxel size along z in metres; `None` takes the bin width.
+    /// How many of the capture's bins are one for the solver.
+    pub bins: Bins,
+    /// Voxel size along z in metres; `None` takes the bin width, or half of the voxel's width if that is more.
     pub depth_pitch: Option<f64>,
     /// The box to reconstruct; `None` takes the wall's extent and the depths that the gate allows.
     pub volume: Option<Volume>,
@@ -66,6 +68,7 @@ impl Request {
         Request {
             preset: None,
             solver: solver.into(),
+            bins: Bins::Auto,
             depth_pitch: None,
             volume: None,
             memory: None,
@@ -87,16 +90,24 @@ impl Request {
         }
     }
 
-    /// The grid for a capture.
+    /// The box to reconstruct.
+    pub(super) fn volume_of(&self, capture: &Capture) -> Result<Volume> {
+        match self.volume {
+            Some(volume) => Ok(volume),
+            None => default_volume(capture, self.solver.common().min_depth),
+        }
+    }
+
+    /// The grid for a capture whose bins are those of the solver.
     ///
     /// # Errors
     /// A box without voxels, a box nearer than the least depth, or more voxels than can be counted.
     pub fn grid(&self, capture: &Capture) -> Result<Grid> {
-        let volume = match self.volume {
-            Some(volume) => volume,
-            None => default_volume(capture, self.solver.common().min_depth)?,
+        let volume = self.volume_of(capture)?;
+        let pitch = match self.depth_pitch {
+            Some(pitch) => pitch,
+            None => self.usual_depth_pitch(capture)?,
         };
-        let pitch = self.depth_pitch.unwrap_or(capture.bin_width);
         let grid = Grid::new(volume, self.solver.common().lateral, pitch)?;
         if volume.max.z <= self.solver.common().min_depth {
             return Err(Error::options(

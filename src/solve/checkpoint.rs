@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TracePoint;
 use super::on_device::OnDevice;
-use super::plan::{COLUMNS_HOST, UPLOAD};
+use super::plan::{COLUMNS_HOST, SUMMED, UPLOAD};
 use crate::advice::{Part, advice};
 use crate::gpu::{Buffer, BufferPlan, Place};
 use crate::transport::kernels::buffer::{MEASURED, TRACE, WALL};
@@ -75,7 +75,7 @@ pub(super) struct Keeper<'k> {
 }
 
 /// Uploaded before every solve and never written on the device.
-const CONSTANT: [Buffer; 2] = [MEASURED, WALL];
+const CONSTANT: [Buffer; 3] = [MEASURED, SUMMED, WALL];
 /// The buffers that others are read and written through; nothing lives in them between iterations.
 const DOWN: Buffer = COLUMNS_HOST;
 const UP: Buffer = UPLOAD;
@@ -162,7 +162,7 @@ impl Identity {
 }
 
 fn hash_of_scene(job: &OnDevice<'_>, level: &super::Level) -> u64 {
-    fnv(0, bytemuck::bytes_of(&job.model.scene_of(&level.grid, level.pairs)))
+    fnv(0, bytemuck::bytes_of(&job.of_volume().scene_of(&level.grid, level.pairs)))
 }
 
 /// FNV-1a.

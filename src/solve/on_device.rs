@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Plan;
+use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
@@ -16,6 +17,8 @@ pub struct OnDevice<'g> {
     pub plan: Plan,
     /// The capture as kernels see it.
     pub model: Model,
+    /// The same in the volume's own bins, if these are wider.
+    pub summed: Option<Model>,
     /// Runs schedules over the buffers.
     pub executor: Executor<'g>,
 }
@@ -31,7 +34,8 @@ impl<'g> OnDevice<'g> {
         for pass in &plan.passes {
             executor.add_kernel(*pass, (pass.code)(&plan), &pass.values(&plan))?;
         }
-        let mut made = OnDevice { plan, model, executor };
+        let summed = (plan.sum > 1).then(|| model.summed(plan.sum));
+        let mut made = OnDevice { plan, model, summed, executor };
         made.upload()?;
         Ok(made)
     }
@@ -41,7 +45,7 @@ impl<'g> OnDevice<'g> {
     /// # Errors
     /// The device fails.
     pub fn upload(&mut self) -> Result<()> {
-        let OnDevice { plan, model, executor } = self;
+        let OnDevice { plan, model, summed, executor } = self;
         upload(executor, buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
         upload(executor, buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
         let mut taps = vec![(plan.taps.len() - 1) as f32];
@@ -50,7 +54,11 @@ impl<'g> OnDevice<'g> {
         if let Some(pulse) = &model.pulse {
             upload(executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
+        if let Some(pulse) = summed.as_ref().and_then(|m| m.pulse.as_ref()) {
+            upload(executor, plan.finest().taps, bytemuck::cast_slice(&pulse.words()))?;
+        }
         for level in plan.levels.iter().chain(plan.pixels_only()) {
+            let model = summed.as_ref().filter(|m| m.bins == level.bins).unwrap_or(model);
             let scene = model.scene_of(&level.grid, level.pairs);
             let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
             let scene = SceneData { capacity, touched_capacity, ..scene };
@@ -63,7 +71,12 @@ impl<'g> OnDevice<'g> {
                 upload(executor, level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
             }
         }
-        Ok(())
+        executor.run(&sum_bins(plan))
+    }
+
+    /// The model in the bins of the volume's levels.
+    pub fn of_volume(&self) -> &Model {
+        self.summed.as_ref().unwrap_or(&self.model)
     }
 }
 

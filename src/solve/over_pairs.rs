@@ -1,7 +1,7 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
 use super::Pass;
-use super::passes::{PULSE, PULSE_BACK};
+use super::passes::{PULSE, PULSE_BACK, SUM_BINS};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};
 use crate::transport::Geometry;
@@ -31,13 +31,17 @@ pub(super) fn compare(
 ) -> Schedule {
     let mut s = Schedule::default();
     if plan.pulse > 0 {
-        let rendered = s.dispatch(&PULSE, runs(plan, level)).bind(buffer::SCENE, level.scene);
+        let rendered = s
+            .dispatch(&PULSE, runs(level))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::PULSE_TAPS, level.taps);
         if !plan.fixed_point() {
             rendered.bind(buffer::SOURCE, buffer::HISTOGRAMS);
         }
     }
     s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
         .bind(buffer::SCENE, level.scene)
+        .bind(buffer::MEASURED, level.measured)
         .with(push);
     s.extend(pulse_back(plan, level, &PULSE_BACK, through));
     s
@@ -48,10 +52,25 @@ pub(super) fn compare(
 pub(super) fn pulse_back(plan: &Plan, level: &Level, pass: &Pass, through: Option<u32>) -> Schedule {
     let mut s = Schedule::default();
     if plan.pulse > 0 || through.is_some() {
-        s.dispatch(pass, runs(plan, level))
+        s.dispatch(pass, runs(level))
             .bind(buffer::SCENE, level.scene)
+            .bind(buffer::PULSE_TAPS, level.taps)
             .bind(buffer::SOURCE, buffer::RESIDUAL)
             .with(Push { first: through.unwrap_or(0), ..Default::default() });
+    }
+    s
+}
+
+/// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
+pub fn sum_bins(plan: &Plan) -> Schedule {
+    let mut s = Schedule::default();
+    let level = plan.finest();
+    if plan.sum > 1 {
+        s.dispatch(&SUM_BINS, groups(plan.pairs * level.bins, WORKGROUP))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::SOURCE, buffer::MEASURED)
+            .bind(buffer::TARGET, level.measured)
+            .with(Push { first: plan.sum as u32, last: plan.bins as u32, ..Default::default() });
     }
     s
 }
@@ -78,8 +97,8 @@ pub(super) fn gather(
 }
 
 /// Workgroups of a pulse kernel.
-fn runs(plan: &Plan, level: &Level) -> [u32; 3] {
-    let of_row = (plan.bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
+fn runs(level: &Level) -> [u32; 3] {
+    let of_row = (level.bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
     groups((level.pairs + 1) * of_row, WORKGROUP)
 }
 

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
-use super::{Geometry, Grid, Reflectance, Wall};
-use crate::capture::{Capture, PulseTaps};
+use super::{Geometry, Grid, Reflectance, Wall, twin};
+use crate::capture::{Capture, Pulse, PulseTaps};
 
 /// Where the sample of a voxel lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -57,6 +57,8 @@ pub struct Model {
     pub elements: usize,
     /// How the instrument spreads a path over bins; `None` treats paths as sharp.
     pub pulse: Option<PulseTaps>,
+    /// The pulse that `pulse` are the taps of, for bins of other widths.
+    pub pulse_shape: Option<Pulse>,
     /// The measurement's peak after scaling.
     pub peak: f64,
     /// Counts per unit of `measured`.
@@ -136,6 +138,7 @@ impl Model {
                 Some(pulse) => pulse.taps(capture.bin_width).ok(),
                 None => general.then(PulseTaps::identity),
             },
+            pulse_shape: capture.pulse.clone(),
             peak,
             counts_per_unit: 1.0 / scale,
             reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),
@@ -155,6 +158,26 @@ impl Model {
             variance: [0.0; 2],
             noise_factor: 0.0,
             roughness: 0.0,
+        }
+    }
+
+    /// The same model with every `sum` neighbouring bins as one. Bins at the end that do not fill one are left out.
+    pub fn summed(&self, sum: usize) -> Model {
+        let bins = (self.bins / sum).max(1);
+        let bin_width = self.bin_width * sum as f64;
+        let pulse = match &self.pulse_shape {
+            // Wider bins need fewer taps.
+            Some(shape) => shape.taps(bin_width).ok(),
+            None => self.pulse.clone(),
+        };
+        Model {
+            bins,
+            bin_width,
+            measured: twin::sum_bins(&self.measured, self.bins, sum).into_iter().map(|v| v as f32).collect(),
+            elements: (self.elements / sum).max(1),
+            pulse,
+            variance: [self.variance[0], self.variance[1] * sum as f64],
+            ..self.clone()
         }
     }
 

@@ -51,6 +51,7 @@ static HELD: &[Held] = held! {
     vector::passes::POINTS, vector::passes::EXTRAPOLATE => of_vector::points_and_extrapolate;
     vector::passes::STEP, vector::passes::BOUND_STEP, vector::passes::BOUND_NOISE, vector::passes::BACKPROJECT
         => of_vector::step_bounds_and_backprojection_of_every_model_pair_and_wall;
+    SUM_BINS => of_vector::bins_are_summed_for_the_volume;
     vector::passes::VARIANCE, vector::passes::PULSE_NOISE, vector::passes::FILTER
         => of_vector::variance_filter_and_backproject;
     vector::passes::FORWARD_BOUND, RESIDUAL_BOUND

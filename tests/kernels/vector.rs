@@ -327,6 +327,26 @@ fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
 }
 
 #[test]
+pub fn bins_are_summed_for_the_volume() {
+    let gpu = gpu();
+    // Voxels are 3.76 bins deep. The last 2 of 203 bins fill no sum of 3.
+    let (model, grid) = (scene(4, 203, 19), grid());
+    let options = vector_options(&grid).with(|o| o.all_bins = false);
+    let mut job = job(&gpu, &model, &grid, &options);
+    let level = *job.plan.finest();
+    assert_eq!([job.plan.sum, job.plan.bins, level.bins], [3, 203, 67]);
+    let want = twin::sum_bins(&model.measured, model.bins, 3);
+    assert_eq!(want.len(), 16 * 67);
+    assert!(error(read_floats(&mut job, level.measured, want.len()), want) < 1e-6);
+    // Passes over the level's bins read the sums, in rows of the level's length.
+    let summed = model.summed(3);
+    run_start(&mut job, &["variance"]);
+    let got = summed.bins_of(&read_floats(&mut job, buffer::RESIDUAL, summed.cells()));
+    assert!(error(got, twin::variance(&Twin { model: &summed, grid: &grid })) < 3e-6);
+    assert_valid(&gpu);
+}
+
+#[test]
 pub fn variance_filter_and_backproject() {
     let gpu = gpu();
     let mut model = scene(4, 50, 19);

@@ -9,7 +9,7 @@ use fixtures::device::vectors::*;
 use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::surface::{self, Placed};
-use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper, vector};
+use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper, sum_bins, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Model, Reflectance};
 
@@ -94,10 +94,12 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 }
 
 fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
-    let model = Model { pulse: Some(tail()), ..scene(5, 48, 32) };
+    // Voxels are two bins deep.
+    let model = Model { pulse: Some(tail()), ..scene(5, 110, 32) };
     let grid = grid();
     let o = vector_options(&grid).with(|o| {
         o.accumulation = Accumulation::Fixed;
+        o.all_bins = false;
         o.domain.coarse_to_fine = true;
         o.domain.coarse_iterations = 2;
         o.domain.reduce_every = 1;
@@ -107,7 +109,10 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         o.domain.room = Some(0.4);
     });
     let mut job = job(gpu, &model, &grid, &o);
-    write(&mut job, buffer::HAT_TAPS, &vector::hat(2.0, model.bins));
+    let hat = vector::hat(2.0, job.plan.levels[0].bins);
+    write(&mut job, buffer::HAT_TAPS, &hat);
+    let sums = sum_bins(&job.plan);
+    runs.run(&mut job, sums);
     let mut level = 0;
     let start = vector::start(&job.plan, &job.plan.levels[0], &o);
     runs.run(&mut job, start);

@@ -1,6 +1,7 @@
 //! Whole solves: what they find, what they leave out, what stays the same.
 
 mod leave_out;
+mod narrow;
 mod outline;
 mod paper;
 mod paper_room;

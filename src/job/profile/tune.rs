@@ -1,10 +1,12 @@
 //! Finds the fastest sizes of workgroups, chunks and columns for a device and a kind of scene, and keeps them.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::super::bins::Ready;
 use super::super::sizes::{class_of, keep};
 use super::super::{Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
@@ -49,7 +51,7 @@ const WORTH: f64 = 0.95;
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
     let request = Request { timings: true, tuned: false, find_pulse: false, ..request.clone() };
     request.solver.check()?;
-    let grid = request.grid(&loaded.capture)?;
+    let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
     let gpu = request.open()?;
     super::check_clock(&gpu)?;
     let mut tried: Vec<Tried> = vec![];
@@ -57,7 +59,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     // None if the device does not take the sizes, or if they divide the work as earlier sizes did.
     let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
         let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
-        match request.solver.plan(&loaded.capture, grid, &gpu.abilities(), false) {
+        match request.solver.plan(&capture, grid, &gpu.abilities(), false) {
             Ok(plan) if seen.contains(&plan.tuning) => return Ok(None),
             Ok(plan) => seen.push(plan.tuning),
             Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
@@ -67,7 +69,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
         let mut best = Tried { sizes, forward_s: f64::INFINITY, backward_s: f64::INFINITY };
         for _ in 0..3 {
             let mut hear = |_: &_| ControlFlow::Continue(());
-            let done = reconstruct::solve(&request, loaded, &gpu, grid, None, &mut hear)?.result;
+            let done = reconstruct::solve(&request, loaded, &gpu, None, &mut hear)?.result;
             let of = |begins: &str| {
                 let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.report.starts_with(begins));
                 done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()

@@ -64,7 +64,8 @@ impl Plan {
         // Slots of active voxels, and of touched ones.
         let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
         let elements = (self.pairs * self.bins) as u64;
-        let cells = self.cells_at(self.finest()) as u64;
+        // The narrowest bins of any level make the longest histograms.
+        let cells = super::cells(self.pairs, self.bins) as u64;
         let sets = self.forward_sets(self.finest());
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let mut all = vec![
@@ -94,6 +95,12 @@ impl Plan {
         if self.tap_sets > 0 {
             all.push((buffer::SPREAD, cells * 4));
             all.push((buffer::PULSE_TAPS, (self.tap_sets * self.tap_room * 4) as u64));
+        }
+        if self.sum > 1 {
+            all.push((self.finest().measured, (self.pairs * self.finest().bins * 4) as u64));
+            if self.pulse > 0 {
+                all.push((self.finest().taps, (self.tap_room * 4) as u64));
+            }
         }
         if self.volumes == [SMOOTH, SMOOTH_SPARE] {
             all.extend([(SMOOTH, voxels * 4), (SMOOTH_SPARE, voxels * 4)]);

@@ -84,6 +84,17 @@ impl Plan {
                 mebibytes(place as u64),
             );
         }
+        if self.sum > 1 {
+            out.add(
+                format!(
+                    "bins finer than the volume's voxels: {} of them are one for the volume, {} of {}",
+                    self.sum,
+                    self.finest().bins,
+                    self.bins
+                ),
+                format!("voxels {} times as deep, and as much of its passes over bins", self.sum),
+            );
+        }
         let unreached = self.all_bins - self.bins;
         if unreached > 0 {
             let bytes = (self.pairs * unreached) as u64 * if self.fixed_point() { 20 } else { 16 };

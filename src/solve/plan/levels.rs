@@ -4,13 +4,22 @@ use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{Geometry, Grid, Model};
 
-/// One step of the coarse-to-fine sequence: a lateral resolution, and how many pairs are used on it.
+/// One step of the coarse-to-fine sequence: a lateral resolution, how many pairs are used on it, and how wide their bins
+/// are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// The volume at this resolution.
     pub grid: Grid,
     /// How many pairs are used: the first ones.
     pub pairs: usize,
+    /// Bins of a histogram.
+    pub bins: usize,
+    /// Metres of path.
+    pub bin_width: f64,
+    /// Buffer that holds the measurement in these bins.
+    pub measured: Buffer,
+    /// Buffer that holds the pulse's taps for these bins.
+    pub taps: Buffer,
     /// Buffer that holds the wall points of these pairs.
     pub wall: Buffer,
     /// Buffer that holds its constants.
@@ -28,10 +37,29 @@ pub const AMPLE: usize = 32;
 /// Other points of a product that are enough at first.
 const ROWS: usize = 16;
 
+/// The measurement in the wider bins of the volume, where it has such.
+pub const SUMMED: Buffer = buffer::MEASURED.at(0);
+/// The pulse's taps for these bins.
+const SUMMED_TAPS: Buffer = buffer::PULSE_TAPS.at(0);
+
+/// How many bins of `model` a volume with voxels as deep as those of `grid` needs no finer than as one. A path to a
+/// surface and back changes by twice its depth, so voxels are two bins of path deep where bins are not summed.
+pub(super) fn sum_of(model: &Model, grid: &Grid) -> usize {
+    ((grid.pitch.z / model.bin_width + 1e-6) as usize).clamp(1, model.bins)
+}
+
 /// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power of
 /// two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs; at
 /// the end this part grows fourfold until it is all.
-pub(super) fn of_volume(model: &Model, finest: Grid, scan: [usize; 2], coarse_to_fine: bool) -> Vec<Level> {
+///
+/// `summed` is the model in the volume's own bins, if these are wider than those of `model`.
+pub(super) fn of_volume(
+    model: &Model,
+    summed: Option<&Model>,
+    finest: Grid,
+    scan: [usize; 2],
+    coarse_to_fine: bool,
+) -> Vec<Level> {
     let side = scan[0].max(scan[1]);
     let least = if model.is_spread { side.min(AMPLE) } else { side };
     let mut factor = 1;
@@ -52,6 +80,10 @@ pub(super) fn of_volume(model: &Model, finest: Grid, scan: [usize; 2], coarse_to
     let level = |(i, (grid, pairs)): (u8, (Grid, usize))| Level {
         grid,
         pairs,
+        bins: summed.unwrap_or(model).bins,
+        bin_width: summed.unwrap_or(model).bin_width,
+        measured: if summed.is_some() { SUMMED } else { buffer::MEASURED },
+        taps: if summed.is_some() { SUMMED_TAPS } else { buffer::PULSE_TAPS },
         wall: if pairs == model.pairs() { buffer::WALL } else { buffer::WALL.at(i) },
         scene: buffer::SCENE.at(i),
         reachable: buffer::REACHABLE.at(i),
@@ -61,13 +93,22 @@ pub(super) fn of_volume(model: &Model, finest: Grid, scan: [usize; 2], coarse_to
 }
 
 /// The levels on the maps' pixels, with as many pairs as the finest of `levels` have.
-pub(super) fn of_pixels(levels: &[Level], maps: Grid) -> Vec<Level> {
+pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Vec<Level> {
     let Some(finest) = levels.last().map(|l| l.grid) else { return vec![] };
     let of_finest = levels.iter().filter(|l| l.grid == finest);
-    if finest == maps {
+    if finest == maps && levels.iter().all(|l| l.bins == model.bins) {
         return of_finest.copied().collect();
     }
-    (0..).zip(of_finest).map(|(i, l)| Level { grid: maps, scene: SURFACE_SCENE.at(i), ..*l }).collect()
+    let level = |(i, l): (u8, &Level)| Level {
+        grid: maps,
+        bins: model.bins,
+        bin_width: model.bin_width,
+        measured: buffer::MEASURED,
+        taps: buffer::PULSE_TAPS,
+        scene: SURFACE_SCENE.at(i),
+        ..*l
+    };
+    (0..).zip(of_finest).map(level).collect()
 }
 
 /// The share of the pairs, 1 in 4 or 16 or ..., that a grid of `lateral` voxels is solved with at first: half as many

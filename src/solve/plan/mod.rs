@@ -19,7 +19,7 @@ mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
-pub use levels::{AMPLE, Level};
+pub use levels::{AMPLE, Level, SUMMED};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
@@ -46,6 +46,8 @@ pub struct Demand {
     pub has_rim: bool,
     /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off.
     pub smooth: [f64; 2],
+    /// Sum bins that are finer than the voxels.
+    pub sums_bins: bool,
     /// Sets of taps for residuals beside the pulse's own, and bins that they add to it.
     pub more_taps: [usize; 2],
 }
@@ -88,10 +90,12 @@ pub struct Plan {
     pub maps: Grid,
     /// Pairs of the model.
     pub pairs: usize,
-    /// Bins of a histogram.
+    /// Bins of a histogram. Levels may have fewer, wider ones.
     pub bins: usize,
     /// Metres of path.
     pub bin_width: f64,
+    /// How many of these bins are one for the volume.
+    pub sum: usize,
     /// Iterations of the volume, and of what follows it.
     pub iterations: [usize; 2],
     /// How rendered values are added up; never `Auto`.
@@ -112,6 +116,8 @@ pub struct Plan {
     pub touching: bool,
     /// Taps of the instrument's pulse; 0 if no pulse is known.
     pub pulse: usize,
+    /// Standard deviation of the pulse, metres of path; 0 if no pulse is known.
+    pub pulse_deviation: f64,
     /// Sets of taps for residuals.
     pub tap_sets: usize,
     /// Words of each set of taps.
@@ -172,9 +178,12 @@ impl Plan {
         let demand = needs.demand();
         let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
         check_sizes(model, &grid)?;
-        let levels =
-            levels::of_volume(model, grid.coarser(demand.pixels_per_voxel), scan, demand.coarse_to_fine);
-        let pixel_levels = if demand.iterations[1] > 0 { levels::of_pixels(&levels, grid) } else { vec![] };
+        let sum = if demand.sums_bins && !demand.general { levels::sum_of(model, &grid) } else { 1 };
+        let summed = (sum > 1).then(|| model.summed(sum));
+        let finest = grid.coarser(demand.pixels_per_voxel);
+        let levels = levels::of_volume(model, summed.as_ref(), finest, scan, demand.coarse_to_fine);
+        let pixel_levels =
+            if demand.iterations[1] > 0 { levels::of_pixels(model, &levels, grid) } else { vec![] };
         let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
         let tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
@@ -183,17 +192,19 @@ impl Plan {
         let [more_sets, more_bins] = demand.more_taps;
         // Fixed point adds without rounding, and a window already sums in two levels.
         let fixed = matches!(accumulation, Accumulation::Fixed | Accumulation::Fixed32);
-        let runs = !fixed && tuning.window == 0 && capacity / model.bins > VOXELS_PER_BIN;
+        let of_volume = summed.as_ref().unwrap_or(model);
+        let runs = !fixed && tuning.window == 0 && capacity / of_volume.bins > VOXELS_PER_BIN;
         let touches = |l: &Level| model.touches(&l.grid);
         let mut plan = Plan {
             touching: demand.general || levels.iter().chain(&pixel_levels).any(touches),
-            reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
+            reachable: levels.iter().map(|l| reachable(of_volume, &l.grid, demand.general)).collect(),
             levels,
             pixel_levels,
             maps,
             pairs: model.pairs(),
             bins: model.bins,
             bin_width: model.bin_width,
+            sum,
             iterations: demand.iterations,
             accumulation,
             has_rim: demand.has_rim,
@@ -203,6 +214,7 @@ impl Plan {
             fine: model.is_fine(&grid),
             runs,
             pulse,
+            pulse_deviation: model.pulse.as_ref().map_or(0.0, |p| p.deviation() * model.bin_width),
             tap_sets: if pulse > 0 || more_sets > 0 { 1 + more_sets } else { 0 },
             // The same for all pulses but the longest, so that a plan made before the pulse is found stays valid.
             tap_room: (pulse + 2 + more_bins).max(256),
@@ -278,7 +290,7 @@ impl Plan {
 
     /// Cells of the histograms that `level` uses, with their padding.
     pub fn cells_at(&self, level: &Level) -> usize {
-        cells(level.pairs, self.bins)
+        cells(level.pairs, level.bins)
     }
 
     /// The last level of the volume, with all pairs.
@@ -307,7 +319,7 @@ impl Plan {
     /// Whether the forward kernel's private columns would be too narrow at `level`.
     pub fn forward_direct(&self, level: &Level) -> bool {
         // A path changes by no more than twice what the voxel moves.
-        let span = 16.0 * level.grid.pitch.length() / self.bin_width;
+        let span = 16.0 * level.grid.pitch.length() / level.bin_width;
         span > f64::from(self.tuning.window_span)
     }
 

@@ -11,6 +11,13 @@ passes! {
     /// All shared passes, in the order in which plans list them.
     pub static ALL;
 
+    /// Sums neighbouring bins of the measurement for levels with wider ones.
+    SUM_BINS = Pass {
+        when: |p| p.sum > 1,
+        twin: twin!(sum_bins),
+        ..Pass::of("sum_bins", |_| &kernel::SUM_BINS)
+    };
+
     /// Renders the sampled points into the histograms.
     FORWARD = Pass {
         pairs: Some(Voxels::Active),

@@ -89,7 +89,15 @@ pub(super) fn refine(
     let steps = steps(stages, pixels.len(), begin, iterations, first_blur.map(|_| room));
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without the cost of the prior.
-    let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > WORSE * loss);
+    let most = match &job.summed {
+        None => WORSE * loss,
+        // The volume's loss is that of wider bins: its share of the data counts, and narrow bins have more noise.
+        Some(summed) => {
+            let share = loss / energy(summed, volume.pairs);
+            WORSE * share * energy(&job.model, volume.pairs) + expected_noise(&job.model).max(0.0)
+        }
+    };
+    let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > most);
     if left {
         driven.maps = maps;
     }
@@ -235,6 +243,10 @@ mod tests {
         let level = |pairs| Level {
             grid,
             pairs,
+            bins: 100,
+            bin_width: 0.01,
+            measured: buffer::MEASURED,
+            taps: buffer::PULSE_TAPS,
             wall: buffer::WALL,
             scene: buffer::SCENE,
             reachable: buffer::REACHABLE,

@@ -11,6 +11,10 @@ use crate::transport::kernels::{SURFACE_WEIGHTS, buffer, constant};
 /// (benches/NOTES.md).
 const SMALL_PIXEL: f64 = 2.0;
 
+/// So is a pixel no wider than this many standard deviations of the pulse: its paths then add less than a tenth to the
+/// pulse's deviation.
+const BLURRED_PIXEL: f64 = 1.5;
+
 /// Bytes of every pixel of the surface, by buffer.
 const OF_PIXEL: [(Buffer, u64); 7] = [
     (buffer::PIXELS, 16),
@@ -34,7 +38,8 @@ pub fn points_per_pixel(options: &SurfaceOptions, plan: &Plan) -> usize {
 }
 
 fn is_small(plan: &Plan) -> bool {
-    plan.maps.pitch.truncate().max_element() <= SMALL_PIXEL * plan.bin_width
+    let wide = plan.maps.pitch.truncate().max_element();
+    wide <= (SMALL_PIXEL * plan.bin_width).max(BLURRED_PIXEL * plan.pulse_deviation)
 }
 
 /// Points of a pixel in a plan that was made for a surface.
@@ -77,7 +82,8 @@ pub fn left_out(plan: &Plan, out: &mut LeftOut) {
         let [x, y, _] = plan.maps.n;
         out.add("the surface that the volume's maps begin", mebibytes(bytes((x * y) as u64)));
     } else if points_of(plan) == 1 {
-        let why = if is_small(plan) { "it is as small as two bins of path" } else { "one was asked for" };
+        let why =
+            if is_small(plan) { "bins of path or the pulse are wider than it" } else { "one was asked for" };
         out.add(format!("three of a surface pixel's four points: {why}"), "three of four of its pairs");
     }
 }

@@ -60,10 +60,12 @@ pub fn reconstruct<'b, 'w: 'b>(
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = OnDevice::new(gpu, model, plan, memory)?;
     let lateral = job.plan.levels[0].grid.pitch.x;
-    let hat = hat(HAT_SIGMA * lateral / capture.bin_width, job.plan.bins);
+    let hat = hat(HAT_SIGMA * lateral / job.plan.levels[0].bin_width, job.plan.levels[0].bins);
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
-    let steps =
-        Steps { stop_below: options.stop.then(|| expected_noise(&job.model)), ..steps(&job.plan, options) };
+    let steps = Steps {
+        stop_below: options.stop.then(|| expected_noise(job.of_volume())),
+        ..steps(&job.plan, options)
+    };
     let keeper = Keeper::new(keep, &job, options)?;
     let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
     let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);

@@ -23,6 +23,7 @@ impl Needs for VectorOptions {
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
+            sums_bins: !self.all_bins,
             smooth: [SMOOTH_SIGMA, 4.0],
             more_taps: surface::more_taps(&self.surface),
         }

@@ -47,9 +47,11 @@ options! {
         "Vector solver" {
             /// Iterations at the end in which the number of pairs grows fourfold, again and again, until all are used.
             /// Earlier iterations use a part of the pairs if there are more than 1,024
-            growth_iterations: usize = if suit.confocal { 30 } else { 40 }, Range::Count(1, 1_000_000);
+            growth_iterations: usize = if suit.confocal { 8 } else { 12 }, Range::Count(1, 1_000_000);
             /// Use all pairs in every iteration, and no grid coarser than the scan
             all_pairs: bool = false, Range::Flag;
+            /// Let the volume use all bins of the capture, even if they are narrower than its voxels are deep
+            all_bins: bool = false, Range::Flag;
             /// Renew the bounds, which give the step lengths, after every N iterations. In between, the domain only
             /// shrinks
             bound_every: usize = 15, Range::Count(1, 1_000_000);

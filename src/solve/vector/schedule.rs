@@ -17,7 +17,9 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
         s.fill(cleared, plan.bytes_of(cleared), 0);
     }
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
-    s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP)).bind(buffer::SCENE, level.scene);
+    s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP))
+        .bind(buffer::SCENE, level.scene)
+        .bind(buffer::MEASURED, level.measured);
     for push in pair_chunks(plan, level) {
         s.dispatch(&BACKPROJECT, groups(level.grid.storage(), WORKGROUP))
             .bind(buffer::SCENE, level.scene)
@@ -121,7 +123,9 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedul
     s.extend(compare(plan, level, &RESIDUAL_BOUND, Push::default(), None));
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     s.extend(gather(plan, level, &BOUND_STEP, ARGUMENTS_SAMPLE, 0, plan.residual()));
-    s.dispatch(&VARIANCE, groups(plan.cells_at(level), WORKGROUP)).bind(buffer::SCENE, scene);
+    s.dispatch(&VARIANCE, groups(plan.cells_at(level), WORKGROUP))
+        .bind(buffer::SCENE, scene)
+        .bind(buffer::MEASURED, level.measured);
     s.extend(pulse_back(plan, level, &PULSE_NOISE, None));
     s.extend(gather(plan, level, &BOUND_NOISE, ARGUMENTS_SAMPLE, 0, plan.residual()));
     if expected.is_some() {
