@@ -1,6 +1,6 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
-use super::bins::Ready;
+use super::request::Ready;
 use super::{Loaded, Request, find_pulse, load};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::Gate;

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::bins::Ready;
+use super::request::Ready;
 use super::{Request, SolverOptions};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Pulse};
 use crate::gpu::Gpu;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::bins::Ready;
 use super::report::box_of;
+use super::request::Ready;
 use super::{Loaded, Request, SolverOptions, advice, find_pulse};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;

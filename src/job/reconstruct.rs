@@ -5,8 +5,8 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use super::bins::Ready;
 use super::find_pulse::{self, FoundPulse};
+use super::request::Ready;
 use super::sizes;
 use super::state_file::{self, Kept};
 use super::{Loaded, Request, advice};

@@ -1,5 +1,6 @@
 //! The settings of a reconstruction.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::{Bins, SolverOptions, places};
@@ -57,6 +58,25 @@ pub struct Request {
     pub out: PathBuf,
     /// File for the volume, .npz or .hdf5.
     pub volume_file: Option<PathBuf>,
+}
+
+/// A bin is this share of what blurs it, whichever is more: the width of a pixel, or the standard deviation of the
+/// pulse. Over a pixel, paths differ by about its width. Timing loses less than a hundredth of its precision to such a
+/// bin: its variance is a 48th of what blurs it (benches/NOTES.md).
+const OF_BLUR: f64 = 0.5;
+
+/// A voxel is at least this share of its width deep. Flatter voxels cost time, and the surface after the volume finds
+/// depths between them.
+const OF_WIDTH: f64 = 0.5;
+
+/// A capture in the bins that the solver takes, with the grid for it.
+pub(super) struct Ready<'c> {
+    /// The capture, summed.
+    pub capture: Cow<'c, Capture>,
+    /// The grid.
+    pub grid: Grid,
+    /// How many bins were summed.
+    pub sum: usize,
 }
 
 impl Request {
@@ -125,6 +145,53 @@ impl Request {
             ));
         }
         Ok(grid)
+    }
+
+    /// Sums the bins of a capture, whose pulse is known if it ever will be, and makes the grid for it.
+    ///
+    /// # Errors
+    /// As [`Request::grid`], and a number of bins to sum that the capture does not have.
+    pub(super) fn ready<'c>(&self, capture: Cow<'c, Capture>) -> Result<Ready<'c>> {
+        let sum = match self.bins {
+            Bins::Native => 1,
+            Bins::Sum(n) => n,
+            Bins::Auto => self.bins_to_sum(&capture)?,
+        };
+        let capture = if sum == 1 { capture } else { Cow::Owned(capture.binned(sum)?) };
+        Ok(Ready { grid: self.grid(&capture)?, capture, sum })
+    }
+
+    /// How many bins the maps' pixels and the pulse do not tell apart.
+    fn bins_to_sum(&self, capture: &Capture) -> Result<usize> {
+        if self.is_of_paper() {
+            return Ok(1);
+        }
+        let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
+        let blur = self.pixel(capture)?.max(pulse);
+        Ok(((OF_BLUR * blur / capture.bin_width + 1e-6) as usize).clamp(1, capture.bins))
+    }
+
+    /// The depth of a voxel where none is given: a bin of path, or a share of the voxel's width if that is more. The
+    /// paper's solver and native bins take the bin.
+    pub(super) fn usual_depth_pitch(&self, capture: &Capture) -> Result<f64> {
+        let wide = match &self.solver {
+            SolverOptions::Vector(o) if self.bins != Bins::Native => {
+                o.pixels_per_voxel() as f64 * self.pixel(capture)?
+            }
+            _ => 0.0,
+        };
+        Ok(capture.bin_width.max(OF_WIDTH * wide))
+    }
+
+    fn is_of_paper(&self) -> bool {
+        matches!(self.solver, SolverOptions::Paper(_))
+    }
+
+    /// Width of a pixel of the maps, metres; of pixels that are not square, the shorter side.
+    fn pixel(&self, capture: &Capture) -> Result<f64> {
+        let size = self.volume_of(capture)?;
+        let size = size.max - size.min;
+        Ok(size.x.min(size.y) / self.solver.common().lateral as f64)
     }
 
     pub(super) fn open(&self) -> Result<Gpu> {

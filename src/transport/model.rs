@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
-use super::{Geometry, Grid, Reflectance, Wall, twin};
+use super::{Geometry, Grid, Reflectance, Wall};
 use crate::capture::{Capture, Pulse, PulseTaps};
 
 /// Where the sample of a voxel lies.
@@ -165,6 +165,9 @@ impl Model {
     pub fn summed(&self, sum: usize) -> Model {
         let bins = (self.bins / sum).max(1);
         let bin_width = self.bin_width * sum as f64;
+        // Like the kernel that sums on the device.
+        let wide =
+            |h: &[f32]| -> Vec<f32> { h.chunks_exact(sum).map(|narrow| narrow.iter().sum()).collect() };
         let pulse = match &self.pulse_shape {
             // Wider bins need fewer taps.
             Some(shape) => shape.taps(bin_width).ok(),
@@ -173,7 +176,7 @@ impl Model {
         Model {
             bins,
             bin_width,
-            measured: twin::sum_bins(&self.measured, self.bins, sum).into_iter().map(|v| v as f32).collect(),
+            measured: self.measured.chunks_exact(self.bins).flat_map(wide).collect(),
             elements: (self.elements / sum).max(1),
             pulse,
             variance: [self.variance[0], self.variance[1] * sum as f64],

@@ -80,7 +80,7 @@ fn advice() -> Row {
     let cases: [&[&str]; 3] = [
         &[&capture, "--lateral", "96", "--memory", "24M"],
         &[&capture, "--lateral", "96", "--memory", "24M", "--solver", "paper"],
-        &[&dense, "--lateral", "16", "--memory", "16M"],
+        &[&dense, "--lateral", "16", "--memory", "16M", "--bins", "native"],
     ];
     let mut suggested = 0;
     for case in cases {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::bins::Ready;
+use super::super::request::Ready;
 use super::super::sizes::{class_of, keep};
 use super::super::{Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
