@@ -326,6 +326,7 @@ pub mod capture {
             pub fn taps_of_bins(&self, bin_width: f64) -> Result<PulseTaps> {}
         }
         impl PulseTaps {
+            pub fn deviation(&self) -> f64 {}
             pub fn identity() -> PulseTaps {}
             pub fn blurred(&self, sigma: f64, reach: f64) -> PulseTaps {}
             pub fn words(&self) -> Vec<f32> {}
@@ -1159,6 +1160,19 @@ pub mod job {
             gpu: &Gpu,
         ) -> Vec<(Setting, String)> {}
     }
+    mod bins {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+        pub enum Bins {
+            Auto,
+            Native,
+            Sum(usize),
+        }
+        impl fmt::Display for Bins {}
+        impl FromStr for Bins {
+            type Err = Error;
+        }
+        impl Serialize for Bins {}
+    }
     pub mod compare {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Method {
@@ -1495,6 +1509,7 @@ pub mod job {
         pub struct Request {
             pub preset: Option<Preset>,
             pub solver: SolverOptions,
+            pub bins: Bins,
             pub depth_pitch: Option<f64>,
             pub volume: Option<Volume>,
             pub memory: Option<u64>,
@@ -1568,6 +1583,7 @@ pub mod job {
     }
     pub use crate::solve::{SolverOptions, check_solver, reflectance};
     pub use advice::suggestions;
+    pub use bins::Bins;
     pub use compare::{Compared, Comparison, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
@@ -1977,6 +1993,7 @@ pub mod solve {
         pub struct OnDevice<'g> {
             pub plan: Plan,
             pub model: Model,
+            pub summed: Option<Model>,
             pub executor: Executor<'g>,
         }
         impl<'g> OnDevice<'g> {
@@ -1987,6 +2004,7 @@ pub mod solve {
                 memory: Option<u64>,
             ) -> Result<OnDevice<'g>> {}
             pub fn upload(&mut self) -> Result<()> {}
+            pub fn of_volume(&self) -> &Model {}
         }
         #[derive(Debug, Clone, PartialEq)]
         pub struct VolumeMap {
@@ -2095,6 +2113,9 @@ pub mod solve {
         impl fmt::Display for When {}
         impl fmt::Display for Part {}
     }
+    mod over_pairs {
+        pub fn sum_bins(plan: &Plan) -> Schedule {}
+    }
     pub mod paper {
         mod options {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -2177,11 +2198,16 @@ pub mod solve {
             pub struct Level {
                 pub grid: Grid,
                 pub pairs: usize,
+                pub bins: usize,
+                pub bin_width: f64,
+                pub measured: Buffer,
+                pub taps: Buffer,
                 pub wall: Buffer,
                 pub scene: Buffer,
                 pub reachable: Buffer,
             }
             pub const AMPLE: usize = 32;
+            pub const SUMMED: Buffer = buffer::MEASURED.at(0);
         }
         pub(in crate::solve) mod pass {
             pub struct Pass {
@@ -2296,6 +2322,7 @@ pub mod solve {
             pub gradient: Gradient,
             pub has_rim: bool,
             pub smooth: [f64; 2],
+            pub sums_bins: bool,
             pub more_taps: [usize; 2],
         }
         pub trait Needs {
@@ -2315,6 +2342,7 @@ pub mod solve {
             pub pairs: usize,
             pub bins: usize,
             pub bin_width: f64,
+            pub sum: usize,
             pub iterations: [usize; 2],
             pub accumulation: Accumulation,
             pub has_rim: bool,
@@ -2325,6 +2353,7 @@ pub mod solve {
             pub runs: bool,
             pub touching: bool,
             pub pulse: usize,
+            pub pulse_deviation: f64,
             pub tap_sets: usize,
             pub tap_room: usize,
             pub curved: bool,
@@ -2548,6 +2577,7 @@ pub mod solve {
     pub use on_device::{OnDevice, VolumeMap, upload};
     pub use option::{Preset, Suit};
     pub use outline::{Part, Step, When};
+    pub use over_pairs::sum_bins;
     pub use paper::{Decay, NoiseTerm, PaperOptions};
     pub use plan::{
         Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan,
@@ -2625,6 +2655,7 @@ pub mod transport {
             pub measured: Vec<f32>,
             pub elements: usize,
             pub pulse: Option<PulseTaps>,
+            pub pulse_shape: Option<Pulse>,
             pub peak: f64,
             pub counts_per_unit: f64,
             pub reference: f64,
@@ -2653,6 +2684,7 @@ pub mod transport {
                 peak: f64,
                 general: bool,
             ) -> Model {}
+            pub fn summed(&self, sum: usize) -> Model {}
             pub fn pairs(&self) -> usize {}
             pub fn stride(&self) -> usize {}
             pub fn elements_of(&self, pairs: usize) -> usize {}
@@ -2747,6 +2779,7 @@ pub mod transport {
         }
         mod pulse {
             pub fn pulse(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {}
+            pub fn sum_bins(values: &[f32], bins: usize, sum: usize) -> Vec<f64> {}
         }
         mod random {
             pub fn random3(
@@ -3002,7 +3035,7 @@ pub mod transport {
             touched,
         };
         pub use optimise::{learning_rate, noise, update};
-        pub use pulse::{Way, pulse};
+        pub use pulse::{Way, pulse, sum_bins};
         pub use random::random3;
         pub use render::{
             Sample, backward, finish, forward, objective, residual, sample, sample_point,
