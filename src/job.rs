@@ -254,6 +254,7 @@ pub fn run(
         staged.extend(export::write_maps(&Request::snapshot_folder(staging.path(), *iteration), maps)?);
     }
     let mut notes: Vec<String> = done.pulse.iter().map(find_pulse::FoundPulse::note).collect();
+    notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
     notes.extend(notes_on(request, &done.result));
     let mut report = report::report_of(request, loaded, &gpu, &done);
     report.totals.export_s = start.elapsed().as_secs_f64();

@@ -14,7 +14,7 @@ pub enum Bins {
     /// capture's own bins.
     #[default]
     Auto,
-    /// One: the capture's own bins, and voxels as deep as they are wide.
+    /// One: the capture's own bins. Voxels are then as deep as a bin, however wide they are.
     Native,
     /// This many.
     Sum(usize),

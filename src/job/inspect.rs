@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::report::box_of;
-use super::request::Ready;
+use super::request::{Ready, summed_note};
 use super::{Loaded, Request, SolverOptions, advice, find_pulse};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;
@@ -82,12 +82,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
     let mut notes = loaded.notes.clone();
-    if sum > 1 {
-        let width = 1e3 * planned.bin_width;
-        notes.push(format!(
-            "{sum} bins are one of {width:.3} mm: pixels and pulse tell no narrower ones apart"
-        ));
-    }
+    notes.extend(summed_note(sum, planned.bin_width));
     if find_pulse::is_unfound(request, capture) {
         notes.push(
             "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"

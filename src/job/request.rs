@@ -251,6 +251,13 @@ impl Request {
     }
 }
 
+/// Says that `sum` bins are one of `width` metres of path; `None` if none were summed.
+pub(super) fn summed_note(sum: usize, width: f64) -> Option<String> {
+    let text =
+        format!("{sum} bins are summed into one of {:.3} mm, as pixels and pulse blur more", 1e3 * width);
+    (sum > 1).then_some(text)
+}
+
 /// Reads an amount of memory: a number in MiB, or a number with K, M or G after it.
 ///
 /// # Errors
