@@ -129,22 +129,21 @@ fn find(
     let _span = gpu.span("pulse");
     let start = Instant::now();
     let mut trials = vec![];
-    let mut bin_width = capture.bin_width;
-    let best = trial_of(request, capture, gpu, hear).and_then(|(mut misfit, wide)| {
-        bin_width = wide;
-        best_width(&mut |bins| {
+    let best = trial_of(request, capture, gpu, hear).and_then(|(mut misfit, bin_width)| {
+        let bins = best_width(&mut |bins| {
             let width = bins * bin_width;
             let left = misfit(width)?;
             trials.extend(left.map(|left| [width, left]));
             Ok(left)
-        })
+        })?;
+        Ok(bins * bin_width)
     });
-    let (bins, failed) = match best {
-        Ok(bins) => (bins, None),
+    let (width, failed) = match best {
+        Ok(width) => (width, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
         Err(e) => (0.0, Some(e.what)),
     };
-    let fwhm = three_digits(bins * bin_width);
+    let fwhm = three_digits(width);
     Ok(FoundPulse { fwhm, trials, seconds: start.elapsed().as_secs_f64(), failed })
 }
 

@@ -110,24 +110,16 @@ impl Request {
         }
     }
 
-    /// The box to reconstruct.
-    pub(super) fn volume_of(&self, capture: &Capture) -> Result<Volume> {
-        match self.volume {
-            Some(volume) => Ok(volume),
-            None => default_volume(capture, self.solver.common().min_depth),
-        }
-    }
-
     /// The grid for a capture whose bins are those of the solver.
     ///
     /// # Errors
     /// A box without voxels, a box nearer than the least depth, or more voxels than can be counted.
     pub fn grid(&self, capture: &Capture) -> Result<Grid> {
-        let volume = self.volume_of(capture)?;
-        let pitch = match self.depth_pitch {
-            Some(pitch) => pitch,
-            None => self.usual_depth_pitch(capture)?,
+        let volume = match self.volume {
+            Some(volume) => volume,
+            None => default_volume(capture, self.solver.common().min_depth)?,
         };
+        let pitch = self.depth_pitch.unwrap_or_else(|| self.usual_depth_pitch(capture));
         let grid = Grid::new(volume, self.solver.common().lateral, pitch)?;
         if volume.max.z <= self.solver.common().min_depth {
             return Err(Error::options(
@@ -155,43 +147,47 @@ impl Request {
         let sum = match self.bins {
             Bins::Native => 1,
             Bins::Sum(n) => n,
-            Bins::Auto => self.bins_to_sum(&capture)?,
+            Bins::Auto => self.bins_to_sum(&capture),
         };
         let capture = if sum == 1 { capture } else { Cow::Owned(capture.binned(sum)?) };
         Ok(Ready { grid: self.grid(&capture)?, capture, sum })
     }
 
     /// How many bins the maps' pixels and the pulse do not tell apart.
-    fn bins_to_sum(&self, capture: &Capture) -> Result<usize> {
-        if self.is_of_paper() {
-            return Ok(1);
+    fn bins_to_sum(&self, capture: &Capture) -> usize {
+        if self.pixels_per_voxel().is_none() {
+            return 1;
         }
         let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
-        let blur = self.pixel(capture)?.max(pulse);
-        Ok(((OF_BLUR * blur / capture.bin_width + 1e-6) as usize).clamp(1, capture.bins))
+        let blur = self.pixel(capture).max(pulse);
+        ((OF_BLUR * blur / capture.bin_width + 1e-6) as usize).clamp(1, capture.bins)
     }
 
-    /// The depth of a voxel where none is given: a bin of path, or a share of the voxel's width if that is more. The
-    /// paper's solver and native bins take the bin.
-    pub(super) fn usual_depth_pitch(&self, capture: &Capture) -> Result<f64> {
-        let wide = match &self.solver {
-            SolverOptions::Vector(o) if self.bins != Bins::Native => {
-                o.pixels_per_voxel() as f64 * self.pixel(capture)?
-            }
-            _ => 0.0,
+    /// The depth of a voxel where none is given: a bin of path, or a share of the voxel's width if that is more. Native
+    /// bins, and solvers that take the capture's own, take the bin.
+    fn usual_depth_pitch(&self, capture: &Capture) -> f64 {
+        match self.pixels_per_voxel().filter(|_| self.bins != Bins::Native) {
+            Some(pixels) => capture.bin_width.max(OF_WIDTH * pixels as f64 * self.pixel(capture)),
+            None => capture.bin_width,
+        }
+    }
+
+    /// Pixels that a voxel is wide; `None` for a solver that takes the capture's own bins, as the paper's does.
+    fn pixels_per_voxel(&self) -> Option<usize> {
+        match &self.solver {
+            SolverOptions::Vector(o) => Some(o.pixels_per_voxel()),
+            SolverOptions::Paper(_) => None,
+        }
+    }
+
+    /// Width of a pixel of the maps, metres; of pixels that are not square, the shorter side. It needs no volume: only
+    /// depths depend on the histograms.
+    fn pixel(&self, capture: &Capture) -> f64 {
+        let [x0, x1, y0, y1] = match self.volume {
+            Some(Volume { min, max }) => [min.x, max.x, min.y, max.y],
+            None => capture.wall_extent(),
         };
-        Ok(capture.bin_width.max(OF_WIDTH * wide))
-    }
-
-    fn is_of_paper(&self) -> bool {
-        matches!(self.solver, SolverOptions::Paper(_))
-    }
-
-    /// Width of a pixel of the maps, metres; of pixels that are not square, the shorter side.
-    fn pixel(&self, capture: &Capture) -> Result<f64> {
-        let size = self.volume_of(capture)?;
-        let size = size.max - size.min;
-        Ok(size.x.min(size.y) / self.solver.common().lateral as f64)
+        (x1 - x0).min(y1 - y0) / self.solver.common().lateral as f64
     }
 
     pub(super) fn open(&self) -> Result<Gpu> {
