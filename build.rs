@@ -19,8 +19,11 @@ mod spirv;
 const KERNELS: &[(&str, &str, &[&str])] = &[
     ("arguments", "arguments.comp", &[]),
     ("backproject", "backproject.comp", &[]),
+    ("backproject_texels", "backproject.comp", &["TEXELS"]),
     ("backward", "backward.comp", &[]),
+    ("backward_texels", "backward.comp", &["TEXELS"]),
     ("bound", "bound.comp", &[]),
+    ("bound_texels", "bound.comp", &["TEXELS"]),
     ("carry", "carry.comp", &[]),
     ("compact_count", "compact_count.comp", &[]),
     ("compact_scan", "compact_scan.comp", &[]),
@@ -36,11 +39,13 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("forward_fixed64", "forward.comp", &["ACCUMULATE_FIXED64"]),
     ("forward_float", "forward.comp", &["ACCUMULATE_FLOAT"]),
     ("forward_owned", "forward.comp", &["ACCUMULATE_OWNED"]),
+    ("forward_owned_texels", "forward.comp", &["ACCUMULATE_OWNED", "TEXELS"]),
     ("forward_product_cas", "forward_product.comp", &["ACCUMULATE_CAS"]),
     ("forward_product_fixed32", "forward_product.comp", &["ACCUMULATE_FIXED32"]),
     ("forward_product_fixed64", "forward_product.comp", &["ACCUMULATE_FIXED64"]),
     ("forward_product_float", "forward_product.comp", &["ACCUMULATE_FLOAT"]),
     ("forward_product_owned", "forward_product.comp", &["ACCUMULATE_OWNED"]),
+    ("forward_product_owned_texels", "forward_product.comp", &["ACCUMULATE_OWNED", "TEXELS"]),
     ("gaussian", "gaussian.comp", &[]),
     ("initialise", "initialise.comp", &[]),
     ("initialise_raw", "initialise_raw.comp", &[]),
@@ -63,11 +68,13 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("sample", "sample.comp", &[]),
     ("settle", "settle.comp", &[]),
     ("step", "step.comp", &[]),
+    ("step_texels", "step.comp", &["TEXELS"]),
     ("sum_bins", "sum_bins.comp", &[]),
     ("surface_bonds", "surface_bonds.comp", &[]),
     ("surface_combine", "surface_combine.comp", &[]),
     ("surface_extract", "surface_extract.comp", &[]),
     ("surface_gather", "surface_gather.comp", &[]),
+    ("surface_gather_texels", "surface_gather.comp", &["TEXELS"]),
     ("surface_points", "surface_points.comp", &[]),
     ("surface_pull", "surface_pull.comp", &[]),
     ("surface_step", "surface_step.comp", &[]),
@@ -107,10 +114,10 @@ fn main() {
         for b in module.bindings {
             let _ = writeln!(
                 modules,
-                "            Binding {{ block: buffer::{}, slot: {}, uniform: {}, reads: {}, writes: {} }},",
+                "            Binding {{ block: buffer::{}, slot: {}, view: {}, reads: {}, writes: {} }},",
                 b.name.to_uppercase(),
                 b.slot,
-                b.uniform,
+                b.view,
                 b.reads,
                 b.writes
             );
@@ -127,7 +134,7 @@ fn main() {
     for (name, ..) in KERNELS {
         let _ = writeln!(rust, "    &kernel::{},", name.to_uppercase());
     }
-    rust.push_str("];\n\n/// Compiled modules.\npub mod kernel {\n    use super::{Binding, KernelCode, buffer, constant};\n\n");
+    rust.push_str("];\n\n/// Compiled modules.\npub mod kernel {\n    use super::{Binding, KernelCode, View, buffer, constant};\n\n");
     rust.push_str(&modules);
     rust.push_str("}\n\n/// Blocks of the kernels. Each binds the buffer of its name unless a schedule binds another.\npub mod buffer {\n    use super::Buffer;\n\n");
     for name in blocks {

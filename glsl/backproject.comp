@@ -7,8 +7,6 @@
 #include "transport.glsl"
 layout(local_size_x = 64) in;
 const uint SPLIT = 1u;
-layout(std430, set = 0, binding = 1) readonly buffer Wall { vec4 wall[]; };
-layout(std430, set = 0, binding = 2) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
 #include "gather.glsl"

@@ -15,8 +15,6 @@ layout(constant_id = 10) const uint SPLIT = 1u;
 layout(constant_id = 11) const uint WHAT = 0u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
-layout(std430, set = 0, binding = 3) readonly buffer Wall { vec4 wall[]; };
-layout(std430, set = 0, binding = 4) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
 
 #include "gather.glsl"

@@ -22,8 +22,7 @@ layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint BOUND = 0u; // 1: no surface cosines, for a bound of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
-layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
+#include "samples.glsl"
 layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
@@ -39,6 +38,7 @@ void main() {
     uint pair = gl_WorkGroupID.x * LANES + gl_LocalInvocationID.x;
     if (pair >= scene.pairs) return;
     uint voxels = counts[COUNT_ACTIVE];
+    read_scene();
     uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
     uint end = min(begin + CHUNK, voxels);
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
@@ -56,12 +56,12 @@ void main() {
     clear_column(column);
     Run run = NO_RUN;
     for (uint slot = begin; slot < end; ++slot) {
-        vec4 s = sample_points[slot];
+        vec4 s = point_at(slot);
         Arm a = arm_to(point_a, normal_a, s.xyz);
         Arm b = a;
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
         float value = s.w * (BOUND != 0u ? bound_of(a, b) : a.falloff * b.falloff);
-        if (BOUND == 0u && NORMALS) value *= shine(a, b, sample_normals[slot].xyz);
+        if (BOUND == 0u && NORMALS) value *= shine(a, b, vector_at(slot));
         deposit(column, row, place_of(a, b), value, run);
         if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);
     }

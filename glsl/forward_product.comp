@@ -26,8 +26,7 @@ layout(constant_id = 13) const uint BOUND = 0u; // as in forward.comp
 layout(constant_id = 14) const uint FORWARD_OTHERS = 1u;
 layout(constant_id = 15) const uint SHARED = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
-layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
+#include "samples.glsl"
 layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
@@ -53,10 +52,10 @@ float part(Arm arm, vec3 direction, bool directed) {
 
 // The arm to an other point: distance, factor of the value (albedo included), rest of the distance.
 vec3 other_arm(vec3 there, vec3 normal, uint slot) {
-    vec4 s = sample_points[slot];
+    vec4 s = point_at(slot);
     Arm b = arm_to(there, normal, s.xyz);
     // The cosine model has no cosine toward the other point.
-    vec3 v = REFLECTANCE == LAMBERTIAN ? sample_normals[slot].xyz : vec3(0.0);
+    vec3 v = REFLECTANCE == LAMBERTIAN ? vector_at(slot) : vec3(0.0);
     float value = part(b, v * inversesqrt(max(dot(v, v), LEAST_SQUARE)), REFLECTANCE == LAMBERTIAN);
     return vec3(b.distance, value * s.w, b.rest);
 }
@@ -80,6 +79,7 @@ void main() {
     uint others = min(FORWARD_OTHERS, scene.others - other);
     bool owned = point < scene.scanned;
     uint voxels = counts[COUNT_ACTIVE];
+    read_scene();
     uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
     uint end = min(begin + CHUNK, voxels);
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
@@ -102,8 +102,8 @@ void main() {
             there_normal[k] = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
         }
         for (uint slot = begin; slot < end; ++slot) {
-            Arm a = arm_to(here, normal, sample_points[slot].xyz);
-            float value = part(a, NORMALS ? sample_normals[slot].xyz : vec3(0.0), NORMALS);
+            Arm a = arm_to(here, normal, point_at(slot).xyz);
+            float value = part(a, NORMALS ? vector_at(slot) : vec3(0.0), NORMALS);
             for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
                 if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), k, row_of(other + k, point));
             }
@@ -128,8 +128,8 @@ void main() {
         barrier();
         if (!owned) continue;
         for (uint i = 0u; i < held; ++i) {
-            Arm a = arm_to(here, normal, sample_points[block + i].xyz);
-            float value = part(a, NORMALS ? sample_normals[block + i].xyz : vec3(0.0), NORMALS);
+            Arm a = arm_to(here, normal, point_at(block + i).xyz);
+            float value = part(a, NORMALS ? vector_at(block + i) : vec3(0.0), NORMALS);
             for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
                 if (k >= others) break;
                 float rest = FINE != 0u ? other_rests[i * FORWARD_OTHERS + k] : 0.0;

@@ -22,8 +22,6 @@ layout(constant_id = 13) const uint EXACT = 1u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; }; // y, its roughness
-layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
-layout(std430, set = 0, binding = 5) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
 layout(std430, set = 0, binding = 8) readonly buffer Bounds { vec2 bounds[]; }; // D, lambda
 layout(std430, set = 0, binding = 9) buffer Raw { vec4 raw[]; };

@@ -15,8 +15,6 @@ const uint EXACT = 1u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
-layout(std430, set = 0, binding = 4) readonly buffer Wall { vec4 wall[]; };
-layout(std430, set = 0, binding = 5) readonly buffer Residual { float residual[]; };
 layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
 
 shared vec4 parts[VOXELS * SLICES];

@@ -13,6 +13,7 @@ pub mod find_pulse;
 pub mod inspect;
 mod overview;
 mod places;
+mod preview;
 pub mod profile;
 mod reconstruct;
 mod report;
@@ -36,6 +37,8 @@ use crate::maps::{Maps, Truth};
 use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
 
 pub use crate::solve::{SolverOptions, check_solver, reflectance};
+use preview::Preview;
+
 pub use advice::suggestions;
 pub use bins::Bins;
 pub use compare::{Compared, Comparison, Method, Turn, compare};
@@ -43,6 +46,7 @@ pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::check_file;
+pub use preview::NAME as PREVIEW;
 pub use request::{Request, memory_bytes};
 pub use simulated::{Simulated, Simulation, simulate};
 pub use words::{plain, write_json};
@@ -239,7 +243,11 @@ pub fn run(
     // What does not fit is told before a device is asked for.
     request.grid(&loaded.capture)?;
     let gpu = request.open()?;
-    let mut done = reconstruct::solve(request, loaded, &gpu, truth.as_ref(), hear)?;
+    let preview = match request.preview {
+        true => Preview::begin(request, &loaded.capture, &gpu, hear)?,
+        false => None,
+    };
+    let mut done = reconstruct::solve(request, loaded, &gpu, truth.as_ref(), preview.as_ref(), hear)?;
 
     let start = Instant::now();
     // An older result stays whole until the new one is complete.
@@ -257,6 +265,7 @@ pub fn run(
     notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
     notes.extend(notes_on(request, &done.result));
     let mut report = report::report_of(request, loaded, &gpu, &done);
+    report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     report.totals.export_s = start.elapsed().as_secs_f64();
     let path = staging.path().join("report.json");
     export::report::write(&path, &report)?;

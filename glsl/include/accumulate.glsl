@@ -10,6 +10,13 @@
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 void accumulate(uint index, float value) { atomicAdd(histograms[index], value); }
 
+#elif defined(ACCUMULATE_OWNED) && defined(TEXELS)
+layout(set = 0, binding = 4, r32f) uniform imageBuffer histograms;
+void accumulate(uint index, float value) {
+    float before = imageLoad(histograms, int(index)).x;
+    imageStore(histograms, int(index), vec4(before + value));
+}
+
 #elif defined(ACCUMULATE_OWNED)
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 void accumulate(uint index, float value) { histograms[index] += value; }

@@ -1,10 +1,11 @@
 // The walk over pairs that the backward kernels share. For each pair it computes both arms and reads the residual at
-// the pair's path, and passes them to meet(). Needs SPLIT, transport.glsl, the buffers wall and residual, and meet().
+// the pair's path, and passes them to meet(). Needs SPLIT, transport.glsl, and meet().
 // In a product, OTHERS other points are processed together: the arm to a scanned point is computed once for all.
 // Covers pairs push.first to push.last, share `slice` of `slices`. In a product this range holds all pairs of one or
 // more other points, or some pairs of one.
 
 #include "place.glsl"
+#include "tables.glsl"
 
 layout(constant_id = 23) const uint OTHERS = 1u;
 
@@ -12,19 +13,20 @@ void meet(Arm a, Arm b, vec2 r);
 
 // The arm from a sample to wall point number `point`.
 Arm arm_at(uint point, vec3 x) {
-    vec3 normal = CURVED != 0u ? wall[scene.scanned + scene.others + point].xyz : vec3(0.0, 0.0, 1.0);
-    return arm_to(wall[point].xyz, normal, x);
+    vec3 normal = CURVED != 0u ? wall_at(scene.scanned + scene.others + point) : vec3(0.0, 0.0, 1.0);
+    return arm_to(wall_at(point), normal, x);
 }
 
 // Residual of row `row` at a place: of one bin, or interpolated between two with SPLIT. Then its rise from bin to bin.
 vec2 residual_around(uint row, Place place) {
-    float low = residual[row + place.cell];
+    float low = residual_at(row + place.cell);
     if (SPLIT == 0u) return vec2(low, 0.0);
-    float rise = residual[row + place.cell + 1u] - low;
+    float rise = residual_at(row + place.cell + 1u) - low;
     return vec2(low + place.share * rise, rise);
 }
 
 void gather(vec3 x, uint slice, uint slices) {
+    read_scene();
     if (GEOMETRY != PRODUCT) {
         uint row = row_of(push.first + slice);
         for (uint pair = push.first + slice; pair < push.last; pair += slices) {

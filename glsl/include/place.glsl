@@ -26,13 +26,27 @@ uint row_of(uint pair) { return pair * scene.stride - ORIGIN; }
 // True if a value at this cell adds to a bin.
 bool in_bins(uint cell) { return cell - (ORIGIN + PADDING - SPLIT) < scene.bins + SPLIT; }
 
+// Constants of the scene, as an invocation reads them once. Compilers do not know that what a kernel writes leaves the
+// scene alone, and read it anew for every pair.
+float place_scale;
+float place_offset;
+float row_cells;
+
+// Reads what arms and places need of the scene. To be called once, before the first of them.
+void read_scene() {
+    reference = scene.reference;
+    place_scale = scene.place_scale;
+    place_offset = scene.place_offset;
+    row_cells = float(scene.stride);
+}
+
 Place place_of(float distance, float rest) {
     if (FINE == 0u) {
         // place_offset includes gate, half bin and padding. GPUs clamp to [0, 1] at no cost in the instruction before.
-        float part = clamp(distance * scene.place_scale + scene.place_offset, 0.0, 1.0);
+        float part = clamp(distance * place_scale + place_offset, 0.0, 1.0);
         // `precise`: the compiler must not simplify these two.
-        precise float whole = fma(part, float(scene.stride), WHOLE - 0.5);
-        precise float share = fma(part, float(scene.stride), WHOLE - whole);
+        precise float whole = fma(part, row_cells, WHOLE - 0.5);
+        precise float share = fma(part, row_cells, WHOLE - whole);
         return Place(floatBitsToUint(whole), share);
     }
     precise float coarse = distance * scene.bins_per_grain - scene.start_bins;

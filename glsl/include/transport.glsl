@@ -42,6 +42,8 @@ void refine(inout Arm arm, vec3 point, vec3 x, vec3 d, float inverse) {
     arm.rest = r_rest + 0.5 * (wholes + rests) * inverse * scene.grain;
 }
 
+float reference; // scene.reference, see read_scene()
+
 Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     Arm arm;
     arm.way = point - x;
@@ -52,7 +54,7 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     arm.distance = d2 * arm.inverse;
     arm.rest = 0.0;
     if (FINE != 0u) refine(arm, point, x, arm.way, arm.inverse);
-    float scaled = scene.reference * arm.inverse;
+    float scaled = reference * arm.inverse;
     arm.falloff = REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
     arm.wall = max(CURVED != 0u ? -dot(normal, arm.way) : -arm.way.z, 0.0);
     arm.wall_rise = CURVED != 0u ? normal.z : 1.0;

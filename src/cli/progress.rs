@@ -5,7 +5,8 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use thirdbounce::solve::Progress;
+use thirdbounce::job::PREVIEW;
+use thirdbounce::solve::{Doing, Progress};
 
 use super::tables::number;
 
@@ -37,11 +38,34 @@ impl Meter {
 
     /// Shows a point of the trace. Cancels if Ctrl-C was pressed.
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
-        if progress.trial {
-            self.bar.iter().for_each(|bar| bar.set_message("finding the instrument's pulse"));
-            return super::interrupt::asked();
-        }
         let p = &progress.point;
+        match progress.doing {
+            Doing::Preview => {
+                self.note(&format!("{PREVIEW} shows the back-projection after {:.1} s", p.seconds))
+            }
+            Doing::Trial => {
+                self.bar.iter().for_each(|bar| bar.set_message("finding the instrument's pulse"));
+            }
+            Doing::Solve => self.show(progress),
+        }
+        super::interrupt::asked()
+    }
+
+    /// Writes a line that stays.
+    fn note(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(line),
+            None if !self.quiet => say(line),
+            None => {}
+        }
+    }
+
+    fn show(&mut self, progress: &Progress) {
+        let p = &progress.point;
+        let left = progress
+            .remaining
+            .filter(|s| *s >= 1.0)
+            .map_or_else(String::new, |s| format!(", about {s:.0} s left"));
         let last = p.iteration == progress.iterations;
         let state = format!(
             "lateral {:<4} active {:>6.2} %  loss {:<8}",
@@ -52,19 +76,18 @@ impl Meter {
         if let Some(bar) = &self.bar {
             bar.set_length(progress.iterations as u64);
             bar.set_position(p.iteration as u64);
-            bar.set_message(state);
+            bar.set_message(state + left.trim_start_matches(','));
             if last {
                 bar.finish();
             }
         } else if !self.quiet && (last || self.said.is_none_or(|t| t.elapsed() >= EVERY)) {
             let width = progress.iterations.to_string().len();
             say(&format!(
-                "iteration {:>width$}/{}  {state}  {:.1} s",
+                "iteration {:>width$}/{}  {state}  {:.1} s{left}",
                 p.iteration, progress.iterations, p.seconds
             ));
             self.said = Some(Instant::now());
         }
-        super::interrupt::asked()
     }
 
     /// Ends the bar and leaves it on the screen, so that later output starts on a line of its own.

@@ -40,6 +40,9 @@ pub struct Args {
     /// Continue from the state in this file; capture and options must be the same as when it was saved
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Do not show preview.png in DIR while it runs (it goes when the result is there)
+    #[arg(long)]
+    no_preview: bool,
     /// Print the time per kernel at the end (`thirdbounce profile` tells more)
     #[arg(long)]
     timings: bool,
@@ -69,6 +72,7 @@ pub fn run(args: &Args) -> Result<()> {
         checkpoint_every: args.checkpoint_every,
         resume: args.resume.clone(),
         out: args.out.clone(),
+        preview: !args.no_preview,
         ..request
     };
     interrupt::take_care();

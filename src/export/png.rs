@@ -14,15 +14,18 @@ use crate::maps::{Maps, percentile};
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
+    write(path, &albedo_of(maps))
+}
+
+fn albedo_of(maps: &Maps) -> Picture {
     let white = Maps::white(&maps.albedo);
-    let picture = Picture::of_maps(maps, enlargement(maps), |p| {
+    Picture::of_maps(maps, enlargement(maps), |p| {
         let albedo = maps.albedo[p];
         if albedo.is_nan() || white <= 0.0 {
             return BACKGROUND;
         }
         [(255.0 * (albedo / white).clamp(0.0, 1.0)).round() as u8; 3]
-    });
-    write(path, &picture)
+    })
 }
 
 /// Writes the depth of the masked pixels in colour (near is yellow, far is purple) beside a colour bar with its ends in
@@ -33,6 +36,24 @@ pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
+    write(path, &depth_of(maps))
+}
+
+/// Writes the albedo, and the depth beside it, each as in its own picture.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {
+    const BETWEEN: usize = 8;
+    maps.check()?;
+    let (albedo, depth) = (albedo_of(maps), depth_of(maps));
+    let mut both = Picture::new(albedo.width + BETWEEN + depth.width, albedo.height.max(depth.height));
+    both.paste(&albedo, 0, 0);
+    both.paste(&depth, albedo.width + BETWEEN, 0);
+    write(path, &both)
+}
+
+fn depth_of(maps: &Maps) -> Picture {
     let shown = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
     let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shown(p)).map(|p| maps.depth[p]).collect();
     let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
@@ -41,7 +62,7 @@ pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
     let map = Picture::of_maps(maps, enlargement(maps), |p| {
         if shown(p) { colour(share(f64::from(maps.depth[p]))) } else { BACKGROUND }
     });
-    write(path, &with_bar(&map, range.map(|_| (near, far))))
+    with_bar(&map, range.map(|_| (near, far)))
 }
 
 /// Writes the normals of the masked pixels as colours: red is (n_x + 1) / 2, green (n_y + 1) / 2, blue

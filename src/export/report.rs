@@ -97,6 +97,9 @@ pub struct Totals {
     pub solve_s: f64,
     /// Seconds of writing results.
     pub export_s: f64,
+    /// Seconds until the preview of the back-projection, which are part of no other; `None` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preview_s: Option<f64>,
     /// Voxel-pair evaluations.
     pub pairs: f64,
     /// Voxel-pair evaluations per second of solving.

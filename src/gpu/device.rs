@@ -43,6 +43,8 @@ pub struct Accumulations {
 pub struct Limits {
     /// Largest binding of one buffer in bytes.
     pub storage_range: u64,
+    /// Largest binding of one buffer as texels, in texels.
+    pub texels: u64,
     /// Invocations in a workgroup at most.
     pub workgroup_invocations: u32,
     /// Shared memory of a workgroup, bytes.
@@ -218,6 +220,7 @@ fn limits_of(instance: &Instance, physical: vk::PhysicalDevice, l: &vk::Physical
     unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
     Limits {
         storage_range: u64::from(l.max_storage_buffer_range),
+        texels: u64::from(l.max_texel_buffer_elements),
         workgroup_invocations: l.max_compute_work_group_invocations,
         shared_memory: l.max_compute_shared_memory_size,
         groups: l.max_compute_work_group_count,

@@ -47,15 +47,29 @@ impl From<&KernelCode> for Kernel {
     }
 }
 
-/// A uniform or storage block of a kernel. It binds the buffer of its own name unless a schedule says otherwise.
+/// How a kernel sees a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum View {
+    /// As a uniform block.
+    Uniform,
+    /// As a storage block.
+    Storage,
+    /// As texels of 1 or 4 floats (`imageBuffer` in GLSL).
+    Texels {
+        /// Floats of a texel.
+        words: u32,
+    },
+}
+
+/// A buffer of a kernel. It binds the buffer of its own name unless a schedule says otherwise.
 #[derive(Debug, Clone, Copy)]
 pub struct Binding {
     /// Name of the block.
     pub block: Buffer,
     /// Binding number in descriptor set 0.
     pub slot: u32,
-    /// A uniform block; otherwise a storage block.
-    pub uniform: bool,
+    /// How the kernel sees the buffer.
+    pub view: View,
     /// The kernel reads it.
     pub reads: bool,
     /// The kernel writes it.

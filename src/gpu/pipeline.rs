@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use ash::vk;
 
+use super::memory::Made;
 use super::schedule::PUSH_WORDS;
-use super::{Arena, Binding, Buffer, Constant, Gpu, KernelCode, Point};
+use super::{Arena, Binding, Buffer, Constant, Gpu, KernelCode, Point, View};
 use crate::{Error, Result};
 
 pub(super) struct Pipeline {
@@ -168,6 +169,7 @@ impl Pipeline {
 /// Descriptor sets by kernel and buffers, made on first use and kept.
 pub(super) struct DescriptorSets {
     pools: Vec<vk::DescriptorPool>,
+    views: Vec<vk::BufferView>,
     made: HashMap<(vk::Pipeline, Vec<vk::Buffer>), vk::DescriptorSet>,
 }
 
@@ -175,7 +177,7 @@ const SETS_PER_POOL: u32 = 64;
 
 impl DescriptorSets {
     pub fn new() -> DescriptorSets {
-        DescriptorSets { pools: vec![], made: HashMap::new() }
+        DescriptorSets { pools: vec![], views: vec![], made: HashMap::new() }
     }
 
     pub fn get(
@@ -197,6 +199,7 @@ impl DescriptorSets {
             let sizes = [
                 size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * 12),
                 size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL),
+                size(vk::DescriptorType::STORAGE_TEXEL_BUFFER, SETS_PER_POOL * 4),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; pools are destroyed with the executor.
@@ -218,20 +221,26 @@ impl DescriptorSets {
             .map(|(handle, (b, buffer))| {
                 // Binds the canary too, so that a write past the end lands in it. Kernels cannot write uniforms, whose
                 // range is limited.
-                let range = if b.uniform { arena.get(*buffer).bytes } else { vk::WHOLE_SIZE };
+                let range = if b.view == View::Uniform { arena.get(*buffer).bytes } else { vk::WHOLE_SIZE };
                 [vk::DescriptorBufferInfo::default().buffer(*handle).range(range)]
             })
             .collect();
+        let seen = pipeline.bindings.iter().zip(buffers);
+        let views =
+            seen.map(|(b, buffer)| self.view(gpu, b, arena.get(*buffer))).collect::<Result<Vec<_>>>()?;
         let writes: Vec<_> = pipeline
             .bindings
             .iter()
-            .zip(&infos)
-            .map(|(b, info)| {
-                vk::WriteDescriptorSet::default()
+            .zip(infos.iter().zip(&views))
+            .map(|(b, (info, view))| {
+                let write = vk::WriteDescriptorSet::default()
                     .dst_set(set)
                     .dst_binding(b.slot)
-                    .descriptor_type(descriptor_type(b))
-                    .buffer_info(info)
+                    .descriptor_type(descriptor_type(b));
+                match &view[..] {
+                    [] => write.buffer_info(info),
+                    view => write.texel_buffer_view(view),
+                }
             })
             .collect();
         unsafe { device.update_descriptor_sets(&writes, &[]) };
@@ -239,7 +248,31 @@ impl DescriptorSets {
         Ok(set)
     }
 
+    /// The view of a buffer that is seen as texels; nothing for others.
+    fn view(&mut self, gpu: &Gpu, binding: &Binding, made: &Made) -> Result<Vec<vk::BufferView>> {
+        let View::Texels { words } = binding.view else { return Ok(vec![]) };
+        let format = match words {
+            1 => vk::Format::R32_SFLOAT,
+            _ => vk::Format::R32G32B32A32_SFLOAT,
+        };
+        // With its canary, as far as the device can see it.
+        let texel = 4 * u64::from(words);
+        let range = ((made.bytes + made.canary) / texel).min(gpu.limits.texels) * texel;
+        let info = vk::BufferViewCreateInfo::default().buffer(made.handle).format(format).range(range);
+        // SAFETY: the buffer is alive as long as the executor, and has this usage. Views are destroyed with the executor.
+        let view = gpu
+            .strike(Point::Object)
+            .and_then(|()| unsafe { gpu.raw().create_buffer_view(&info, None) })
+            .map_err(|e| gpu.failed("binding buffers", e))?;
+        self.views.push(view);
+        Ok(vec![view])
+    }
+
     pub fn destroy(&mut self, gpu: &Gpu) {
+        for view in self.views.drain(..) {
+            // SAFETY: the executor waits for its work first.
+            unsafe { gpu.raw().destroy_buffer_view(view, None) };
+        }
         for pool in self.pools.drain(..) {
             // SAFETY: the executor waits for its work first.
             unsafe { gpu.raw().destroy_descriptor_pool(pool, None) };
@@ -253,5 +286,9 @@ fn set_name(kernel: &str, buffers: &[Buffer]) -> String {
 }
 
 fn descriptor_type(b: &Binding) -> vk::DescriptorType {
-    if b.uniform { vk::DescriptorType::UNIFORM_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
+    match b.view {
+        View::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        View::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        View::Texels { .. } => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+    }
 }

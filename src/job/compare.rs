@@ -87,7 +87,7 @@ pub fn compare(
         let method = &methods[at];
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
-        let done = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), &mut hear)
+        let done = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), None, &mut hear)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
         match &mut runs[at] {
             Some(runs) => runs.add(&done),

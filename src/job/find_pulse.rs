@@ -8,11 +8,11 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::Request;
 use super::request::Ready;
-use super::{Request, SolverOptions};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Pulse};
 use crate::gpu::Gpu;
-use crate::solve::{Progress, Suit, VectorOptions, Watch, default_volume};
+use crate::solve::{Doing, Progress, Watch, default_volume};
 use crate::{Error, Kind, Result};
 
 /// The result of the search.
@@ -162,17 +162,7 @@ fn trial_of<'a>(
     gpu: &'a Gpu,
     hear: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(Misfit<'a>, f64)> {
-    let options = match &request.solver {
-        SolverOptions::Vector(o) => o.clone(),
-        other => {
-            let suit = Suit {
-                confocal: capture.is_confocal(),
-                reflectance: other.common().reflectance,
-                ..Suit::USUAL
-            };
-            VectorOptions::suited_to(&suit).with(|o| o.domain.min_depth = other.common().min_depth)
-        }
-    };
+    let options = request.solver.as_vector(capture.is_confocal());
     let fine = options.lateral >= LATERAL;
     let options = options.with(|o| {
         o.lateral = o.lateral.min(LATERAL);
@@ -197,7 +187,7 @@ fn trial_of<'a>(
     let bin_width = thin.bin_width;
     let misfit: Misfit<'a> = Box::new(move |width| {
         thin.pulse = of_width(width)?;
-        let mut told = |p: &Progress| hear(&Progress { trial: true, ..p.clone() });
+        let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
         let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
         let done = trial.solver.solve(gpu, &thin, grid, trial.memory, false, &mut watch)?;
         let last = done.trace.last().filter(|p| p.iteration > done.volume_iterations);

@@ -7,8 +7,8 @@ use crate::files::atomic::cannot;
 use crate::files::staging;
 use crate::{Error, Result};
 
-/// Files that a run writes into its folder.
-const RESULTS: [&str; 8] = [
+/// Files that a run writes into its folder, the preview among them.
+const RESULTS: [&str; 9] = [
     "maps.npz",
     "maps.exr",
     "albedo.png",
@@ -17,6 +17,7 @@ const RESULTS: [&str; 8] = [
     "points.ply",
     "mesh.ply",
     "report.json",
+    super::preview::NAME,
 ];
 
 /// Checks that `folder` can take the results of a run. It need not exist.

@@ -135,8 +135,10 @@ pub fn profile(
 
     say("solving, with a time stamp after every command");
     let began = gpu.now();
-    let done =
-        reconstruct::Finished { pulse: found, ..reconstruct::solve(&request, loaded, &gpu, None, hear)? };
+    let done = reconstruct::Finished {
+        pulse: found,
+        ..reconstruct::solve(&request, loaded, &gpu, None, None, hear)?
+    };
     let result = &done.result;
     let start = Instant::now();
     if let Some(out) = &what.out {

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::find_pulse::{self, FoundPulse};
+use super::preview::Preview;
 use super::request::Ready;
 use super::sizes;
 use super::state_file::{self, Kept};
@@ -36,7 +37,7 @@ pub struct Finished {
     pub sum: usize,
 }
 
-/// Solves as `request` says. `hear` is called with the progress and may cancel.
+/// Solves as `request` says. `hear` is called with the progress and may cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
 /// Those of [`super::SolverOptions::solve`], of [`metrics`] and of checkpoint files.
@@ -45,6 +46,7 @@ pub fn solve(
     loaded: &Loaded,
     gpu: &Gpu,
     truth: Option<&Truth>,
+    preview: Option<&Preview>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Finished> {
     let step = request.trace_step();
@@ -75,6 +77,8 @@ pub fn solve(
     };
     let every = if request.checkpoint.is_some() { request.checkpoint_every } else { 0 };
     let keep = Keep { every, save: &mut save, from };
+    let volume = request.solver.common().iterations[0];
+    let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {
         let (along, snapshots) = &mut *gathered.borrow_mut();
         let i = progress.point.iteration;
@@ -83,6 +87,10 @@ pub fn solve(
                 let mut maps = maps.clone();
                 maps.set_mask(request.mask_fraction);
                 snapshots.push((i, maps));
+            }
+            if let Some(preview) = preview.filter(|_| previews.contains(&i)) {
+                // The solve goes on without a picture.
+                let _ = preview.show(maps);
             }
             let due = step > 0 && i.is_multiple_of(step);
             match truth.filter(|_| due).map(|t| metrics(maps, t, request.mask_fraction)).transpose() {
@@ -95,8 +103,8 @@ pub fn solve(
         }
         hear(progress)
     };
-    let mut watch =
-        Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &request.snapshots };
+    let maps_at = [&request.snapshots[..], &previews].concat();
+    let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
     let with_volume = request.volume_file.is_some();
     let beside = Beside { watch: &mut watch, keep: Some(keep) };
     let solver = sizes::with_kept(request, gpu, capture);

@@ -34,6 +34,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
             load_s: loaded.seconds,
             solve_s: result.solve_seconds,
             export_s: 0.0,
+            preview_s: None,
             pairs: result.pairs as f64,
             pairs_per_s: result.pairs as f64 / result.solve_seconds.max(1e-9),
             peak_device_bytes: result.device_bytes,

@@ -37,6 +37,8 @@ pub struct Request {
     pub tuned: bool,
     /// Find the width of the instrument's pulse first, if the capture holds no pulse.
     pub find_pulse: bool,
+    /// Show `preview.png` in the folder of the results while the solve runs.
+    pub preview: bool,
     /// Faults to cause on the device; for tests.
     pub faults: Faults,
     /// Truth to measure the result against.
@@ -97,6 +99,7 @@ impl Request {
             timings: false,
             tuned: false,
             find_pulse: false,
+            preview: false,
             faults: Faults::default(),
             truth: None,
             mask_fraction: Maps::MASK_FRACTION,
@@ -182,7 +185,7 @@ impl Request {
 
     /// Width of a pixel of the maps, metres; of pixels that are not square, the shorter side. It needs no volume: only
     /// depths depend on the histograms.
-    fn pixel(&self, capture: &Capture) -> f64 {
+    pub(super) fn pixel(&self, capture: &Capture) -> f64 {
         let [x0, x1, y0, y1] = match self.volume {
             Some(Volume { min, max }) => [min.x, max.x, min.y, max.y],
             None => capture.wall_extent(),

@@ -26,7 +26,7 @@ pub mod vector;
 pub use assume::{assume_reflectance, falloff_slope};
 pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use domain::{compact, extract};
-pub use drive::{Beside, Progress, Watch};
+pub use drive::{Beside, Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count};
 pub use extent::default_volume;
 pub use on_device::{OnDevice, VolumeMap, upload};

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::drive::Steps;
 use super::{Level, Plan};
-use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size};
+use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size, View};
 use crate::transport::kernels::buffer;
 
 /// A schedule of a solve, and when it runs.
@@ -120,7 +120,8 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
             let code: &KernelCode = (pass.code)(plan);
             let buffer = |block: Buffer| bind.iter().find(|b| b.0 == block).map_or(block, |b| b.1);
             // Every pass reads the constants of the scene.
-            let bound = || code.bindings.iter().filter(|b| !b.uniform && b.block != buffer::SCENE);
+            let bound =
+                || code.bindings.iter().filter(|b| b.view != View::Uniform && b.block != buffer::SCENE);
             let used = |b: &Buffer| plan.bytes_of(*b) > BufferPlan::LEAST;
             let mut reads: Vec<_> =
                 bound().filter(|b| b.reads).map(|b| buffer(b.block)).filter(used).collect();

@@ -183,6 +183,17 @@ impl SolverOptions {
         self.options().set(key, value)
     }
 
+    /// The vector solver's options for the same scene: for quick solves beside the one that was asked for.
+    pub fn as_vector(&self, confocal: bool) -> VectorOptions {
+        match self {
+            SolverOptions::Vector(o) => o.clone(),
+            SolverOptions::Paper(o) => {
+                let suit = Suit { confocal, reflectance: o.reflectance, ..Suit::USUAL };
+                VectorOptions::suited_to(&suit).with(|v| v.domain.min_depth = o.common().min_depth)
+            }
+        }
+    }
+
     /// The same options for another lateral resolution.
     pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
         let mut other = self.clone();

@@ -15,7 +15,7 @@ use thirdbounce::files::array::Array;
 use thirdbounce::job::{Input, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{Doing, VectorOptions, Watch, default_volume, vector};
 use thirdbounce::transport::{Grid, Volume};
 
 const FWHM: f64 = 0.04;
@@ -163,7 +163,7 @@ fn trials_are_heard_and_may_be_broken_off() {
     let request = Request { find_pulse: true, ..Request::new(VectorOptions::default(), &out) };
     let mut heard = 0;
     let broken = run(&request, &loaded, &mut |progress| {
-        assert!(progress.trial, "nothing comes before the trials");
+        assert!(progress.doing == Doing::Trial, "nothing comes before the trials");
         heard += 1;
         if heard < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });

@@ -221,15 +221,17 @@ pub fn backward_published_and_exact() {
             let residual: Vec<f64> =
                 (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0)).collect();
             let want = twin::backward(&twin, &samples, &residual);
-            let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-            write_samples(&mut job, &samples);
-            let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
-            write_rows(&mut job, buffer::RESIDUAL, &floats, 0.0);
-            set_counts(&mut job, samples.len(), 1.5);
-            run(&mut job, &["backward"], 0, 1);
-            let got = read_raw(&mut job, buffer::GRADIENT, samples.len());
-            let e = error(got.concat(), want.concat());
-            assert!(e < 2e-5, "{binning:?} {gradient:?}: {e}");
+            for texels in [false, true] {
+                let mut job = job_tuned(&gpu, &model, &grid, &options(&model, &grid), |t| t.texels &= texels);
+                write_samples(&mut job, &samples);
+                let floats: Vec<f32> = residual.iter().map(|v| *v as f32).collect();
+                write_rows(&mut job, buffer::RESIDUAL, &floats, 0.0);
+                set_counts(&mut job, samples.len(), 1.5);
+                run(&mut job, &["backward"], 0, 1);
+                let got = read_raw(&mut job, buffer::GRADIENT, samples.len());
+                let e = error(got.concat(), want.clone().concat());
+                assert!(e < 2e-5, "{binning:?} {gradient:?} texels {texels}: {e}");
+            }
         }
     }
     assert_valid(&gpu);

@@ -71,7 +71,19 @@ impl GatherCase {
 
 /// Compares an iteration's gather, which must run in `dispatches` dispatches, with its twin. Returns the job.
 fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> OnDevice<'g> {
-    let mut job = job(gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
+    check_gather_seen(gpu, case, dispatches, tolerance, true)
+}
+
+/// The same, with buffers seen as texels where the device is for it, or not.
+fn check_gather_seen<'g>(
+    gpu: &'g Gpu,
+    case: &GatherCase,
+    dispatches: usize,
+    tolerance: f64,
+    texels: bool,
+) -> OnDevice<'g> {
+    let options = surface_options(&case.grid, 4);
+    let mut job = job_tuned(gpu, &case.model, &case.grid, &options, |t| t.texels &= texels);
     case.write(&mut job);
     let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, 0, 0, None);
     assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
@@ -89,6 +101,7 @@ pub fn gather_of_every_model_pair_and_wall() {
         assert!(case.samples.len() > 200, "{}", case.samples.len());
         assert!(case.samples.iter().any(|s| s.albedo == 0.0));
         check_gather(&gpu, &case, 1, 3e-5);
+        check_gather_seen(&gpu, &case, 1, 3e-5, false);
     }
     assert_valid(&gpu);
 }

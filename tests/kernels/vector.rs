@@ -243,7 +243,10 @@ pub fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
     let gpu = gpu();
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&scene(5, 64, 9), geometry, reflectance, curved, 20);
-        check_gathers(&gpu, &StepCase::new(model, grid(), 0.35), 1);
+        let case = StepCase::new(model, grid(), 0.35);
+        for texels in [false, true] {
+            check_gathers(&gpu, &case, 1, texels);
+        }
     }
     assert_valid(&gpu);
 }
@@ -254,15 +257,17 @@ fn gathers_over_more_pairs_than_a_dispatch_takes() {
     let gpu = gpu();
     let (grid, models) = more_pairs_than_a_dispatch_takes();
     for (model, dispatches) in models {
-        check_gathers(&gpu, &StepCase::new(model, grid, 0.4), dispatches);
+        check_gathers(&gpu, &StepCase::new(model, grid, 0.4), dispatches, true);
     }
     assert_valid(&gpu);
 }
 
 /// Compares the kernels that gather over pairs with their twins. Each must run in `dispatches` dispatches.
-fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize) {
+/// `texels`: buffers are seen as texels where the device is for it.
+fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize, texels: bool) {
     let twin = case.twin();
-    let mut job = job(gpu, &case.model, &case.grid, &vector_options(&case.grid));
+    let mut job =
+        job_tuned(gpu, &case.model, &case.grid, &vector_options(&case.grid), |t| t.texels &= texels);
     case.write(&mut job);
     let voxels = job.plan.tuning.voxels as usize;
     let s = vector::iteration(&job.plan, job.plan.finest(), 0);

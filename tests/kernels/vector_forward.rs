@@ -12,7 +12,14 @@ use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
 /// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window`
 /// bins if that is not zero; `bounding` renders the bound.
-fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, bounding: bool, window: u32) {
+fn check_forward(
+    model: &Model,
+    grid: &Grid,
+    accumulation: Accumulation,
+    bounding: bool,
+    window: u32,
+    texels: bool,
+) {
     let gpu = gpu();
     let active = twin::compact(&state(model, grid, 0.5, 4).1);
     let none = vec![DVec3::ZERO; grid.storage()];
@@ -44,6 +51,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     let o = vector_options(grid).with(|o| o.accumulation = accumulation);
     let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
+        t.texels &= texels;
         // Below the loop limit even if every voxel moves the window, and still several chunks.
         t.chunk = if window > 0 { 192 } else { t.chunk };
     });
@@ -57,7 +65,7 @@ fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, boundin
     }
     let residual = job.plan.residual();
     let what = format!(
-        "{:?} {:?} curved {} pulse {} {accumulation:?} bounding {bounding} window {window}",
+        "{:?} {:?} curved {} pulse {} {accumulation:?} bounding {bounding} window {window} texels {texels}",
         model.wall.geometry,
         model.reflectance,
         model.wall.normals.is_some(),
@@ -85,10 +93,12 @@ pub fn forward_and_weighted_residual_on_every_accumulation_path() {
     for model in [&base, &product] {
         for accumulation in ACCUMULATIONS {
             for bounding in [false, true] {
-                check_forward(model, &grid, accumulation, bounding, 0);
-                if accumulation != Accumulation::Owned {
-                    check_forward(model, &grid, accumulation, bounding, 16);
-                    check_forward(model, &grid, accumulation, bounding, 64);
+                check_forward(model, &grid, accumulation, bounding, 0, true);
+                if accumulation == Accumulation::Owned {
+                    check_forward(model, &grid, accumulation, bounding, 0, false);
+                } else {
+                    check_forward(model, &grid, accumulation, bounding, 16, true);
+                    check_forward(model, &grid, accumulation, bounding, 64, true);
                 }
             }
         }
@@ -106,13 +116,13 @@ pub fn forward_and_weighted_residual_through_a_pulse() {
     for accumulation in ACCUMULATIONS {
         let model = Model { pulse: Some(tail()), ..base.clone() };
         for bounding in [false, true] {
-            check_forward(&model, &grid, accumulation, bounding, 0);
+            check_forward(&model, &grid, accumulation, bounding, 0, true);
         }
     }
     for pulse in [long, early, late, PulseTaps::identity()] {
         let model = Model { pulse: Some(pulse), ..base.clone() };
-        check_forward(&model, &grid, Accumulation::Owned, false, 0);
-        check_forward(&model, &grid, Accumulation::Fixed, true, 0);
+        check_forward(&model, &grid, Accumulation::Owned, false, 0, true);
+        check_forward(&model, &grid, Accumulation::Fixed, true, 0, true);
     }
 }
 
@@ -122,8 +132,8 @@ fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&base, geometry, reflectance, curved, 7);
         for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
-            check_forward(&model, &grid, accumulation, false, 0);
+            check_forward(&model, &grid, accumulation, false, 0, true);
         }
-        check_forward(&model, &grid, Accumulation::Owned, true, 0);
+        check_forward(&model, &grid, Accumulation::Owned, true, 0, true);
     }
 }

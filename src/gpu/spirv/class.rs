@@ -79,6 +79,10 @@ pub(super) fn cost(m: &Module, i: &Instruction, apart: bool) -> Counts {
             let value = m.kinds.get(&i.rest[1]).map_or((32, 1), |k| m.shape(*k));
             memory(m, i.rest[0], value.1 * value.0.div_ceil(32), apart, false)
         }
+        op::IMAGE_READ | op::IMAGE_WRITE => {
+            let words = m.kinds.get(&i.rest[0]).map_or(1, |k| m.shape(*k).1);
+            of_buffer(words, apart, i.op == op::IMAGE_READ)
+        }
         227..=242 | 6035 => {
             let (bits, _) = m.kinds.get(&i.rest[0]).map_or((32, 1), |k| m.shape(*k));
             if m.class(i.rest[0]) == CLASS_WORKGROUP {
@@ -100,12 +104,19 @@ pub(super) fn cost(m: &Module, i: &Instruction, apart: bool) -> Counts {
     }
 }
 
+fn of_buffer(words: u32, apart: bool, load: bool) -> Counts {
+    let bytes = 4 * words;
+    match load {
+        true if !apart => Counts { broadcasts: words, bytes, ..Counts::default() },
+        true => Counts { loads: words, bytes, ..Counts::default() },
+        false => Counts { stores: words, bytes, ..Counts::default() },
+    }
+}
+
 fn memory(m: &Module, pointer: u32, words: u32, apart: bool, load: bool) -> Counts {
     let none = Counts::default();
     match (m.class(pointer), load) {
-        (CLASS_BUFFER, true) if !apart => Counts { broadcasts: words, bytes: 4 * words, ..none },
-        (CLASS_BUFFER, true) => Counts { loads: words, bytes: 4 * words, ..none },
-        (CLASS_BUFFER, false) => Counts { stores: words, bytes: 4 * words, ..none },
+        (CLASS_BUFFER, _) => of_buffer(words, apart, load),
         (CLASS_WORKGROUP, _) => Counts { shared: words, ..none },
         // Registers, uniforms, push constants.
         _ => none,

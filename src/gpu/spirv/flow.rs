@@ -174,8 +174,10 @@ fn in_loop(
         if !live || decided || (i.result != 0 && !changing.contains(&i.result)) {
             continue;
         }
-        let pointer = i.rest.first().copied().unwrap_or(0);
-        sum.add(&cost(m, i, apart.contains(&pointer)));
+        // A pointer, or a texel's coordinate.
+        let place = usize::from(matches!(i.op, op::IMAGE_READ | op::IMAGE_WRITE));
+        let is_apart = i.rest.get(place).is_some_and(|id| apart.contains(id));
+        sum.add(&cost(m, i, is_apart));
         if matches!(i.op, op::F_ADD | op::F_SUB) {
             let fused = i.rest.iter().find_map(|id| products.get(through.get(id).unwrap_or(id)));
             sum.fma -= fused.copied().unwrap_or(0);

@@ -13,6 +13,7 @@ pub(super) mod op {
     pub const TYPE_INT: u32 = 21;
     pub const TYPE_FLOAT: u32 = 22;
     pub const TYPE_VECTOR: u32 = 23;
+    pub const TYPE_IMAGE: u32 = 25;
     pub const TYPE_POINTER: u32 = 32;
     pub const CONSTANT_TRUE: u32 = 41;
     pub const CONSTANT_FALSE: u32 = 42;
@@ -33,6 +34,8 @@ pub(super) mod op {
     pub const VECTOR_SHUFFLE: u32 = 79;
     pub const COMPOSITE_EXTRACT: u32 = 81;
     pub const COMPOSITE_INSERT: u32 = 82;
+    pub const IMAGE_READ: u32 = 98;
+    pub const IMAGE_WRITE: u32 = 99;
     pub const F_NEGATE: u32 = 127;
     pub const F_ADD: u32 = 129;
     pub const F_SUB: u32 = 131;
@@ -91,7 +94,7 @@ pub(super) struct Module {
     pub blocks: Vec<Block>,
     /// Type of every id that has one.
     pub kinds: HashMap<Id, Id>,
-    /// (bits of a component, components) of scalar and vector types.
+    /// (bits of a component, components) of scalar and vector types, and of texels.
     pub shapes: HashMap<Id, (u32, u32)>,
     /// (storage class, pointee) of pointer types.
     pub pointers: HashMap<Id, (u32, Id)>,
@@ -102,6 +105,7 @@ pub(super) struct Module {
 
 const DECORATION_SPEC_ID: u32 = 1;
 const DECORATION_BUILTIN: u32 = 11;
+const FORMAT_RGBA32F: u32 = 1;
 
 impl Module {
     /// `special` are specialization constants by their number. `None` if the module ends within an instruction.
@@ -134,6 +138,9 @@ impl Module {
                 op::TYPE_VECTOR => {
                     let bits = m.shapes.get(&w[2]).map_or(32, |s| s.0);
                     m.shapes.insert(w[1], (bits, w[3]));
+                }
+                op::TYPE_IMAGE => {
+                    m.shapes.insert(w[1], (32, if w[8] == FORMAT_RGBA32F { 4 } else { 1 }));
                 }
                 op::TYPE_POINTER => {
                     m.pointers.insert(w[1], (w[2], w[3]));
@@ -191,8 +198,10 @@ impl Module {
             0 | 8 | 55 | 317 | op::SELECTION_MERGE => return,
             _ => {}
         }
-        let bare = matches!(op, op::STORE | op::CONTROL_BARRIER | op::MEMORY_BARRIER | op::ATOMIC_STORE)
-            || (op::BRANCH..=op::UNREACHABLE).contains(&op);
+        let bare = matches!(
+            op,
+            op::STORE | op::IMAGE_WRITE | op::CONTROL_BARRIER | op::MEMORY_BARRIER | op::ATOMIC_STORE
+        ) || (op::BRANCH..=op::UNREACHABLE).contains(&op);
         let (kind, result, rest) = if bare { (0, 0, &w[1..]) } else { (w[1], w[2], &w[3..]) };
         if result != 0 {
             self.kinds.insert(result, kind);

@@ -13,23 +13,38 @@ use crate::maps::Maps;
 use crate::transport::kernels::buffer;
 use crate::{Error, Kind, Result};
 
+mod ahead;
 mod clock;
 mod reader;
 
+use ahead::Ahead;
 use clock::Clock;
 use reader::Reader;
 
 /// What a caller is told while the device works.
 #[derive(Debug, Clone)]
 pub struct Progress {
+    /// What the solve is doing.
+    pub doing: Doing,
     /// The newest point of the trace.
     pub point: TracePoint,
     /// Iterations of the whole solve.
     pub iterations: usize,
+    /// Seconds that the rest is expected to take, as far as that can be told.
+    pub remaining: Option<f64>,
     /// The maps after that iteration, if it is one that [`Watch`] asks for.
     pub maps: Option<Maps>,
-    /// Whether this is a quick solve before the one that was asked for.
-    pub trial: bool,
+}
+
+/// What a solve is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Doing {
+    /// A first picture is there, of the maps that come with it. Nothing is solved yet.
+    Preview,
+    /// A quick solve before the one that was asked for.
+    Trial,
+    /// The solve itself.
+    Solve,
 }
 
 /// What a caller wants to hear.
@@ -81,6 +96,9 @@ pub(super) struct Steps<'s> {
     pub l1_weight: Box<dyn Fn(&Level) -> f64 + 's>,
     /// Iterations of the whole solve, for progress.
     pub of: usize,
+    /// Iterations that follow in another run, each as lateral pixels (a pixel of several points counts as so many) and
+    /// pairs; to tell how long the rest takes.
+    pub after: Vec<[f64; 2]>,
     /// Stop at the finest level, with all pairs, once the data term of the objective is not above this: the rest is
     /// noise.
     pub stop_below: Option<f64>,
@@ -117,6 +135,7 @@ pub(super) fn drive(
 ) -> Result<Driven> {
     let mut run = Run::begin(gpu, device, steps, watch, keeper, before)?;
     run.iterations = iterations;
+    run.look_ahead();
     for i in run.first..iterations {
         run.keep_state(i)?;
         run.add(i);
@@ -152,6 +171,7 @@ struct Run<'r, 'w, 'k, 'g> {
     reached: Level,
     /// Active voxels in the last block that was read.
     active: usize,
+    ahead: Option<Ahead>,
 }
 
 /// A submitted block: its iterations, and the level that all of them run at.
@@ -190,6 +210,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
             reached: first_level,
             // At first every voxel may be active.
             active: first_level.grid.voxels(),
+            ahead: None,
         };
         match run.keeper.as_mut().and_then(|k| k.keep.from.take()) {
             Some(state) => run.resume(state)?,
@@ -198,6 +219,12 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
         run.reached = run.steps.levels[run.level];
         run.level_before = run.level;
         Ok(run)
+    }
+
+    /// Finds what is ahead, to tell how long it takes.
+    fn look_ahead(&mut self) {
+        let (steps, plan) = (&self.steps, &self.device.plan);
+        self.ahead = Some(Ahead::new(steps, plan, self.first, self.level, self.iterations));
     }
 
     /// Begins with the start schedule, after `before` if it is given.
@@ -333,7 +360,8 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
             Some(done) if point.iteration == done => Some(self.maps(&flight.level)?),
             _ => None,
         };
-        let progress = Progress { point, iterations: self.steps.of, maps, trial: false };
+        let remaining = self.ahead.as_mut().and_then(|a| a.seconds(&point, self.reader.pairs));
+        let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of, remaining, maps };
         if (self.watch.hear)(&progress).is_break() {
             let what = format!("cancelled after {} iterations", point.iteration);
             return Err(Error::new(Kind::Cancelled, what, "run it again"));

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Level, Plan};
-use crate::gpu::{Buffer, BufferPlan, Place};
+use crate::gpu::{Buffer, BufferPlan, Place, View};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -47,7 +47,8 @@ impl Plan {
         }
         all.extend(on_host.into_iter().map(|(b, bytes, place)| BufferPlan::new(b, bytes, place)));
         let bound = self.passes.iter().flat_map(|p| (p.code)(self).bindings);
-        let mut missing: BTreeSet<Buffer> = bound.filter(|b| !b.uniform).map(|b| b.block).collect();
+        let mut missing: BTreeSet<Buffer> =
+            bound.filter(|b| b.view != View::Uniform).map(|b| b.block).collect();
         // Schedules always bind these to other buffers.
         for block in [buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK] {
             missing.remove(&block);

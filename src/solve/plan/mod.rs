@@ -186,7 +186,8 @@ impl Plan {
             if demand.iterations[1] > 0 { levels::of_pixels(model, &levels, grid) } else { vec![] };
         let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
-        let tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
+        let mut tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
+        tuning.texels &= !demand.general && texels_at_most(model, touched_capacity) <= device.limits.texels;
         tuning.check_tiles(model, device)?;
         let pulse = model.pulse.as_ref().map_or(0, |p| p.weights.len());
         let [more_sets, more_bins] = demand.more_taps;
@@ -342,6 +343,13 @@ impl Plan {
     pub fn bytes(&self) -> BTreeMap<String, u64> {
         self.buffers.iter().map(|b| (b.buffer.to_string(), b.bytes)).collect()
     }
+}
+
+/// The most texels that a buffer has as passes over pairs see it.
+fn texels_at_most(model: &Model, voxels: usize) -> u64 {
+    let points = model.wall.scanned.len() + model.wall.others.len();
+    let normals = model.wall.normals.as_ref().map_or(0, Vec::len);
+    model.cells().max(voxels).max(points + normals) as u64
 }
 
 /// Whether each brick of a grid can reach a bin.

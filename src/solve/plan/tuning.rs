@@ -53,6 +53,9 @@ pub struct Tuning {
     pub window_span: u32,
     /// A product's forward kernel finds the other points' arms together, through shared memory.
     pub share_arms: bool,
+    /// Passes over pairs see what they read as texels. A CPU driver loads these for all lanes at once, and words of
+    /// blocks lane by lane.
+    pub texels: bool,
 }
 
 /// Sizes that a user asks for instead of the device's own. Written `lanes=64,chunk=256`.
@@ -170,6 +173,7 @@ impl Tuning {
             window: sizes.window.unwrap_or(window),
             window_span: sizes.window.unwrap_or(window),
             share_arms: !cpu,
+            texels: cpu,
         };
         t.check(device, sizes)?;
         if !owned {

@@ -147,6 +147,7 @@ fn steps(
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
         of: begin + iterations,
+        after: vec![],
         stop_below: None,
     }
 }
@@ -168,6 +169,15 @@ pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
         ..steps(stages, count, begin, iterations, taps)
     };
     outline::of("surface", plan, &steps, begin..begin + iterations)
+}
+
+/// What a volume's run tells of the surface after it: [`Steps::after`].
+pub(super) fn ahead(plan: &Plan, iterations: usize) -> Vec<[f64; 2]> {
+    let (Some(reached), false) = (plan.levels.last(), plan.pixel_levels.is_empty()) else { return vec![] };
+    let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
+    let at = |i: usize| &levels[beginnings.iter().rposition(|from| *from <= i).unwrap_or(0)];
+    let points = (points_of(plan) as f64).sqrt();
+    (0..iterations).map(at).map(|l| [l.grid.n[0] as f64 * points, l.pairs as f64]).collect()
 }
 
 /// The levels that are run, and the first iteration of each. If early levels use a part of the pairs, the last fifth

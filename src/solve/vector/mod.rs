@@ -17,7 +17,7 @@ use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::AMPLE;
 use super::result::{Reconstruction, finish};
-use super::{Plan, domain, surface};
+use super::{Level, Plan, domain, surface};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
@@ -28,10 +28,12 @@ mod hat;
 mod needs;
 mod options;
 pub mod passes;
+mod preview;
 mod schedule;
 
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
+pub use preview::preview;
 pub use schedule::{due, iteration, start};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
@@ -59,9 +61,8 @@ pub fn reconstruct<'b, 'w: 'b>(
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = OnDevice::new(gpu, model, plan, memory)?;
-    let lateral = job.plan.levels[0].grid.pitch.x;
-    let hat = hat(HAT_SIGMA * lateral / job.plan.levels[0].bin_width, job.plan.levels[0].bins);
-    upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
+    let first = job.plan.levels[0];
+    upload_hat(&mut job, &first)?;
     let steps = Steps {
         stop_below: options.stop.then(|| expected_noise(job.of_volume())),
         ..steps(&job.plan, options)
@@ -80,6 +81,12 @@ pub fn reconstruct<'b, 'w: 'b>(
     })
 }
 
+/// Uploads the Mexican hat that filters the measurement for a back-projection at `level`.
+fn upload_hat(job: &mut OnDevice<'_>, level: &Level) -> Result<()> {
+    let hat = hat(HAT_SIGMA * level.grid.pitch.x / level.bin_width, level.bins);
+    upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))
+}
+
 /// The steps that the driver runs, up to the last iteration.
 fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
     Steps {
@@ -91,6 +98,7 @@ fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
         of: options.iterations + options.surface.iterations,
+        after: surface::ahead(plan, options.surface.iterations),
         stop_below: None,
     }
 }

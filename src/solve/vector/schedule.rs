@@ -9,14 +9,9 @@ use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
 use crate::transport::kernels::*;
 
-/// Sets sums to zero, finds the first domain by a filtered back-projection, and begins with an empty volume and its
-/// bounds.
-pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
+/// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
+pub fn project(plan: &Plan, level: &Level) -> Schedule {
     let mut s = Schedule::default();
-    for cleared in [buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENTUM, buffer::MASK_BEFORE] {
-        s.fill(cleared, plan.bytes_of(cleared), 0);
-    }
-    s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP))
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::MEASURED, level.measured);
@@ -28,6 +23,18 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
             .with(push);
     }
     s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME));
+    s
+}
+
+/// Sets sums to zero, finds the first domain by a filtered back-projection, and begins with an empty volume and its
+/// bounds.
+pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
+    let mut s = Schedule::default();
+    for cleared in [buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENTUM, buffer::MASK_BEFORE] {
+        s.fill(cleared, plan.bytes_of(cleared), 0);
+    }
+    s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
+    s.extend(project(plan, level));
     s.extend(domain::keep(plan, level, options.domain.start_above, plan.capacity));
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());

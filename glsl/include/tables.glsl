@@ -1,0 +1,15 @@
+// What gathers read for every pair: wall points, and residuals of bins.
+// With TEXELS buffers are seen as texels. A CPU driver loads texels for all lanes of a subgroup at once, where it takes
+// a turn per lane for words of a storage block.
+
+#ifdef TEXELS
+layout(set = 0, binding = 14, rgba32f) readonly uniform imageBuffer wall;
+layout(set = 0, binding = 15, r32f) readonly uniform imageBuffer residual;
+vec3 wall_at(uint i) { return imageLoad(wall, int(i)).xyz; }
+float residual_at(uint i) { return imageLoad(residual, int(i)).x; }
+#else
+layout(std430, set = 0, binding = 14) readonly buffer Wall { vec4 wall[]; };
+layout(std430, set = 0, binding = 15) readonly buffer Residual { float residual[]; };
+vec3 wall_at(uint i) { return wall[i].xyz; }
+float residual_at(uint i) { return residual[i]; }
+#endif

@@ -1,0 +1,101 @@
+//! `preview.png`: what there is to see while a solve runs. It shows the back-projection first, then maps on the way. It
+//! goes when the result is there.
+
+use std::borrow::Cow;
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::request::Ready;
+use super::{Request, find_pulse};
+use crate::capture::Capture;
+use crate::export::png;
+use crate::files::atomic::create_dir;
+use crate::gpu::Gpu;
+use crate::maps::Maps;
+use crate::solve::{Doing, Progress, TracePoint, vector};
+use crate::{Error, Kind, Result};
+
+/// Pixels of the back-projection's maps on a side, at most. Its voxels are cubes, so time goes with the third power.
+const LATERAL: usize = 48;
+
+/// The picture of a run.
+pub(super) struct Preview {
+    file: PathBuf,
+    /// Its folder, if it was made for the picture.
+    folder: Option<PathBuf>,
+    /// Seconds that the back-projection took.
+    pub seconds: f64,
+}
+
+impl Preview {
+    /// Shows the back-projection, and tells `hear`. What goes wrong is left for the solve itself to tell, which then
+    /// runs without a picture.
+    ///
+    /// # Errors
+    /// `hear` cancels.
+    pub fn begin(
+        request: &Request,
+        capture: &Capture,
+        gpu: &Gpu,
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Option<Preview>> {
+        let (start, folder) = (Instant::now(), &request.out);
+        let folder_made = (!folder.exists()).then(|| folder.clone());
+        let mut preview = Preview { file: folder.join(NAME), folder: folder_made, seconds: 0.0 };
+        let Ok(maps) = project(request, capture, gpu) else { return Ok(None) };
+        if create_dir(folder).and_then(|()| preview.show(&maps)).is_err() {
+            return Ok(None);
+        }
+        preview.seconds = start.elapsed().as_secs_f64();
+        let point = TracePoint {
+            iteration: 0,
+            seconds: preview.seconds,
+            gpu_seconds: 0.0,
+            lateral: maps.nx,
+            pairs: 0,
+            active: 0,
+            active_ratio: 0.0,
+            loss: f64::NAN,
+            data_loss: f64::NAN,
+        };
+        let iterations = request.solver.all_iterations();
+        let progress =
+            Progress { doing: Doing::Preview, point, iterations, remaining: None, maps: Some(maps) };
+        match hear(&progress) {
+            ControlFlow::Continue(()) => Ok(Some(preview)),
+            ControlFlow::Break(()) => {
+                Err(Error::new(Kind::Cancelled, "cancelled before the solve", "run it again"))
+            }
+        }
+    }
+
+    /// Shows maps instead of what was shown before.
+    pub fn show(&self, maps: &Maps) -> Result<()> {
+        png::write_preview(&self.file, maps)
+    }
+}
+
+/// The file's name in the folder of the results.
+pub const NAME: &str = "preview.png";
+
+impl Drop for Preview {
+    fn drop(&mut self) {
+        // A picture or a folder that stays does no harm.
+        let _ = fs::remove_file(&self.file);
+        let _ = self.folder.as_ref().map(fs::remove_dir);
+    }
+}
+
+fn project(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+    let options = request.solver.as_vector(capture.is_confocal()).with(|o| {
+        o.lateral = o.lateral.min(LATERAL);
+        o.surface.pixels_per_voxel = Some(1);
+    });
+    let planned = find_pulse::to_plan(request, capture)?;
+    let small = Request { volume: request.volume, bins: request.bins, ..Request::new(options.clone(), "") };
+    let small = Request { depth_pitch: Some(small.pixel(&planned)), ..small };
+    let Ready { capture, grid, .. } = small.ready(Cow::Borrowed(&*planned))?;
+    vector::preview(gpu, &capture, grid, &options, request.memory)
+}
