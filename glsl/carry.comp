@@ -26,7 +26,7 @@ vec4 state_at(uint index) {
     return at == NOWHERE ? vec4(0.0) : source[at];
 }
 
-vec4 coarse_at(uvec2 c, uint z) { return state_at(coarse_index(uvec3(c, z))); }
+vec4 coarse_at(uvec3 c) { return state_at(coarse_index(c)); }
 
 #include "doubled.glsl"
 

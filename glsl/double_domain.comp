@@ -1,4 +1,4 @@
-// Doubles the lateral resolution of the domain: a voxel is active if its parent was. One invocation owns one word of
+// Makes the domain of a finer grid: a voxel is active if its parent was. One invocation owns one word of
 // the new mask. The scene is the new one; `coarse_mask` is in the old brick order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -15,8 +15,7 @@ void main() {
     for (uint i = 0u; i < 32u; ++i) {
         uvec3 c = voxel_at(at * 32u + i);
         if (!in_grid(c)) continue;
-        c.xy /= 2u;
-        uint index = coarse_index(c);
+        uint index = coarse_index(parent_of(c));
         if ((coarse_mask[index >> 5] >> (index & 31u) & 1u) != 0u) word |= 1u << i;
     }
     mask[at] = word;

@@ -18,10 +18,7 @@ void main() {
     uint slot = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (slot >= counts[COUNT_ACTIVE]) return;
     uint index = active_voxels[slot];
-    if (DOUBLED != 0u) {
-        uvec3 c = voxel_at(index);
-        index = coarse_index(uvec3(c.xy / 2u, c.z));
-    }
+    if (DOUBLED != 0u) index = coarse_index(parent_of(voxel_at(index)));
     float most = uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
     float share = most > 0.0 ? min(source[index] / most, 1.0) : 1.0;
     float floored = (share + FLOOR) / (1.0 + FLOOR);

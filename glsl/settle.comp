@@ -1,6 +1,6 @@
 // Moves the state of the vector solver after a change of the domain: voxels that stay active take their vectors and
 // bounds from the old slots to the new ones, all others start at zero. The momentum is then at rest (v before = v).
-// DOUBLED: the old domain has half the lateral resolution, and vectors are interpolated (doubled.glsl), zero where
+// DOUBLED: the old domain has larger voxels, and vectors are interpolated (doubled.glsl), zero where
 // nothing was active. One invocation owns one voxel that is active now. Writes `before` and `gradient`, which are
 // copied back later, because other invocations still read the old slots.
 #version 460
@@ -20,8 +20,8 @@ layout(std430, set = 0, binding = 8) writeonly buffer Gradient { vec2 kept_bound
 
 #include "slots.glsl"
 
-vec4 coarse_at(uvec2 c, uint z) {
-    uint slot = slot_of(coarse_index(uvec3(c, z)));
+vec4 coarse_at(uvec3 c) {
+    uint slot = slot_of(coarse_index(c));
     return slot == NOWHERE ? vec4(0.0) : raw[slot];
 }
 

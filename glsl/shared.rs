@@ -1,7 +1,7 @@
 //! The structs and numbers that host and kernels share. The build writes the GLSL and the Rust side from these tables.
 //! Members are 32-bit scalars only, so std140, std430 and `repr(C)` agree on every offset.
 
-/// The scene at one lateral resolution, as every kernel may read it.
+/// The scene at one resolution, as every kernel may read it.
 const SCENE: &[(&str, &str, &str)] = &[
     ("grid_x", "uint", "voxels along x"),
     ("grid_y", "uint", "voxels along y"),
@@ -9,6 +9,8 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("bricks_x", "uint", "bricks of 8 voxels along x"),
     ("bricks_y", "uint", "bricks along y"),
     ("bricks_z", "uint", "bricks along z"),
+    ("from_wide", "uint", "voxels side by side in a voxel of the grid before, 1 or 2"),
+    ("from_deep", "uint", "voxels behind each other in a voxel of the grid before, 1 or 2"),
     ("near_z", "uint", "first z index that may be active"),
     ("pairs", "uint", "laser-sensor pairs P"),
     ("scanned", "uint", "scanned points of the wall"),

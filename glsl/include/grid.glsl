@@ -20,8 +20,14 @@ uint brick_order(uvec3 c, uint bricks_x, uint bricks_y) {
 
 uint voxel_index(uvec3 c) { return brick_order(c, scene.bricks_x, scene.bricks_y); }
 
-// Storage index of voxel c in the grid of half the lateral resolution.
-uint coarse_index(uvec3 c) { return brick_order(c, (scene.grid_x / 2u + 7u) / 8u, (scene.grid_y / 2u + 7u) / 8u); }
+// The voxel of the grid before that voxel c is a part of.
+uvec3 parent_of(uvec3 c) { return c / uvec3(scene.from_wide, scene.from_wide, scene.from_deep); }
+
+// Storage index of voxel c in the grid before.
+uint coarse_index(uvec3 c) {
+    uvec2 size = uvec2(scene.grid_x, scene.grid_y) / scene.from_wide;
+    return brick_order(c, (size.x + 7u) / 8u, (size.y + 7u) / 8u);
+}
 
 // Voxel of a storage index. It lies outside the grid where the last bricks extend beyond the grid.
 uvec3 voxel_at(uint index) {

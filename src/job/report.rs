@@ -8,7 +8,7 @@ use super::{Loaded, Request};
 use crate::capture::{Gate, Pulse};
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::solve::surface;
+use crate::solve::{Level, surface};
 use crate::transport::Grid;
 
 /// The report, without the time of the export.
@@ -64,7 +64,8 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "bins": request.bins,
         "bins_summed": done.sum,
-        "bins_summed_for_volume": done.sum * result.plan.sum,
+        "bins_summed_for_volume": done.sum * result.plan.finest().sum,
+        "levels": result.plan.levels.iter().map(level_json).collect::<Vec<_>>(),
         "grid": grid.n,
         "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
         "volume_reached": [result.lateral, result.lateral, grid.n[2]],
@@ -88,6 +89,16 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         all.extend(options);
     }
     all
+}
+
+/// A level of the volume. Bins are those of the solver, after [`Finished::sum`].
+fn level_json(level: &Level) -> Value {
+    json!({
+        "voxel": level.grid.pitch.to_array(),
+        "pairs": level.pairs,
+        "bins_summed": level.sum,
+        "bins": level.bins,
+    })
 }
 
 /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres, outer faces of the voxels.

@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::TracePoint;
 use super::on_device::OnDevice;
-use super::plan::{COLUMNS_HOST, SUMMED, UPLOAD};
+use super::plan::{COLUMNS_HOST, UPLOAD};
+use super::{Plan, TracePoint};
 use crate::advice::{Part, advice};
 use crate::gpu::{Buffer, BufferPlan, Place};
 use crate::transport::kernels::buffer::{MEASURED, TRACE, WALL};
@@ -75,7 +75,7 @@ pub(super) struct Keeper<'k> {
 }
 
 /// Uploaded before every solve and never written on the device.
-const CONSTANT: [Buffer; 3] = [MEASURED, SUMMED, WALL];
+const CONSTANT: [Buffer; 2] = [MEASURED, WALL];
 /// The buffers that others are read and written through; nothing lives in them between iterations.
 const DOWN: Buffer = COLUMNS_HOST;
 const UP: Buffer = UPLOAD;
@@ -119,7 +119,7 @@ impl Identity {
         let grid = |l: &super::Level| format!("{:?} {:016x}", l.grid.n, scene(l));
         let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();
         let version = env!("CARGO_PKG_VERSION").into();
-        let living = job.plan.buffers.iter().filter(|b| lives(b));
+        let living = job.plan.buffers.iter().filter(|b| lives(&job.plan, b));
         let buffers = living.map(|b| (b.buffer.to_string(), b.bytes)).collect();
         Identity { version, capture: hash, settings, plan, buffers }
     }
@@ -162,7 +162,7 @@ impl Identity {
 }
 
 fn hash_of_scene(job: &OnDevice<'_>, level: &super::Level) -> u64 {
-    fnv(0, bytemuck::bytes_of(&job.of_volume().scene_of(&level.grid, level.pairs)))
+    fnv(0, bytemuck::bytes_of(&job.model_of(level).scene_of(&level.grid, level.pairs)))
 }
 
 /// FNV-1a.
@@ -171,14 +171,15 @@ fn fnv(start: u64, bytes: &[u8]) -> u64 {
 }
 
 /// Whether a buffer's content lives from one iteration to the next.
-fn lives(b: &BufferPlan) -> bool {
-    b.buffer == TRACE || b.place == Place::Device && !CONSTANT.contains(&b.buffer)
+fn lives(plan: &Plan, b: &BufferPlan) -> bool {
+    let constant = CONSTANT.contains(&b.buffer) || plan.levels.iter().any(|l| l.measured == b.buffer);
+    b.buffer == TRACE || b.place == Place::Device && !constant
 }
 
 /// The content of every buffer that lives from one iteration to the next. Waits for the device.
 pub(super) fn download(job: &mut OnDevice<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
     let mut all = BTreeMap::new();
-    for b in job.plan.buffers.iter().filter(|b| lives(b)) {
+    for b in job.plan.buffers.iter().filter(|b| lives(&job.plan, b)) {
         let content = if b.buffer == TRACE {
             job.executor.read::<u8>(TRACE, ..)
         } else {
@@ -203,7 +204,7 @@ pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> 
             advice!["it is damaged: start without " Resume],
         ));
     }
-    for b in job.plan.buffers.iter().filter(|b| lives(b)) {
+    for b in job.plan.buffers.iter().filter(|b| lives(&job.plan, b)) {
         if buffers.get(&b.buffer.to_string()).map(|content| content.len() as u64) != Some(b.bytes) {
             return Err(Error::input(
                 format!("the checkpoint does not hold buffer `{}` of {} bytes", b.buffer, b.bytes),
@@ -211,7 +212,8 @@ pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> 
             ));
         }
     }
-    let living: Vec<Buffer> = job.plan.buffers.iter().filter(|b| lives(b)).map(|b| b.buffer).collect();
+    let living: Vec<Buffer> =
+        job.plan.buffers.iter().filter(|b| lives(&job.plan, b)).map(|b| b.buffer).collect();
     for buffer in living {
         let content = &buffers[&buffer.to_string()];
         if buffer == TRACE {

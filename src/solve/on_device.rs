@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::Plan;
 use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
+use super::{Level, Plan};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
@@ -17,8 +17,8 @@ pub struct OnDevice<'g> {
     pub plan: Plan,
     /// The capture as kernels see it.
     pub model: Model,
-    /// The same in the volume's own bins, if these are wider.
-    pub summed: Option<Model>,
+    /// The same in the wider bins of levels of the volume.
+    pub summed: Vec<Model>,
     /// Runs schedules over the buffers.
     pub executor: Executor<'g>,
 }
@@ -34,7 +34,7 @@ impl<'g> OnDevice<'g> {
         for pass in &plan.passes {
             executor.add_kernel(*pass, (pass.code)(&plan), &pass.values(&plan))?;
         }
-        let summed = (plan.sum > 1).then(|| model.summed(plan.sum));
+        let summed = plan.summed().map(|level| model.summed(level.sum)).collect();
         let mut made = OnDevice { plan, model, summed, executor };
         made.upload()?;
         Ok(made)
@@ -54,14 +54,16 @@ impl<'g> OnDevice<'g> {
         if let Some(pulse) = &model.pulse {
             upload(executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
-        if let Some(pulse) = summed.as_ref().and_then(|m| m.pulse.as_ref()) {
-            upload(executor, plan.finest().taps, bytemuck::cast_slice(&pulse.words()))?;
+        for (level, pulse) in
+            plan.summed().zip(summed.iter()).filter_map(|(l, m)| Some((l, m.pulse.as_ref()?)))
+        {
+            upload(executor, level.taps, bytemuck::cast_slice(&pulse.words()))?;
         }
         for level in plan.levels.iter().chain(plan.pixels_only()) {
-            let model = summed.as_ref().filter(|m| m.bins == level.bins).unwrap_or(model);
-            let scene = model.scene_of(&level.grid, level.pairs);
+            let scene = in_bins_of(level, model, summed).scene_of(&level.grid, level.pairs);
             let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
-            let scene = SceneData { capacity, touched_capacity, ..scene };
+            let [from_wide, from_deep] = level.parts.map(|v| v as u32);
+            let scene = SceneData { capacity, touched_capacity, from_wide, from_deep, ..scene };
             upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
         }
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
@@ -74,10 +76,14 @@ impl<'g> OnDevice<'g> {
         executor.run(&sum_bins(plan))
     }
 
-    /// The model in the bins of the volume's levels.
-    pub fn of_volume(&self) -> &Model {
-        self.summed.as_ref().unwrap_or(&self.model)
+    /// The model in the bins of a level.
+    pub fn model_of(&self, level: &Level) -> &Model {
+        in_bins_of(level, &self.model, &self.summed)
     }
+}
+
+fn in_bins_of<'m>(level: &Level, model: &'m Model, summed: &'m [Model]) -> &'m Model {
+    summed.iter().find(|m| level.sum > 1 && m.bin_width == level.bin_width).unwrap_or(model)
 }
 
 /// Volume of a finished solve.

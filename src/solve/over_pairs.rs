@@ -64,13 +64,17 @@ pub(super) fn pulse_back(plan: &Plan, level: &Level, pass: &Pass, through: Optio
 /// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
 pub fn sum_bins(plan: &Plan) -> Schedule {
     let mut s = Schedule::default();
-    let level = plan.finest();
-    if plan.sum > 1 {
+    for level in plan.summed() {
         s.dispatch(&SUM_BINS, groups(plan.pairs * level.bins, WORKGROUP))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, buffer::MEASURED)
             .bind(buffer::TARGET, level.measured)
-            .with(Push { first: plan.sum as u32, last: plan.bins as u32, ..Default::default() });
+            .with(Push {
+                first: level.sum as u32,
+                last: plan.bins as u32,
+                step: plan.pairs as u32,
+                ..Default::default()
+            });
     }
     s
 }

@@ -69,9 +69,14 @@ impl Grid {
 
     /// The same box at `1 / factor` of the lateral resolution; `factor` divides it.
     pub fn coarser(&self, factor: usize) -> Grid {
-        let f = factor as f64;
-        let n = [self.n[0] / factor, self.n[1] / factor, self.n[2]];
-        let pitch = dvec3(self.pitch.x * f, self.pitch.y * f, self.pitch.z);
+        self.larger(factor, 1)
+    }
+
+    /// The same box with voxels that are `wide` times as wide and `deep` times as deep; `wide` divides the lateral
+    /// resolution. The last voxels may reach beyond the box.
+    pub fn larger(&self, wide: usize, deep: usize) -> Grid {
+        let n = [self.n[0] / wide, self.n[1] / wide, self.n[2].div_ceil(deep)];
+        let pitch = self.pitch * dvec3(wide as f64, wide as f64, deep as f64);
         let corner = self.origin - 0.5 * self.pitch;
         Grid { n, origin: corner + 0.5 * pitch, pitch }
     }

@@ -273,6 +273,8 @@ impl Model {
             bricks_x: bricks[0] as u32,
             bricks_y: bricks[1] as u32,
             bricks_z: bricks[2] as u32,
+            from_wide: 2,
+            from_deep: 1,
             near_z: self.near_z(grid) as u32,
             pairs: pairs as u32,
             scanned: scanned as u32,

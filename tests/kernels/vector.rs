@@ -339,7 +339,7 @@ pub fn bins_are_summed_for_the_volume() {
     let options = vector_options(&grid).with(|o| o.all_bins = false);
     let mut job = job(&gpu, &model, &grid, &options);
     let level = *job.plan.finest();
-    assert_eq!([job.plan.sum, job.plan.bins, level.bins], [3, 203, 67]);
+    assert_eq!([level.sum, job.plan.bins, level.bins], [3, 203, 67]);
     let want = twin::sum_bins(&model.measured, model.bins, 3);
     assert_eq!(want.len(), 16 * 67);
     assert!(error(read_floats(&mut job, level.measured, want.len()), want) < 1e-6);

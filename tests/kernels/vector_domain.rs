@@ -217,22 +217,41 @@ pub fn bounds_weigh_voxels_by_how_bright_they_are() {
 
 #[test]
 pub fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
+    check_doubling(&grid(), true, 0, [2, 1]);
+}
+
+/// Voxels much thinner than wide: on coarser grids they are deeper, too, and their bins are summed.
+#[test]
+fn refined_voxels_halve_in_depth_too() {
+    let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 0.615) };
+    let thin = Grid::new(volume, 12, 1.0 / 12.0 / 16.0).unwrap();
+    assert_eq!(thin.n[2] % 2, 1, "the last voxels of coarser grids reach beyond the box");
+    // From the coarsest: wider and deeper voxels, then deeper ones.
+    check_doubling(&thin, false, 0, [2, 2]);
+    check_doubling(&thin, false, 1, [1, 2]);
+}
+
+/// Refines level `from`, whose voxels hold so many of the next level's side by side and behind each other.
+fn check_doubling(fine: &Grid, all_bins: bool, from: usize, parts: [usize; 2]) {
     let gpu = gpu();
-    let (model, fine) = (scene(3, 40, 25), grid());
-    let coarse = fine.coarser(2);
-    let o = vector_options(&fine).with(|o| {
+    let model = scene(3, 160, 25);
+    let o = vector_options(fine).with(|o| {
         o.domain.coarse_to_fine = true;
         o.domain.keep_above = 0.5;
         o.bound_power = 1.5;
+        o.all_bins = all_bins;
     });
-    let mut job = job(&gpu, &model, &fine, &o);
-    assert_eq!(job.plan.levels.len(), 2);
+    let mut job = job(&gpu, &model, fine, &o);
+    let [before, after] = [job.plan.levels[from], job.plan.levels[from + 1]];
+    assert_eq!(after.parts, parts);
+    let (coarse, fine) = (before.grid, after.grid);
+    let model = if after.sum > 1 { model.summed(after.sum) } else { model };
     let domain = state(&model, &coarse, 0.6, 26).1;
     let v = within(vectors(coarse.storage(), 27), &domain);
     hold(&mut job, &domain, &v);
-    let mut level = 0;
+    let mut level = from;
     let s = vector::due(&job.plan, &o, &mut level, o.domain.coarse_iterations);
-    assert_eq!(level, 1);
+    assert_eq!(level, from + 1);
     job.executor.run(&s).unwrap();
 
     // Voxels that the reduction leaves out still count in the interpolation of their neighbours.
@@ -252,7 +271,8 @@ pub fn doubling_interpolates_the_vectors_and_bounds_the_new_domain() {
     let of_coarse = expected(&smooth, 1.5);
     let parent = |i: usize| {
         let [x, y, z] = fine.voxel(i);
-        if fine.contains([x, y, z]) { of_coarse[coarse.index([x / 2, y / 2, z])] } else { 0.0 }
+        let parent = [x / parts[0], y / parts[0], z / parts[1]];
+        if fine.contains([x, y, z]) { of_coarse[coarse.index(parent)] } else { 0.0 }
     };
     let of_fine: Vec<f64> = (0..fine.storage()).map(parent).collect();
     check_bounds_of(&mut job, &twin, &split, &of_fine);

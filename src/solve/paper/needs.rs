@@ -23,7 +23,7 @@ impl Needs for PaperOptions {
             binning: self.binning,
             gradient: self.gradient,
             has_rim: self.sampling == Sampling::Continuous,
-            sums_bins: false,
+            refined: None,
             smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
             more_taps: [0, 0],
         }

@@ -97,10 +97,10 @@ impl Plan {
             all.push((buffer::SPREAD, cells * 4));
             all.push((buffer::PULSE_TAPS, (self.tap_sets * self.tap_room * 4) as u64));
         }
-        if self.sum > 1 {
-            all.push((self.finest().measured, (self.pairs * self.finest().bins * 4) as u64));
+        for level in self.summed() {
+            all.push((level.measured, (self.pairs * level.bins * 4) as u64));
             if self.pulse > 0 {
-                all.push((self.finest().taps, (self.tap_room * 4) as u64));
+                all.push((level.taps, (self.tap_room * 4) as u64));
             }
         }
         if self.volumes == [SMOOTH, SMOOTH_SPARE] {

@@ -84,15 +84,14 @@ impl Plan {
                 mebibytes(place as u64),
             );
         }
-        if self.sum > 1 {
+        let summed: Vec<String> = self
+            .summed()
+            .map(|l| format!("{} are one for voxels {:.3} m deep", l.sum, l.grid.pitch.z))
+            .collect();
+        if !summed.is_empty() {
             out.add(
-                format!(
-                    "bins finer than the volume's voxels: {} of them are one for the volume, {} of {}",
-                    self.sum,
-                    self.finest().bins,
-                    self.bins
-                ),
-                format!("voxels {} times as deep, and as much of its passes over bins", self.sum),
+                format!("bins finer than the volume's voxels: {}", summed.join(", ")),
+                "as much of the passes over bins there",
             );
         }
         let unreached = self.all_bins - self.bins;

@@ -1,17 +1,20 @@
-//! The levels of a solve: from a coarse grid and a part of the pairs to the finest and all of them.
+//! The levels of a solve: from a coarse grid, wide bins and a part of the pairs to the finest and all of them.
 
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{Geometry, Grid, Model};
 
-/// One step of the coarse-to-fine sequence: a lateral resolution, how many pairs are used on it, and how wide their bins
-/// are.
+/// One step of the coarse-to-fine sequence: a resolution, how many pairs are used on it, and how wide their bins are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// The volume at this resolution.
     pub grid: Grid,
+    /// Its voxels side by side, and behind each other, in a voxel of the grid before.
+    pub parts: [usize; 2],
     /// How many pairs are used: the first ones.
     pub pairs: usize,
+    /// How many of the model's bins are one.
+    pub sum: usize,
     /// Bins of a histogram.
     pub bins: usize,
     /// Metres of path.
@@ -37,70 +40,128 @@ pub const AMPLE: usize = 32;
 /// Other points of a product that are enough at first.
 const ROWS: usize = 16;
 
-/// The measurement in the wider bins of the volume, where it has such.
-pub const SUMMED: Buffer = buffer::MEASURED.at(0);
-/// The pulse's taps for these bins.
-const SUMMED_TAPS: Buffer = buffer::PULSE_TAPS.at(0);
-
 /// How many bins of `model` a volume with voxels as deep as those of `grid` needs no finer than as one. A path to a
 /// surface and back changes by twice its depth, so voxels are two bins of path deep where bins are not summed.
 pub(super) fn sum_of(model: &Model, grid: &Grid) -> usize {
     ((grid.pitch.z / model.bin_width + 1e-6) as usize).clamp(1, model.bins)
 }
 
-/// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power of
-/// two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs; at
-/// the end this part grows fourfold until it is all.
-///
-/// `summed` is the model in the volume's own bins, if these are wider than those of `model`.
-pub(super) fn of_volume(
-    model: &Model,
-    summed: Option<&Model>,
-    finest: Grid,
-    scan: [usize; 2],
-    coarse_to_fine: bool,
-) -> Vec<Level> {
-    let side = scan[0].max(scan[1]);
-    let least = if model.is_spread { side.min(AMPLE) } else { side };
-    let mut factor = 1;
-    while coarse_to_fine && finest.n[0].is_multiple_of(factor * 2) && finest.n[0] / (factor * 2) >= least {
-        factor *= 2;
-    }
-    let grids = (0..=factor.ilog2()).map(|i| finest.coarser(factor >> i));
-    let mut steps: Vec<(Grid, usize)> =
-        grids.map(|grid| (grid, part(model, share(model, grid.n[0])))).collect();
-    let mut rest = share(model, finest.n[0]);
-    while rest > 1 {
-        rest /= 4;
-        let pairs = part(model, rest);
-        if steps.last().is_some_and(|last| last.1 < pairs) {
-            steps.push((finest, pairs));
+/// Voxels are made deeper on coarse grids up to this share of their width. Deeper ones save nothing: surfaces stay thick
+/// in them, and leave more voxels for the finest grid (benches/NOTES.md).
+const OF_WIDTH: f64 = 0.25;
+
+/// What the levels of a volume come from.
+pub(super) struct Steps<'m> {
+    /// The capture.
+    pub model: &'m Model,
+    /// The last grid.
+    pub finest: Grid,
+    /// Points of the scan along x and y.
+    pub scan: [usize; 2],
+    /// Begin with a coarser grid.
+    pub coarse_to_fine: bool,
+    /// Coarser grids have deeper voxels, too, and all levels bins as wide as the voxels justify. The grid may be refined
+    /// so often.
+    pub refined: Option<usize>,
+}
+
+impl Steps<'_> {
+    /// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power
+    /// of two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs;
+    /// at the end this part grows fourfold until it is all.
+    pub fn levels(&self) -> Vec<Level> {
+        let model = self.model;
+        let mut steps: Vec<(Grid, usize)> =
+            self.grids().into_iter().map(|grid| (grid, part(model, share(model, grid.n[0])))).collect();
+        let mut rest = share(model, self.finest.n[0]);
+        while rest > 1 {
+            rest /= 4;
+            let pairs = part(model, rest);
+            if steps.last().is_some_and(|last| last.1 < pairs) {
+                steps.push((self.finest, pairs));
+            }
         }
+        let mut levels: Vec<Level> = vec![];
+        // There are fewer than 64 levels: lateral voxels and pairs are 32-bit numbers.
+        for (i, (grid, pairs)) in (0..).zip(steps) {
+            let parts = levels.last().map_or([1, 1], |before| {
+                let along = |a: usize| (before.grid.pitch[a] / grid.pitch[a]).round() as usize;
+                [along(0), along(2)]
+            });
+            let sum = if self.refined.is_some() { sum_of(model, &grid) } else { 1 };
+            let like = |own: Buffer| match levels.iter().find(|l| l.sum == sum) {
+                _ if sum == 1 => own,
+                Some(same) if own == buffer::MEASURED => same.measured,
+                Some(same) => same.taps,
+                None => own.at(i),
+            };
+            levels.push(Level {
+                grid,
+                parts,
+                pairs,
+                sum,
+                bins: (model.bins / sum).max(1),
+                bin_width: model.bin_width * sum as f64,
+                measured: like(buffer::MEASURED),
+                taps: like(buffer::PULSE_TAPS),
+                wall: if pairs == model.pairs() { buffer::WALL } else { buffer::WALL.at(i) },
+                scene: buffer::SCENE.at(i),
+                reachable: buffer::REACHABLE.at(i),
+            });
+        }
+        levels
     }
-    let level = |(i, (grid, pairs)): (u8, (Grid, usize))| Level {
-        grid,
-        pairs,
-        bins: summed.unwrap_or(model).bins,
-        bin_width: summed.unwrap_or(model).bin_width,
-        measured: if summed.is_some() { SUMMED } else { buffer::MEASURED },
-        taps: if summed.is_some() { SUMMED_TAPS } else { buffer::PULSE_TAPS },
-        wall: if pairs == model.pairs() { buffer::WALL } else { buffer::WALL.at(i) },
-        scene: buffer::SCENE.at(i),
-        reachable: buffer::REACHABLE.at(i),
-    };
-    // Lateral voxels and pairs are 32-bit numbers: there are fewer than 64 levels.
-    (0..).zip(steps).map(level).collect()
+
+    /// The grids in order. From one to the next, voxels halve in width, in depth, or both.
+    fn grids(&self) -> Vec<Grid> {
+        let (finest, side) = (self.finest, self.scan[0].max(self.scan[1]));
+        let least = if self.model.is_spread { side.min(AMPLE) } else { side };
+        let mut wide = 1;
+        while self.coarse_to_fine && finest.n[0].is_multiple_of(wide * 2) && finest.n[0] / (wide * 2) >= least
+        {
+            wide *= 2;
+        }
+        let deepest = |wide: usize| match self.refined {
+            Some(_) => power_of_two(OF_WIDTH * wide as f64 * finest.pitch.x / finest.pitch.z),
+            None => 1,
+        };
+        // From the finest to the coarsest. Wider voxels are deeper, too. Where they may be deeper still, there are grids
+        // between, as many as the iterations allow.
+        let between = self.refined.filter(|_| self.coarse_to_fine).unwrap_or(0);
+        let mut between = between.saturating_sub(wide.ilog2() as usize);
+        let mut sizes = vec![(1, 1)];
+        loop {
+            let (w, d) = sizes[sizes.len() - 1];
+            sizes.push(if between > 0 && 2 * d <= deepest(w) {
+                between -= 1;
+                (w, 2 * d)
+            } else if w < wide {
+                (2 * w, (2 * d).min(deepest(2 * w)).max(d))
+            } else {
+                break;
+            });
+        }
+        sizes.reverse();
+        sizes.into_iter().map(|(wide, deep)| finest.larger(wide, deep)).collect()
+    }
+}
+
+/// The largest power of two that is not above `most`; at least 1.
+fn power_of_two(most: f64) -> usize {
+    // A rounded ratio of two sizes may lie a little below.
+    1 << (most.max(1.0) * (1.0 + 1e-6)).log2() as u32
 }
 
 /// The levels on the maps' pixels, with as many pairs as the finest of `levels` have.
 pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Vec<Level> {
     let Some(finest) = levels.last().map(|l| l.grid) else { return vec![] };
     let of_finest = levels.iter().filter(|l| l.grid == finest);
-    if finest == maps && levels.iter().all(|l| l.bins == model.bins) {
+    if finest == maps && of_finest.clone().all(|l| l.sum == 1) {
         return of_finest.copied().collect();
     }
     let level = |(i, l): (u8, &Level)| Level {
         grid: maps,
+        sum: 1,
         bins: model.bins,
         bin_width: model.bin_width,
         measured: buffer::MEASURED,

@@ -19,7 +19,7 @@ mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
-pub use levels::{AMPLE, Level, SUMMED};
+pub use levels::{AMPLE, Level};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
@@ -46,8 +46,9 @@ pub struct Demand {
     pub has_rim: bool,
     /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off.
     pub smooth: [f64; 2],
-    /// Sum bins that are finer than the voxels.
-    pub sums_bins: bool,
+    /// Coarser grids have deeper voxels, too, and levels sum bins that are finer than their voxels. The grid can be refined
+    /// so often before the last iterations. `None`: the depth of voxels and the bins are the same at all levels.
+    pub refined: Option<usize>,
     /// Sets of taps for residuals beside the pulse's own, and bins that they add to it.
     pub more_taps: [usize; 2],
 }
@@ -94,8 +95,6 @@ pub struct Plan {
     pub bins: usize,
     /// Metres of path.
     pub bin_width: f64,
-    /// How many of these bins are one for the volume.
-    pub sum: usize,
     /// Iterations of the volume, and of what follows it.
     pub iterations: [usize; 2],
     /// How rendered values are added up; never `Auto`.
@@ -178,10 +177,10 @@ impl Plan {
         let demand = needs.demand();
         let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
         check_sizes(model, &grid)?;
-        let sum = if demand.sums_bins && !demand.general { levels::sum_of(model, &grid) } else { 1 };
-        let summed = (sum > 1).then(|| model.summed(sum));
         let finest = grid.coarser(demand.pixels_per_voxel);
-        let levels = levels::of_volume(model, summed.as_ref(), finest, scan, demand.coarse_to_fine);
+        let refined = demand.refined.filter(|_| !demand.general);
+        let steps = levels::Steps { model, finest, scan, coarse_to_fine: demand.coarse_to_fine, refined };
+        let levels = steps.levels();
         let pixel_levels =
             if demand.iterations[1] > 0 { levels::of_pixels(model, &levels, grid) } else { vec![] };
         let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
@@ -193,19 +192,18 @@ impl Plan {
         let [more_sets, more_bins] = demand.more_taps;
         // Fixed point adds without rounding, and a window already sums in two levels.
         let fixed = matches!(accumulation, Accumulation::Fixed | Accumulation::Fixed32);
-        let of_volume = summed.as_ref().unwrap_or(model);
-        let runs = !fixed && tuning.window == 0 && capacity / of_volume.bins > VOXELS_PER_BIN;
+        let crowded = |l: &Level| capacity.min(l.grid.storage()) / l.bins > VOXELS_PER_BIN;
+        let runs = !fixed && tuning.window == 0 && levels.iter().any(crowded);
         let touches = |l: &Level| model.touches(&l.grid);
         let mut plan = Plan {
             touching: demand.general || levels.iter().chain(&pixel_levels).any(touches),
-            reachable: levels.iter().map(|l| reachable(of_volume, &l.grid, demand.general)).collect(),
+            reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
             levels,
             pixel_levels,
             maps,
             pairs: model.pairs(),
             bins: model.bins,
             bin_width: model.bin_width,
-            sum,
             iterations: demand.iterations,
             accumulation,
             has_rim: demand.has_rim,
@@ -307,6 +305,13 @@ impl Plan {
     /// Whether rendered values are added up in fixed point.
     pub fn fixed_point(&self) -> bool {
         matches!(self.accumulation, Accumulation::Fixed | Accumulation::Fixed32)
+    }
+
+    /// The levels of the volume whose bins no level before has, and that are wider than the model's.
+    pub fn summed(&self) -> impl Iterator<Item = &Level> {
+        let first =
+            |l: &Level| self.levels.iter().find(|o| o.sum == l.sum).is_some_and(|o| o.scene == l.scene);
+        self.levels.iter().filter(move |l| l.sum > 1 && first(l))
     }
 
     /// Dispatches that one forward pass takes at `level`.

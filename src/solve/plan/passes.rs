@@ -13,7 +13,7 @@ passes! {
 
     /// Sums neighbouring bins of the measurement for levels with wider ones.
     SUM_BINS = Pass {
-        when: |p| p.sum > 1,
+        when: |p| p.levels.iter().any(|l| l.sum > 1),
         twin: twin!(sum_bins),
         ..Pass::of("sum_bins", |_| &kernel::SUM_BINS)
     };

@@ -89,11 +89,11 @@ pub(super) fn refine(
     let steps = steps(stages, pixels.len(), begin, iterations, first_blur.map(|_| room));
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without the cost of the prior.
-    let most = match &job.summed {
-        None => WORSE * loss,
+    let most = match volume.sum {
+        1 => WORSE * loss,
         // The volume's loss is that of wider bins: its share of the data counts, and narrow bins have more noise.
-        Some(summed) => {
-            let share = loss / energy(summed, volume.pairs);
+        _ => {
+            let share = loss / energy(job.model_of(&volume), volume.pairs);
             WORSE * share * energy(&job.model, volume.pairs) + expected_noise(&job.model).max(0.0)
         }
     };
@@ -252,7 +252,9 @@ mod tests {
         let grid = Grid::new(volume, 32, 0.05).unwrap();
         let level = |pairs| Level {
             grid,
+            parts: [1, 1],
             pairs,
+            sum: 1,
             bins: 100,
             bin_width: 0.01,
             measured: buffer::MEASURED,

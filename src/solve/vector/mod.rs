@@ -64,7 +64,7 @@ pub fn reconstruct<'b, 'w: 'b>(
     let first = job.plan.levels[0];
     upload_hat(&mut job, &first)?;
     let steps = Steps {
-        stop_below: options.stop.then(|| expected_noise(job.of_volume())),
+        stop_below: options.stop.then(|| expected_noise(job.model_of(job.plan.finest()))),
         ..steps(&job.plan, options)
     };
     let keeper = Keeper::new(keep, &job, options)?;

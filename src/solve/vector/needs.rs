@@ -23,7 +23,9 @@ impl Needs for VectorOptions {
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
-            sums_bins: !self.all_bins,
+            refined: (!self.all_bins).then(|| {
+                self.iterations.saturating_sub(self.growth_iterations) / self.domain.coarse_iterations
+            }),
             smooth: [SMOOTH_SIGMA, 4.0],
             more_taps: surface::more_taps(&self.surface),
         }

@@ -74,8 +74,10 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let expected = |pass: &'static Pass| (options.bound_power > 0.0).then_some((pass, options.bound_power));
     let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
     if let Some(fine) = doubles {
-        // A voxel becomes four: there must be room for them.
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity / 4));
+        // A voxel becomes several: there must be room for them.
+        let [wide, deep] = fine.parts;
+        let room = plan.capacity / (wide * wide * deep);
+        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, room));
         s.extend(domain::double_mask(here, fine));
         s.extend(settle(plan, fine, &SETTLE_DOUBLED));
         s.extend(bounds(plan, fine, expected(&EXPECT_DOUBLED)));

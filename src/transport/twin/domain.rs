@@ -134,24 +134,31 @@ pub fn carry(touched: &[u32], state: &[Raw]) -> Vec<Raw> {
     carried
 }
 
-/// State at twice the lateral resolution: bilinear in x and y, cell-centred, clamped at the edges.
+/// Voxels of `fine` along each axis in a voxel of `coarse`: 1 or 2.
+fn parts(coarse: &Grid, fine: &Grid) -> [usize; 3] {
+    std::array::from_fn(|a| (coarse.pitch[a] / fine.pitch[a]).round() as usize)
+}
+
+/// State in a grid with smaller voxels along some axes: linear along these, cell-centred, clamped at the edges. Values
+/// halve where voxels behind each other double, as their light adds up.
 pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
+    let parts = parts(coarse, fine);
     let mut doubled = vec![[0.0; 4]; fine.storage()];
     for (i, value) in doubled.iter_mut().enumerate() {
         let c = fine.voxel(i);
         if !fine.contains(c) {
             continue;
         }
-        let parents = [0, 1].map(|a| {
-            let at = ((c[a] as f64 + 0.5) / 2.0 - 0.5).clamp(0.0, coarse.n[a] as f64 - 1.0);
+        let [xs, ys, zs] = [0, 1, 2].map(|a| {
+            let at = ((c[a] as f64 + 0.5) / parts[a] as f64 - 0.5).clamp(0.0, coarse.n[a] as f64 - 1.0);
             let low = at.floor() as usize;
             [(low, 1.0 - at.fract()), ((low + 1).min(coarse.n[a] - 1), at.fract())]
         });
-        for (x, wx) in parents[0] {
-            for (y, wy) in parents[1] {
-                let from = raw[coarse.index([x, y, c[2]])];
-                for k in 0..4 {
-                    value[k] += wx * wy * from[k];
+        for (x, wx) in xs {
+            for (y, wy) in ys {
+                for (z, wz) in zs {
+                    let from = raw[coarse.index([x, y, z])];
+                    (0..4).for_each(|k| value[k] += wx * wy * wz * from[k] / parts[2] as f64);
                 }
             }
         }
@@ -159,10 +166,11 @@ pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
     doubled
 }
 
-/// The domain at twice the lateral resolution: a voxel is active if its parent was.
+/// The domain in a grid with smaller voxels along some axes: a voxel is active if its parent was.
 pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
-    let child = |c: [usize; 3]| fine.contains(c) && active[coarse.index([c[0] / 2, c[1] / 2, c[2]])];
-    (0..fine.storage()).map(|i| child(fine.voxel(i))).collect()
+    let parts = parts(coarse, fine);
+    let parent = |c: [usize; 3]| coarse.index(std::array::from_fn(|a| c[a] / parts[a]));
+    (0..fine.storage()).map(|i| fine.voxel(i)).map(|c| fine.contains(c) && active[parent(c)]).collect()
 }
 
 /// The surface in one column.
