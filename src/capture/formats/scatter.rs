@@ -157,16 +157,19 @@ impl Part<'_> {
     pub fn take(&mut self, first: usize, values: &[f32], integer: bool) {
         let places = self.columns.len();
         self.whole = integer || (self.whole && seen::whole(values));
-        let mut run = Vec::with_capacity(TILE[0]);
+        let mut turned = [[0.0f32; TILE[0]]; TILE[1]];
         let end = first + values.len() / places;
         for (tile, columns) in self.columns.chunks_mut(TILE[1]).enumerate() {
             for from in (first..end).step_by(TILE[0]) {
                 let bins = from..(from + TILE[0]).min(end);
-                let values = &values[(from - first) * places + tile * TILE[1]..];
-                for (place, column) in columns.iter_mut().enumerate() {
-                    run.clear();
-                    run.extend(values[place..].iter().step_by(places).take(bins.len()));
-                    column.take(&bins, &run);
+                for bin in bins.clone() {
+                    let row = &values[(bin - first) * places + tile * TILE[1]..][..columns.len()];
+                    for (turned, value) in turned.iter_mut().zip(row) {
+                        turned[bin - from] = *value;
+                    }
+                }
+                for (column, turned) in columns.iter_mut().zip(&turned) {
+                    column.take(&bins, &turned[..bins.len()]);
                 }
             }
         }
