@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use super::hdf5::{Array, Hdf5, guarded};
-use super::scatter::{Part, Result as Filled, Scattered, Wanted};
+use super::scatter::{Filled, Part, Scattered, Wanted};
 use crate::error::Result;
 
 /// Values of all blocks in work at a time, unless a chunk is larger. They take up to 20 bytes each while they are
@@ -31,7 +31,18 @@ struct Cut {
 /// `Kind::Input` if a part of the array is damaged.
 pub fn read(file: &Hdf5, array: &Array, wanted: &Wanted) -> Result<Scattered> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
-    let cut = Cut::of(array, AT_ONCE / threads);
+    read_with(file, array, wanted, threads, AT_ONCE)
+}
+
+/// Reads as [`read`] does, on at most this many threads, with `at_once` values in work.
+fn read_with(
+    file: &Hdf5,
+    array: &Array,
+    wanted: &Wanted,
+    threads: usize,
+    at_once: usize,
+) -> Result<Scattered> {
+    let cut = Cut::of(array, at_once / threads);
     wanted.scatter(cut.parts(), |parts| {
         let threads = threads.min(parts.len());
         let queue = Mutex::new(parts.into_iter());
@@ -148,5 +159,136 @@ impl Cut {
             part.take(first, &file.block(array, &starts, &counts)?, array.integer());
         }
         Ok(part.finish())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use fixtures::originals::{Cube, Kind, write};
+
+    use super::super::scatter::Shifts;
+    use super::*;
+    use crate::capture::seen::Seen;
+
+    /// Bins, d2 and d1: no chunk divides them all.
+    const SHAPE: [usize; 3] = [37, 10, 13];
+    const PLACES: usize = SHAPE[1] * SHAPE[2];
+
+    fn value([bin, d2, d1]: [usize; 3]) -> f64 {
+        match (bin * 31 + d2 * 7 + d1 * 3) % 11 {
+            0 if d2 == 4 && d1 == 5 => f64::NAN,
+            n if d2 == 2 && d1 == 3 => n as f64 - 9.0,
+            n => n as f64,
+        }
+    }
+
+    fn histogram(place: usize) -> Vec<f32> {
+        (0..SHAPE[0]).map(|bin| value([bin, place / SHAPE[2], place % SHAPE[2]]) as f32).collect()
+    }
+
+    fn made(folder: &tempfile::TempDir, chunk: [usize; 3], kind: Kind) -> (PathBuf, Hdf5, Array) {
+        let path = folder.path().join("made.mat");
+        write(&path, &Cube { name: "a", shape: SHAPE, chunk, kind, repeat: usize::MAX }, &value, &[]);
+        let file = Hdf5::open(&path).unwrap();
+        let array = file.array("a").unwrap().unwrap();
+        (path, file, array)
+    }
+
+    const CHUNKS: [[usize; 3]; 6] = [[0; 3], [8, 4, 4], [37, 2, 1], [3, 10, 13], [37, 10, 13], [1, 3, 1]];
+
+    /// Threads and values at once.
+    const WORK: [(usize, usize); 5] = [(1, 1), (1, 1 << 20), (2, 100), (3, 1500), (4, 1 << 20)];
+
+    fn bits(values: &[f32]) -> Vec<u32> {
+        values.iter().map(|v| v.to_bits()).collect()
+    }
+
+    #[test]
+    fn blocks_of_any_shape_give_the_same_histograms() {
+        let folder = tempfile::tempdir().unwrap();
+        // Every third place, backwards; shifts from none to all bins; a place that was not measured.
+        let from: Vec<usize> = (0..PLACES).rev().step_by(3).collect();
+        let of_place: Vec<_> = (0..PLACES).map(|p| (p != from[4]).then_some(p % SHAPE[0])).collect();
+        let shifts = Shifts { of_place, bins: 20 };
+        let shifted = |place: usize| -> Vec<f32> {
+            let Some(shift) = shifts.of_place[place] else { return vec![f32::NAN; 20] };
+            let stored = histogram(place);
+            (shift..shift + 20).map(|bin| stored.get(bin).copied().unwrap_or(0.0)).collect()
+        };
+        for (chunk, kind) in CHUNKS.iter().flat_map(|c| [(*c, Kind::Single), (*c, Kind::Double)]) {
+            let (_, file, array) = made(&folder, chunk, kind);
+            for ((threads, at_once), shifts) in WORK.iter().flat_map(|w| [(*w, None), (*w, Some(&shifts))]) {
+                let what = format!("{chunk:?} {kind:?}, {threads} threads, {at_once} at once");
+                let bins = if shifts.is_some() { 2..17 } else { 5..36 };
+                let wanted = Wanted { stored: [SHAPE[0], PLACES], from: &from, bins: bins.clone(), shifts };
+                let read = read_with(&file, &array, &wanted, threads, at_once).unwrap();
+                let all: Vec<Vec<f32>> = (0..PLACES)
+                    .map(|place| if shifts.is_some() { shifted(place) } else { histogram(place) })
+                    .collect();
+                let kept: Vec<f32> = from.iter().flat_map(|p| all[*p][bins.clone()].to_vec()).collect();
+                assert_eq!(bits(&read.histograms), bits(&kept), "{what}");
+                for (place, seen) in read.seen.iter().enumerate() {
+                    assert_eq!(
+                        format!("{seen:?}"),
+                        format!("{:?}", Seen::of(&all[place])),
+                        "{what}: {place}"
+                    );
+                }
+                assert!(!read.whole, "{what}: one histogram has negative counts");
+                let late = |p: usize| -> f64 {
+                    let Some(shift) = shifts.and_then(|s| s.of_place[p]) else { return 0.0 };
+                    histogram(p).iter().skip(shift + 20).map(|v| f64::from(*v)).sum()
+                };
+                let late: f64 = (0..PLACES).map(late).sum();
+                assert_eq!(read.late.to_bits(), late.to_bits(), "{what}");
+            }
+        }
+    }
+
+    #[test]
+    fn integers_are_counts_and_what_is_damaged_is_one_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let from: Vec<usize> = (0..PLACES).collect();
+        let wanted = Wanted { stored: [SHAPE[0], PLACES], from: &from, bins: 0..SHAPE[0], shifts: None };
+        for chunk in CHUNKS {
+            let (path, file, array) = made(&folder, chunk, Kind::Counts);
+            let good = read_with(&file, &array, &wanted, 2, 100).unwrap();
+            assert!(good.whole && array.integer(), "{chunk:?}");
+            assert_eq!(good.histograms[5], value([5, 0, 0]) as f32, "{chunk:?}");
+            if chunk == [0; 3] {
+                continue;
+            }
+            // A chunk in the middle of the file.
+            let mut bytes = std::fs::read(&path).unwrap();
+            let begin = |at: &usize| bytes[*at..].starts_with(&[0x78, 0x5e]);
+            let begins: Vec<usize> = (600..bytes.len() - 2).filter(begin).collect();
+            let middle = begins[begins.len() / 2];
+            bytes[middle + 2..middle + 6].fill(0xff);
+            std::fs::write(&path, bytes).unwrap();
+            for (threads, at_once) in WORK {
+                let file = Hdf5::open(&path).unwrap();
+                let error = read_with(&file, &array, &wanted, threads, at_once).err().expect("damage");
+                assert_eq!(error.kind, crate::Kind::Input);
+                assert!(error.what.contains("dataset a") && error.what.contains("cannot be read"), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn parts_hold_every_value_once() {
+        let folder = tempfile::tempdir().unwrap();
+        for chunk in CHUNKS {
+            let (_, _, array) = made(&folder, chunk, Kind::Single);
+            for most in [1, 7, 60, 400, 3000, 1 << 20] {
+                let mut held = vec![0; SHAPE.iter().product()];
+                for (bins, places) in Cut::of(&array, most).parts() {
+                    assert!(!bins.is_empty(), "{chunk:?}, {most}");
+                    bins.for_each(|bin| places.iter().for_each(|place| held[bin * PLACES + place] += 1));
+                }
+                assert!(held.iter().all(|n| *n == 1), "{chunk:?}, {most}");
+            }
+        }
     }
 }

@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 /// `Kind::Input` for missing arrays, shapes that do not agree, or paths that include the outer legs.
 pub(super) fn read<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Result<Unread<'f>> {
     let numbers = |name: &str| file.numbers(name)?.ok_or_else(|| file.missing(name));
-    let counts = file.shape("data_t")?.ok_or_else(|| file.missing("data_t"))?;
+    let counts = file.counts_shape("data_t")?;
     let ((x_shape, x), (y_shape, y)) = (numbers("xg")?, numbers("yg")?);
     let &[bins, nx, ny] = &counts[..] else {
         return Err(Error::input(

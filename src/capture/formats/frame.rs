@@ -68,7 +68,7 @@ pub fn scanned<'f>(
     wall: f64,
     bin_width: f64,
 ) -> Result<Unread<'f>> {
-    let shape = file.shape(name)?.ok_or_else(|| file.missing(name))?;
+    let shape = file.counts_shape(name)?;
     let [bins, n2, n1] = shape[..] else {
         return Err(Error::input(
             format!("{name} has {} axes, not three (two of the scan, and the bins)", shape.len()),

@@ -126,6 +126,16 @@ impl Matlab5 {
         Ok(self.find(name).map(|a| a.shape.clone()))
     }
 
+    /// The shape of an array whose values are in the file, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged, complex or does not hold numbers.
+    pub fn counts_shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+        let Some(found) = self.find(name) else { return Ok(None) };
+        self.numbers_of(found).map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some(found.shape.clone()))
+    }
+
     /// An array as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
     ///
     /// # Errors

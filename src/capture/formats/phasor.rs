@@ -117,7 +117,7 @@ pub(super) fn read_2020<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Res
     let number = |name: &str| -> Result<f64> { file.number(name)?.ok_or_else(|| file.missing(name)) };
     let (seconds, spacing) = (number("ts")?, number("sampling_spacing")?);
     let (shape, index) = file.numbers("SPAD_index")?.ok_or_else(|| file.missing("SPAD_index"))?;
-    let counts = file.shape("rect_data")?.ok_or_else(|| file.missing("rect_data"))?;
+    let counts = file.counts_shape("rect_data")?;
     let [_, n2, n1] = counts[..] else {
         return Err(Error::input(
             format!("rect_data has {} axes, not three", counts.len()),

@@ -62,7 +62,7 @@ struct Column<'h> {
 }
 
 /// What a part saw.
-pub struct Result {
+pub struct Filled {
     index: usize,
     places: Vec<usize>,
     seen: Vec<(Seen, f64)>,
@@ -91,8 +91,8 @@ impl Wanted<'_> {
     pub fn scatter<E>(
         &self,
         areas: Vec<(Range<usize>, Vec<usize>)>,
-        fill: impl FnOnce(Vec<Part>) -> std::result::Result<Vec<Result>, E>,
-    ) -> std::result::Result<Scattered, E> {
+        fill: impl FnOnce(Vec<Part>) -> Result<Vec<Filled>, E>,
+    ) -> Result<Scattered, E> {
         let kept = self.bins.len();
         let mut histograms = vec![0.0f32; self.from.len() * kept];
         let mut rows: Vec<&mut [f32]> = (0..self.stored[1]).map(|_| Default::default()).collect();
@@ -176,9 +176,9 @@ impl Part<'_> {
     }
 
     /// What the part saw, when all of it was taken.
-    pub fn finish(self) -> Result {
+    pub fn finish(self) -> Filled {
         let seen = self.columns.into_iter().map(|c| (c.seen, c.late)).collect();
-        Result { index: self.index, places: self.places, seen, whole: self.whole }
+        Filled { index: self.index, places: self.places, seen, whole: self.whole }
     }
 }
 

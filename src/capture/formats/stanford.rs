@@ -55,7 +55,7 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &Given, notes: &mut Vec<String>)
             "give the file with tofgrid as the times of flight, too; or give the folder of both",
         ));
     };
-    let counts = file.shape("meas")?.ok_or_else(|| file.missing("meas"))?;
+    let counts = file.counts_shape("meas")?;
     if counts.len() != 3 || counts[1..] != tof_shape[..] {
         return Err(Error::input(
             format!("meas has shape {counts:?} and tofgrid {tof_shape:?}, which do not agree"),

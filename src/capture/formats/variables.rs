@@ -90,6 +90,19 @@ impl Variables {
         counts.ok_or_else(|| self.missing(name))
     }
 
+    /// The shape of a required array of counts, which is not read. So many values are in the file, or a file of its size
+    /// may hold them.
+    ///
+    /// # Errors
+    /// As [`Variables::counts`], as far as the values do not matter.
+    pub fn counts_shape(&self, name: &str) -> Result<Vec<usize>> {
+        let shape = match self {
+            Variables::Hdf5(file) => file.array(name)?.map(|array| array.shape),
+            Variables::Matlab5(file) => file.counts_shape(name)?,
+        };
+        shape.ok_or_else(|| self.missing(name))
+    }
+
     /// The wanted pairs and bins of a required array [T, ...] of counts, which is read part by part. `wanted.stored` is
     /// of its shape.
     ///
