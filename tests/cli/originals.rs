@@ -51,15 +51,16 @@ fn parts_are_told_as_before() {
         "bin width",
         "shifted by its time of flight",
         "the wall is scaled",
-        "every 7th of 20 x 18",
+        "every 7th of 18 x 20",
         "5 of 9",
     ];
     let places: Vec<_> = order.map(|what| notes.iter().position(|n| n.contains(what))).to_vec();
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{notes:?}");
-    // The wall is scaled before the scan is thinned: 19 gaps to a metre, 14 of them between the outermost points.
+    // The wall is scaled before the scan is thinned: 20 points to a metre along y, of which 3 are kept,
+    // and half a gap of these on both sides.
     let wide = json(&["--stride", "7", "--wall", "1"])["capture"]["wall_extent_m"].clone();
     let extent = |i: usize| wide[i].as_f64().unwrap();
-    assert!((extent(1) - extent(0) - 21.0 / 19.0).abs() < 1e-9, "{wide}");
+    assert!((extent(3) - extent(2) - 21.0 / 19.0).abs() < 1e-9, "{wide}");
     fail(&["info", path, "--bounce", "all"], 1, "does not keep bounces apart");
     fail(&["info", path, "--stride", "0"], 1, "stride of 0");
     fail(&["info", path, "--gate", "90:99"], 1, "outside the recorded paths");

@@ -51,8 +51,11 @@ impl Array {
 }
 
 pub(super) fn damaged(e: impl std::fmt::Display) -> Error {
+    // The names of the reader's layers say nothing about the file.
+    let text = e.to_string();
+    let text = text.rsplit_once("error: ").map_or(&text[..], |(_, what)| what);
     Error::input(
-        format!("the HDF5 file cannot be read: {e}"),
+        format!("the HDF5 file cannot be read: {text}"),
         "the file is damaged or cut short: copy or download it again",
     )
 }
