@@ -3,30 +3,30 @@
 
 /// Figures of one histogram.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub(super) struct Seen {
     /// Sum of the counts; NaN if any is.
-    pub total: f64,
+    pub(super) total: f64,
     /// The first bin whose count is negative or not finite, and that count.
-    pub wrong: Option<(u32, f32)>,
+    pub(super) wrong: Option<(u32, f32)>,
     /// Whether every count is NaN.
-    pub nothing: bool,
+    pub(super) nothing: bool,
     /// Whether every count is zero.
-    pub zero: bool,
+    pub(super) zero: bool,
 }
 
 impl Seen {
     /// A histogram without bins.
-    pub const EMPTY: Seen = Seen { total: 0.0, wrong: None, nothing: true, zero: true };
+    pub(super) const EMPTY: Seen = Seen { total: 0.0, wrong: None, nothing: true, zero: true };
 
     /// The figures of a histogram.
-    pub fn of(histogram: &[f32]) -> Seen {
+    pub(super) fn of(histogram: &[f32]) -> Seen {
         let mut seen = Seen::EMPTY;
         seen.add(0, histogram);
         seen
     }
 
     /// Adds the counts of the bins from `first` on. Bins are added in their order.
-    pub fn add(&mut self, first: usize, counts: &[f32]) {
+    pub(super) fn add(&mut self, first: usize, counts: &[f32]) {
         // Cheap passes over good data: a bin is searched for only if something is wrong.
         let (valid, dark) =
             counts.iter().fold((true, true), |(v, d), c| (v & (*c >= 0.0) & c.is_finite(), d & (*c == 0.0)));
@@ -45,7 +45,8 @@ impl Seen {
     }
 
     /// Adds the figures of later bins.
-    pub fn join(&mut self, later: &Seen) {
+    #[cfg(feature = "formats")]
+    pub(super) fn join(&mut self, later: &Seen) {
         self.total += later.total;
         self.wrong = self.wrong.or(later.wrong);
         self.nothing &= later.nothing;
@@ -64,7 +65,8 @@ fn sum(counts: &[f32]) -> f64 {
 }
 
 /// Whether all counts are photon counts: whole and not negative. NaN, an unknown count, is no hindrance.
-pub fn whole(counts: &[f32]) -> bool {
+#[cfg(feature = "formats")]
+pub(super) fn whole(counts: &[f32]) -> bool {
     /// Every float from here on is a whole number.
     const WHOLE_FROM: f32 = 8_388_608.0;
     // Runs short enough to end soon at a fraction. Truncation by way of an integer is one instruction on every CPU.
@@ -73,7 +75,7 @@ pub fn whole(counts: &[f32]) -> bool {
     counts.chunks(256).all(|run| run.iter().fold(true, |all, c| all & one(*c)))
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "formats"))]
 mod tests {
     use super::*;
 

@@ -29,7 +29,7 @@ struct Cut {
 ///
 /// # Errors
 /// `Kind::Input` if a part of the array is damaged.
-pub fn read(file: &Hdf5, array: &Array, wanted: &Wanted) -> Result<Scattered> {
+pub(super) fn read(file: &Hdf5, array: &Array, wanted: &Wanted) -> Result<Scattered> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
     read_with(file, array, wanted, threads, AT_ONCE)
 }
@@ -211,7 +211,7 @@ mod tests {
         // Every third place, backwards; shifts from none to all bins; a place that was not measured.
         let from: Vec<usize> = (0..PLACES).rev().step_by(3).collect();
         let of_place: Vec<_> = (0..PLACES).map(|p| (p != from[4]).then_some(p % SHAPE[0])).collect();
-        let shifts = Shifts { of_place, bins: 20 };
+        let shifts = Shifts { of_place, bins: 20, note: |_, _| None };
         let shifted = |place: usize| -> Vec<f32> {
             let Some(shift) = shifts.of_place[place] else { return vec![f32::NAN; 20] };
             let stored = histogram(place);

@@ -25,13 +25,12 @@ pub struct Hdf5 {
 }
 
 /// An array of counts in a file.
-pub struct Array {
-    /// Its name.
-    pub name: String,
+pub(super) struct Array {
+    pub(super) name: String,
     /// Lengths of its axes, the slowest first; at least one axis.
-    pub shape: Vec<usize>,
+    pub(super) shape: Vec<usize>,
     /// The shape of a chunk, which is stored and compressed as one; `None` for values one after the other.
-    pub chunk: Option<Vec<usize>>,
+    pub(super) chunk: Option<Vec<usize>>,
     stored: Stored,
 }
 
@@ -45,7 +44,7 @@ enum Stored {
 
 impl Array {
     /// Whether the values were stored as integers.
-    pub fn integer(&self) -> bool {
+    pub(super) fn integer(&self) -> bool {
         self.stored == Stored::Integer
     }
 }
@@ -90,7 +89,7 @@ impl Hdf5 {
     }
 
     /// The path that was opened.
-    pub fn path(&self) -> &Path {
+    pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
@@ -171,7 +170,7 @@ impl Hdf5 {
     ///
     /// # Errors
     /// As [`Hdf5::counts`].
-    pub fn array(&self, name: &str) -> Result<Option<Array>> {
+    pub(super) fn array(&self, name: &str) -> Result<Option<Array>> {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
             let (shape, chunk) = (dataset.shape(), dataset.chunk_dims());
@@ -189,7 +188,7 @@ impl Hdf5 {
     ///
     /// # Errors
     /// `Kind::Input` if the part is damaged.
-    pub fn block(&self, array: &Array, starts: &[usize], counts: &[usize]) -> Result<Vec<f32>> {
+    pub(super) fn block(&self, array: &Array, starts: &[usize], counts: &[usize]) -> Result<Vec<f32>> {
         guarded(|| {
             let name = &array.name;
             let changed = || damaged(format!("dataset {name} is gone"));

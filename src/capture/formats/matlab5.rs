@@ -130,7 +130,7 @@ impl Matlab5 {
     ///
     /// # Errors
     /// `Kind::Input` if it is damaged, complex or does not hold numbers.
-    pub fn counts_shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+    pub(super) fn counts_shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
         let Some(found) = self.find(name) else { return Ok(None) };
         self.numbers_of(found).map_err(|e| e.at(format!("array {name}")))?;
         Ok(Some(found.shape.clone()))
@@ -152,7 +152,7 @@ impl Matlab5 {
     ///
     /// # Errors
     /// As [`Matlab5::counts`].
-    pub fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Option<Scattered>> {
+    pub(super) fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Option<Scattered>> {
         let Some(found) = self.find(name) else { return Ok(None) };
         let [bins, places] = wanted.stored;
         let at_once = (AT_ONCE / places).max(1);

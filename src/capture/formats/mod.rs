@@ -3,15 +3,15 @@
 
 mod blocks;
 pub mod ccsocr;
-pub mod dirac;
+mod dirac;
 mod exhaustive;
 mod frame;
 pub mod general;
 mod given;
 pub mod hdf5;
-pub mod lct;
+mod lct;
 pub mod legs;
-pub mod matlab;
+mod matlab;
 pub mod matlab5;
 pub mod netf;
 pub mod npz;

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 const AT_ONCE: usize = 1 << 20;
 
 /// The rest of an array's numbers.
-pub struct Numbers<'f> {
+pub(super) struct Numbers<'f> {
     bytes: Box<dyn Read + 'f>,
     /// The type of the stored numbers: a code of the format.
     kind: u32,
@@ -22,7 +22,7 @@ impl<'f> Numbers<'f> {
     ///
     /// # Errors
     /// `Kind::Input` if the type is not known or the bytes do not hold as many.
-    pub fn new(
+    pub(super) fn new(
         bytes: Box<dyn Read + 'f>,
         stored: usize,
         kind: u32,
@@ -51,7 +51,7 @@ impl<'f> Numbers<'f> {
     ///
     /// # Errors
     /// `Kind::Input` if the file ends before, `Kind::Memory` if they do not fit.
-    pub fn next<T>(&mut self, count: usize, to: impl Fn(f64) -> T) -> Result<Vec<T>> {
+    pub(super) fn next<T>(&mut self, count: usize, to: impl Fn(f64) -> T) -> Result<Vec<T>> {
         let count = count.min(self.left);
         let mut values = Vec::new();
         values.try_reserve_exact(count).map_err(|_| {

@@ -9,40 +9,42 @@ use crate::capture::seen::{self, Seen};
 const TILE: [usize; 2] = [128, 16];
 
 /// Whole-bin shifts of the histograms.
-pub struct Shifts {
+pub(super) struct Shifts {
     /// The stored bin that becomes bin 0, of every place; `None` makes all bins of the pair NaN.
-    pub of_place: Vec<Option<usize>>,
+    pub(super) of_place: Vec<Option<usize>>,
     /// Bins after the shift. Bins that are not in the array are zero.
-    pub bins: usize,
+    pub(super) bins: usize,
+    /// The sentence about the shift, if there is one, given the sum of the counts behind the last bin.
+    pub(super) note: fn(&Shifts, f64) -> Option<String>,
 }
 
 /// What is wanted of an array.
-pub struct Wanted<'w> {
+pub(super) struct Wanted<'w> {
     /// Bins and places of the array.
-    pub stored: [usize; 2],
+    pub(super) stored: [usize; 2],
     /// The place of every pair that is kept.
-    pub from: &'w [usize],
+    pub(super) from: &'w [usize],
     /// The bins that are kept, after the shift.
-    pub bins: Range<usize>,
-    pub shifts: Option<&'w Shifts>,
+    pub(super) bins: Range<usize>,
+    pub(super) shifts: Option<&'w Shifts>,
 }
 
 /// The histograms that are kept, and what all pairs of the array hold.
-pub struct Scattered {
-    pub histograms: Vec<f32>,
+pub(super) struct Scattered {
+    pub(super) histograms: Vec<f32>,
     /// Figures of every place's histogram, with all of its bins after the shift.
-    pub seen: Vec<Seen>,
+    pub(super) seen: Vec<Seen>,
     /// Whether all values of the array are photon counts.
-    pub whole: bool,
+    pub(super) whole: bool,
     /// Sum of the counts behind the last bin after the shift.
-    pub late: f64,
+    pub(super) late: f64,
 }
 
 /// A part of the array, with the histograms that it fills.
-pub struct Part<'h> {
+pub(super) struct Part<'h> {
     /// Index in the list of parts.
-    pub index: usize,
-    pub bins: Range<usize>,
+    pub(super) index: usize,
+    pub(super) bins: Range<usize>,
     /// The place of each histogram, in the order of the values.
     places: Vec<usize>,
     columns: Vec<Column<'h>>,
@@ -62,7 +64,7 @@ struct Column<'h> {
 }
 
 /// What a part saw.
-pub struct Filled {
+pub(super) struct Filled {
     index: usize,
     places: Vec<usize>,
     seen: Vec<(Seen, f64)>,
@@ -88,7 +90,7 @@ impl Wanted<'_> {
     /// Fills the histograms. `areas` are the parts of the array: bins, and places in the order of the values. Every
     /// place and bin is in one part; parts of the same places follow in the order of their bins. `fill` fills all parts
     /// in any order.
-    pub fn scatter<E>(
+    pub(super) fn scatter<E>(
         &self,
         areas: Vec<(Range<usize>, Vec<usize>)>,
         fill: impl FnOnce(Vec<Part>) -> Result<Vec<Filled>, E>,
@@ -154,7 +156,7 @@ impl Wanted<'_> {
 
 impl Part<'_> {
     /// Takes the values `[bin, place]` of the bins from `first` on. `integer`: they were stored as integers.
-    pub fn take(&mut self, first: usize, values: &[f32], integer: bool) {
+    pub(super) fn take(&mut self, first: usize, values: &[f32], integer: bool) {
         let places = self.columns.len();
         self.whole = integer || (self.whole && seen::whole(values));
         let mut turned = [[0.0f32; TILE[0]]; TILE[1]];
@@ -176,7 +178,7 @@ impl Part<'_> {
     }
 
     /// What the part saw, when all of it was taken.
-    pub fn finish(self) -> Filled {
+    pub(super) fn finish(self) -> Filled {
         let seen = self.columns.into_iter().map(|c| (c.seen, c.late)).collect();
         Filled { index: self.index, places: self.places, seen, whole: self.whole }
     }

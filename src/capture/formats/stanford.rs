@@ -95,18 +95,25 @@ fn shifted<'s>(unread: Unread<'s>, tof: &[f64]) -> Result<Unread<'s>> {
         }
         of_place[place] = time.is_finite().then(|| (time / ps).floor() as usize);
     }
-    let most = of_place.iter().flatten().max().copied().unwrap_or(0);
-    let kept = if most == 0 { bins } else { bins.min(KEPT) };
-    let note = move |late: f64| {
-        let text = format!(
-            "every histogram is shifted by its time of flight to the wall, up to {most} bins, and {kept} \
-             bins are kept, as in its publication ({late} later counts are dropped)"
-        );
-        (most > 0).then_some(text)
-    };
-    let shifts = Shifts { of_place, bins: kept };
+    let kept = if longest(&of_place) == 0 { bins } else { bins.min(KEPT) };
+    let shifts = Shifts { of_place, bins: kept, note };
     let outline = Capture { bins: kept, ..unread.outline };
-    Ok(Unread { outline, shifts: Some((shifts, Box::new(note))), ..unread })
+    Ok(Unread { outline, shifts: Some(shifts), ..unread })
+}
+
+/// Says how far the histograms are shifted; `None` if they are not.
+fn note(shifts: &Shifts, late: f64) -> Option<String> {
+    let (most, kept) = (longest(&shifts.of_place), shifts.bins);
+    let text = format!(
+        "every histogram is shifted by its time of flight to the wall, up to {most} bins, and {kept} bins are kept, as \
+         in its publication ({late} later counts are dropped)"
+    );
+    (most > 0).then_some(text)
+}
+
+/// The longest shift in bins.
+fn longest(of_place: &[Option<usize>]) -> usize {
+    of_place.iter().flatten().max().copied().unwrap_or(0)
 }
 
 /// Writes a confocal scan of a flat wall as `meas` and `tofgrid` (all zero, because nothing is left to shift) in one

@@ -10,18 +10,17 @@ use crate::capture::{Capture, Keep, Turn};
 use crate::error::{Error, Result};
 
 /// A capture whose counts are not read yet.
-pub struct Unread<'f> {
+pub(super) struct Unread<'f> {
     /// All but the counts, with the bins after the shift. Whether counts are integers is found when they are read.
-    pub outline: Capture,
-    pub file: &'f Variables,
+    pub(super) outline: Capture,
+    pub(super) file: &'f Variables,
     /// Name of the array [T, ...]; its first axis are the bins.
-    pub array: String,
+    pub(super) array: String,
     /// Bins of the array.
-    pub bins: usize,
+    pub(super) bins: usize,
     /// Where the histogram of each pair is: its position behind the first axis, in C order.
-    pub from: Vec<usize>,
-    /// Shifts of the histograms, and the sentence about them, which is given the sum of the counts that are lost.
-    pub shifts: Option<(Shifts, Box<dyn Fn(f64) -> Option<String> + 'f>)>,
+    pub(super) from: Vec<usize>,
+    pub(super) shifts: Option<Shifts>,
 }
 
 /// The part of a capture that is kept.
@@ -34,7 +33,7 @@ struct Chosen {
 
 impl<'f> Unread<'f> {
     /// A capture whose histograms are one array [T, ...], in the order of its pairs.
-    pub fn in_order(outline: Capture, file: &'f Variables, array: &str) -> Unread<'f> {
+    pub(super) fn in_order(outline: Capture, file: &'f Variables, array: &str) -> Unread<'f> {
         let from = (0..outline.pair_count()).collect();
         Unread { bins: outline.bins, outline, file, array: array.into(), from, shifts: None }
     }
@@ -44,7 +43,7 @@ impl<'f> Unread<'f> {
     ///
     /// # Errors
     /// Those of [`super::read_prepared`].
-    pub fn read(
+    pub(super) fn read(
         mut self,
         name: String,
         keep: &Keep,
@@ -64,7 +63,7 @@ impl<'f> Unread<'f> {
         self.outline.integer_counts = read.whole;
         let seen: Vec<_> = self.from.iter().map(|place| read.seen[*place]).collect();
         let measured = Measured::of(&self.outline, &seen).map_err(place)?;
-        notes.extend(self.shifts.as_ref().and_then(|(_, note)| note(read.late)));
+        notes.extend(self.shifts.as_ref().and_then(|shifts| (shifts.note)(shifts, read.late)));
         notes.extend(measured.notes);
         let counted = measured.pairs.iter().map(|pair| seen[*pair]);
         self.listed(&measured.pairs).check_counts(counted).map_err(place)?;
@@ -120,7 +119,7 @@ impl<'f> Unread<'f> {
             stored: [self.bins, self.from.len()],
             from: &chosen.from,
             bins: chosen.bins.clone(),
-            shifts: self.shifts.as_ref().map(|(shifts, _)| shifts),
+            shifts: self.shifts.as_ref(),
         };
         self.file.scatter(&self.array, &wanted)
     }

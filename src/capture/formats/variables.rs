@@ -95,7 +95,7 @@ impl Variables {
     ///
     /// # Errors
     /// As [`Variables::counts`], as far as the values do not matter.
-    pub fn counts_shape(&self, name: &str) -> Result<Vec<usize>> {
+    pub(super) fn counts_shape(&self, name: &str) -> Result<Vec<usize>> {
         let shape = match self {
             Variables::Hdf5(file) => file.array(name)?.map(|array| array.shape),
             Variables::Matlab5(file) => file.counts_shape(name)?,
@@ -108,7 +108,7 @@ impl Variables {
     ///
     /// # Errors
     /// As [`Variables::counts`].
-    pub fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Scattered> {
+    pub(super) fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Scattered> {
         let scattered = match self {
             Variables::Hdf5(file) => {
                 file.array(name)?.map(|array| blocks::read(file, &array, wanted)).transpose()?
