@@ -78,12 +78,12 @@ impl Capture {
     /// Those of [`Capture::gated`].
     pub fn set_gate(&mut self, gate: Gate) -> Result<()> {
         let Range { start, end } = self.bins_of(gate)?;
-        let kept = end - start;
-        for pair in 0..self.pair_count() {
-            let from = pair * self.bins;
-            self.histograms.copy_within(from + start..from + end, pair * kept);
+        let (kept, rows) = (end - start, self.histograms.len() / self.bins);
+        for row in 0..rows {
+            let from = row * self.bins;
+            self.histograms.copy_within(from + start..from + end, row * kept);
         }
-        self.histograms.truncate(self.pair_count() * kept);
+        self.histograms.truncate(rows * kept);
         self.histograms.shrink_to_fit();
         (self.t_start, self.bins) = (self.edge(start), kept);
         Ok(())

@@ -15,6 +15,8 @@ use crate::error::Result;
 const AT_ONCE: usize = 4 << 20;
 /// More threads would wait for the disk, and each needs a block.
 const MOST_THREADS: usize = 8;
+/// A block grows along one more axis only by this factor or more, as that makes its runs shorter.
+const WORTH: usize = 4;
 /// The bins are cut into several parts where the places alone make fewer parts than this.
 const PARTS: usize = 4;
 
@@ -84,16 +86,17 @@ impl Cut {
             None => vec![1; shape.len()],
         };
         let step = block.clone();
-        // Chunks one after the other along the bins fill a block without being cut up, and a histogram at once. Values
-        // without chunks are read in their order.
-        let last_first = (1..shape.len()).rev();
+        // Chunks one after the other along the bins fill a block without being cut up, and then along the slowest axes
+        // in the longest runs. Values without chunks are read in their order.
         let axes: Vec<usize> = match array.chunk {
-            Some(_) => std::iter::once(0).chain(last_first).collect(),
-            None => last_first.chain([0]).collect(),
+            Some(_) => (0..shape.len()).collect(),
+            None => (0..shape.len()).rev().collect(),
         };
         for axis in axes {
-            let room = most / block.iter().product::<usize>().max(1);
-            block[axis] = (step[axis] * room.max(1)).min(shape[axis]);
+            let room = most / block.iter().product::<usize>();
+            if room >= WORTH {
+                block[axis] = (step[axis] * room).min(shape[axis]);
+            }
         }
         Cut { shape, block }
     }
