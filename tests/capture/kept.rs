@@ -83,8 +83,8 @@ fn parts_of_chunked_files_are_as_if_chosen_afterwards() {
     let shifted: Vec<f64> = (0..63).map(|p| 32.0 * (p % 13) as f64).collect();
     let unknown: Vec<f64> =
         (0..63).map(|p| if p % 17 == 3 { f64::NAN } else { 32.0 * (p % 5) as f64 }).collect();
-    let kinds = [originals::Kind::Single, originals::Kind::Double, originals::Kind::Counts];
-    for (kind, chunk) in kinds.iter().flat_map(|k| [[0; 3], [8, 4, 4], [30, 2, 1]].map(|c| (*k, c))) {
+    use originals::Kind::{Counts, Double, Single};
+    for (kind, chunk) in [(Single, [8, 4, 4]), (Single, [0; 3]), (Double, [30, 2, 1]), (Counts, [1, 7, 9])] {
         let cube = |name| Cube { name, shape: [30, 7, 9], chunk, kind, repeat: usize::MAX };
         for tof in [&flat, &shifted, &unknown] {
             originals::write(&path, &cube("meas"), &count, &[("tofgrid", &[7, 9], tof)]);
