@@ -71,9 +71,6 @@ pub mod capture {
                 notes: &mut Vec<String>,
             ) -> Result<Capture> {}
         }
-        pub mod dirac {
-            pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
-        }
         pub mod general {
             pub fn read(
                 set: &mut Set,
@@ -125,22 +122,8 @@ pub mod capture {
                 ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
             }
         }
-        pub mod lct {
-            pub fn read(
-                file: &Variables,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
-        }
         pub mod legs {
             pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {}
-        }
-        pub mod matlab {
-            pub fn read(
-                file: &Variables,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
         }
         pub mod matlab5 {
             #[private_fields]
@@ -169,10 +152,6 @@ pub mod capture {
                 file: &Variables,
                 notes: &mut Vec<String>,
             ) -> Result<Capture> {}
-            pub fn read_2020(
-                file: &Variables,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
         }
         pub mod set {
             #[private_fields]
@@ -188,11 +167,6 @@ pub mod capture {
             }
         }
         pub mod stanford {
-            pub fn read(
-                set: &mut Set,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
             pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
         }
         pub mod variables {
@@ -249,6 +223,7 @@ pub mod capture {
         pub fn read(path: &Path) -> Result<Capture> {}
         pub fn read_with_notes(path: &Path) -> Result<Opened> {}
         pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {}
+        pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {}
         pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
     }
     pub mod gate {
@@ -268,9 +243,30 @@ pub mod capture {
         impl std::fmt::Display for Gate {}
         impl Capture {
             pub fn gated(&self, gate: Gate) -> Result<Capture> {}
+            pub fn set_gate(&mut self, gate: Gate) -> Result<()> {}
         }
         pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {}
         pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {}
+    }
+    #[cfg(feature = "formats")]
+    mod keep {
+        #[derive(Debug, Clone, Copy, Default, PartialEq)]
+        #[non_exhaustive]
+        pub struct Keep {
+            pub stride: Option<usize>,
+            pub subset: Option<usize>,
+            pub subset_seed: u64,
+            pub gate: Option<Gate>,
+        }
+        impl Keep {
+            pub fn with_stride(self, n: impl Into<Option<usize>>) -> Keep {}
+            pub fn with_subset(
+                self,
+                count: impl Into<Option<usize>>,
+                seed: u64,
+            ) -> Keep {}
+            pub fn with_gate(self, gate: impl Into<Option<Gate>>) -> Keep {}
+        }
     }
     pub mod pairs {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -398,8 +394,12 @@ pub mod capture {
         }
     }
     #[cfg(feature = "formats")]
-    pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
+    pub use formats::{
+        Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write,
+    };
     pub use gate::{AutoGate, Gate, auto_gate, published_gate};
+    #[cfg(feature = "formats")]
+    pub use keep::Keep;
     pub use pairs::{PairKind, Product};
     pub use pulse::{Pulse, PulseTaps, Way};
     pub use summary::Summary;
@@ -1609,6 +1609,7 @@ pub mod job {
         pub preset: Option<Preset>,
     }
     impl Input {
+        pub fn keep(&self) -> capture::Keep {}
         pub fn given(&self) -> capture::Given {}
     }
     #[derive(Debug, Clone, PartialEq)]

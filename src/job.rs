@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::Result;
-use crate::capture::{self, Capture, Gate, PairKind, Summary, auto_gate, published_gate};
+use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate};
 use crate::export;
 use crate::export::report::Report;
 use crate::files::staging::Staging;
@@ -83,6 +83,12 @@ pub struct Input {
 }
 
 impl Input {
+    /// The part of the capture that is kept while it is read.
+    pub fn keep(&self) -> capture::Keep {
+        let keep = capture::Keep::default().with_stride(self.stride);
+        keep.with_subset(self.subset, self.subset_seed).with_gate(self.gate)
+    }
+
     /// The values that complete or correct those of the file.
     pub fn given(&self) -> capture::Given {
         capture::Given {
@@ -139,47 +145,30 @@ impl Loaded {
 /// gate.
 ///
 /// # Errors
-/// Those of [`capture::read_given`]; a wall, stride, subset or gate that does not fit the capture.
+/// Those of [`capture::read_kept`]; a wall size that does not fit the capture.
 pub fn load(input: &Input) -> Result<Loaded> {
     let start = Instant::now();
-    let capture::Opened { mut capture, dropped, mut notes } =
-        capture::read_given(&input.path, &input.given())?;
-    // Before the scan is thinned: near neighbours give better normals.
     let mut normals_estimated = false;
-    match capture.with_normals() {
-        Ok((with, Some(note))) => {
-            capture = with;
-            normals_estimated = true;
-            notes.push(note);
+    // Before the scan is thinned: near neighbours give better normals, and the outermost points tell the wall's size.
+    let mut prepare = |capture: &mut Capture, notes: &mut Vec<String>| {
+        match capture.set_normals() {
+            Ok(note) => {
+                normals_estimated = note.is_some();
+                notes.extend(note);
+            }
+            // Some models need no normals. The others report the error.
+            Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
         }
-        Ok((_, None)) => {}
-        // Some models need no normals. The others report the error.
-        Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
-    }
-    if let Some(size) = input.wall {
-        capture.set_wall(size)?;
-        notes.push(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
-    }
-    if let Some(n) = input.stride.filter(|n| *n != 1) {
-        let (all, [x, y]) = (capture.pair_count(), capture.scan);
-        let exhaustive = matches!(capture.pair_kind(), PairKind::Exhaustive { .. });
-        capture = capture.stride(n)?;
-        let (kept, [to_x, to_y], nth) = (capture.pair_count(), capture.scan, ordinal(n));
-        notes.push(if exhaustive {
-            format!("every {nth} laser and sensor point in x and y is used: {kept} of {all} pairs")
-        } else {
-            format!("every {nth} of {x} x {y} scan points in x and y is used: {to_x} x {to_y}")
-        });
-    }
-    if let Some(n) = input.subset {
-        let all = capture.pair_count();
-        capture = capture.subset(n, input.subset_seed)?;
-        notes.push(format!("{n} of {all} pairs, drawn at random, are used"));
-    }
+        if let Some(size) = input.wall {
+            capture.set_wall(size)?;
+            notes.push(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
+        }
+        Ok(())
+    };
+    let capture::Opened { mut capture, dropped, mut notes } =
+        capture::formats::read_prepared(&input.path, &input.given(), &input.keep(), &mut prepare)?;
     let mut gate = input.gate;
-    if let Some(gate) = gate {
-        capture = capture.gated(gate)?;
-    } else if !input.no_auto_gate {
+    if gate.is_none() && !input.no_auto_gate {
         let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
         let direct = auto_gate(&capture);
         let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
@@ -188,7 +177,7 @@ pub fn load(input: &Input) -> Result<Loaded> {
             gate = Some(found.gate);
         }
         if let Some(gate) = gate {
-            capture = capture.gated(gate)?;
+            capture.set_gate(gate)?;
         }
     }
     match &input.pulse {
@@ -318,26 +307,5 @@ fn export_volume(volume: VolumeMap) -> export::volume::Volume {
         extent: [x0, x1, y0, y1, z0, z1],
         albedo: volume.albedo,
         normal: None,
-    }
-}
-
-fn ordinal(n: usize) -> String {
-    let ending = match (n % 10, n % 100) {
-        (1, r) if r != 11 => "st",
-        (2, r) if r != 12 => "nd",
-        (3, r) if r != 13 => "rd",
-        _ => "th",
-    };
-    format!("{n}{ending}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ordinals_end_as_spoken() {
-        let all = [1, 2, 3, 4, 11, 12, 13, 21, 102, 111].map(ordinal);
-        assert_eq!(all, ["1st", "2nd", "3rd", "4th", "11th", "12th", "13th", "21st", "102nd", "111th"]);
     }
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::Capture;
+use super::seen::Seen;
 use crate::error::{Error, Result};
 
 impl Capture {
@@ -12,6 +13,19 @@ impl Capture {
     /// # Errors
     /// `Kind::Input`, naming the first wrong field with its pair, bin and value.
     pub fn check(&self) -> Result<()> {
+        self.check_outline()?;
+        let pairs = self.pair_count();
+        if pairs.checked_mul(self.bins) != Some(self.histograms.len()) {
+            return Err(Error::input(
+                format!("{} counts for {pairs} pairs of {} bins", self.histograms.len(), self.bins),
+                "give pairs x bins counts, bin by bin within a pair",
+            ));
+        }
+        self.check_counts(self.histograms.chunks_exact(self.bins).map(Seen::of))
+    }
+
+    /// Checks everything but the counts.
+    pub(super) fn check_outline(&self) -> Result<()> {
         self.check_lengths()?;
         if !(self.bin_width.is_finite() && self.bin_width > 0.0) {
             return Err(Error::input(
@@ -38,8 +52,7 @@ impl Capture {
         check_points("laser", &self.laser)?;
         check_points("sensor", &self.sensor)?;
         check_normals("laser", self.laser_normal.as_deref())?;
-        check_normals("sensor", self.sensor_normal.as_deref())?;
-        self.check_counts()
+        check_normals("sensor", self.sensor_normal.as_deref())
     }
 
     /// Trailing edge of the last bin, in metres of path.
@@ -95,24 +108,14 @@ impl Capture {
                 ));
             }
         }
-        if pairs.checked_mul(self.bins) != Some(self.histograms.len()) {
-            return Err(Error::input(
-                format!("{} counts for {pairs} pairs of {} bins", self.histograms.len(), self.bins),
-                "give pairs x bins counts, bin by bin within a pair",
-            ));
-        }
         Ok(())
     }
 
-    fn check_counts(&self) -> Result<()> {
+    /// Checks the counts by what each pair's histogram holds.
+    pub(super) fn check_counts(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
         let mut signal = false;
-        for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
-            // One cheap pass over good data: the bin is searched for only when something is wrong.
-            let (good, sum) =
-                histogram.iter().fold((true, 0.0f64), |(g, s), &v| (g & (v >= 0.0), s + f64::from(v)));
-            if !good || !sum.is_finite() {
-                let bin = histogram.iter().position(|v| !v.is_finite() || *v < 0.0).unwrap_or(0);
-                let value = histogram[bin];
+        for (pair, seen) in seen.enumerate() {
+            if let Some((bin, value)) = seen.wrong {
                 return Err(Error::input(
                     format!("{}, bin {bin}: the count is {value}", self.pair_place(pair)),
                     if value < 0.0 {
@@ -122,13 +125,13 @@ impl Capture {
                     },
                 ));
             }
-            signal |= sum > 0.0;
+            signal |= seen.total > 0.0;
         }
         if !signal {
             return Err(Error::input(
                 format!(
                     "there is no signal: all {} counts between {:.4} m and {:.4} m of path are zero",
-                    self.histograms.len(),
+                    self.pair_count() * self.bins,
                     self.t_start,
                     self.t_end()
                 ),

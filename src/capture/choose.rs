@@ -6,12 +6,19 @@ use rand::seq::index;
 use rand_pcg::Pcg64;
 
 use super::lattice::Lattice;
+use super::seen::Seen;
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
 /// A pair without a count is dead if half of the pairs have more counts than this. By chance a pair would be empty once
 /// in e^20 pairs.
 const DEAD_BELOW: f64 = 20.0;
+
+/// Pairs of a capture in a new order, and the shape of the scan that they make.
+pub(super) struct Order {
+    pub pairs: Vec<usize>,
+    pub scan: [usize; 2],
+}
 
 impl Capture {
     /// Keeps every `n`th scan point in x and in y (`ix % n == 0`, `iy % n == 0`), with their histograms. In an
@@ -21,11 +28,16 @@ impl Capture {
     /// # Errors
     /// `Kind::Options` if `n` is 0, or if the scan is a list of points that form no row.
     pub fn stride(&self, n: usize) -> Result<Capture> {
+        Ok(self.stride_order(n)?.map_or_else(|| self.clone(), |order| self.keep(&order.pairs, order.scan)))
+    }
+
+    /// The pairs that [`Capture::stride`] keeps; `None` for all.
+    pub(super) fn stride_order(&self, n: usize) -> Result<Option<Order>> {
         if n == 0 {
             return Err(Error::options("a stride of 0 keeps no scan point", "use 1 to keep every point"));
         }
         if n == 1 {
-            return Ok(self.clone());
+            return Ok(None);
         }
         let [nx, ny] = self.scan;
         if let PairKind::Exhaustive { .. } = self.pair_kind() {
@@ -39,13 +51,13 @@ impl Capture {
                 format!("use a random subset of {} pairs instead", nx.div_ceil(n.saturating_mul(n))),
             ));
         }
-        let kept: Vec<usize> =
+        let pairs =
             (0..nx).step_by(n).flat_map(|ix| (0..ny).step_by(n).map(move |iy| ix * ny + iy)).collect();
-        Ok(self.keep(&kept, [nx.div_ceil(n), ny.div_ceil(n)]))
+        Ok(Some(Order { pairs, scan: [nx.div_ceil(n), ny.div_ceil(n)] }))
     }
 
-    fn stride_exhaustive(&self, n: usize) -> Capture {
-        let Some(product) = self.product() else { return self.clone() };
+    fn stride_exhaustive(&self, n: usize) -> Option<Order> {
+        let product = self.product()?;
         let thin = |points: &[DVec3]| -> Vec<usize> {
             match Lattice::of(points).places {
                 Some(at) => (0..points.len()).filter(|&k| at[k].iter().all(|i| i % n == 0)).collect(),
@@ -55,14 +67,14 @@ impl Capture {
         let (scanned, other) = (thin(&product.scanned), thin(&product.other));
         let pair = |o: &usize, a: &usize| product.pair_of[o * product.scanned.len() + a];
         // Laser point by laser point, each with all sensor points.
-        let kept: Vec<usize> = if product.laser_scanned {
+        let pairs = if product.laser_scanned {
             scanned.iter().flat_map(|a| other.iter().map(move |o| pair(o, a))).collect()
         } else {
             other.iter().flat_map(|o| scanned.iter().map(move |a| pair(o, a))).collect()
         };
         let (lasers, sensors) =
             if product.laser_scanned { (scanned.len(), other.len()) } else { (other.len(), scanned.len()) };
-        self.keep(&kept, [lasers, sensors])
+        Some(Order { pairs, scan: [lasers, sensors] })
     }
 
     /// Keeps `count` pairs in their order, drawn at random by `seed`. The scan becomes a list.
@@ -70,6 +82,12 @@ impl Capture {
     /// # Errors
     /// `Kind::Options` if `count` is 0 or larger than the number of pairs.
     pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {
+        let order = self.subset_order(count, seed)?;
+        Ok(order.map_or_else(|| self.clone(), |order| self.keep(&order.pairs, order.scan)))
+    }
+
+    /// The pairs that [`Capture::subset`] keeps; `None` for all.
+    pub(super) fn subset_order(&self, count: usize, seed: u64) -> Result<Option<Order>> {
         let pairs = self.pair_count();
         if count == 0 || count > pairs {
             return Err(Error::options(
@@ -78,11 +96,11 @@ impl Capture {
             ));
         }
         if count == pairs {
-            return Ok(self.clone());
+            return Ok(None);
         }
         let mut kept = index::sample(&mut Pcg64::seed_from_u64(seed), pairs, count).into_vec();
         kept.sort_unstable();
-        Ok(self.keep(&kept, [count, 1]))
+        Ok(Some(Order { pairs: kept, scan: [count, 1] }))
     }
 
     /// Leaves out the pairs that were not measured: pairs whose laser or sensor point is NaN, and pairs whose histogram
@@ -93,63 +111,27 @@ impl Capture {
     /// # Errors
     /// `Kind::Input` if no pair is left.
     pub fn without_missing(self) -> Result<(Capture, usize, Vec<String>)> {
-        let missing = self.missing();
-        let mut notes = Vec::new();
-        let mut gone = 0;
-        let mut tell = |fault: Fault, why: &str| {
-            let count = missing.iter().filter(|m| **m == Some(fault)).count();
-            if count > 0 {
-                notes.push(format!("{count} of {} pairs are left out: {why}", missing.len()));
-            }
-            gone += count;
-        };
-        tell(Fault::Point, "their laser or sensor point is not a number");
-        tell(Fault::Histogram, "their histogram is not a number in any bin");
-        tell(Fault::Dead, "they have not a single count, but half of the pairs have more than 20");
-        if gone == 0 {
-            return Ok((self, 0, notes));
-        }
-        if gone == missing.len() {
-            return Err(Error::input(
-                format!("no pair has both points and counts: all {gone} pairs are left out"),
-                "check that the file holds the histograms and wall points of the same measurement",
-            ));
-        }
-        let kept: Vec<usize> = (0..missing.len()).filter(|&p| missing[p].is_none()).collect();
-        Ok((self.keep(&kept, [kept.len(), 1]), gone, notes))
-    }
-
-    /// Why each pair counts as not measured; `None` for measured pairs.
-    fn missing(&self) -> Vec<Option<Fault>> {
         // If the lengths do not agree, the check reports it.
         let pairs = self.laser.len();
         if self.bins == 0 || self.sensor.len() != pairs || self.histograms.len() / self.bins != pairs {
-            return vec![None; pairs];
+            return Ok((self, 0, vec![]));
         }
-        let totals: Vec<f64> =
-            self.histograms.chunks_exact(self.bins).map(|h| h.iter().map(|&v| f64::from(v)).sum()).collect();
-        let mut sorted: Vec<f64> = totals.iter().copied().filter(|t| t.is_finite()).collect();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        let dark = self.integer_counts && median > DEAD_BELOW;
-        let dead = |pair: usize| self.histogram(pair).iter().all(|v| *v == 0.0);
-        (0..pairs)
-            .map(|pair| {
-                if self.laser[pair].is_nan() || self.sensor[pair].is_nan() {
-                    Some(Fault::Point)
-                } else if totals[pair].is_nan() && self.histogram(pair).iter().all(|v| v.is_nan()) {
-                    Some(Fault::Histogram)
-                } else if dark && totals[pair] == 0.0 && dead(pair) {
-                    Some(Fault::Dead)
-                } else {
-                    None
-                }
-            })
-            .collect()
+        let seen: Vec<Seen> = self.histograms.chunks_exact(self.bins).map(Seen::of).collect();
+        let measured = Measured::of(&self, &seen)?;
+        let gone = pairs - measured.pairs.len();
+        let capture = if gone == 0 { self } else { self.retain(&measured.pairs) };
+        Ok((capture, gone, measured.notes))
     }
 
-    fn histogram(&self, pair: usize) -> &[f32] {
-        &self.histograms[pair * self.bins..(pair + 1) * self.bins]
+    /// The histogram of a pair; empty if the capture has no counts ([`Capture::outline`]).
+    pub(crate) fn histogram(&self, pair: usize) -> &[f32] {
+        self.histograms.get(pair * self.bins..(pair + 1) * self.bins).unwrap_or_default()
+    }
+
+    /// The given pairs, in ascending order, as a list. The histograms are moved in place, because they may be large.
+    fn retain(mut self, kept: &[usize]) -> Capture {
+        let histograms = retain_rows(std::mem::take(&mut self.histograms), self.bins, kept);
+        Capture { histograms, ..self.keep(kept, [kept.len(), 1]) }
     }
 
     /// The given pairs in the given order, as a scan of that shape.
@@ -169,10 +151,77 @@ impl Capture {
     }
 }
 
+/// Keeps the given rows of `length` values, in ascending order, in place.
+pub(super) fn retain_rows(mut values: Vec<f32>, length: usize, kept: &[usize]) -> Vec<f32> {
+    for (to, from) in kept.iter().enumerate().filter(|(to, from)| to != *from) {
+        values.copy_within(from * length..(from + 1) * length, to * length);
+    }
+    values.truncate(kept.len() * length);
+    values.shrink_to_fit();
+    values
+}
+
 /// Why a pair was not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fault {
     Point,
     Histogram,
     Dead,
+}
+
+/// The pairs that were measured, in their order, and sentences that say why the others were not.
+pub(super) struct Measured {
+    pub pairs: Vec<usize>,
+    pub notes: Vec<String>,
+}
+
+impl Measured {
+    /// Tells by the points of `capture` and by what its histograms hold, `[pair]`; see [`Capture::without_missing`].
+    ///
+    /// # Errors
+    /// `Kind::Input` if no pair was measured.
+    pub fn of(capture: &Capture, seen: &[Seen]) -> Result<Measured> {
+        let faults = faults(capture, seen);
+        let mut notes = Vec::new();
+        let mut tell = |fault: Fault, why: &str| {
+            let count = faults.iter().filter(|m| **m == Some(fault)).count();
+            if count > 0 {
+                notes.push(format!("{count} of {} pairs are left out: {why}", faults.len()));
+            }
+        };
+        tell(Fault::Point, "their laser or sensor point is not a number");
+        tell(Fault::Histogram, "their histogram is not a number in any bin");
+        tell(Fault::Dead, "they have not a single count, but half of the pairs have more than 20");
+        let pairs: Vec<usize> = (0..faults.len()).filter(|&p| faults[p].is_none()).collect();
+        if pairs.is_empty() && !faults.is_empty() {
+            return Err(Error::input(
+                format!("no pair has both points and counts: all {} pairs are left out", faults.len()),
+                "check that the file holds the histograms and wall points of the same measurement",
+            ));
+        }
+        Ok(Measured { pairs, notes })
+    }
+}
+
+/// Why each pair counts as not measured; `None` for measured pairs.
+fn faults(capture: &Capture, seen: &[Seen]) -> Vec<Option<Fault>> {
+    let mut sorted: Vec<f64> = seen.iter().map(|s| s.total).filter(|t| t.is_finite()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let dark = capture.integer_counts && median > DEAD_BELOW;
+    let points = capture.laser.iter().zip(&capture.sensor);
+    points
+        .zip(seen)
+        .map(|((laser, sensor), seen)| {
+            if laser.is_nan() || sensor.is_nan() {
+                Some(Fault::Point)
+            } else if seen.nothing {
+                Some(Fault::Histogram)
+            } else if dark && seen.zero {
+                Some(Fault::Dead)
+            } else {
+                None
+            }
+        })
+        .collect()
 }

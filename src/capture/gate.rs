@@ -1,5 +1,7 @@
 //! Gates: the interval of paths that is used, given by the user or found automatically.
 
+use std::ops::Range;
+
 use super::Capture;
 use crate::error::{Error, Result};
 
@@ -64,6 +66,39 @@ impl Capture {
     /// # Errors
     /// `Kind::Options` if the gate is empty, not a number, or touches no bin.
     pub fn gated(&self, gate: Gate) -> Result<Capture> {
+        let Range { start, end } = self.bins_of(gate)?;
+        let histograms = self.histograms.chunks_exact(self.bins).flat_map(|h| &h[start..end]);
+        let histograms = histograms.copied().collect();
+        Ok(self.with_bins(end - start, self.bin_width, self.edge(start), histograms))
+    }
+
+    /// Crops the capture as [`Capture::gated`] does, in place, because histograms may be large.
+    ///
+    /// # Errors
+    /// Those of [`Capture::gated`].
+    pub fn set_gate(&mut self, gate: Gate) -> Result<()> {
+        let Range { start, end } = self.bins_of(gate)?;
+        let (kept, rows) = (end - start, self.histograms.len() / self.bins);
+        for row in 0..rows {
+            let from = row * self.bins;
+            self.histograms.copy_within(from + start..from + end, row * kept);
+        }
+        self.histograms.truncate(rows * kept);
+        self.histograms.shrink_to_fit();
+        (self.t_start, self.bins) = (self.edge(start), kept);
+        Ok(())
+    }
+
+    /// Leading edge of a bin, metres of path.
+    pub(crate) fn edge(&self, bin: usize) -> f64 {
+        self.t_start + bin as f64 * self.bin_width
+    }
+
+    /// The bins that a gate touches.
+    ///
+    /// # Errors
+    /// Those of [`Capture::gated`].
+    pub(super) fn bins_of(&self, gate: Gate) -> Result<Range<usize>> {
         // NaN ends are refused here too.
         if gate.from.partial_cmp(&gate.to) != Some(std::cmp::Ordering::Less) {
             return Err(Error::options(
@@ -85,11 +120,7 @@ impl Capture {
                 "give a gate in metres of path length (twice the depth) that overlaps them",
             ));
         }
-        let (first, last) = (first as usize, last as usize);
-        let histograms =
-            self.histograms.chunks_exact(self.bins).flat_map(|h| &h[first..last]).copied().collect();
-        let from = self.t_start + first as f64 * self.bin_width;
-        Ok(self.with_bins(last - first, self.bin_width, from, histograms))
+        Ok(first as usize..last as usize)
     }
 }
 

@@ -1,7 +1,5 @@
 //! The arrangement of wall points in x and y.
 
-use std::collections::HashSet;
-
 use glam::DVec3;
 
 /// Points that take at least this share of a lattice's places form a lattice with holes; others are irregular.
@@ -32,7 +30,10 @@ impl Lattice {
         let tolerance = 1e-4 * spans[0].max(spans[1]);
         let [(columns, nx), (rows, ny)] = [0, 1].map(|axis| clusters(points, axis, tolerance));
         let places: Vec<[usize; 2]> = columns.into_iter().zip(rows).map(|(x, y)| [x, y]).collect();
-        let taken = places.iter().collect::<HashSet<_>>().len();
+        let mut sorted = places.clone();
+        sorted.sort_unstable();
+        sorted.dedup();
+        let taken = sorted.len();
         let full = nx.saturating_mul(ny);
         if taken as f64 >= TAKEN * full as f64 {
             let counts = [nx, ny];

@@ -11,19 +11,24 @@ mod doubts;
 #[cfg(feature = "formats")]
 pub mod formats;
 pub mod gate;
+#[cfg(feature = "formats")]
+mod keep;
 mod lattice;
 mod nearest;
 mod normals;
 pub mod pairs;
 pub mod pulse;
 pub mod scan;
+mod seen;
 mod sum;
 pub mod summary;
 mod turn;
 
 #[cfg(feature = "formats")]
-pub use formats::{Bounce, Given, Opened, read, read_given, read_with_notes, write};
+pub use formats::{Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
+#[cfg(feature = "formats")]
+pub use keep::Keep;
 pub use pairs::{PairKind, Product};
 pub use pulse::{Pulse, PulseTaps, Way};
 pub use summary::Summary;
@@ -97,6 +102,11 @@ impl Capture {
             integer_counts: false,
             pulse: None,
         }
+    }
+
+    /// The capture without its counts: points, bins and all the rest. Enough to choose pairs and to plan a solve.
+    pub(crate) fn outline(&self) -> Capture {
+        self.with_bins(self.bins, self.bin_width, self.t_start, vec![])
     }
 
     /// The same pairs with other bins; `histograms` holds `bins` counts for each pair.

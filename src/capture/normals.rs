@@ -21,9 +21,19 @@ impl Capture {
     /// # Errors
     /// `Kind::Input` if the wall points all lie on a line, so that they have no plane.
     pub fn with_normals(&self) -> Result<(Capture, Option<String>)> {
+        let mut with = self.clone();
+        let note = with.set_normals()?;
+        Ok((with, note))
+    }
+
+    /// Adds wall normals in place, as [`Capture::with_normals`] does, without a copy of the histograms.
+    ///
+    /// # Errors
+    /// Those of [`Capture::with_normals`]; the capture is then as it was.
+    pub fn set_normals(&mut self) -> Result<Option<String>> {
         let known = self.laser_normal.is_some() && self.sensor_normal.is_some();
         if known || self.is_planar() {
-            return Ok((self.clone(), None));
+            return Ok(None);
         }
         let all: Vec<DVec3> = self.laser.iter().chain(&self.sensor).copied().collect();
         let distinct = Distinct::of(&all, self.point_tolerance());
@@ -54,17 +64,17 @@ impl Capture {
         let of = |offset: usize| -> Vec<DVec3> {
             (0..pairs).map(|p| normals[distinct.index[offset + p]].unwrap_or(DVec3::Z)).collect()
         };
-        let laser_normal = Some(self.laser_normal.clone().unwrap_or_else(|| of(0)));
-        let sensor_normal = Some(self.sensor_normal.clone().unwrap_or_else(|| of(pairs)));
-        let note = match estimated {
+        let (of_laser, of_sensor) = (of(0), of(pairs));
+        self.laser_normal.get_or_insert(of_laser);
+        self.sensor_normal.get_or_insert(of_sensor);
+        Ok(Some(match estimated {
             0 => "wall normals were taken from the other side at the same points".to_string(),
             n if n == points.len() => "wall normals were estimated from neighbouring points".to_string(),
             n => format!(
                 "wall normals of {n} of {} points were estimated from neighbouring points",
                 points.len()
             ),
-        };
-        Ok((Capture { laser_normal, sensor_normal, ..self.clone() }, Some(note)))
+        }))
     }
 }
 

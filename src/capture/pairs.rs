@@ -1,7 +1,5 @@
 //! How the laser and sensor points of a capture are combined into pairs.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -127,7 +125,46 @@ impl Capture {
     }
 }
 
+/// Lists of numbers by cell. A list may hold numbers of other cells, too.
+struct Buckets {
+    /// Where the last number of every bucket is.
+    last: Vec<u32>,
+    /// Every number, and where the one before it in its bucket is.
+    before: Vec<[u32; 2]>,
+}
+
+impl Buckets {
+    const NONE: u32 = u32::MAX;
+
+    /// No numbers yet, for about `count`.
+    fn new(count: usize) -> Buckets {
+        Buckets {
+            last: vec![Self::NONE; count.max(1).next_power_of_two()],
+            before: Vec::with_capacity(count),
+        }
+    }
+
+    fn bucket(&self, cell: [i64; 3]) -> usize {
+        let mix = |hash: u64, v: &i64| (hash.rotate_left(23) ^ *v as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        (cell.iter().fold(0, mix) >> 32) as usize & (self.last.len() - 1)
+    }
+
+    fn add(&mut self, cell: [i64; 3], number: usize) {
+        let bucket = self.bucket(cell);
+        let before = std::mem::replace(&mut self.last[bucket], self.before.len() as u32);
+        self.before.push([number as u32, before]);
+    }
+
+    /// The numbers of a cell's bucket.
+    fn of(&self, cell: [i64; 3]) -> impl Iterator<Item = usize> {
+        let entry = |at: u32| self.before.get(at as usize);
+        std::iter::successors(entry(self.last[self.bucket(cell)]), move |[_, before]| entry(*before))
+            .map(|[number, _]| *number as usize)
+    }
+}
+
 /// The distinct points of a list, within a tolerance.
+#[derive(Clone)]
 pub(super) struct Distinct {
     /// Index in the list at which each distinct point first appears.
     pub first: Vec<usize>,
@@ -137,16 +174,17 @@ pub(super) struct Distinct {
 
 impl Distinct {
     /// Distinct points in the order of first appearance. A point joins the first one that is no farther than
-    /// `tolerance`; a point that is not finite joins none. O(P) expected, by cells of twice the tolerance.
+    /// `tolerance`; a point that is not finite joins none. O(P) expected, by cells of eight times the tolerance.
     pub fn of(points: &[DVec3], tolerance: f64) -> Distinct {
         let largest =
             points.iter().filter(|p| p.is_finite()).map(|p| p.abs().max_element()).fold(0.0, f64::max);
         // Not below the resolution of double precision, so that cell numbers fit their type.
         let tolerance = if tolerance.is_finite() { tolerance } else { 0.0 };
         let tolerance = tolerance.max(1e-14 * largest).max(f64::MIN_POSITIVE);
-        // The tolerance is half a cell. It is added in units of cells, because in metres the sum may overflow.
-        let cell = |v: f64, aside: f64| (v / (2.0 * tolerance) + aside).floor() as i64;
-        let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+        // The tolerance is added in units of cells, because in metres the sum may overflow. The shift keeps round
+        // numbers, as most coordinates are, away from the edges of cells.
+        let cell = |v: f64, aside: f64| (v / (8.0 * tolerance) + 0.37 + aside).floor() as i64;
+        let mut cells = Buckets::new(points.len());
         let mut first: Vec<usize> = Vec::new();
         let mut index: Vec<usize> = Vec::with_capacity(points.len());
         for (i, &p) in points.iter().enumerate() {
@@ -161,18 +199,16 @@ impl Distinct {
                 continue;
             }
             // Near the edge of its cell, a point may belong to one in the next cell.
-            let [lo, hi] = [-0.5, 0.5].map(|aside| p.to_array().map(|v| cell(v, aside)));
+            let [lo, hi] = [-0.125, 0.125].map(|aside| p.to_array().map(|v| cell(v, aside)));
             let around = |axis: usize| lo[axis]..=hi[axis];
             let known = around(0)
                 .flat_map(|x| around(1).flat_map(move |y| around(2).map(move |z| [x, y, z])))
-                .filter_map(|at| cells.get(&at))
-                .flatten()
-                .copied()
+                .flat_map(|at| cells.of(at))
                 .filter(|&d| points[first[d]].distance(p) <= tolerance)
                 .min();
             index.push(known.unwrap_or(first.len()));
             if known.is_none() {
-                cells.entry(p.to_array().map(|v| cell(v, 0.0))).or_default().push(first.len());
+                cells.add(p.to_array().map(|v| cell(v, 0.0)), first.len());
                 first.push(i);
             }
         }

@@ -110,6 +110,9 @@ impl Capture {
             .filter(|p| p.is_finite())
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
         let tolerance = SAME_POINT * (high - low).max_element().max(0.0);
-        [&self.laser, &self.sensor].map(|points| Distinct::of(points, tolerance))
+        let lasers = Distinct::of(&self.laser, tolerance);
+        let sensors =
+            if self.laser == self.sensor { lasers.clone() } else { Distinct::of(&self.sensor, tolerance) };
+        [lasers, sensors]
     }
 }

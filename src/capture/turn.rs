@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::choose::Order;
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
@@ -100,20 +101,33 @@ impl Capture {
     /// rotated about the z axis. Pairs in columns and rows are put in the new order, ix along +x and iy along +y. Lists
     /// and exhaustive captures keep the order of their pairs. The histograms stay with their pairs.
     pub fn turned(mut self, turn: Turn) -> Capture {
+        self.turn_points(turn);
+        match self.turned_order(turn) {
+            Some(Order { pairs, scan }) => self.keep(&pairs, scan),
+            None => self,
+        }
+    }
+
+    /// Mirrors and rotates points and normals, and leaves the order of the pairs.
+    pub(super) fn turn_points(&mut self, turn: Turn) {
         if turn == Turn::default() {
-            return self;
+            return;
         }
         let normals = self.laser_normal.iter_mut().chain(&mut self.sensor_normal).flatten();
         for v in self.laser.iter_mut().chain(&mut self.sensor).chain(normals) {
             *v = turn.apply(*v);
         }
+    }
+
+    /// The order that pairs take after their points were turned; `None` if it stays.
+    pub(super) fn turned_order(&self, turn: Turn) -> Option<Order> {
         let [nx, ny] = self.scan;
-        let list = ny == 1 && nx > 1 && !self.resolution().contains(&1);
-        if list || matches!(self.pair_kind(), PairKind::Exhaustive { .. }) {
-            return self;
+        let list = || ny == 1 && nx > 1 && !self.resolution().contains(&1);
+        if turn == Turn::default() || list() || matches!(self.pair_kind(), PairKind::Exhaustive { .. }) {
+            return None;
         }
-        let (shape, from) = turn.order(self.scan);
-        self.keep(&from, shape)
+        let (scan, pairs) = turn.order(self.scan);
+        Some(Order { pairs, scan })
     }
 }
 

@@ -1,9 +1,9 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
 use super::request::Ready;
-use super::{Loaded, Request, find_pulse, load};
+use super::{Loaded, Request, find_pulse};
 use crate::advice::{Advice, Remedy, Setting, advice};
-use crate::capture::Gate;
+use crate::capture::{Capture, Gate};
 use crate::gpu::{Gpu, check};
 use crate::{Error, Kind};
 
@@ -28,40 +28,39 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
     Error { mend, ..error }
 }
 
-/// Settings with values. Each of them alone makes the job fit, by the least change that was tried.
+/// Settings with values. Each of them alone makes the job fit, by the least change that was tried. They are tried on the
+/// capture as it was loaded, because a large file takes long to read.
 pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
-    let fits = |request: &Request, loaded: &Loaded| fits_on(request, loaded, gpu);
+    let fits = |request: &Request, capture: &Capture| fits_on(request, capture, gpu);
+    let capture = &loaded.capture;
     let lateral = request.solver.common().lateral;
     let smaller = (1..10).map(|k| lateral >> k).take_while(|n| *n >= 4);
     let smaller = smaller
         .map(|n| Request { solver: request.solver.with_lateral(n), ..request.clone() })
-        .find(|request| fits(request, loaded))
+        .find(|request| fits(request, capture))
         .map(|request| (Setting::Lateral, request.solver.common().lateral.to_string()));
-    let stride = loaded.input.stride.unwrap_or(1);
-    // The capture is loaded again: the stride comes before the gate, so the automatic gate may change.
-    let thinner = [2, 3, 4, 6, 8, 12, 16].map(|k| stride.saturating_mul(k)).into_iter().find(|stride| {
-        let input = super::Input { stride: Some(*stride), ..loaded.input.clone() };
-        load(&input).is_ok_and(|loaded| fits(request, &loaded))
+    let thinner = [2, 3, 4, 6, 8, 12, 16].into_iter().find(|times| {
+        capture
+            .stride(*times)
+            .is_ok_and(|thin| thin.pair_count() < capture.pair_count() && fits(request, &thin))
     });
+    let stride = loaded.input.stride.unwrap_or(1);
+    let thinner = thinner.map(|times| (Setting::Stride, stride.saturating_mul(times).to_string()));
     // Gates that begin with the signal, so that some of it stays.
-    let capture = &loaded.capture;
-    let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
     let [first, last] = capture.summary().signal_bins.unwrap_or([0, capture.bins]);
-    let (from, span) = (path(first), path(last + 1) - path(first));
+    let (from, span) = (capture.edge(first), capture.edge(last + 1) - capture.edge(first));
     let narrower = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18, 0.125].into_iter().find_map(|share| {
         let text = format!("{from:.3}:{:.3}", from + share * span);
-        let gate = Gate::parse(&text).ok()?;
-        let input = super::Input { gate: Some(gate), ..loaded.input.clone() };
-        load(&input).is_ok_and(|loaded| fits(request, &loaded)).then_some((Setting::Gate, text))
+        let gated = Gate::parse(&text).and_then(|gate| capture.gated(gate));
+        gated.is_ok_and(|gated| fits(request, &gated)).then_some((Setting::Gate, text))
     });
-    [smaller, thinner.map(|n| (Setting::Stride, n.to_string())), narrower].into_iter().flatten().collect()
+    [smaller, thinner, narrower].into_iter().flatten().collect()
 }
 
-fn fits_on(request: &Request, loaded: &Loaded, gpu: &Gpu) -> bool {
+fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
     let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
     let with_volume = request.volume_file.is_some();
-    let planned = find_pulse::to_plan(request, &loaded.capture).and_then(|capture| request.ready(capture));
-    let Ok(Ready { capture, grid, .. }) = planned else { return false };
+    let Ok(Ready { capture, grid, .. }) = find_pulse::to_plan(request, capture) else { return false };
     let plan = request.solver.plan(&capture, grid, &gpu.abilities(), with_volume);
     plan.is_ok_and(|plan| check(&plan.buffers, gpu.limits.storage_range, budget, true).is_ok())
 }

@@ -70,7 +70,7 @@ pub struct Planned {
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.solver.check()?;
     let capture = &loaded.capture;
-    let Ready { capture: planned, grid, sum } = request.ready(find_pulse::to_plan(request, capture)?)?;
+    let Ready { capture: planned, grid, sum } = find_pulse::to_plan(request, capture)?;
     let mut problems = Vec::new();
     let device = match request.open() {
         Ok(gpu) => Some(gpu),
@@ -135,8 +135,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
-    let planned = find_pulse::to_plan(request, &loaded.capture)?;
-    let Ready { capture: planned, grid, .. } = request.ready(planned)?;
+    let Ready { capture: planned, grid, .. } = find_pulse::to_plan(request, &loaded.capture)?;
     let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
     Ok(request.solver.solver().outline(&plan))
 }

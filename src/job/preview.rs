@@ -93,7 +93,7 @@ fn project(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
         o.lateral = o.lateral.min(LATERAL);
         o.surface.pixels_per_voxel = Some(1);
     });
-    let planned = find_pulse::to_plan(request, capture)?;
+    let planned = find_pulse::with_any(request, capture)?;
     let small = Request { volume: request.volume, bins: request.bins, ..Request::new(options.clone(), "") };
     let small = Request { depth_pitch: Some(small.pixel(&planned)), ..small };
     let Ready { capture, grid, .. } = small.ready(Cow::Borrowed(&*planned))?;

@@ -147,13 +147,18 @@ impl Request {
     /// # Errors
     /// As [`Request::grid`], and a number of bins to sum that the capture does not have.
     pub(super) fn ready<'c>(&self, capture: Cow<'c, Capture>) -> Result<Ready<'c>> {
-        let sum = match self.bins {
-            Bins::Native => 1,
-            Bins::Sum(n) => n,
-            Bins::Auto => self.bins_to_sum(&capture),
-        };
+        let sum = self.sum(&capture);
         let capture = if sum == 1 { capture } else { Cow::Owned(capture.binned(sum)?) };
         Ok(Ready { grid: self.grid(&capture)?, capture, sum })
+    }
+
+    /// How many bins of a capture are one for the solver. The counts do not matter.
+    pub(super) fn sum(&self, capture: &Capture) -> usize {
+        match self.bins {
+            Bins::Native => 1,
+            Bins::Sum(n) => n,
+            Bins::Auto => self.bins_to_sum(capture),
+        }
     }
 
     /// How many bins the maps' pixels and the pulse do not tell apart.

@@ -233,7 +233,8 @@ impl SolverOptions {
         with_volume: bool,
     ) -> Result<Plan> {
         let solver = self.solver();
-        let model = solver.model(capture, &grid);
+        // The counts are as large as all the rest, and a plan is the same without them.
+        let model = solver.model(&capture.outline(), &grid);
         Plan::new(&model, grid, capture.resolution(), solver, abilities, with_volume)
     }
 

@@ -118,10 +118,11 @@ pub fn cells(pairs: usize, bins: usize) -> usize {
 }
 
 impl Model {
-    /// A capture scaled to the given peak, with the paper's defaults for the rest. `general`: see [`Wall::of`].
+    /// A capture scaled to the given peak, with the paper's defaults for the rest. `general`: see [`Wall::of`]. A capture
+    /// without counts gives a model without measured values, which is enough for a plan.
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
         let (wall, pair_of) = Wall::of(capture, reflectance, general);
-        let histogram = |pair: &usize| &capture.histograms[pair * capture.bins..(pair + 1) * capture.bins];
+        let histogram = |pair: &usize| capture.histogram(*pair);
         let largest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
         let scale = peak / f64::from(largest);
         Model {

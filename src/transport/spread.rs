@@ -107,7 +107,9 @@ impl Model {
             others: pick(&wall.others, &sides[1]),
             normals,
         };
-        arrange(&mut self.measured, self.bins, &pairs);
+        if !self.measured.is_empty() {
+            arrange(&mut self.measured, self.bins, &pairs);
+        }
         self.is_spread = true;
     }
 }

@@ -4,6 +4,7 @@ mod arrays;
 mod convert;
 mod formats;
 mod hostile;
+mod kept;
 mod sampling;
 mod schemas;
 mod walls;

@@ -4,6 +4,7 @@ mod calibrate;
 mod commands;
 mod compare;
 mod examples;
+mod originals;
 mod profile;
 mod pulse;
 mod scans;

@@ -9,28 +9,28 @@
 use glam::DVec3;
 
 use super::frame;
+use super::unread::Unread;
 use super::variables::Variables;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
-use crate::files::array::transpose;
 
-/// Reads a capture without checking its values; see [`super::read`].
+/// Finds a capture without reading its counts; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays, shapes that do not agree, or paths that include the outer legs.
-pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Result<Unread<'f>> {
     let numbers = |name: &str| file.numbers(name)?.ok_or_else(|| file.missing(name));
-    let counts = file.counts("data_t")?;
+    let counts = file.counts_shape("data_t")?;
     let ((x_shape, x), (y_shape, y)) = (numbers("xg")?, numbers("yg")?);
-    let &[bins, nx, ny] = &counts.shape[..] else {
+    let &[bins, nx, ny] = &counts[..] else {
         return Err(Error::input(
-            format!("data_t has {} axes, not three", counts.shape.len()),
+            format!("data_t has {} axes, not three", counts.len()),
             "data_t is [T, X, Y]",
         ));
     };
     if x_shape != [nx, ny] || y_shape != [nx, ny] {
         return Err(Error::input(
-            format!("data_t has shape {:?}, xg {x_shape:?} and yg {y_shape:?}", counts.shape),
+            format!("data_t has shape {:?}, xg {x_shape:?} and yg {y_shape:?}", counts),
             "xg and yg hold a number for every scan point of data_t, [X, Y]",
         ));
     }
@@ -50,7 +50,13 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     }
     notes.push("NLOS-Dirac HDF5 is read as in y-tal: confocal, a flat wall, bin 0 at path 0".into());
     let points: Vec<DVec3> = x.iter().zip(&y).map(|(x, y)| DVec3::new(*x, *y, 0.0)).collect();
-    let histograms = transpose(&counts.values, bins, nx * ny);
-    let capture = Capture::new([nx, ny], points.clone(), points, bins, second - first, histograms);
-    Ok(frame::in_order(Capture { integer_counts: counts.whole(), ..capture }))
+    let outline = Capture::new([nx, ny], points.clone(), points, bins, second - first, vec![]);
+    let order = frame::order_of(&outline);
+    let unread = Unread::in_order(outline, file, "data_t");
+    Ok(match order {
+        Some(order) => {
+            Unread { outline: unread.outline.keep(&order.pairs, order.scan), from: order.pairs, ..unread }
+        }
+        None => unread,
+    })
 }

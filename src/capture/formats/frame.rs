@@ -3,8 +3,10 @@
 
 use glam::{DMat3, DVec3};
 
-use super::variables::Counts;
+use super::unread::Unread;
+use super::variables::Variables;
 use crate::capture::Capture;
+use crate::capture::choose::Order;
 use crate::error::{Error, Result};
 
 /// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
@@ -55,36 +57,46 @@ impl Axes {
     }
 }
 
-/// A confocal scan of a flat wall from counts (d1, d2, t) of MATLAB, which are read as [T, d2, d1].
+/// A confocal scan of a flat wall whose counts are (d1, d2, t) in MATLAB, which is [T, d2, d1] in C order.
 ///
 /// # Errors
-/// `Kind::Input` if the counts do not have three axes.
-pub fn scanned(name: &str, counts: Counts, axes: Axes, wall: f64, bin_width: f64) -> Result<Capture> {
-    let [bins, n2, n1] = counts.shape[..] else {
+/// `Kind::Input` if the array is missing or does not have three axes.
+pub fn scanned<'f>(
+    file: &'f Variables,
+    name: &str,
+    axes: Axes,
+    wall: f64,
+    bin_width: f64,
+) -> Result<Unread<'f>> {
+    let shape = file.counts_shape(name)?;
+    let [bins, n2, n1] = shape[..] else {
         return Err(Error::input(
-            format!("{name} has {} axes, not three (two of the scan, and the bins)", counts.shape.len()),
+            format!("{name} has {} axes, not three (two of the scan, and the bins)", shape.len()),
             format!("store {name} in MATLAB as an array with two scan axes, then the bins"),
         ));
     };
-    let pairs = axes.pairs([n1, n2]);
-    let mut histograms = vec![0.0; counts.values.len()];
-    for (bin, places) in counts.values.chunks_exact(pairs.len()).enumerate() {
-        for (pair, value) in pairs.iter().zip(places) {
-            histograms[pair * bins + bin] = *value;
-        }
-    }
+    let mut from = vec![0; n1 * n2];
+    axes.pairs([n1, n2]).into_iter().enumerate().for_each(|(place, pair)| from[pair] = place);
     let scan = axes.scan([n1, n2]);
     let points = lattice(scan, wall);
-    let integer_counts = counts.whole();
-    Ok(Capture { integer_counts, ..Capture::new(scan, points.clone(), points, bins, bin_width, histograms) })
+    let outline = Capture::new(scan, points.clone(), points, bins, bin_width, vec![]);
+    Ok(Unread { from, ..Unread::in_order(outline, file, name) })
 }
 
 /// Puts the pairs of a lattice scan in our order: ix along +x, iy along +y.
 pub fn in_order(capture: Capture) -> Capture {
+    match order_of(&capture) {
+        Some(Order { pairs, scan }) => capture.keep(&pairs, scan),
+        None => capture,
+    }
+}
+
+/// The order in which [`in_order`] puts the pairs; `None` if they are in order or no lattice.
+pub fn order_of(capture: &Capture) -> Option<Order> {
     let [a, b] = capture.scan;
     let points = capture.scanned_points();
     if a < 2 || b < 2 || points.len() != a * b {
-        return capture;
+        return None;
     }
     let (along_a, along_b) = (points[b] - points[0], points[1] - points[0]);
     let swapped = along_a.x.abs() + along_b.y.abs() < along_a.y.abs() + along_b.x.abs();
@@ -95,12 +107,10 @@ pub fn in_order(capture: Capture) -> Capture {
         let iy = if y_step.y < 0.0 { ny - 1 - iy } else { iy };
         if swapped { iy * b + ix } else { ix * b + iy }
     };
-    let order: Vec<usize> =
+    let pairs: Vec<usize> =
         (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))).map(|(x, y)| from(x, y)).collect();
-    if order.iter().enumerate().all(|(to, from)| to == *from) {
-        return capture;
-    }
-    capture.keep(&order, [nx, ny])
+    let moved = pairs.iter().enumerate().any(|(to, from)| to != *from);
+    moved.then_some(Order { pairs, scan: [nx, ny] })
 }
 
 /// Rotates and shifts the capture so that its wall lies near z = 0 and faces +z. `towards` is a point of the hidden

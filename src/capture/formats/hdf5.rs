@@ -5,7 +5,7 @@
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
 
@@ -20,12 +20,41 @@ const MOST_NUMBERS: usize = 1 << 28;
 /// An open file, with its length in bytes to check the sizes that its datasets claim.
 pub struct Hdf5 {
     file: H5File,
+    path: PathBuf,
     bytes: u64,
 }
 
-fn damaged(e: impl std::fmt::Display) -> Error {
+/// An array of counts in a file.
+pub(super) struct Array {
+    pub(super) name: String,
+    /// Lengths of its axes, the slowest first; at least one axis.
+    pub(super) shape: Vec<usize>,
+    /// The shape of a chunk, which is stored and compressed as one; `None` for values one after the other.
+    pub(super) chunk: Option<Vec<usize>>,
+    stored: Stored,
+}
+
+/// How numbers are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stored {
+    Float,
+    Double,
+    Integer,
+}
+
+impl Array {
+    /// Whether the values were stored as integers.
+    pub(super) fn integer(&self) -> bool {
+        self.stored == Stored::Integer
+    }
+}
+
+pub(super) fn damaged(e: impl std::fmt::Display) -> Error {
+    // The names of the reader's layers say nothing about the file.
+    let text = e.to_string();
+    let text = text.rsplit_once("error: ").map_or(&text[..], |(_, what)| what);
     Error::input(
-        format!("the HDF5 file cannot be read: {e}"),
+        format!("the HDF5 file cannot be read: {text}"),
         "the file is damaged or cut short: copy or download it again",
     )
 }
@@ -41,7 +70,7 @@ pub fn is_guarded() -> bool {
 }
 
 /// Turns a panic of the HDF5 reader into the error of a damaged file.
-fn guarded<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn guarded<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
     let before = GUARDED.replace(true);
     let done = catch_unwind(AssertUnwindSafe(read));
     GUARDED.set(before);
@@ -56,7 +85,12 @@ impl Hdf5 {
     pub fn open(path: &Path) -> Result<Hdf5> {
         let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
         let file = guarded(|| H5File::options().no_locking().open(path).map_err(damaged))?;
-        Ok(Hdf5 { file, bytes })
+        Ok(Hdf5 { file, path: path.to_path_buf(), bytes })
+    }
+
+    /// The path that was opened.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Names of the datasets, sorted.
@@ -119,25 +153,54 @@ impl Hdf5 {
     pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
-            let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
-            let values: Vec<f32> = match (dataset.datatype().map_err(wrong)?, dataset.element_size()) {
-                (DatatypeMessage::FloatingPoint { .. }, 8) => {
-                    dataset.read_numeric_as::<f64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
-                }
-                (DatatypeMessage::FloatingPoint { .. }, _) => {
-                    dataset.read_numeric_as::<f32>().map_err(wrong)?
-                }
-                (DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. }, _) => {
-                    dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f32).collect()
-                }
-                (other, _) => return Err(no_number(name, &other)),
+            let stored = stored(name, &dataset)?;
+            let values = match stored {
+                Stored::Double => dataset.read_numeric_as().map(narrowed),
+                Stored::Float => dataset.read_numeric_as(),
+                Stored::Integer => dataset.read_numeric_as().map(counted),
             };
-            let float = matches!(dataset.datatype().map_err(wrong)?, DatatypeMessage::FloatingPoint { .. });
+            let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
             let shape = dataset.shape();
-            if shape.iter().product::<usize>() != values.len() {
-                return Err(damaged(format!("{name} holds {} values for shape {shape:?}", values.len())));
+            check_length(name, &shape, &values)?;
+            Ok(Some(Counts { shape, values, integer: stored == Stored::Integer }))
+        })
+    }
+
+    /// A dataset whose counts are read block by block; `None` if it is missing, empty or a single number.
+    ///
+    /// # Errors
+    /// As [`Hdf5::counts`].
+    pub(super) fn array(&self, name: &str) -> Result<Option<Array>> {
+        guarded(|| {
+            let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            let (shape, chunk) = (dataset.shape(), dataset.chunk_dims());
+            if shape.is_empty() {
+                return Ok(None);
             }
-            Ok(Some(Counts { shape, values, integer: !float }))
+            if chunk.as_ref().is_some_and(|c| c.len() != shape.len() || c.contains(&0)) {
+                return Err(damaged(format!("{name} has shape {shape:?} and chunks {chunk:?}")));
+            }
+            Ok(Some(Array { name: name.into(), shape, chunk, stored: stored(name, &dataset)? }))
+        })
+    }
+
+    /// The values of a part of an array as float32 in C order.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the part is damaged.
+    pub(super) fn block(&self, array: &Array, starts: &[usize], counts: &[usize]) -> Result<Vec<f32>> {
+        guarded(|| {
+            let name = &array.name;
+            let changed = || damaged(format!("dataset {name} is gone"));
+            let dataset = self.dataset(name)?.ok_or_else(changed)?;
+            let values = match array.stored {
+                Stored::Double => dataset.read_numeric_slice_as(starts, counts).map(narrowed),
+                Stored::Float => dataset.read_numeric_slice_as(starts, counts),
+                Stored::Integer => dataset.read_numeric_slice_as(starts, counts).map(counted),
+            };
+            let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+            check_length(name, counts, &values)?;
+            Ok(values)
         })
     }
 
@@ -170,6 +233,32 @@ impl Hdf5 {
             Ok((!values.is_empty()).then_some((shape, values)))
         })
     }
+}
+
+/// How the numbers of a dataset are stored.
+fn stored(name: &str, dataset: &H5Dataset) -> Result<Stored> {
+    let datatype = dataset.datatype().map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+    match datatype {
+        DatatypeMessage::FloatingPoint { .. } if dataset.element_size() == 8 => Ok(Stored::Double),
+        DatatypeMessage::FloatingPoint { .. } => Ok(Stored::Float),
+        DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => Ok(Stored::Integer),
+        other => Err(no_number(name, &other)),
+    }
+}
+
+fn narrowed(values: Vec<f64>) -> Vec<f32> {
+    values.into_iter().map(|v| v as f32).collect()
+}
+
+fn counted(values: Vec<i64>) -> Vec<f32> {
+    values.into_iter().map(|v| v as f32).collect()
+}
+
+fn check_length(name: &str, shape: &[usize], values: &[f32]) -> Result<()> {
+    if shape.iter().product::<usize>() == values.len() {
+        return Ok(());
+    }
+    Err(damaged(format!("{name} holds {} values for shape {shape:?}", values.len())))
 }
 
 fn no_number(name: &str, found: &DatatypeMessage) -> Error {

@@ -9,18 +9,18 @@
 
 use super::frame::{self, Axes, Run};
 use super::given::Given;
+use super::unread::Unread;
 use super::variables::Variables;
-use crate::capture::Capture;
 use crate::error::{Error, Result};
 
 const PICOSECONDS: f64 = 4.0;
 const AXES: Axes = Axes { d1: Run::Left, d2: Run::Down };
 
-/// Reads a capture without checking its values; see [`super::read`].
+/// Finds a capture without reading its counts; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays or shapes that do not fit.
-pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'f>> {
     let half = file.number("width")?.ok_or_else(|| file.missing("width"))?;
     if !(half.is_finite() && half > 0.0) {
         return Err(Error::input(
@@ -33,5 +33,5 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         2.0 * half
     ));
     let bin_width = given.bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
-    frame::scanned("rect_data", file.counts("rect_data")?, AXES, 2.0 * half, bin_width)
+    frame::scanned(file, "rect_data", AXES, 2.0 * half, bin_width)
 }

@@ -6,19 +6,19 @@
 
 use super::frame::{self, Axes, Run};
 use super::given::Given;
+use super::unread::Unread;
 use super::variables::Variables;
-use crate::capture::Capture;
 use crate::error::{Error, Result};
 
 /// Rows from the top, columns from the left.
 const AXES: Axes = Axes { d1: Run::Down, d2: Run::Right };
 
-/// Reads a capture without checking its values; see [`super::read`].
+/// Finds a capture without reading its counts; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Options` without a wall size and a bin width, `Kind::Input` if there is not exactly one array of three
 /// axes.
-pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'f>> {
     let mut found = Vec::new();
     for name in file.names() {
         if let Some(shape) =
@@ -42,5 +42,5 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         "{name} is read as {} bins of {} columns and {} rows from the top: confocal, t = 0 at the wall",
         shape[0], shape[1], shape[2]
     ));
-    frame::scanned(name, file.counts(name)?, AXES, wall, bin_width)
+    frame::scanned(file, name, AXES, wall, bin_width)
 }

@@ -10,6 +10,8 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
+use super::numbers::Numbers;
+use super::scatter::{Scattered, Wanted};
 use super::variables::Counts;
 use crate::error::{Error, Result};
 
@@ -22,6 +24,9 @@ const MOST_ARRAYS: usize = 4096;
 const DEEPEST: usize = 4;
 /// Largest array of numbers that are not counts (points, settings).
 const MOST_NUMBERS: usize = 1 << 28;
+
+/// Values that [`Matlab5::scatter`] takes at a time.
+const AT_ONCE: usize = 4 << 20;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
@@ -49,6 +54,13 @@ struct Found {
     deflated: bool,
 }
 
+impl Found {
+    /// Whether the array is of an integer class.
+    fn is_integer(&self) -> bool {
+        (8..=15).contains(&self.class)
+    }
+}
+
 /// A tag, the content behind it, and where the next element begins.
 struct Element {
     kind: u32,
@@ -56,7 +68,7 @@ struct Element {
     next: usize,
 }
 
-fn damaged(what: impl std::fmt::Display) -> Error {
+pub(super) fn damaged(what: impl std::fmt::Display) -> Error {
     Error::input(
         format!("the MATLAB file cannot be read: {what}"),
         "the file is damaged or cut short: copy or download it again",
@@ -114,14 +126,51 @@ impl Matlab5 {
         Ok(self.find(name).map(|a| a.shape.clone()))
     }
 
+    /// The shape of an array whose values are in the file, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged, complex or does not hold numbers.
+    pub(super) fn counts_shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+        let Some(found) = self.find(name) else { return Ok(None) };
+        self.numbers_of(found).map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some(found.shape.clone()))
+    }
+
     /// An array as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
     ///
     /// # Errors
     /// `Kind::Input` if it is damaged, complex or does not hold numbers.
     pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
         let Some(found) = self.find(name) else { return Ok(None) };
-        let values = self.decode(found, |v| v as f32).map_err(|e| e.at(format!("array {name}")))?;
-        Ok(Some(Counts { shape: found.shape.clone(), values, integer: (8..=15).contains(&found.class) }))
+        let values = self.numbers_of(found).and_then(|mut n| n.next(usize::MAX, |v| v as f32));
+        let values = values.map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some(Counts { shape: found.shape.clone(), values, integer: found.is_integer() }))
+    }
+
+    /// The wanted pairs and bins of an array [T, ...]; `None` if it is missing or empty. A few bins are decoded at a
+    /// time.
+    ///
+    /// # Errors
+    /// As [`Matlab5::counts`].
+    pub(super) fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Option<Scattered>> {
+        let Some(found) = self.find(name) else { return Ok(None) };
+        let [bins, places] = wanted.stored;
+        let at_once = (AT_ONCE / places).max(1);
+        let scattered = self.numbers_of(found).and_then(|mut numbers| {
+            wanted.scatter(vec![(0..bins, (0..places).collect())], |parts| {
+                parts
+                    .into_iter()
+                    .map(|mut part| {
+                        for first in (0..bins).step_by(at_once) {
+                            let values = numbers.next(at_once * places, |v| v as f32)?;
+                            part.take(first, &values, found.is_integer());
+                        }
+                        Ok(part.finish())
+                    })
+                    .collect()
+            })
+        });
+        scattered.map(Some).map_err(|e: Error| e.at(format!("array {name}")))
     }
 
     /// An array in float64 and C order, `None` if it is missing or empty.
@@ -137,7 +186,8 @@ impl Matlab5 {
                 "check that the right file was given",
             ));
         }
-        let values = self.decode(found, |v| v).map_err(|e| e.at(format!("array {name}")))?;
+        let values = self.numbers_of(found).and_then(|mut n| n.next(usize::MAX, |v| v));
+        let values = values.map_err(|e| e.at(format!("array {name}")))?;
         Ok(Some((found.shape.clone(), values)))
     }
 
@@ -266,10 +316,9 @@ impl Matlab5 {
             (Ok(None), _) => Ok(()),
             (Ok(Some(found)), _) if found.class == STRUCT => {
                 let whole = self.inflate(&at)?;
+                let content = 0..whole.len();
                 self.blocks.push(whole);
-                let block = self.blocks.len() - 1;
-                let content = self.element(block, 0..self.blocks[block].len())?.content;
-                self.list(block, content, "", 0)
+                self.list(self.blocks.len() - 1, content, "", 0)
             }
             (Ok(Some(found)), _) => self.keep(found),
             (Err(_), Err(e)) => Err(damaged(e)),
@@ -285,8 +334,8 @@ impl Matlab5 {
         Ok(())
     }
 
-    /// Inflates a whole compressed element.
-    fn inflate(&self, at: &Range<usize>) -> Result<Vec<u8>> {
+    /// The inflated bytes of a compressed element behind its tag, and their number.
+    fn inflated(&self, at: Range<usize>) -> Result<(impl Read, usize)> {
         let mut decoder = ZlibDecoder::new(&self.blocks[0][at.clone()]);
         let mut tag = [0u8; 8];
         decoder.read_exact(&mut tag).map_err(damaged)?;
@@ -298,22 +347,25 @@ impl Matlab5 {
                 "the file is damaged or malicious: download or write it again",
             ));
         }
-        let mut whole = tag.to_vec();
+        Ok((decoder.take(size as u64), size))
+    }
+
+    /// Inflates a whole compressed element.
+    fn inflate(&self, at: &Range<usize>) -> Result<Vec<u8>> {
+        let (mut bytes, size) = self.inflated(at.clone())?;
+        let mut whole = Vec::new();
         whole.try_reserve_exact(size).map_err(|_| {
             Error::memory(format!("an array needs {size} bytes"), "close other programs or crop the capture")
         })?;
-        decoder.take(size as u64).read_to_end(&mut whole).map_err(damaged)?;
-        if whole.len() < 8 + size {
-            return Err(damaged(format!(
-                "a compressed array ends after {} of {size} bytes",
-                whole.len() - 8
-            )));
+        bytes.read_to_end(&mut whole).map_err(damaged)?;
+        if whole.len() < size {
+            return Err(damaged(format!("a compressed array ends after {} of {size} bytes", whole.len())));
         }
         Ok(whole)
     }
 
     /// The values of an array, in the order of the file.
-    fn decode<T>(&self, found: &Found, to: impl Fn(f64) -> T) -> Result<Vec<T>> {
+    fn numbers_of(&self, found: &Found) -> Result<Numbers<'_>> {
         let count = found.shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d));
         let count = count.ok_or_else(|| damaged("its dimensions do not fit any memory"))?;
         if !(6..=15).contains(&found.class) || found.complex {
@@ -328,50 +380,24 @@ impl Matlab5 {
             return Err(Error::input(format!("is {class}, not plain numbers"), "store it as a plain array"));
         }
         if !found.deflated {
-            return self.values(found.block, found.at.clone(), count, to);
+            let (_, at) = self.header(found.block, found.at.clone())?;
+            let element = self.element(found.block, at..found.at.end)?;
+            let bytes = Box::new(&self.blocks[found.block][element.content.clone()]);
+            return Numbers::new(bytes, element.content.len(), element.kind, count, self.big_endian);
         }
-        // The inflated element is read like a file of its own.
-        let inner =
-            Matlab5 { blocks: vec![self.inflate(&found.at)?], big_endian: self.big_endian, arrays: vec![] };
-        let content = inner.element(0, 0..inner.blocks[0].len())?.content;
-        inner.values(0, content, count, to)
-    }
-
-    fn values<T>(
-        &self,
-        block: usize,
-        content: Range<usize>,
-        count: usize,
-        to: impl Fn(f64) -> T,
-    ) -> Result<Vec<T>> {
-        let (_, at) = self.header(block, content.clone())?;
-        let element = self.element(block, at..content.end)?;
-        let bytes = &self.blocks[block][element.content.clone()];
-        macro_rules! decode {
-            ($type:ty) => {{
-                let (values, rest) = bytes.as_chunks::<{ size_of::<$type>() }>();
-                if values.len() != count || !rest.is_empty() {
-                    return Err(damaged(format!("{} bytes do not hold {count} values", bytes.len())));
-                }
-                let big = self.big_endian;
-                let value = |b: &[u8; size_of::<$type>()]| {
-                    to(if big { <$type>::from_be_bytes(*b) } else { <$type>::from_le_bytes(*b) } as f64)
-                };
-                Ok(values.iter().map(value).collect())
-            }};
-        }
-        match element.kind {
-            1 => decode!(i8),
-            2 => decode!(u8),
-            3 => decode!(i16),
-            4 => decode!(u16),
-            5 => decode!(i32),
-            6 => decode!(u32),
-            7 => decode!(f32),
-            9 => decode!(f64),
-            12 => decode!(i64),
-            13 => decode!(u64),
-            kind => Err(damaged(format!("its values are of the unknown type {kind}"))),
-        }
+        let (mut bytes, size) = self.inflated(found.at.clone())?;
+        let mut start = Vec::new();
+        bytes.by_ref().take(PREFIX as u64).read_to_end(&mut start).map_err(damaged)?;
+        // The beginning is read like a file of its own.
+        let inner = Matlab5 { blocks: vec![start], big_endian: self.big_endian, arrays: vec![] };
+        let start = &inner.blocks[0];
+        let (_, at) = inner.header(0, 0..start.len())?;
+        let element = inner.tag(0, at..size).filter(|e| e.content.end <= size);
+        let element = element.ok_or_else(|| damaged("the values of a compressed array go beyond its end"))?;
+        let (length, kind) = (element.content.len(), element.kind);
+        // A tag that was read lies within the beginning, so the values begin there or right behind it.
+        let known = start.get(element.content.start..).unwrap_or_default().to_vec();
+        let bytes = std::io::Cursor::new(known).chain(bytes).take(length as u64);
+        Numbers::new(Box::new(bytes), length, kind, count, self.big_endian)
     }
 }

@@ -1,28 +1,34 @@
 //! Capture files, one module per format. The contents of a file decide its format, not its name. Some formats are
 //! several files in a folder.
 
+mod blocks;
 pub mod ccsocr;
-pub mod dirac;
+mod dirac;
 mod exhaustive;
 mod frame;
 pub mod general;
 mod given;
 pub mod hdf5;
-pub mod lct;
+mod lct;
 pub mod legs;
-pub mod matlab;
+mod matlab;
 pub mod matlab5;
 pub mod netf;
 pub mod npz;
+mod numbers;
 pub mod phasor;
 mod pulse;
+mod scatter;
 pub mod set;
 pub mod stanford;
+mod unread;
 pub mod variables;
 pub mod ytal;
 pub mod znlos;
 
 pub use given::{Bounce, Given};
+
+use unread::Unread;
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -30,7 +36,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::Capture;
+use super::{Capture, Keep};
 use crate::error::{Error, Result};
 
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -82,29 +88,70 @@ pub fn read_with_notes(path: &Path) -> Result<Opened> {
 /// # Errors
 /// Those of [`read`]. `Kind::Options` for a bin width, a bounce or a file of times of flight if the format takes none.
 pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
-    let place = path.display().to_string();
-    let read = || {
-        let mut notes = Vec::new();
-        let mut capture = match contents(path)? {
-            Contents::Zip => npz::read(path)?,
-            Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
-                read_set(&mut set::Set::open(path)?, given, &mut notes)?
-            }
-            Contents::Npy => return Err(unknown("a single npy array has no wall points or bin width")),
-            Contents::Unknown => return Err(unknown("the format is not known")),
-        };
-        capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-        let (capture, dropped, missing) = capture.without_missing()?;
-        notes.extend(missing);
-        capture.check()?;
-        notes.extend(given.turn.note());
-        Ok(Opened { capture: capture.turned(given.turn), dropped, notes })
+    read_kept(path, given, &Keep::default())
+}
+
+/// Reads a part of a capture, with values that the file does not hold. The result is that of [`read_given`] followed by
+/// [`Capture::stride`], [`Capture::subset`] and [`Capture::gated`]; large files take less memory. All counts of the
+/// file are checked.
+///
+/// # Errors
+/// Those of [`read_given`] and of the three.
+pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {
+    read_prepared(path, given, keep, &mut |_, _| Ok(()))
+}
+
+/// Changes the points of all measured pairs, before some are chosen; notes say what was done. The capture may be
+/// without its counts.
+pub(crate) type Prepare<'p> = dyn FnMut(&mut Capture, &mut Vec<String>) -> Result<()> + 'p;
+
+/// Reads a part of a capture as [`read_kept`] does, and calls `prepare` before pairs are chosen.
+///
+/// # Errors
+/// Those of [`read_kept`] and of `prepare`.
+pub(crate) fn read_prepared(
+    path: &Path,
+    given: &Given,
+    keep: &Keep,
+    prepare: &mut Prepare,
+) -> Result<Opened> {
+    let place = |e: Error| e.at(path.display());
+    let mut notes = Vec::new();
+    let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let mut set;
+    let found = match contents(path).map_err(place)? {
+        Contents::Zip => npz::read(path).map(Found::Whole),
+        Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
+            set = set::Set::open(path).map_err(place)?;
+            read_set(&mut set, given, &mut notes)
+        }
+        Contents::Npy => Err(unknown("a single npy array has no wall points or bin width")),
+        Contents::Unknown => Err(unknown("the format is not known")),
     };
-    read().map_err(|e: Error| e.at(place))
+    let found = found.map_err(place)?;
+    let capture = match found {
+        Found::Unread(unread) => return unread.read(name, keep, given.turn, prepare, notes, &place),
+        Found::Whole(capture) => Capture { name, ..capture },
+    };
+    let (capture, dropped, missing) = capture.without_missing().map_err(place)?;
+    notes.extend(missing);
+    capture.check().map_err(place)?;
+    notes.extend(given.turn.note());
+    let mut capture = capture.turned(given.turn);
+    prepare(&mut capture, &mut notes)?;
+    let capture = keep.apply(capture, &mut notes)?;
+    Ok(Opened { capture, dropped, notes })
+}
+
+/// A capture as a reader of its format finds it.
+enum Found<'f> {
+    Whole(Capture),
+    /// All but the counts.
+    Unread(Unread<'f>),
 }
 
 /// Finds the format by the names of the arrays, and reads it.
-fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -> Result<Found<'s>> {
     let no_bounce = |what: &str| match given.bounce {
         None => Ok(()),
         Some(_) => Err(Error::options(
@@ -121,7 +168,7 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
     };
     if set.any("meas") || set.any("tofgrid") {
         no_bounce("a Stanford f-k capture")?;
-        return stanford::read(set, given, notes);
+        return stanford::read(set, given, notes).map(Found::Unread);
     }
     if given.time_of_flight.is_some() {
         return Err(Error::options(
@@ -131,12 +178,12 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
     }
     if ["C_i", "C_d", "sub_Sig"].iter().any(|name| set.any(name)) {
         no_bounce("a CC-SOCR capture")?;
-        return ccsocr::read(set, given, notes);
+        return ccsocr::read(set, given, notes).map(Found::Whole);
     }
     let positions = set.any("cameraGridPositions");
     if ["laserpoints", "detectpoints"].iter().any(|name| set.any(name)) {
         no_bounce("a General-NLOS capture")?;
-        return general::read(set, given, notes);
+        return general::read(set, given, notes).map(Found::Whole);
     }
     let file = match set.holding("cameraGridPositions")? {
         Some(file) => file,
@@ -147,32 +194,32 @@ fn read_set(set: &mut set::Set, given: &Given, notes: &mut Vec<String>) -> Resul
         let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
         return if axes == 3 {
             no_bounce("a NeTF capture")?;
-            netf::read(file, notes)
+            netf::read(file, notes).map(Found::Whole)
         } else {
-            znlos::read(file, given, notes)
+            znlos::read(file, given, notes).map(Found::Whole)
         };
     }
     no_bounce("the file")?;
     if file.have(&["H"]) || file.have(&["laser_grid_xyz"]) {
         says_width("a y-tal capture")?;
-        return ytal::read(file);
+        return ytal::read(file).map(Found::Whole);
     }
     if file.have(&["data_t"]) {
         says_width("an NLOS-Dirac capture")?;
-        return dirac::read(file, notes);
+        return dirac::read(file, notes).map(Found::Unread);
     }
     if file.have(&["dataset/data"]) {
         says_width("a phasor-field capture")?;
-        return phasor::read_2019(file, notes);
+        return phasor::read_2019(file, notes).map(Found::Whole);
     }
     if file.have(&["rect_data", "width"]) {
-        return lct::read(file, given, notes);
+        return lct::read(file, given, notes).map(Found::Unread);
     }
     if file.have(&["rect_data", "ts"]) {
         says_width("a phasor-field capture")?;
-        return phasor::read_2020(file, notes);
+        return phasor::read_2020(file, notes).map(Found::Unread);
     }
-    matlab::read(file, given, notes)
+    matlab::read(file, given, notes).map(Found::Unread)
 }
 
 /// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if it

@@ -15,6 +15,7 @@
 use glam::DVec3;
 
 use super::frame::{Axes, Run};
+use super::unread::Unread;
 use super::variables::Variables;
 use super::{frame, legs, per_pair, unit};
 use crate::capture::Capture;
@@ -108,18 +109,18 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     Ok(frame::facing_z(legs::remove(&capture, &outer)?, None, notes))
 }
 
-/// Reads the 2020 layout without checking its values; see [`super::read`].
+/// Finds a capture of the 2020 layout without reading its counts; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays, shapes that do not fit, or a sensor point outside the scan.
-pub fn read_2020(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read_2020<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Result<Unread<'f>> {
     let number = |name: &str| -> Result<f64> { file.number(name)?.ok_or_else(|| file.missing(name)) };
     let (seconds, spacing) = (number("ts")?, number("sampling_spacing")?);
     let (shape, index) = file.numbers("SPAD_index")?.ok_or_else(|| file.missing("SPAD_index"))?;
-    let counts = file.counts("rect_data")?;
-    let [_, n2, n1] = counts.shape[..] else {
+    let counts = file.counts_shape("rect_data")?;
+    let [_, n2, n1] = counts[..] else {
         return Err(Error::input(
-            format!("rect_data has {} axes, not three", counts.shape.len()),
+            format!("rect_data has {} axes, not three", counts.len()),
             "rect_data is (d1, d2, t) in MATLAB: two axes of the scan, then the bins",
         ));
     };
@@ -140,6 +141,7 @@ pub fn read_2020(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     notes.push(format!("the only sensor point is ({at1}, {at2}) of the scan, counted from 1"));
     let wall = spacing * (n1.max(n2).max(2) - 1) as f64;
     let bin_width = seconds * 1e12 * METRES_PER_PICOSECOND;
-    let scanned = frame::scanned("rect_data", counts, AXES, wall, bin_width)?;
-    Ok(Capture { sensor: vec![scanned.sensor[spad]; n1 * n2], ..scanned })
+    let mut scanned = frame::scanned(file, "rect_data", AXES, wall, bin_width)?;
+    scanned.outline.sensor = vec![scanned.outline.sensor[spad]; n1 * n2];
+    Ok(scanned)
 }

@@ -14,7 +14,9 @@ use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
 
 use super::frame::{self, Axes, Run};
 use super::given::Given;
+use super::scatter::Shifts;
 use super::set::Set;
+use super::unread::Unread;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::{Capture, PairKind};
 use crate::error::{Error, Result};
@@ -26,11 +28,11 @@ const AXES: Axes = Axes { d1: Run::Up, d2: Run::Left };
 /// Bins that the published code keeps.
 const KEPT: usize = 512;
 
-/// Reads a capture without checking its values; see [`super::read`].
+/// Finds a capture without reading its counts; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` if counts or times of flight are missing, or do not fit each other.
-pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read<'s>(set: &'s mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'s>> {
     if let Some(path) = &given.time_of_flight {
         set.add(path)?;
     } else if !(set.any("meas") && set.any("tofgrid")) {
@@ -53,10 +55,10 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
             "give the file with tofgrid as the times of flight, too; or give the folder of both",
         ));
     };
-    let counts = file.counts("meas")?;
-    if counts.shape.len() != 3 || counts.shape[1..] != tof_shape[..] {
+    let counts = file.counts_shape("meas")?;
+    if counts.len() != 3 || counts[1..] != tof_shape[..] {
         return Err(Error::input(
-            format!("meas has shape {:?} and tofgrid {tof_shape:?}, which do not agree", counts.shape),
+            format!("meas has shape {counts:?} and tofgrid {tof_shape:?}, which do not agree"),
             "meas is (d1, d2, t) in MATLAB and tofgrid (d1, d2), of the same scan",
         ));
     }
@@ -70,20 +72,18 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
             WALL
         }
     };
-    let pairs = AXES.pairs([counts.shape[2], counts.shape[1]]);
-    let capture = frame::scanned("meas", counts, AXES, wall, bin_width)?;
-    let mut per_pair = vec![0.0; tof.len()];
-    pairs.iter().zip(&tof).for_each(|(pair, time)| per_pair[*pair] = *time);
-    rectified(capture, &per_pair, notes)
+    shifted(frame::scanned(file, "meas", AXES, wall, bin_width)?, &tof)
 }
 
-/// Shifts every histogram to the left by its time of flight in picoseconds, in whole bins.
-fn rectified(capture: Capture, tof: &[f64], notes: &mut Vec<String>) -> Result<Capture> {
-    let bins = capture.bins;
-    let ps = capture.bin_width / METRES_PER_PICOSECOND;
-    let mut shifts = Vec::with_capacity(tof.len());
-    for (pair, &time) in tof.iter().enumerate() {
+/// Shifts every histogram to the left by its time of flight in picoseconds, in whole bins. `tof` is in the order of the
+/// array.
+fn shifted<'s>(unread: Unread<'s>, tof: &[f64]) -> Result<Unread<'s>> {
+    let bins = unread.bins;
+    let ps = unread.outline.bin_width / METRES_PER_PICOSECOND;
+    let mut of_place = vec![None; tof.len()];
+    for (pair, &place) in unread.from.iter().enumerate() {
         // A NaN time marks a pair that was not measured.
+        let time = tof[place];
         if time.is_infinite() || time < 0.0 || time / ps >= bins as f64 {
             return Err(Error::input(
                 format!(
@@ -93,29 +93,27 @@ fn rectified(capture: Capture, tof: &[f64], notes: &mut Vec<String>) -> Result<C
                 "tofgrid is in picoseconds: check the bin width, and that both files belong together",
             ));
         }
-        shifts.push(time.is_finite().then(|| (time / ps).floor() as usize));
+        of_place[place] = time.is_finite().then(|| (time / ps).floor() as usize);
     }
-    let most = shifts.iter().flatten().max().copied().unwrap_or(0);
-    let kept = if most == 0 { bins } else { bins.min(KEPT) };
-    let mut histograms = vec![0.0; tof.len() * kept];
-    let mut lost = 0.0;
-    let pairs = capture.histograms.chunks_exact(bins).zip(histograms.chunks_exact_mut(kept));
-    for ((from, to), shift) in pairs.zip(&shifts) {
-        let Some(shift) = *shift else {
-            to.fill(f32::NAN);
-            continue;
-        };
-        let end = (shift + kept).min(bins);
-        to[..end - shift].copy_from_slice(&from[shift..end]);
-        lost += from[end..].iter().map(|v| f64::from(*v)).sum::<f64>();
-    }
-    if most > 0 {
-        notes.push(format!(
-            "every histogram is shifted by its time of flight to the wall, up to {most} bins, and {kept} \
-             bins are kept, as in its publication ({lost} later counts are dropped)"
-        ));
-    }
-    Ok(Capture { bins: kept, histograms, ..capture })
+    let kept = if longest(&of_place) == 0 { bins } else { bins.min(KEPT) };
+    let shifts = Shifts { of_place, bins: kept, note };
+    let outline = Capture { bins: kept, ..unread.outline };
+    Ok(Unread { outline, shifts: Some(shifts), ..unread })
+}
+
+/// Says how far the histograms are shifted; `None` if they are not.
+fn note(shifts: &Shifts, late: f64) -> Option<String> {
+    let (most, kept) = (longest(&shifts.of_place), shifts.bins);
+    let text = format!(
+        "every histogram is shifted by its time of flight to the wall, up to {most} bins, and {kept} bins are kept, as \
+         in its publication ({late} later counts are dropped)"
+    );
+    (most > 0).then_some(text)
+}
+
+/// The longest shift in bins.
+fn longest(of_place: &[Option<usize>]) -> usize {
+    of_place.iter().flatten().max().copied().unwrap_or(0)
 }
 
 /// Writes a confocal scan of a flat wall as `meas` and `tofgrid` (all zero, because nothing is left to shift) in one

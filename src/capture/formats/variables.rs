@@ -6,8 +6,11 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::blocks;
 use super::hdf5::Hdf5;
 use super::matlab5::Matlab5;
+use super::scatter::{Scattered, Wanted};
+use crate::capture::seen;
 use crate::error::{Error, Result};
 
 /// An array of counts.
@@ -25,7 +28,7 @@ impl Counts {
     /// Whether the values are photon counts: stored as integers, or whole and not negative, because MATLAB usually
     /// stores counts as floating point.
     pub fn whole(&self) -> bool {
-        self.integer || self.values.iter().all(|v| v.is_nan() || (*v >= 0.0 && v.fract() == 0.0))
+        self.integer || seen::whole(&self.values)
     }
 }
 
@@ -85,6 +88,34 @@ impl Variables {
             Variables::Matlab5(file) => file.counts(name)?,
         };
         counts.ok_or_else(|| self.missing(name))
+    }
+
+    /// The shape of a required array of counts, which is not read. So many values are in the file, or a file of its size
+    /// may hold them.
+    ///
+    /// # Errors
+    /// As [`Variables::counts`], as far as the values do not matter.
+    pub(super) fn counts_shape(&self, name: &str) -> Result<Vec<usize>> {
+        let shape = match self {
+            Variables::Hdf5(file) => file.array(name)?.map(|array| array.shape),
+            Variables::Matlab5(file) => file.counts_shape(name)?,
+        };
+        shape.ok_or_else(|| self.missing(name))
+    }
+
+    /// The wanted pairs and bins of a required array [T, ...] of counts, which is read part by part. `wanted.stored` is
+    /// of its shape.
+    ///
+    /// # Errors
+    /// As [`Variables::counts`].
+    pub(super) fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Scattered> {
+        let scattered = match self {
+            Variables::Hdf5(file) => {
+                file.array(name)?.map(|array| blocks::read(file, &array, wanted)).transpose()?
+            }
+            Variables::Matlab5(file) => file.scatter(name, wanted)?,
+        };
+        scattered.ok_or_else(|| self.missing(name))
     }
 
     /// The shape and the numbers of an array in C order, `None` if it is missing or empty.
