@@ -635,6 +635,7 @@ pub mod export {
     pub mod png {
         pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn write(path: &Path, picture: &Picture) -> Result<()> {}
     }
@@ -682,6 +683,7 @@ pub mod export {
             pub load_s: f64,
             pub solve_s: f64,
             pub export_s: f64,
+            pub preview_s: Option<f64>,
             pub pairs: f64,
             pub pairs_per_s: f64,
             pub peak_device_bytes: u64,
@@ -813,6 +815,7 @@ pub mod gpu {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct Limits {
             pub storage_range: u64,
+            pub texels: u64,
             pub workgroup_invocations: u32,
             pub shared_memory: u32,
             pub groups: [u32; 3],
@@ -1142,11 +1145,17 @@ pub mod gpu {
         pub constants: &'static [(Constant, u32)],
     }
     impl From<&KernelCode> for Kernel {}
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum View {
+        Uniform,
+        Storage,
+        Texels { words: u32 },
+    }
     #[derive(Debug, Clone, Copy)]
     pub struct Binding {
         pub block: Buffer,
         pub slot: u32,
-        pub uniform: bool,
+        pub view: View,
         pub reads: bool,
         pub writes: bool,
     }
@@ -1286,6 +1295,7 @@ pub mod job {
         pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {}
     }
     mod places {
+        pub const PREVIEW: &str = "preview.png";
         pub fn check_file(file: &Path) -> Result<()> {}
     }
     pub mod profile {
@@ -1518,6 +1528,7 @@ pub mod job {
             pub timings: bool,
             pub tuned: bool,
             pub find_pulse: bool,
+            pub preview: bool,
             pub faults: Faults,
             pub truth: Option<PathBuf>,
             pub mask_fraction: f64,
@@ -1588,7 +1599,7 @@ pub mod job {
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
     pub use inspect::{Inspection, inspect, schedule};
-    pub use places::check_file;
+    pub use places::{PREVIEW, check_file};
     pub use request::{Request, memory_bytes};
     pub use simulated::{Simulated, Simulation, simulate};
     pub use words::{plain, write_json};
@@ -1966,10 +1977,17 @@ pub mod solve {
     mod drive {
         #[derive(Debug, Clone)]
         pub struct Progress {
+            pub doing: Doing,
             pub point: TracePoint,
             pub iterations: usize,
+            pub remaining: Option<f64>,
             pub maps: Option<Maps>,
-            pub trial: bool,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Doing {
+            Preview,
+            Trial,
+            Solve,
         }
         pub struct Watch<'w> {
             pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -1994,7 +2012,7 @@ pub mod solve {
         pub struct OnDevice<'g> {
             pub plan: Plan,
             pub model: Model,
-            pub summed: Option<Model>,
+            pub summed: Vec<Model>,
             pub executor: Executor<'g>,
         }
         impl<'g> OnDevice<'g> {
@@ -2005,7 +2023,7 @@ pub mod solve {
                 memory: Option<u64>,
             ) -> Result<OnDevice<'g>> {}
             pub fn upload(&mut self) -> Result<()> {}
-            pub fn of_volume(&self) -> &Model {}
+            pub fn model_of(&self, level: &Level) -> &Model {}
         }
         #[derive(Debug, Clone, PartialEq)]
         pub struct VolumeMap {
@@ -2198,7 +2216,9 @@ pub mod solve {
             #[derive(Debug, Clone, Copy, PartialEq)]
             pub struct Level {
                 pub grid: Grid,
+                pub parts: [usize; 2],
                 pub pairs: usize,
+                pub sum: usize,
                 pub bins: usize,
                 pub bin_width: f64,
                 pub measured: Buffer,
@@ -2208,7 +2228,6 @@ pub mod solve {
                 pub reachable: Buffer,
             }
             pub const AMPLE: usize = 32;
-            pub const SUMMED: Buffer = buffer::MEASURED.at(0);
         }
         pub(in crate::solve) mod pass {
             pub struct Pass {
@@ -2280,6 +2299,7 @@ pub mod solve {
                 pub window: u32,
                 pub window_span: u32,
                 pub share_arms: bool,
+                pub texels: bool,
             }
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
             pub struct Sizes {
@@ -2323,7 +2343,7 @@ pub mod solve {
             pub gradient: Gradient,
             pub has_rim: bool,
             pub smooth: [f64; 2],
-            pub sums_bins: bool,
+            pub refined: Option<usize>,
             pub more_taps: [usize; 2],
         }
         pub trait Needs {
@@ -2343,7 +2363,6 @@ pub mod solve {
             pub pairs: usize,
             pub bins: usize,
             pub bin_width: f64,
-            pub sum: usize,
             pub iterations: [usize; 2],
             pub accumulation: Accumulation,
             pub has_rim: bool,
@@ -2387,6 +2406,7 @@ pub mod solve {
             pub fn finest(&self) -> &Level {}
             pub fn residual(&self) -> Buffer {}
             pub fn fixed_point(&self) -> bool {}
+            pub fn summed(&self) -> impl Iterator<Item = &Level> {}
             pub fn forward_sets(&self, level: &Level) -> u32 {}
             pub fn forward_direct(&self, level: &Level) -> bool {}
             pub fn factor(&self) -> usize {}
@@ -2539,6 +2559,15 @@ pub mod solve {
         mod hat {
             pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
         }
+        mod preview {
+            pub fn preview(
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                options: &VectorOptions,
+                memory: Option<u64>,
+            ) -> Result<Maps> {}
+        }
         mod schedule {
             pub fn start(
                 plan: &Plan,
@@ -2555,6 +2584,7 @@ pub mod solve {
         }
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
+        pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
@@ -2572,7 +2602,7 @@ pub mod solve {
     pub use assume::{assume_reflectance, falloff_slope};
     pub use checkpoint::{Checkpoint, Identity, Keep};
     pub use domain::{compact, extract};
-    pub use drive::{Beside, Progress, Watch};
+    pub use drive::{Beside, Doing, Progress, Watch};
     pub use estimate::{background, expected_noise, variance_per_count};
     pub use extent::default_volume;
     pub use on_device::{OnDevice, VolumeMap, upload};
@@ -2618,6 +2648,7 @@ pub mod transport {
                 depth_pitch: f64,
             ) -> Result<Grid> {}
             pub fn coarser(&self, factor: usize) -> Grid {}
+            pub fn larger(&self, wide: usize, deep: usize) -> Grid {}
             pub fn bricks(&self) -> [usize; 3] {}
             pub fn voxels(&self) -> usize {}
             pub fn storage(&self) -> usize {}

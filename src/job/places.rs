@@ -7,6 +7,9 @@ use crate::files::atomic::cannot;
 use crate::files::staging;
 use crate::{Error, Result};
 
+/// The picture that a run shows, in the folder of its results.
+pub const PREVIEW: &str = "preview.png";
+
 /// Files that a run writes into its folder, the preview among them.
 const RESULTS: [&str; 9] = [
     "maps.npz",
@@ -17,7 +20,7 @@ const RESULTS: [&str; 9] = [
     "points.ply",
     "mesh.ply",
     "report.json",
-    super::preview::NAME,
+    PREVIEW,
 ];
 
 /// Checks that `folder` can take the results of a run. It need not exist.

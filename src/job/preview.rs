@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use super::places::PREVIEW;
 use super::request::Ready;
 use super::{Request, find_pulse};
 use crate::capture::Capture;
@@ -43,7 +44,7 @@ impl Preview {
     ) -> Result<Option<Preview>> {
         let (start, folder) = (Instant::now(), &request.out);
         let folder_made = (!folder.exists()).then(|| folder.clone());
-        let mut preview = Preview { file: folder.join(NAME), folder: folder_made, seconds: 0.0 };
+        let mut preview = Preview { file: folder.join(PREVIEW), folder: folder_made, seconds: 0.0 };
         let Ok(maps) = project(request, capture, gpu) else { return Ok(None) };
         if create_dir(folder).and_then(|()| preview.show(&maps)).is_err() {
             return Ok(None);
@@ -76,9 +77,6 @@ impl Preview {
         png::write_preview(&self.file, maps)
     }
 }
-
-/// The file's name in the folder of the results.
-pub const NAME: &str = "preview.png";
 
 impl Drop for Preview {
     fn drop(&mut self) {

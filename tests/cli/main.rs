@@ -5,6 +5,7 @@ mod commands;
 mod compare;
 mod examples;
 mod originals;
+mod preview;
 mod profile;
 mod pulse;
 mod scans;

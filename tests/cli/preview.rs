@@ -1,0 +1,142 @@
+//! What a run shows before it is done: a picture of the back-projection, better ones, and the time that remains.
+
+use std::ops::ControlFlow;
+
+use fixtures::captures::{changed, place};
+use fixtures::command::{stderr, thirdbounce};
+use thirdbounce::Kind;
+use thirdbounce::capture::{Capture, write};
+use thirdbounce::job::{Input, Loaded, PREVIEW, Request, load, run};
+use thirdbounce::measure::metrics;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::{Doing, PaperOptions, SolverOptions, VectorOptions};
+
+/// A letter at 16 x 16 points, bins of 1 cm.
+fn scene() -> Scene {
+    Scene { scan: 16, bin_width: 0.01, ..Scene::named("letter-z").unwrap() }
+}
+
+fn capture() -> Capture {
+    simulate(&scene(), &RenderOptions { noise: 0.02, ..RenderOptions::default() }).unwrap().capture
+}
+
+fn loaded(capture: &Capture) -> (tempfile::TempDir, Loaded) {
+    let (folder, path) = place("c.npz");
+    write(capture, &path).unwrap();
+    (folder, load(&Input { path, ..Input::default() }).unwrap())
+}
+
+fn options() -> SolverOptions {
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = 32;
+        o.iterations = 20;
+        o.surface.iterations = 20;
+    });
+    options.into()
+}
+
+#[test]
+fn a_back_projection_is_shown_before_the_solve() {
+    let (folder, loaded) = loaded(&capture());
+    let out = folder.path().join("new").join("out");
+    let request = Request { preview: true, ..Request::new(options(), &out) };
+    let (mut first, mut sizes) = (None, vec![]);
+    run(&request, &loaded, &mut |progress| {
+        // The picture is there while the run is under way, and whole.
+        let picture = image(&out);
+        if sizes.last() != Some(&picture) {
+            sizes.push(picture);
+        }
+        match (&first, progress.doing) {
+            (None, Doing::Preview) => first = progress.maps.clone(),
+            (Some(_), Doing::Solve) => {}
+            other => panic!("{:?} comes first, or later again", other.1),
+        }
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert!(sizes.len() >= 2, "the volume on its way is shown, too");
+    assert!(!out.join(PREVIEW).exists() && out.join("report.json").exists());
+    // The letter is there to be seen, at its depth.
+    let shown = first.expect("a preview");
+    let truth = truth(&scene(), shown.nx).unwrap();
+    let found = metrics(&shown, &truth, 0.3).unwrap();
+    let [iou, depth] = [found.best_iou.unwrap(), found.depth_mae.unwrap()];
+    assert!(iou > 0.4 && depth < 0.05, "{found:?}");
+}
+
+/// The bytes of the picture.
+fn image(out: &std::path::Path) -> Vec<u8> {
+    let bytes = std::fs::read(out.join(PREVIEW)).expect("a picture");
+    let picture = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().expect("a PNG file");
+    assert!(picture.info().width > 2 * picture.info().height - 64, "albedo and depth side by side");
+    bytes
+}
+
+#[test]
+fn what_is_broken_off_leaves_no_picture() {
+    let (folder, loaded) = loaded(&capture());
+    for last in [Doing::Preview, Doing::Solve] {
+        let out = folder.path().join("out");
+        let request = Request { preview: true, ..Request::new(options(), &out) };
+        let broken = run(&request, &loaded, &mut |progress| {
+            if progress.doing == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!(broken.unwrap_err().kind, Kind::Cancelled);
+        assert!(!out.exists(), "{last:?}");
+    }
+}
+
+#[test]
+fn every_solver_and_kind_of_pairs_has_a_preview() {
+    let paper = PaperOptions::default().with(|o| (o.lateral, o.iterations) = (16, 2));
+    let one_laser = changed(&capture(), |c| {
+        let laser = c.laser[0];
+        c.laser.iter_mut().for_each(|p| *p = laser);
+    });
+    for capture in [capture(), one_laser] {
+        let (folder, loaded) = loaded(&capture);
+        let request = Request { preview: true, ..Request::new(paper.clone(), folder.path().join("out")) };
+        let mut shown = 0;
+        run(&request, &loaded, &mut |progress| {
+            shown += usize::from(progress.doing == Doing::Preview);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        assert_eq!(shown, 1);
+    }
+}
+
+#[test]
+fn the_rest_is_expected_to_take_as_long_as_it_does() {
+    let (folder, loaded) = loaded(&capture());
+    let request = Request::new(options(), folder.path().join("out"));
+    let mut told = vec![];
+    run(&request, &loaded, &mut |progress| {
+        told.push((progress.point.iteration, progress.point.seconds, progress.remaining));
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let (last, end, _) = *told.last().unwrap();
+    assert_eq!(last, 40);
+    assert_eq!(told.last().unwrap().2, Some(0.0));
+    let all: Vec<_> = told.iter().filter_map(|(i, at, left)| Some((*i, at + (*left)?))).collect();
+    assert!(all.iter().any(|(i, _)| *i <= 20), "the volume tells of the surface, too: {told:?}");
+    // A machine that others use may be several times as fast at one time as at another.
+    assert!(all.iter().all(|(_, expected)| (0.1..10.0).contains(&(expected / end))), "{told:?}");
+}
+
+#[test]
+fn the_command_shows_a_preview_unless_told_not_to() {
+    let (folder, path) = place("c.npz");
+    write(&capture(), &path).unwrap();
+    let out = folder.path().join("out");
+    let [capture, out_text] = [&path, &out].map(|p| p.display().to_string());
+    let mut all = vec!["reconstruct", &capture, "--out", &out_text, "--lateral", "32", "--iterations", "20"];
+    let told = stderr(&thirdbounce(&all));
+    assert!(told.contains("preview.png shows the back-projection"), "{told}");
+    assert!(!out.join(PREVIEW).exists());
+    all.push("--no-preview");
+    let output = thirdbounce(&all);
+    assert!(output.status.success() && !stderr(&output).contains("preview"));
+}
