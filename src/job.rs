@@ -259,6 +259,8 @@ pub fn run(
     export::report::write(&path, &report)?;
     staged.push(path);
     files.splice(0..0, staging.commit(&staged)?);
+    // The result shows more. One that a killed run left goes, too.
+    let _ = std::fs::remove_file(request.out.join(PREVIEW));
     Ok(Outcome {
         report,
         maps: done.result.maps,

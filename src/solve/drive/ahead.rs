@@ -44,7 +44,7 @@ impl Ahead {
             return None;
         }
         let by_area = |lateral: f64| point.active as f64 * (lateral / point.lateral as f64).powi(2);
-        let rest = self.iterations.iter().skip(point.iteration - self.first);
+        let rest = self.iterations.iter().skip(point.iteration.saturating_sub(self.first));
         let volume: f64 = rest.map(|[lateral, pairs]| by_area(*lateral as f64) * *pairs as f64).sum();
         let surface: f64 =
             self.after.iter().map(|[lateral, pairs]| by_area(*lateral) / THICKNESS * pairs).sum();
