@@ -23,7 +23,12 @@ const REAL: [(&str, &str, &str, &[&str]); 6] = [
     ("LCT exit sign, 4 ps", "native/lct_data_exit_sign.mat", "", &[]),
     ("LCT S and U, 4 ps", "native/lct_data_s_u.mat", "", &[]),
     ("letter Z, 5 ps", "native/z_v73.mat", "", &["--wall", "0.8", "--bin-width", "0.0015"]),
-    ("figure 4, one sensor point, 16 ps", "native/ccsocr_figure4", "", &["--wall", "1.26"]),
+    (
+        "figure 4, one sensor point, 16 ps",
+        "native/ccsocr_figure4",
+        "",
+        &["--wall", "1.26", "--bin-width", "0.0048"],
+    ),
     ("letter, path-traced, 3 mm", "z_confocal_64.npz", "truth_z_confocal_64.npz", &[]),
     ("statue, 32 ps", "statue_confocal_64.npz", "", &[]),
 ];
@@ -70,11 +75,11 @@ fn number(report: &Value, path: &str) -> f64 {
 /// Time of the pulse's trials, bins and voxels of a run.
 fn settled(report: &Value) -> String {
     format!(
-        "{:.0} s | {} mm | {} x {:.1} mm | {:.1} mm",
+        "{:.0} s | {:.1} mm | {} x {:.1} mm | {:.1} mm",
         number(report, "/settings/pulse_found/seconds").max(0.0),
         1e3 * number(report, "/settings/pulse_fwhm").max(0.0),
         of(report, "/settings/bins_summed"),
-        1e3 * number(report, "/capture/bin_width"),
+        1e3 * number(report, "/capture/bin_width_m"),
         1e3 * number(report, "/settings/depth_pitch"),
     )
 }

@@ -8,7 +8,7 @@ use crate::capture::Capture;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
-use crate::solve::{Preset, default_volume};
+use crate::solve::{Preset, default_volume, surface};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
@@ -62,10 +62,9 @@ pub struct Request {
     pub volume_file: Option<PathBuf>,
 }
 
-/// A bin is this share of what blurs it, whichever is more: the width of a pixel, or the standard deviation of the
-/// pulse. Over a pixel, paths differ by about its width. Timing loses less than a hundredth of its precision to such a
-/// bin: its variance is a 48th of what blurs it (benches/NOTES.md).
-const OF_BLUR: f64 = 0.5;
+/// A bin is at most this share of the pulse's standard deviation. Timing loses about a hundredth of its precision to it:
+/// its variance is a 48th of the pulse's.
+const OF_PULSE: f64 = 0.5;
 
 /// A voxel is at least this share of its width deep. Flatter voxels cost time, and the surface after the volume finds
 /// depths between them.
@@ -161,14 +160,18 @@ impl Request {
         }
     }
 
-    /// How many bins the maps' pixels and the pulse do not tell apart.
+    /// How many bins the maps' pixels and the pulse do not tell apart. Over a pixel, paths differ by about its width. So
+    /// bins are wide enough for one point to render it: narrower ones take four times the surface's time, and results
+    /// are as good (benches/NOTES.md).
     fn bins_to_sum(&self, capture: &Capture) -> usize {
         if self.pixels_per_voxel().is_none() {
             return 1;
         }
         let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
-        let blur = self.pixel(capture).max(pulse);
-        ((OF_BLUR * blur / capture.bin_width + 1e-6) as usize).clamp(1, capture.bins)
+        let of_pixel = self.pixel(capture) / (surface::SMALL_PIXEL * capture.bin_width);
+        let of_pulse = OF_PULSE * pulse / capture.bin_width;
+        let sum = (of_pixel - 1e-6).ceil().max((of_pulse + 1e-6).floor());
+        (sum as usize).clamp(1, capture.bins)
     }
 
     /// The depth of a voxel where none is given: a bin of path, or a share of the voxel's width if that is more. Native

@@ -30,7 +30,7 @@ mod pixels;
 mod schedule;
 mod weights;
 
-pub use needs::{buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
+pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
 pub use options::SurfaceOptions;
 pub use pixels::Pixels;
 use schedule::{bonds, render, widen};

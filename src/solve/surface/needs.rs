@@ -9,7 +9,7 @@ use crate::transport::kernels::{SURFACE_WEIGHTS, buffer, constant};
 
 /// A pixel no wider than this many bins of path is rendered as one point: paths over it differ by about as many bins
 /// (benches/NOTES.md).
-const SMALL_PIXEL: f64 = 2.0;
+pub const SMALL_PIXEL: f64 = 2.2;
 
 /// So is a pixel no wider than this many standard deviations of the pulse: its paths then add less than a tenth to the
 /// pulse's deviation.

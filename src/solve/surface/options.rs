@@ -13,7 +13,7 @@ options! {
             /// Pixels of the surface, and so of the maps, per lateral voxel of the finest volume [default: 2 if the
             /// volume then has 64 lateral voxels or more, else 1]
             pixels_per_voxel: Option<usize> = None, Range::Count(0, 4096);
-            /// Points that render a pixel of the surface: 1 or 4 [default: 1 if a pixel is no wider than two bins of
+            /// Points that render a pixel of the surface: 1 or 4 [default: 1 if a pixel is no wider than 2.2 bins of
             /// path, else 4]
             points as "surface_points": Option<usize> = None, Range::OneOf(&[1, 4]);
             /// Gaussian that averages the surface's residuals along time at first. Its sigma is a path, in pixels of
