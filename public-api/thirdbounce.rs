@@ -2474,6 +2474,7 @@ pub mod solve {
             ) -> Vec<f32> {}
         }
         mod needs {
+            pub const SMALL_PIXEL: f64 = 2.2;
             pub fn more_taps(options: &SurfaceOptions) -> [usize; 2] {}
             pub fn points_per_pixel(options: &SurfaceOptions, plan: &Plan) -> usize {}
             pub fn points_of(plan: &Plan) -> usize {}
@@ -2533,7 +2534,8 @@ pub mod solve {
             ) -> [f32; SURFACE_WEIGHTS as usize] {}
         }
         pub use needs::{
-            buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel,
+            SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of,
+            points_per_pixel,
         };
         pub use options::SurfaceOptions;
         pub use pixels::Pixels;

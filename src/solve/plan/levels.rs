@@ -51,7 +51,7 @@ pub(super) fn sum_of(model: &Model, grid: &Grid) -> usize {
 const OF_WIDTH: f64 = 0.25;
 
 /// What the levels of a volume come from.
-pub(super) struct Steps<'m> {
+pub(super) struct Sequence<'m> {
     /// The capture.
     pub model: &'m Model,
     /// The last grid.
@@ -65,7 +65,7 @@ pub(super) struct Steps<'m> {
     pub refined: Option<usize>,
 }
 
-impl Steps<'_> {
+impl Sequence<'_> {
     /// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power
     /// of two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs;
     /// at the end this part grows fourfold until it is all.

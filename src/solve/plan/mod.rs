@@ -179,8 +179,9 @@ impl Plan {
         check_sizes(model, &grid)?;
         let finest = grid.coarser(demand.pixels_per_voxel);
         let refined = demand.refined.filter(|_| !demand.general);
-        let steps = levels::Steps { model, finest, scan, coarse_to_fine: demand.coarse_to_fine, refined };
-        let levels = steps.levels();
+        let sequence =
+            levels::Sequence { model, finest, scan, coarse_to_fine: demand.coarse_to_fine, refined };
+        let levels = sequence.levels();
         let pixel_levels =
             if demand.iterations[1] > 0 { levels::of_pixels(model, &levels, grid) } else { vec![] };
         let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
