@@ -4,7 +4,11 @@ use super::Steps;
 use crate::solve::{Plan, TracePoint};
 
 /// A surface has about this many active voxels behind each other in the volume before it.
-const THICKNESS: f64 = 6.0;
+const THICKNESS: f64 = 8.0;
+
+/// The power of the lateral resolution that active voxels of a volume grow with. It is less than 2, as the domain also
+/// shrinks in the meantime.
+const GROWTH: f64 = 1.3;
 
 /// What is ahead of a running solve.
 pub(super) struct Ahead {
@@ -35,19 +39,20 @@ impl Ahead {
     }
 
     /// Seconds that the rest takes, as `point` is reached after `work` active voxels times pairs. `None` while nothing
-    /// is known. The rate is that of this run so far. Active voxels are taken to stay as many in relation to the area,
-    /// and the surface after a volume to be a sheet of them.
+    /// is known. The rate is that of this run so far. Active voxels are taken to grow with the resolution, and the
+    /// surface after a volume to be a sheet of them.
     pub fn seconds(&mut self, point: &TracePoint, work: u64) -> Option<f64> {
         let [seconds_before, work_before] = *self.first_point.get_or_insert([point.seconds, work as f64]);
         let (seconds, work) = (point.seconds - seconds_before, work as f64 - work_before);
         if seconds <= 0.0 || work <= 0.0 {
             return None;
         }
-        let by_area = |lateral: f64| point.active as f64 * (lateral / point.lateral as f64).powi(2);
+        let grown =
+            |lateral: f64, power: f64| point.active as f64 * (lateral / point.lateral as f64).powf(power);
         let rest = self.iterations.iter().skip(point.iteration.saturating_sub(self.first));
-        let volume: f64 = rest.map(|[lateral, pairs]| by_area(*lateral as f64) * *pairs as f64).sum();
+        let volume: f64 = rest.map(|[lateral, pairs]| grown(*lateral as f64, GROWTH) * *pairs as f64).sum();
         let surface: f64 =
-            self.after.iter().map(|[lateral, pairs]| by_area(*lateral) / THICKNESS * pairs).sum();
+            self.after.iter().map(|[lateral, pairs]| grown(*lateral, 2.0) / THICKNESS * pairs).sum();
         Some((volume + surface) * seconds / work)
     }
 }
