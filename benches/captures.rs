@@ -121,8 +121,8 @@ fn native(data: &Path, folder: &Path) {
     for (name, file, _, options) in &REAL[..3] {
         let outs = [folder.join("own"), folder.join("usual")];
         let own = [options, &["--bins", "native"][..]].concat();
-        let times = [&own[..], options]
-            .map(|o| reconstruct(&data.join(file), &outs[usize::from(o.len() == options.len())], o).0);
+        let run = |options: &[&str], out: &Path| reconstruct(&data.join(file), out, options).0;
+        let times = [run(&own, &outs[0]), run(options, &outs[1])];
         let [own, usual] = outs.map(|out| read_maps(&out.join("maps.npz")).expect("maps"));
         let both = (0..own.depth.len()).filter(|&i| own.mask[i] && usual.mask[i]);
         let mut apart: Vec<f32> =

@@ -2406,6 +2406,11 @@ pub mod solve {
             pub fn finest(&self) -> &Level {}
             pub fn residual(&self) -> Buffer {}
             pub fn fixed_point(&self) -> bool {}
+            pub fn seen(
+                &self,
+                blocks: &'static KernelCode,
+                texels: &'static KernelCode,
+            ) -> &'static KernelCode {}
             pub fn summed(&self) -> impl Iterator<Item = &Level> {}
             pub fn forward_sets(&self, level: &Level) -> u32 {}
             pub fn forward_direct(&self, level: &Level) -> bool {}

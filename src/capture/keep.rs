@@ -44,7 +44,7 @@ impl Keep {
     /// Those of [`Capture::stride`] and [`Capture::subset`].
     pub(super) fn choose(
         &self,
-        capture: Capture,
+        mut capture: Capture,
         notes: &mut Vec<String>,
         taken: &mut dyn FnMut(&[usize]),
     ) -> Result<Capture> {
@@ -55,7 +55,6 @@ impl Keep {
             }
             None => capture,
         };
-        let mut capture = capture;
         if let Some(n) = self.stride.filter(|n| *n != 1) {
             let (all, [x, y]) = (capture.pair_count(), capture.scan);
             let exhaustive = matches!(capture.pair_kind(), PairKind::Exhaustive { .. });

@@ -237,9 +237,9 @@ impl DescriptorSets {
                     .dst_set(set)
                     .dst_binding(b.slot)
                     .descriptor_type(descriptor_type(b));
-                match &view[..] {
-                    [] => write.buffer_info(info),
-                    view => write.texel_buffer_view(view),
+                match view {
+                    Some(view) => write.texel_buffer_view(std::slice::from_ref(view)),
+                    None => write.buffer_info(info),
                 }
             })
             .collect();
@@ -248,9 +248,9 @@ impl DescriptorSets {
         Ok(set)
     }
 
-    /// The view of a buffer that is seen as texels; nothing for others.
-    fn view(&mut self, gpu: &Gpu, binding: &Binding, made: &Made) -> Result<Vec<vk::BufferView>> {
-        let View::Texels { words } = binding.view else { return Ok(vec![]) };
+    /// The view of a buffer that is seen as texels; `None` for others.
+    fn view(&mut self, gpu: &Gpu, binding: &Binding, made: &Made) -> Result<Option<vk::BufferView>> {
+        let View::Texels { words } = binding.view else { return Ok(None) };
         let format = match words {
             1 => vk::Format::R32_SFLOAT,
             _ => vk::Format::R32G32B32A32_SFLOAT,
@@ -265,7 +265,7 @@ impl DescriptorSets {
             .and_then(|()| unsafe { gpu.raw().create_buffer_view(&info, None) })
             .map_err(|e| gpu.failed("binding buffers", e))?;
         self.views.push(view);
-        Ok(vec![view])
+        Ok(Some(view))
     }
 
     pub fn destroy(&mut self, gpu: &Gpu) {

@@ -108,36 +108,20 @@ pub(super) fn is_unfound(request: &Request, capture: &Capture) -> bool {
     request.find_pulse && capture.pulse.is_none()
 }
 
-/// The capture with a pulse. A pulse that is still to be found gets any width.
-///
-/// # Errors
-/// A bin width that makes no pulse.
-pub(super) fn with_any<'c>(request: &Request, capture: &'c Capture) -> Result<Cow<'c, Capture>> {
-    if !is_unfound(request, capture) {
-        return Ok(Cow::Borrowed(capture));
-    }
-    Ok(Cow::Owned(Capture { pulse: any_pulse(request, capture)?, ..capture.clone() }))
-}
-
 /// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
 /// still to be found gets any width: all widths take the same memory.
 ///
 /// # Errors
 /// A bin width that makes no pulse, and those of [`Request::ready`].
 pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
-    let pulse = any_pulse(request, capture)?;
+    let pulse = match is_unfound(request, capture) {
+        true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
+        false => capture.pulse.clone(),
+    };
     let sum = request.sum(&Capture { pulse: pulse.clone(), ..capture.outline() });
     let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
     let grid = request.grid(&summed)?;
     Ok(Ready { capture: Cow::Owned(Capture { pulse, ..summed.outline() }), grid, sum })
-}
-
-/// The capture's pulse, or any if it is still to be found.
-fn any_pulse(request: &Request, capture: &Capture) -> Result<Option<Pulse>> {
-    match is_unfound(request, capture) {
-        true => Pulse::gaussian(4.0 * capture.bin_width).map(Some),
-        false => Ok(capture.pulse.clone()),
-    }
 }
 
 fn find(

@@ -7,9 +7,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use super::Request;
 use super::places::PREVIEW;
 use super::request::Ready;
-use super::{Request, find_pulse};
 use crate::capture::Capture;
 use crate::export::png;
 use crate::files::atomic::create_dir;
@@ -91,9 +91,8 @@ fn project(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
         o.lateral = o.lateral.min(LATERAL);
         o.surface.pixels_per_voxel = Some(1);
     });
-    let planned = find_pulse::with_any(request, capture)?;
     let small = Request { volume: request.volume, bins: request.bins, ..Request::new(options.clone(), "") };
-    let small = Request { depth_pitch: Some(small.pixel(&planned)), ..small };
-    let Ready { capture, grid, .. } = small.ready(Cow::Borrowed(&*planned))?;
+    let small = Request { depth_pitch: Some(small.pixel(capture)), ..small };
+    let Ready { capture, grid, .. } = small.ready(Cow::Borrowed(capture))?;
     vector::preview(gpu, &capture, grid, &options, request.memory)
 }

@@ -56,6 +56,15 @@ fn assert_parts(path: &Path, given: &Given, what: &str) -> usize {
     good
 }
 
+/// Counts of the LCT format in a few chunks.
+const SMALL: Cube = Cube {
+    name: "rect_data",
+    shape: [30, 7, 9],
+    chunk: [8, 4, 4],
+    kind: originals::Kind::Single,
+    repeat: usize::MAX,
+};
+
 #[test]
 fn parts_of_every_format_are_as_if_chosen_afterwards() {
     let folder = tempfile::tempdir().unwrap();
@@ -85,7 +94,7 @@ fn parts_of_chunked_files_are_as_if_chosen_afterwards() {
         (0..63).map(|p| if p % 17 == 3 { f64::NAN } else { 32.0 * (p % 5) as f64 }).collect();
     use originals::Kind::{Counts, Double, Single};
     for (kind, chunk) in [(Single, [8, 4, 4]), (Single, [0; 3]), (Double, [30, 2, 1]), (Counts, [1, 7, 9])] {
-        let cube = |name| Cube { name, shape: [30, 7, 9], chunk, kind, repeat: usize::MAX };
+        let cube = |name| Cube { name, chunk, kind, ..SMALL };
         for tof in [&flat, &shifted, &unknown] {
             originals::write(&path, &cube("meas"), &count, &[("tofgrid", &[7, 9], tof)]);
             let what = format!("{kind:?} {chunk:?} {:?}", &tof[..4]);
@@ -109,14 +118,7 @@ fn pairs_that_were_not_measured_are_left_out_before_pairs_are_chosen() {
         (6, 2) => 0.0,
         _ => bright(at),
     };
-    let cube = Cube {
-        name: "rect_data",
-        shape: [30, 7, 9],
-        chunk: [8, 4, 4],
-        kind: originals::Kind::Single,
-        repeat: usize::MAX,
-    };
-    originals::write(&path, &cube, &missing, &[("width", &[1, 1], &[0.5])]);
+    originals::write(&path, &SMALL, &missing, &[("width", &[1, 1], &[0.5])]);
     let whole = read_given(&path, &Given::default()).unwrap();
     assert_eq!((whole.dropped, whole.capture.scan), (2, [61, 1]));
     assert_eq!(whole.notes.iter().filter(|n| n.contains("left out")).count(), 2, "{:?}", whole.notes);
@@ -158,13 +160,7 @@ fn all_counts_are_checked_not_only_those_that_are_kept() {
             let error = read_kept(&path, &Given::default(), &keep);
             assert_error(error, Kind::Input, &["made.mat", "bin 25", words]);
         }
-        let cube = Cube {
-            name: "rect_data",
-            shape: [30, 8, 7],
-            chunk: [8, 4, 4],
-            kind: originals::Kind::Single,
-            repeat: usize::MAX,
-        };
+        let cube = Cube { shape: [30, 8, 7], ..SMALL };
         let value = |at: [usize; 3]| if at == [25, 2, 1] { wrong } else { 1.0 };
         originals::write(&path, &cube, &value, &[("width", &[1, 1], &[0.5])]);
         assert_error(read_kept(&path, &Given::default(), &keep), Kind::Input, &["made.mat", "bin 25", words]);

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use crate::advice::advice;
-use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind};
+use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind, KernelCode};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, cells};
 use crate::{Error, Result};
@@ -306,6 +306,11 @@ impl Plan {
     /// Whether rendered values are added up in fixed point.
     pub fn fixed_point(&self) -> bool {
         matches!(self.accumulation, Accumulation::Fixed | Accumulation::Fixed32)
+    }
+
+    /// The variant of a module that sees what it reads for every pair as this plan does ([`Tuning::texels`]).
+    pub fn seen(&self, blocks: &'static KernelCode, texels: &'static KernelCode) -> &'static KernelCode {
+        if self.tuning.texels { texels } else { blocks }
     }
 
     /// The levels of the volume whose bins no level before has, and that are wider than the model's.

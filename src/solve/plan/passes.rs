@@ -148,14 +148,12 @@ pub fn forward(plan: &Plan) -> &'static KernelCode {
         (Accumulation::Fixed32, true) => &kernel::FORWARD_PRODUCT_FIXED32,
         (Accumulation::Cas, false) => &kernel::FORWARD_CAS,
         (Accumulation::Cas, true) => &kernel::FORWARD_PRODUCT_CAS,
-        (Accumulation::Owned | Accumulation::Auto, false) if plan.tuning.texels => {
-            &kernel::FORWARD_OWNED_TEXELS
+        (Accumulation::Owned | Accumulation::Auto, false) => {
+            plan.seen(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED_TEXELS)
         }
-        (Accumulation::Owned | Accumulation::Auto, false) => &kernel::FORWARD_OWNED,
-        (Accumulation::Owned | Accumulation::Auto, true) if plan.tuning.texels => {
-            &kernel::FORWARD_PRODUCT_OWNED_TEXELS
+        (Accumulation::Owned | Accumulation::Auto, true) => {
+            plan.seen(&kernel::FORWARD_PRODUCT_OWNED, &kernel::FORWARD_PRODUCT_OWNED_TEXELS)
         }
-        (Accumulation::Owned | Accumulation::Auto, true) => &kernel::FORWARD_PRODUCT_OWNED,
     }
 }
 

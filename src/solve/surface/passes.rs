@@ -31,7 +31,7 @@ passes! {
             mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where it touches the wall"],
         }],
         twin: twin!(surface_gather),
-        ..Pass::of("surface_gather", |p| if p.tuning.texels { &kernel::SURFACE_GATHER_TEXELS } else { &kernel::SURFACE_GATHER })
+        ..Pass::of("surface_gather", |p| p.seen(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
     };
 
     /// Sums the gradients of the points of every pixel.

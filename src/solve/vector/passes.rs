@@ -23,7 +23,7 @@ passes! {
         report: "backward_project",
         pairs: Some(Voxels::Grid),
         twin: twin!(backproject),
-        ..Pass::of("backproject", |p| if p.tuning.texels { &kernel::BACKPROJECT_TEXELS } else { &kernel::BACKPROJECT })
+        ..Pass::of("backproject", |p| p.seen(&kernel::BACKPROJECT, &kernel::BACKPROJECT_TEXELS))
     };
 
     /// Smooths the back-projection along x.
@@ -86,7 +86,7 @@ passes! {
         pairs: Some(Voxels::Active),
         faults: BOUND_FAULT,
         twin: twin!(bound),
-        ..Pass::of("bound_step", |p| if p.tuning.texels { &kernel::BOUND_TEXELS } else { &kernel::BOUND })
+        ..Pass::of("bound_step", |p| p.seen(&kernel::BOUND, &kernel::BOUND_TEXELS))
     };
 
     /// Computes the photon variance of every bin.
@@ -107,7 +107,7 @@ passes! {
         pairs: Some(Voxels::Active),
         faults: BOUND_FAULT,
         twin: twin!(bound),
-        ..Pass::of("bound_noise", |p| if p.tuning.texels { &kernel::BOUND_TEXELS } else { &kernel::BOUND })
+        ..Pass::of("bound_noise", |p| p.seen(&kernel::BOUND, &kernel::BOUND_TEXELS))
     };
 
     /// Extrapolates the iterate, and computes its roughness there.
@@ -138,6 +138,6 @@ passes! {
             },
         ],
         twin: twin!(step),
-        ..Pass::of("step", |p| if p.tuning.texels { &kernel::STEP_TEXELS } else { &kernel::STEP })
+        ..Pass::of("step", |p| p.seen(&kernel::STEP, &kernel::STEP_TEXELS))
     };
 }
