@@ -9,7 +9,6 @@ mod bins;
 pub mod compare;
 pub mod demo;
 mod evaluate;
-pub mod find_pulse;
 pub mod inspect;
 mod overview;
 mod places;
@@ -21,6 +20,7 @@ mod request;
 mod simulated;
 mod sizes;
 pub mod state_file;
+pub mod trials;
 mod words;
 
 use std::ops::ControlFlow;
@@ -48,6 +48,7 @@ pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file};
 pub use request::{Request, memory_bytes};
 pub use simulated::{Simulated, Simulation, simulate};
+pub use trials::MODELS;
 pub use words::{plain, write_json};
 
 /// A capture, and the part of it that is used.
@@ -249,7 +250,7 @@ pub fn run(
     for (iteration, maps) in &done.snapshots {
         staged.extend(export::write_maps(&Request::snapshot_folder(staging.path(), *iteration), maps)?);
     }
-    let mut notes: Vec<String> = done.pulse.iter().map(find_pulse::FoundPulse::note).collect();
+    let mut notes: Vec<String> = done.found.notes();
     notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
     notes.extend(notes_on(request, &done.result));
     let mut report = report::report_of(request, loaded, &gpu, &done);

@@ -10,7 +10,7 @@ use thirdbounce::{Error, Result};
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
 use super::methods;
 use super::progress::{Meter, say};
-use super::solver::SolverArgs;
+use super::solver::{Resolved, SolverArgs};
 use super::{interrupt, print};
 
 const METHODS: &str = "\
@@ -66,7 +66,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let bins = args.grid.bins()?;
     let method = |spec: &methods::Spec| {
-        let (preset, _, solver) = spec.solver.resolve(Some(&args.solver), &loaded.capture);
+        let Resolved { preset, solver, models, .. } =
+            spec.solver.resolve(Some(&args.solver), &loaded.capture);
         let request = Request {
             preset: Some(preset),
             bins,
@@ -79,6 +80,7 @@ pub fn run(args: &Args) -> Result<()> {
             mask_fraction: args.mask_fraction,
             trace_every: spec.trace_every.or(Some(args.trace_every)),
             find_pulse: args.capture.finds_pulse(preset, &solver),
+            models,
             ..Request::new(solver, "")
         };
         Method { name: spec.name.clone(), spec: spec.text.clone(), request }

@@ -9,7 +9,7 @@ use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
-use super::solver::SolverArgs;
+use super::solver::{Resolved, SolverArgs};
 
 /// The capture, and the part of it that is used.
 #[derive(Args)]
@@ -247,7 +247,7 @@ pub fn load(
     let (input, memory) = (capture.input(solver)?, device.memory()?);
     let (volume, volume_file) = grid.volume()?;
     let mut loaded = job::load(&input)?;
-    let (preset, notes, solver) = solver.resolve(None, &loaded.capture);
+    let Resolved { preset, notes, solver, models } = solver.resolve(None, &loaded.capture);
     loaded.notes.extend(notes);
     let request = Request {
         preset: Some(preset),
@@ -260,6 +260,7 @@ pub fn load(
         validation: device.validation,
         tuned: true,
         find_pulse: capture.finds_pulse(preset, &solver),
+        models,
         ..Request::new(solver, "")
     };
     Ok((loaded, request))

@@ -44,7 +44,7 @@ impl Meter {
                 self.note(&format!("{PREVIEW} shows the back-projection after {:.1} s", p.seconds))
             }
             Doing::Trial => {
-                self.bar.iter().for_each(|bar| bar.set_message("finding the instrument's pulse"));
+                self.bar.iter().for_each(|bar| bar.set_message("trying models and pulses"));
             }
             Doing::Solve => self.show(progress),
         }

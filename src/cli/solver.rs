@@ -3,7 +3,6 @@
 use clap::Args;
 use thirdbounce::capture::Capture;
 use thirdbounce::job::{self, SolverOptions};
-use thirdbounce::solve::assume_reflectance;
 use thirdbounce::solve::option::{Preset, Suit, Value};
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Error, Result};
@@ -15,8 +14,8 @@ pub struct SolverArgs {
     /// The solver: vector, paper [default: vector]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     pub solver: Option<String>,
-    /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto to choose by the falloff in the
-    /// capture [default: cosine]
+    /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto to choose among the first three by
+    /// quick trials [default: auto; paper cosine]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     model: Option<String>,
     /// The published parameters to start from [default: captured if all counts are whole numbers, else synthetic]
@@ -27,6 +26,16 @@ pub struct SolverArgs {
     deterministic: bool,
     #[command(flatten)]
     given: Given,
+}
+
+/// What the arguments make of a capture.
+pub struct Resolved {
+    pub preset: Preset,
+    /// The values that were chosen, as sentences.
+    pub notes: Vec<String>,
+    pub solver: SolverOptions,
+    /// The options for each model, if trials choose it.
+    pub models: Vec<SolverOptions>,
 }
 
 impl SolverArgs {
@@ -64,12 +73,8 @@ impl SolverArgs {
         })
     }
 
-    /// The preset for `capture`, notes on the values that were chosen, and the resulting options.
-    pub fn resolve(
-        &self,
-        base: Option<&SolverArgs>,
-        capture: &Capture,
-    ) -> (Preset, Vec<String>, SolverOptions) {
+    /// What the arguments make of `capture`.
+    pub fn resolve(&self, base: Option<&SolverArgs>, capture: &Capture) -> Resolved {
         let given = self.preset.or(base.and_then(|b| b.preset));
         let preset = given.unwrap_or_else(|| job::preset_for(capture));
         let mut notes = vec![];
@@ -77,18 +82,15 @@ impl SolverArgs {
             let counts = if capture.integer_counts { "whole numbers" } else { "not whole numbers" };
             notes.push(format!("the counts are {counts}: --preset {} is used", job::plain(&preset)));
         }
-        let reflectance = match self.model(base) {
-            Some("auto") => {
-                let (reflectance, why) = assume_reflectance(capture);
-                notes.push(why);
-                reflectance
-            }
-            // `check` has refused unknown names.
-            Some(name) => job::reflectance(name).unwrap_or(Reflectance::Cosine),
-            None => Reflectance::Cosine,
-        };
-        let suit = Suit { preset, confocal: capture.is_confocal(), reflectance };
-        (preset, notes, self.options(base, &suit))
+        let of_model =
+            |reflectance| self.options(base, &Suit { preset, confocal: capture.is_confocal(), reflectance });
+        // `check` has refused unknown names.
+        let named = self.model(base).and_then(|name| job::reflectance(name).ok());
+        let solver = of_model(named.unwrap_or(Reflectance::Cosine));
+        // The paper's solver has the paper's model.
+        let usual = self.model(base).is_none() && solver.name() != SolverOptions::DEFAULT;
+        let models = if named.is_some() || usual { vec![] } else { job::MODELS.map(of_model).to_vec() };
+        Resolved { preset, notes, solver, models }
     }
 
     fn model<'a>(&'a self, base: Option<&'a SolverArgs>) -> Option<&'a str> {

@@ -1,7 +1,7 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
 use super::request::Ready;
-use super::{Loaded, Request, find_pulse};
+use super::{Loaded, Request, trials};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::{Capture, Gate};
 use crate::gpu::{Gpu, check};
@@ -60,7 +60,7 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
 fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
     let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
     let with_volume = request.volume_file.is_some();
-    let Ok(Ready { capture, grid, .. }) = find_pulse::to_plan(request, capture) else { return false };
+    let Ok(Ready { capture, grid, .. }) = trials::to_plan(request, capture) else { return false };
     let plan = request.solver.plan(&capture, grid, &gpu.abilities(), with_volume);
     plan.is_ok_and(|plan| check(&plan.buffers, gpu.limits.storage_range, budget, true).is_ok())
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::report::box_of;
 use super::request::{Ready, summed_note};
-use super::{Loaded, Request, SolverOptions, advice, find_pulse};
+use super::{Loaded, Request, SolverOptions, advice, trials};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
@@ -70,7 +70,7 @@ pub struct Planned {
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.solver.check()?;
     let capture = &loaded.capture;
-    let Ready { capture: planned, grid, sum } = find_pulse::to_plan(request, capture)?;
+    let Ready { capture: planned, grid, sum } = trials::to_plan(request, capture)?;
     let mut problems = Vec::new();
     let device = match request.open() {
         Ok(gpu) => Some(gpu),
@@ -83,7 +83,13 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
     let mut notes = loaded.notes.clone();
     notes.extend(summed_note(sum, planned.bin_width));
-    if find_pulse::is_unfound(request, capture) {
+    if request.models.len() > 1 {
+        notes.push(
+            "how surfaces reflect is not known: a run tries models first (name the model to skip this)"
+                .into(),
+        );
+    }
+    if trials::finds_pulse(request, capture) {
         notes.push(
             "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
                 .into(),
@@ -135,7 +141,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
-    let Ready { capture: planned, grid, .. } = find_pulse::to_plan(request, &loaded.capture)?;
+    let Ready { capture: planned, grid, .. } = trials::to_plan(request, &loaded.capture)?;
     let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
     Ok(request.solver.solver().outline(&plan))
 }

@@ -122,23 +122,22 @@ pub fn profile(
     check_clock(&gpu)?;
     say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
-    // The trials that find a pulse are no part of the profile.
-    let (capture, found) = super::find_pulse::settle(&request, &loaded.capture, &gpu, None, hear)?;
+    // Trials are no part of the profile.
+    let found = super::trials::find(&request, &loaded.capture, &gpu, hear)?;
+    let (request, capture) = found.settle(&request, &loaded.capture)?;
     let with_pulse = match capture {
         Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),
         Cow::Borrowed(_) => None,
     };
     let loaded = with_pulse.as_ref().unwrap_or(loaded);
-    let request = Request { find_pulse: false, ..request };
+    let request = Request { find_pulse: false, models: vec![], ..request };
     reconstruct::warm_up(&request, loaded, &gpu)?;
     gpu.take_recording();
 
     say("solving, with a time stamp after every command");
     let began = gpu.now();
-    let done = reconstruct::Finished {
-        pulse: found,
-        ..reconstruct::solve(&request, loaded, &gpu, None, None, hear)?
-    };
+    let done =
+        reconstruct::Finished { found, ..reconstruct::solve(&request, loaded, &gpu, None, None, hear)? };
     let result = &done.result;
     let start = Instant::now();
     if let Some(out) = &what.out {

@@ -5,12 +5,12 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use super::find_pulse::{self, FoundPulse};
 use super::preview::Preview;
 use super::request::Ready;
 use super::sizes;
 use super::state_file::{self, Kept};
-use super::{Loaded, Request, advice};
+use super::trials::{self, Found};
+use super::{Loaded, Request, SolverOptions, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
@@ -29,8 +29,10 @@ pub struct Finished {
     pub along: BTreeMap<usize, Metrics>,
     /// The maps after the iterations that the request names.
     pub snapshots: Vec<(usize, Maps)>,
-    /// The pulse that was found before the solve, if that was asked for. Its time counts as solve time.
-    pub pulse: Option<FoundPulse>,
+    /// What trials found before the solve. Their time counts as solve time.
+    pub found: Found,
+    /// The solver with its options, for the model that was found.
+    pub solver: SolverOptions,
     /// The grid that was solved.
     pub grid: Grid,
     /// How many of the capture's bins were one.
@@ -57,12 +59,17 @@ pub fn solve(
     if let Some(kept) = &resumed {
         kept.check(request)?;
     }
-    let known = resumed.as_ref().and_then(|kept| kept.pulse.clone());
+    let known = resumed.as_ref().map(|kept| kept.found.clone());
     let from = resumed.map(|kept| {
         *gathered.borrow_mut() = (kept.along, kept.snapshots);
         kept.state
     });
-    let (capture, found) = find_pulse::settle(request, &loaded.capture, gpu, known, hear)?;
+    let found = match known {
+        Some(found) => found,
+        None => trials::find(request, &loaded.capture, gpu, hear)?,
+    };
+    let (settled, capture) = found.settle(request, &loaded.capture)?;
+    let request = &settled;
     let Ready { capture, grid, sum } = request.ready(capture)?;
     let capture = &*capture;
     let kept_at = Cell::new(None);
@@ -70,7 +77,7 @@ pub fn solve(
         let iteration = state.iteration;
         let (along, snapshots) = gathered.borrow().clone();
         if let Some(file) = &request.checkpoint {
-            state_file::write(file, &Kept { state, along, snapshots, pulse: found.clone() })?;
+            state_file::write(file, &Kept { state, along, snapshots, found: found.clone() })?;
             kept_at.set(Some(iteration));
         }
         Ok(())
@@ -115,7 +122,7 @@ pub fn solve(
             .map_err(|e| advice::advise(e, request, loaded, gpu))
             .map_err(|e| cancelled(e, request, kept_at.get()))?,
     };
-    let before = found.as_ref().map_or(0.0, |f| f.seconds);
+    let before = found.seconds;
     result.solve_seconds += before;
     result.trace.iter_mut().for_each(|p| p.seconds += before);
     let (mut along, snapshots) = gathered.into_inner();
@@ -124,7 +131,7 @@ pub fn solve(
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
-    Ok(Finished { result, metrics, along, snapshots, pulse: found, grid, sum })
+    Ok(Finished { result, metrics, along, snapshots, found, solver: settled.solver, grid, sum })
 }
 
 /// Adds to the error of a cancelled solve how to resume it.

@@ -47,7 +47,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
 pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
     let (result, grid) = (&done.result, &done.grid);
     let mut all = json!({
-        "solver": request.solver.name(),
+        "solver": done.solver.name(),
         "model": result.plan.reflectance,
         "preset": request.preset,
         "capture": loaded.input.path,
@@ -56,11 +56,13 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "subset": loaded.input.subset,
         "subset_seed": loaded.input.subset_seed,
         "gate": gate_json(loaded.gate),
-        "pulse_fwhm": match &done.pulse {
+        "pulse_fwhm": match &done.found.pulse {
             Some(found) => Some(found.fwhm),
             None => loaded.capture.pulse.as_ref().map(Pulse::fwhm),
         },
-        "pulse_found": done.pulse,
+        "pulse_found": done.found.pulse,
+        "model_found": done.found.model,
+        "trials_s": done.found.seconds,
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "bins": request.bins,
         "bins_summed": done.sum,
@@ -83,9 +85,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "accumulation_used": result.plan.accumulation,
         "notes": loaded.notes,
     });
-    if let (Value::Object(all), Ok(Value::Object(options))) =
-        (&mut all, serde_json::to_value(&request.solver))
-    {
+    if let (Value::Object(all), Ok(Value::Object(options))) = (&mut all, serde_json::to_value(&done.solver)) {
         all.extend(options);
     }
     all

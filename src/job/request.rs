@@ -35,6 +35,9 @@ pub struct Request {
     pub timings: bool,
     /// Use the sizes that [`super::profile::tune`] found for this device and kind of scene, if there are any.
     pub tuned: bool,
+    /// The solver's options for each model of reflectance that trials choose among; empty if the model is known. The
+    /// first is the usual one, that of `solver`.
+    pub models: Vec<SolverOptions>,
     /// Find the width of the instrument's pulse first, if the capture holds no pulse.
     pub find_pulse: bool,
     /// Show `preview.png` in the folder of the results while the solve runs.
@@ -97,6 +100,7 @@ impl Request {
             validation: false,
             timings: false,
             tuned: false,
+            models: vec![],
             find_pulse: false,
             preview: false,
             faults: Faults::default(),

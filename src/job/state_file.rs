@@ -12,7 +12,7 @@ use flate2::{Compression, Crc, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 
 use super::Request;
-use super::find_pulse::FoundPulse;
+use super::trials::Found;
 use crate::files::atomic::{self, cannot};
 use crate::maps::Maps;
 use crate::measure::Metrics;
@@ -20,7 +20,7 @@ use crate::solve::{Checkpoint, Identity, TracePoint};
 use crate::{Error, Result};
 
 /// The last byte is the version of the format.
-const MAGIC: [u8; 8] = *b"TBSTATE\x01";
+const MAGIC: [u8; 8] = *b"TBSTATE\x02";
 
 /// A solver's state, and what the caller gathered until then.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,8 +31,8 @@ pub struct Kept {
     pub along: BTreeMap<usize, Metrics>,
     /// Maps after the iterations that were asked for.
     pub snapshots: Vec<(usize, Maps)>,
-    /// The pulse that was found before the solve.
-    pub pulse: Option<FoundPulse>,
+    /// What trials found before the solve.
+    pub found: Found,
 }
 
 impl Kept {
@@ -68,8 +68,7 @@ struct Head {
     gpu_seconds: f64,
     along: BTreeMap<usize, Metrics>,
     snapshots: Vec<SnapshotHead>,
-    #[serde(default)]
-    pulse: Option<FoundPulse>,
+    found: Found,
     buffers: Vec<(String, usize)>,
 }
 
@@ -101,7 +100,7 @@ pub fn write(path: &Path, kept: &Kept) -> Result<()> {
         gpu_seconds: state.gpu_seconds,
         along: kept.along.clone(),
         snapshots: kept.snapshots.iter().map(|(iteration, m)| snapshot_head(*iteration, m)).collect(),
-        pulse: kept.pulse.clone(),
+        found: kept.found.clone(),
         buffers: state.buffers.iter().map(|(n, b)| (n.clone(), b.len())).collect(),
     };
     let head = serde_json::to_vec(&head).map_err(|e| {
@@ -211,7 +210,7 @@ fn parse(bytes: &[u8]) -> Result<Kept> {
         gpu_seconds: head.gpu_seconds,
         buffers,
     };
-    Ok(Kept { state, along: head.along, snapshots, pulse: head.pulse })
+    Ok(Kept { state, along: head.along, snapshots, found: head.found })
 }
 
 fn snapshot_head(iteration: usize, m: &Maps) -> SnapshotHead {

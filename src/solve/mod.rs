@@ -5,7 +5,6 @@
 //! start, of its iterations and of the changes between them. The rest is shared: a [`Plan`] is made before anything is
 //! allocated, [`OnDevice`] holds its buffers, and the driver submits schedules and reads the trace of finished blocks.
 
-mod assume;
 mod checkpoint;
 mod domain;
 mod drive;
@@ -23,7 +22,6 @@ pub mod surface;
 mod trace;
 pub mod vector;
 
-pub use assume::{assume_reflectance, falloff_slope};
 pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};

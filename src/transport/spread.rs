@@ -69,6 +69,26 @@ impl Wall {
         }
     }
 
+    /// The wall of every other pair, from `side`, 0 or 1. Both sides have as many pairs: an odd one is left out. A
+    /// product is divided along its scanned points.
+    pub fn half(&self, side: usize) -> Wall {
+        let count = self.scanned.len() / 2;
+        let own = self.geometry == Geometry::TwoPoints;
+        let pick =
+            |points: &[DVec3]| points.iter().skip(side).step_by(2).take(count).copied().collect::<Vec<_>>();
+        let other = |points: &[DVec3]| if own { pick(points) } else { points.to_vec() };
+        let normals = |n: &Vec<DVec3>| {
+            let (a, b) = n.split_at(self.scanned.len());
+            [pick(a), other(b)].concat()
+        };
+        Wall {
+            geometry: self.geometry,
+            scanned: pick(&self.scanned),
+            others: other(&self.others),
+            normals: self.normals.as_ref().map(normals),
+        }
+    }
+
     /// The order ([`spread_order`]) of the scanned and of the other points, and the pair that moves to each place.
     fn spread(&self) -> ([Vec<usize>; 2], Vec<usize>) {
         let (s, o) = (&self.scanned, &self.others);
@@ -92,6 +112,22 @@ impl Wall {
 }
 
 impl Model {
+    /// The model of every other pair ([`Wall::half`]).
+    pub fn half(&self, side: usize) -> Model {
+        let wall = self.wall.half(side);
+        let (row, count) = (self.wall.scanned.len(), wall.scanned.len());
+        let rows = |first: &[f32]| -> Vec<f32> {
+            let all = first.chunks_exact(self.bins).skip(side).step_by(2).take(count);
+            all.flatten().copied().collect()
+        };
+        Model {
+            measured: self.measured.chunks(row * self.bins).flat_map(rows).collect(),
+            elements: self.elements_of(wall.pairs()),
+            wall,
+            ..self.clone()
+        }
+    }
+
     /// Reorders the pairs so that the first n are spread over the wall, for every n. In place, as histograms are large.
     pub fn spread(&mut self) {
         let (sides, pairs) = self.wall.spread();

@@ -176,7 +176,7 @@ fn damaged(share: Share) -> Row {
     let (_, state) = a_state();
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("state");
-    let kept = Kept { state, along: Default::default(), snapshots: vec![], pulse: None };
+    let kept = Kept { state, along: Default::default(), snapshots: vec![], found: Default::default() };
     write(&path, &kept).expect("it is written");
     let whole =
         holds(read(&path).is_ok_and(|back| back == kept), || "it does not come back as it went".into());

@@ -117,6 +117,13 @@ pub(super) struct Driven {
     pub gpu_seconds: f64,
 }
 
+impl Driven {
+    /// Maps that an earlier run left at `level`, for what follows them.
+    pub fn begun(maps: Maps, level: Level) -> Driven {
+        Driven { trace: vec![], maps, level, pairs: 0, seconds: 0.0, gpu_seconds: 0.0 }
+    }
+}
+
 /// Submissions in flight, so that the device never waits for the host.
 const IN_FLIGHT: usize = 2;
 

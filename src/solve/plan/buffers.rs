@@ -15,6 +15,8 @@ pub const COLUMNS_HOST: Buffer = Buffer::named("columns_host");
 pub const RAW_HOST: Buffer = Buffer::named("raw_host");
 /// The volume's mask, for the host.
 pub const MASK_HOST: Buffer = Buffer::named("mask_host");
+/// The residual, for the host.
+pub const RESIDUAL_HOST: Buffer = Buffer::named("residual_host");
 /// A number per voxel while the domain changes.
 pub const SMOOTH: Buffer = Buffer::named("smooth");
 /// Another number per voxel while the domain changes.

@@ -17,7 +17,7 @@ pub(in crate::solve) mod pass;
 pub mod passes;
 mod tuning;
 
-pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
+pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
 pub use levels::{AMPLE, Level};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};

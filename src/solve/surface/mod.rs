@@ -33,8 +33,8 @@ mod weights;
 pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
 pub use options::SurfaceOptions;
 pub use pixels::Pixels;
-use schedule::{bonds, render, widen};
-pub use schedule::{extract, iteration, points, start};
+use schedule::{bonds, widen};
+pub use schedule::{extract, iteration, points, render, start};
 pub use weights::{Placed, weights};
 use weights::{coarser, energy};
 
@@ -44,17 +44,25 @@ const WORSE: f64 = 2.0;
 /// The bonds are found again after every Nth iteration.
 const RENEW: usize = 10;
 
-/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. Returns whether
-/// the surface was rejected because it explains the data far worse than the volume did: it has one depth in a column,
-/// where a volume may have several. The maps stay the volume's then, and if there is no surface or it explains none of
-/// the data.
+/// A volume's maps after the surface.
+pub(super) struct Refined {
+    /// The solve.
+    pub driven: Driven,
+    /// The surface was rejected because it explains the data far worse than the volume did: it has one depth in a
+    /// column, where a volume may have several. The maps are the volume's then.
+    pub left: bool,
+    /// Pixels of the surface; 0 if there is none, or if it explains none of the data.
+    pub pixels: usize,
+}
+
+/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut OnDevice<'_>,
     options: &SurfaceOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
-) -> Result<(Driven, bool)> {
+) -> Result<Refined> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
     let (volume, iterations) = (driven.level, options.iterations);
     let (levels, beginnings) = stages(&job.plan.pixel_levels, volume.pairs, iterations);
@@ -84,7 +92,9 @@ pub(super) fn refine(
     // All of this is part of the solve; the driver's clock continues from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    let Some(told) = told else { return Ok((Driven { maps, ..driven }, false)) };
+    let Some(told) = told else {
+        return Ok(Refined { driven: Driven { maps, ..driven }, left: false, pixels: 0 });
+    };
     let stages = Stages { levels, beginnings, weights: told };
     let steps = steps(stages, pixels.len(), begin, iterations, first_blur.map(|_| room));
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
@@ -102,7 +112,7 @@ pub(super) fn refine(
         driven.maps = maps;
     }
     driven.level = volume;
-    Ok((driven, left))
+    Ok(Refined { driven, left, pixels: pixels.len() })
 }
 
 /// The levels of a surface in order.

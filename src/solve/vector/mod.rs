@@ -11,7 +11,7 @@
 //! ([`surface`]).
 
 use super::checkpoint::Keeper;
-use super::drive::{Beside, Steps, drive};
+use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{background, expected_noise, variance_per_count};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
@@ -30,11 +30,13 @@ mod options;
 pub mod passes;
 mod preview;
 mod schedule;
+mod trial;
 
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
 pub use preview::preview;
 pub use schedule::{due, iteration, start};
+pub use trial::{Left, Trial};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
 const SMOOTH_SIGMA: f64 = 1.0;
@@ -61,24 +63,36 @@ pub fn reconstruct<'b, 'w: 'b>(
     let model = model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = OnDevice::new(gpu, model, plan, memory)?;
-    let first = job.plan.levels[0];
-    upload_hat(&mut job, &first)?;
-    let steps = Steps {
-        stop_below: options.stop.then(|| expected_noise(job.model_of(job.plan.finest()))),
-        ..steps(&job.plan, options)
-    };
     let keeper = Keeper::new(keep, &job, options)?;
-    let mut driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
+    let mut driven = solve_volume(gpu, &mut job, options, watch, keeper)?;
     let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
     let mut surface_left = false;
     if options.surface.iterations > 0 {
-        (driven, surface_left) = surface::refine(gpu, &mut job, &options.surface, watch, driven)?;
+        let refined = surface::refine(gpu, &mut job, &options.surface, watch, driven)?;
+        (driven, surface_left) = (refined.driven, refined.left);
     }
     Ok(Reconstruction {
         volume_iterations,
         surface_left,
         ..finish(job, driven, with_volume.then_some(albedo_of))?
     })
+}
+
+/// Solves the volume.
+fn solve_volume(
+    gpu: &Gpu,
+    job: &mut OnDevice<'_>,
+    options: &VectorOptions,
+    watch: &mut Watch<'_>,
+    keeper: Option<Keeper<'_>>,
+) -> Result<Driven> {
+    let first = job.plan.levels[0];
+    upload_hat(job, &first)?;
+    let steps = Steps {
+        stop_below: options.stop.then(|| expected_noise(job.model_of(job.plan.finest()))),
+        ..steps(&job.plan, options)
+    };
+    drive(gpu, job, options.iterations, steps, watch, keeper, None)
 }
 
 /// Uploads the Mexican hat that filters the measurement for a back-projection at `level`.

@@ -1,0 +1,266 @@
+//! What a run finds out by quick solves before the one that was asked for: how surfaces reflect, and how wide the
+//! instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they begin with.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::Request;
+use super::request::Ready;
+use crate::capture::{Capture, Pulse};
+use crate::gpu::Gpu;
+use crate::solve::vector::{Left, Trial};
+use crate::solve::{Doing, Progress, SolverOptions, VectorOptions, Watch, default_volume};
+use crate::transport::Reflectance;
+use crate::{Error, Kind, Result};
+
+mod model;
+mod pulse;
+
+pub use model::{FoundModel, MODELS};
+pub use pulse::FoundPulse;
+
+/// Pairs that a trial fits; as many others judge it.
+const PAIRS: usize = 256;
+
+/// Lateral pixels and iterations of a trial.
+const LATERAL: usize = 64;
+const ITERATIONS: usize = 20;
+const COARSE_ITERATIONS: usize = 8;
+const SURFACE_ITERATIONS: usize = 40;
+
+/// What the trials of a run found.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// How surfaces reflect, if it was to be found.
+    #[serde(default)]
+    pub model: Option<FoundModel>,
+    /// The instrument's pulse, if it was to be found.
+    #[serde(default)]
+    pub pulse: Option<FoundPulse>,
+    /// Seconds that all trials took.
+    pub seconds: f64,
+}
+
+impl Found {
+    /// What was found, as sentences.
+    pub fn notes(&self) -> Vec<String> {
+        self.model.iter().map(FoundModel::note).chain(self.pulse.iter().map(FoundPulse::note)).collect()
+    }
+
+    /// The request and the capture with what was found.
+    ///
+    /// # Errors
+    /// A width that makes no pulse. This does not happen with a width that was found.
+    pub(super) fn settle<'c>(
+        &self,
+        request: &Request,
+        capture: &'c Capture,
+    ) -> Result<(Request, Cow<'c, Capture>)> {
+        let mut request = request.clone();
+        if let Some(found) = &self.model {
+            let of_model = |o: &&SolverOptions| o.common().reflectance == found.reflectance;
+            if let Some(options) = request.models.iter().find(of_model) {
+                request.solver = options.clone();
+            }
+        }
+        let capture = match self.pulse.as_ref().map(FoundPulse::pulse).transpose()?.flatten() {
+            Some(pulse) => Cow::Owned(Capture { pulse: Some(pulse), ..capture.clone() }),
+            None => Cow::Borrowed(capture),
+        };
+        Ok((request, capture))
+    }
+}
+
+/// Whether a run finds the pulse first.
+pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
+    request.find_pulse && capture.pulse.is_none()
+}
+
+/// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
+/// still to be found gets any width: all widths take the same memory.
+///
+/// # Errors
+/// A bin width that makes no pulse, and those of [`Request::ready`].
+pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
+    let pulse = match finds_pulse(request, capture) {
+        true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
+        false => capture.pulse.clone(),
+    };
+    let sum = request.sum(&Capture { pulse: pulse.clone(), ..capture.outline() });
+    let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
+    let grid = request.grid(&summed)?;
+    Ok(Ready { capture: Cow::Owned(Capture { pulse, ..summed.outline() }), grid, sum })
+}
+
+/// Finds what `request` asks for.
+///
+/// # Errors
+/// The device fails, or `hear` cancels a trial ([`Kind::Cancelled`]). If a trial fails otherwise, the usual model and
+/// sharp paths stay, and the solve itself reports what is wrong.
+pub(super) fn find(
+    request: &Request,
+    capture: &Capture,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Found> {
+    let (finds_model, finds_pulse) = (request.models.len() > 1, finds_pulse(request, capture));
+    if !finds_model && !finds_pulse {
+        return Ok(Found::default());
+    }
+    let _span = gpu.span("trials");
+    let start = Instant::now();
+    let usual = request.solver.common().reflectance;
+    let mut tried = vec![];
+    let searched = Trials::new(request, capture, gpu, hear).and_then(|mut trials| {
+        let found = search(&mut trials, usual, finds_model, finds_pulse);
+        tried = std::mem::take(&mut trials.tried);
+        found
+    });
+    let (reflectance, width, failed) = match searched {
+        Ok((reflectance, width)) => (reflectance, width, None),
+        Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
+        Err(e) => (usual, 0.0, Some(e.what)),
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
+    let pulse = finds_pulse.then(|| FoundPulse::of(width, reflectance, &tried, seconds, failed));
+    Ok(Found { model, pulse, seconds })
+}
+
+/// A trial, and what it left.
+#[derive(Debug, Clone, PartialEq)]
+struct Tried {
+    reflectance: Reflectance,
+    /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths.
+    fwhm: f64,
+    left: Option<Left>,
+}
+
+/// The model and the width of the pulse, metres. First the models are compared with sharp paths. Then the best of them
+/// finds the pulse, and all are compared again with this pulse. If another is better then, it finds the pulse anew.
+fn search(
+    trials: &mut Trials<'_>,
+    usual: Reflectance,
+    finds_model: bool,
+    finds_pulse: bool,
+) -> Result<(Reflectance, f64)> {
+    let choose = |trials: &mut Trials<'_>, width: f64| match finds_model {
+        true => trials.best_model(width),
+        false => Ok(usual),
+    };
+    let mut model = choose(trials, 0.0)?;
+    if !finds_pulse {
+        return Ok((model, 0.0));
+    }
+    let mut width = trials.best_width(model)?;
+    if width > 0.0 {
+        let again = choose(trials, width)?;
+        if again != model {
+            model = again;
+            width = trials.best_width(model)?;
+        }
+    }
+    Ok((model, width))
+}
+
+/// The trials of a capture.
+struct Trials<'t> {
+    models: Vec<(Reflectance, Trial<'t>)>,
+    /// Metres of path, as narrow as the trials' pixels can tell.
+    bin_width: f64,
+    /// The pulse of the capture, if it has one.
+    known: Option<Pulse>,
+    hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    tried: Vec<Tried>,
+}
+
+impl<'t> Trials<'t> {
+    fn new(
+        request: &Request,
+        capture: &Capture,
+        gpu: &'t Gpu,
+        hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Trials<'t>> {
+        let all =
+            if request.models.is_empty() { std::slice::from_ref(&request.solver) } else { &request.models };
+        let thin = capture.subset((2 * PAIRS).min(capture.pair_count()), 0)?;
+        let options = quick(all[0].as_vector(capture.is_confocal()));
+        let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
+        let trial = Request { volume: Some(volume), bins: request.bins, ..Request::new(options, "") };
+        let Ready { capture: thin, grid, .. } = trial.ready(Cow::Owned(thin))?;
+        let of_model = |options: &SolverOptions| {
+            let options = quick(options.as_vector(capture.is_confocal()));
+            (options.reflectance, Trial::new(gpu, &thin, grid, options, request.memory))
+        };
+        Ok(Trials {
+            models: all.iter().map(of_model).collect(),
+            bin_width: thin.bin_width,
+            known: capture.pulse.clone(),
+            hear,
+            tried: vec![],
+        })
+    }
+
+    /// What a surface with this model and this width of the pulse leaves.
+    fn left(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Left>> {
+        if let Some(same) = self.tried.iter().find(|t| t.reflectance == reflectance && t.fwhm == fwhm) {
+            return Ok(same.left.clone());
+        }
+        let Trials { models, hear, known, .. } = self;
+        let begun = models.iter().find_map(|m| m.1.begun().cloned());
+        let (_, trial) = models.iter_mut().find(|m| m.0 == reflectance).expect("a trial for every model");
+        if let (None, Some(maps)) = (trial.begun(), begun) {
+            trial.begin_with(maps);
+        }
+        let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+        let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
+        let pulse = pulse::of_width(fwhm)?.or(known.clone());
+        let left = trial.fit(pulse.as_ref(), &mut watch)?;
+        self.tried.push(Tried { reflectance, fwhm, left: left.clone() });
+        Ok(left)
+    }
+
+    /// The width of the pulse, metres, with this model.
+    fn best_width(&mut self, reflectance: Reflectance) -> Result<f64> {
+        let bin_width = self.bin_width;
+        let bins = pulse::best_width(&mut |bins| {
+            Ok(self.left(reflectance, bins * bin_width)?.map(|left| left.share()))
+        })?;
+        let of_model = || self.tried.iter().filter(|t| t.reflectance == reflectance);
+        let sharp = of_model().find(|t| t.fwhm == 0.0).and_then(|t| t.left.as_ref());
+        let share = |left: &&Left| left.share();
+        let least = of_model().filter_map(|t| t.left.as_ref()).min_by(|a, b| share(a).total_cmp(&share(b)));
+        let is_worth = sharp.zip(least).is_some_and(|(sharp, least)| least.is_less(sharp));
+        Ok(if is_worth { pulse::three_digits(bins * bin_width) } else { 0.0 })
+    }
+
+    /// The model that is right, with this width of the pulse.
+    fn best_model(&mut self, width: f64) -> Result<Reflectance> {
+        let all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
+        let mut left = vec![];
+        for reflectance in all {
+            left.push((reflectance, self.left(reflectance, width)?));
+        }
+        model::choose(&left)
+            .ok_or_else(|| Error::input("no trial found a surface", "name the model and the pulse if known"))
+    }
+}
+
+/// The options of a trial.
+fn quick(options: VectorOptions) -> VectorOptions {
+    let fine = options.lateral >= LATERAL;
+    options.with(|o| {
+        o.lateral = o.lateral.min(LATERAL);
+        o.iterations = ITERATIONS;
+        o.domain.coarse_iterations = COARSE_ITERATIONS;
+        o.surface.iterations = SURFACE_ITERATIONS;
+        o.surface.pixels_per_voxel = fine.then_some(2);
+        o.surface.points = None;
+        o.surface.blur = 0.0;
+        o.surface.sparsity = 0.0;
+        o.domain.room = None;
+    })
+}

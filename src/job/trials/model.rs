@@ -1,0 +1,67 @@
+//! Chooses how surfaces reflect: the model whose surface predicts other pairs best.
+
+use serde::{Deserialize, Serialize};
+
+use super::Tried;
+use crate::job::words::plain;
+use crate::solve::vector::Left;
+use crate::transport::Reflectance;
+
+/// The models that trials choose among, the usual one first.
+pub const MODELS: [Reflectance; 3] =
+    [Reflectance::Cosine, Reflectance::Lambertian, Reflectance::Retroreflective];
+
+/// The result of the search.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoundModel {
+    /// How surfaces reflect.
+    pub reflectance: Reflectance,
+    /// Every trial: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and the share of
+    /// other pairs' squares that its surface leaves.
+    pub trials: Vec<(Reflectance, f64, Option<f64>)>,
+    /// Why the trials failed, if they did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
+}
+
+impl FoundModel {
+    pub(super) fn of(reflectance: Reflectance, tried: &[Tried], failed: Option<String>) -> FoundModel {
+        let trials =
+            tried.iter().map(|t| (t.reflectance, t.fwhm, t.left.as_ref().map(Left::share))).collect();
+        FoundModel { reflectance, trials, failed }
+    }
+
+    /// The result as a sentence.
+    pub fn note(&self) -> String {
+        let name = plain(&self.reflectance);
+        if let Some(why) = &self.failed {
+            return format!(
+                "the model of reflectance is not known, {name} is taken: {why} (name it if known)"
+            );
+        }
+        // The least of each model.
+        let mut each: Vec<(Reflectance, f64)> = vec![];
+        for (model, _, left) in &self.trials {
+            let Some(left) = *left else { continue };
+            match each.iter_mut().find(|e| e.0 == *model) {
+                Some(known) => known.1 = known.1.min(left),
+                None => each.push((*model, left)),
+            }
+        }
+        let told: Vec<String> =
+            each.iter().map(|(m, left)| format!("{} {:.2} %", plain(m), 100.0 * left)).collect();
+        format!(
+            "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {} (name a model to \
+             skip the trials)",
+            told.join(", ")
+        )
+    }
+}
+
+/// The model that leaves the least; the first if no other leaves less beyond chance. `None` if no trial found a surface.
+pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
+    let found: Vec<(Reflectance, &Left)> = left.iter().filter_map(|(m, l)| Some((*m, l.as_ref()?))).collect();
+    let best = found.iter().min_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
+    let usual = found.first()?;
+    Some(if best.1.is_less(usual.1) { best.0 } else { usual.0 })
+}

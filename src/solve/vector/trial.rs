@@ -1,0 +1,144 @@
+//! Quick solves that tell which of several descriptions of a scene is right: how surfaces reflect, how wide the
+//! instrument's pulse is. A surface is fitted to a few pairs. It is judged by other pairs, which it has not seen: a wrong
+//! description may fit the noise of the first, but does not predict the others.
+
+use super::{VectorOptions, model, solve_volume};
+use crate::Result;
+use crate::capture::{Capture, Pulse};
+use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
+use crate::maps::Maps;
+use crate::solve::drive::{Driven, Watch};
+use crate::solve::passes::RESIDUAL;
+use crate::solve::plan::RESIDUAL_HOST;
+use crate::solve::{OnDevice, Plan, surface, upload};
+use crate::transport::kernels::buffer;
+use crate::transport::{Grid, Model};
+
+/// Standard errors beyond which a difference is no chance.
+const BEYOND_CHANCE: f64 = 2.0;
+
+/// Trials of one capture on one grid.
+pub struct Trial<'g> {
+    gpu: &'g Gpu,
+    /// The pairs that a surface is fitted to, and those that judge it.
+    sides: [Model; 2],
+    scan: [usize; 2],
+    grid: Grid,
+    options: VectorOptions,
+    memory: Option<u64>,
+    /// The maps of a volume. Surfaces of all pulses begin with them.
+    begun: Option<Maps>,
+}
+
+impl<'g> Trial<'g> {
+    /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, so
+    /// there must be two at least.
+    pub fn new(
+        gpu: &'g Gpu,
+        capture: &Capture,
+        grid: Grid,
+        options: VectorOptions,
+        memory: Option<u64>,
+    ) -> Trial<'g> {
+        let whole = model(capture, &grid, &options);
+        let sides = [0, 1].map(|side| whole.half(side));
+        // Half of the pairs are as dense as a scan with fewer points to a side.
+        let scan = capture.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
+        Trial { gpu, sides, scan, grid, options, memory, begun: None }
+    }
+
+    /// The maps that surfaces begin with, once there are any.
+    pub fn begun(&self) -> Option<&Maps> {
+        self.begun.as_ref()
+    }
+
+    /// Begins surfaces with these maps, not with those of a volume of its own.
+    pub fn begin_with(&mut self, maps: Maps) {
+        self.begun = Some(maps);
+    }
+
+    /// Fits a surface, with paths spread by `pulse`; `None` if no surface is found.
+    ///
+    /// # Errors
+    /// Those of [`super::reconstruct`], and a pulse without taps.
+    pub fn fit(&mut self, pulse: Option<&Pulse>, watch: &mut Watch<'_>) -> Result<Option<Left>> {
+        for side in &mut self.sides {
+            side.pulse = pulse.map(|p| p.taps(side.bin_width)).transpose()?;
+            side.pulse_shape = pulse.cloned();
+        }
+        let [seen, held] = &self.sides;
+        let mut plan = Plan::new(seen, self.grid, self.scan, &self.options, &self.gpu.abilities(), false)?;
+        let last = *plan.pixel_levels.last().expect("a trial has a surface");
+        let cells = plan.cells_at(&last);
+        plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
+        let mut job = OnDevice::new(self.gpu, seen.clone(), plan, self.memory)?;
+        let driven = match &self.begun {
+            Some(maps) => {
+                // As the start of a volume does.
+                let mut s = Schedule::default();
+                for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
+                    s.fill(cleared, job.plan.bytes_of(cleared), 0);
+                }
+                job.executor.run(&s)?;
+                let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
+                Driven::begun(maps.clone(), *level.unwrap_or(job.plan.finest()))
+            }
+            None => solve_volume(self.gpu, &mut job, &self.options, watch, None)?,
+        };
+        self.begun.get_or_insert_with(|| driven.maps.clone());
+        let refined = surface::refine(self.gpu, &mut job, &self.options.surface, watch, driven)?;
+        if refined.pixels == 0 {
+            return Ok(None);
+        }
+        // The other pairs take the place of those that were fitted.
+        upload(&mut job.executor, buffer::WALL, bytemuck::cast_slice(&held.wall.words()))?;
+        upload(&mut job.executor, buffer::MEASURED, bytemuck::cast_slice(&held.measured))?;
+        let mut s = surface::render(&job.plan, &last, refined.pixels, &RESIDUAL, None);
+        s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
+        job.executor.run(&s)?;
+        let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
+        Ok(Some(Left::of(held, &residual, job.model.scene(&last.grid).render_scale)))
+    }
+}
+
+/// What a trial's surface leaves of the pairs that it has not seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Left {
+    /// For each pair: squared differences, and squared values, summed over bins.
+    pub pairs: Vec<[f64; 2]>,
+}
+
+impl Left {
+    /// From the residual: the derivative of the weighted squares by what is accumulated.
+    fn of(held: &Model, residual: &[f32], render_scale: f32) -> Left {
+        let elements = held.elements.max(1) as f64;
+        let weight: Vec<f64> = (0..held.bins).map(|b| held.bin_weight(b)).collect();
+        let unit = elements / (2.0 * f64::from(render_scale));
+        let of_pair = |(r, m): (&[f32], &[f32])| {
+            let mut sums = [0.0; 2];
+            for ((r, m), w) in r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0) {
+                sums[0] += (f64::from(*r) * unit / w).powi(2);
+                sums[1] += f64::from(*m).powi(2);
+            }
+            sums
+        };
+        let rows = held.bins_of(residual);
+        Left { pairs: rows.chunks(held.bins).zip(held.measured.chunks(held.bins)).map(of_pair).collect() }
+    }
+
+    /// The share of the squares that is left.
+    pub fn share(&self) -> f64 {
+        let sum = |k: usize| self.pairs.iter().map(|p| p[k]).sum::<f64>();
+        sum(0) / sum(1)
+    }
+
+    /// Whether this is less than what another trial leaves of the same pairs, beyond chance: the mean difference over
+    /// pairs is more than [`BEYOND_CHANCE`] of its standard errors.
+    pub fn is_less(&self, other: &Left) -> bool {
+        let differences = || self.pairs.iter().zip(&other.pairs).map(|(own, other)| other[0] - own[0]);
+        let count = self.pairs.len().max(2) as f64;
+        let mean = differences().sum::<f64>() / count;
+        let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        mean > BEYOND_CHANCE * (variance / count).sqrt()
+    }
+}
