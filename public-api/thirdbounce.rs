@@ -1812,14 +1812,14 @@ pub mod simulate {
         #[derive(Debug, Clone, Copy, PartialEq, Default)]
         pub enum Layout {
             Confocal,
-            OneLaser { spot: DVec2 },
-            OneSensor { spot: DVec2 },
+            OneLaser { point: DVec2 },
+            OneSensor { point: DVec2 },
             Exhaustive { lasers: usize },
             Irregular { seed: u64 },
         }
         impl Layout {
             pub fn pair_count(self, scan: usize) -> f64 {}
-            pub fn spot(self) -> Option<DVec2> {}
+            pub fn point(self) -> Option<DVec2> {}
         }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Pairs {

@@ -31,14 +31,14 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 32)]
     scan: usize,
     /// How laser and sensor points are paired. confocal: both at every scan point; one-laser, one-sensor: one of them
-    /// fixed at --spot; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
+    /// fixed at --point; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
     /// points, drawn over the wall with --seed
     #[arg(long, value_name = "KIND", default_value = "confocal",
         value_parser = PossibleValuesParser::new(["confocal", "one-laser", "one-sensor", "exhaustive", "irregular"]))]
     pairs: String,
     /// The fixed laser or sensor point in metres [default: 0,0, the wall's centre]
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
-    spot: Option<String>,
+    point: Option<String>,
     /// Laser points per side of exhaustive pairs [default: as --scan]
     #[arg(long, value_name = "L")]
     grid: Option<usize>,
@@ -101,27 +101,27 @@ fn layout(args: &Args) -> Result<Layout> {
         )
     };
     let fixed = matches!(kind, "one-laser" | "one-sensor");
-    if let Some(spot) = args.spot.as_ref().filter(|_| !fixed) {
-        return Err(misplaced("spot", spot.clone(), "one-laser or one-sensor"));
+    if let Some(point) = args.point.as_ref().filter(|_| !fixed) {
+        return Err(misplaced("point", point.clone(), "one-laser or one-sensor"));
     }
     if let Some(grid) = args.grid.filter(|_| kind != "exhaustive") {
         return Err(misplaced("grid", grid.to_string(), "exhaustive"));
     }
-    let spot = args.spot.as_deref().map_or(Ok(DVec2::ZERO), spot_of)?;
+    let point = args.point.as_deref().map_or(Ok(DVec2::ZERO), point_of)?;
     Ok(match kind {
-        "one-laser" => Layout::OneLaser { spot },
-        "one-sensor" => Layout::OneSensor { spot },
+        "one-laser" => Layout::OneLaser { point },
+        "one-sensor" => Layout::OneSensor { point },
         "exhaustive" => Layout::Exhaustive { lasers: args.grid.unwrap_or(args.scan) },
         "irregular" => Layout::Irregular { seed: args.seed },
         _ => Layout::Confocal,
     })
 }
 
-fn spot_of(text: &str) -> Result<DVec2> {
+fn point_of(text: &str) -> Result<DVec2> {
     let numbers: Vec<Option<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers[..] {
         [Some(x), Some(y)] => Ok(DVec2::new(x, y)),
-        _ => Err(Error::options(format!("--spot is {text:?}"), "give x,y in metres: 0.1,-0.2")),
+        _ => Err(Error::options(format!("--point is {text:?}"), "give x,y in metres: 0.1,-0.2")),
     }
 }
 

@@ -81,7 +81,7 @@ impl Scene {
         self.objects.iter_mut().for_each(|o| o.albedo = albedo);
     }
 
-    /// The number of bins of the capture: `bins`, or enough for any two points of the wall, and for the spot if
+    /// The number of bins of the capture: `bins`, or enough for any two points of the wall, and for the fixed point if
     /// the layout has one.
     pub fn bin_count(&self) -> usize {
         self.bins.unwrap_or_else(|| {
@@ -94,8 +94,8 @@ impl Scene {
                 corners().flat_map(|p| points.iter().map(|q| p.distance(*q))).fold(0.0, f64::max)
             };
             let far = from(&wall);
-            let spot = self.layout.spot().map(|s| from(&[DVec3::new(s.x, s.y, 0.0)]));
-            let longest = far + spot.map_or(far, |spot| spot.max(far));
+            let point = self.layout.point().map(|p| from(&[DVec3::new(p.x, p.y, 0.0)]));
+            let longest = far + point.map_or(far, |point| point.max(far));
             let tail = self.pulse.as_ref().map_or(0.0, |p| p.end().max(0.0));
             let bins = ((longest + tail - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
             (bins as usize + 1).next_multiple_of(32)
@@ -140,9 +140,9 @@ impl Scene {
                 "give at least one scan point and one bin",
             ));
         }
-        if let Some(spot) = self.layout.spot().filter(|s| !s.is_finite()) {
+        if let Some(point) = self.layout.point().filter(|s| !s.is_finite()) {
             return Err(Error::options(
-                format!("the fixed laser or sensor point is at {spot}"),
+                format!("the fixed laser or sensor point is at {point}"),
                 "give x,y in metres, as 0.1,-0.2",
             ));
         }

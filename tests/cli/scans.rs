@@ -17,7 +17,7 @@ fn every_kind_of_pairs_is_simulated_and_told() {
         }
         file
     };
-    told(&["--pairs", "one-laser", "--spot", "0.1,-0.2"], &["6 x 6 = 36 pairs, one laser point", "flat"]);
+    told(&["--pairs", "one-laser", "--point", "0.1,-0.2"], &["6 x 6 = 36 pairs, one laser point", "flat"]);
     told(&["--pairs", "one-sensor"], &["36 pairs, one sensor point"]);
     let exhaustive = told(
         &["--pairs", "exhaustive", "--grid", "3"],
