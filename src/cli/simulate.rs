@@ -63,13 +63,21 @@ pub struct Args {
     #[arg(long, value_name = "ON|OFF", default_value = "on", action = clap::ArgAction::Set,
         value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
     occlusion: bool,
-    /// Albedo of all surfaces
-    #[arg(long, value_name = "A", default_value_t = 1.0)]
-    albedo: f64,
+    /// Albedo of all surfaces [default: 1, except the floor of beyond]
+    #[arg(long, value_name = "A")]
+    albedo: Option<f64>,
     /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, in metres of
-    /// path, or an npz file with pulse, pulse_delta_t and pulse_t_start. The capture then holds the pulse
-    #[arg(long, value_name = "M|FILE")]
+    /// path; the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
+    /// pulse_delta_t and pulse_t_start. The capture then holds the pulse
+    #[arg(long, value_name = "M|M:TAIL|FILE")]
     pulse: Option<String>,
+    /// Leave the pulse out of the capture: a reconstruction has to find it
+    #[arg(long, requires = "pulse")]
+    hide_pulse: bool,
+    /// Record only the first photon of every laser pulse, as detectors with a long dead time do. Of the pair with the
+    /// most light, MEAN photons of a laser pulse are detected on average, usually 0.01 to 0.1
+    #[arg(long, value_name = "MEAN")]
+    pile_up: Option<f64>,
     /// Draw photon counts at random, with P expected in the strongest bin
     #[arg(long, value_name = "P")]
     photons: Option<f64>,
@@ -132,15 +140,16 @@ fn scenes() -> String {
 
 pub fn run(args: &Args) -> Result<()> {
     let mut scene = Scene::named(&args.scene)?;
-    scene.set_albedo(args.albedo);
+    args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
     scene.pulse = args.pulse.as_deref().map(pulse).transpose()?;
-    (scene.photons, scene.dark) = (args.photons, Dark::Counts(args.dark));
+    (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);
     let simulation = Simulation {
         scene,
+        hide_pulse: args.hide_pulse,
         render: RenderOptions { noise: args.noise, seed: args.seed, ..RenderOptions::default() },
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),

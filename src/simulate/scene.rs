@@ -14,7 +14,7 @@ const MOST_VALUES: f64 = 4_294_967_296.0;
 pub struct Object {
     /// The surface.
     pub mesh: Mesh,
-    /// Albedo, 0 or above; 1 for the built-in scenes.
+    /// Albedo, 0 or above; 1 for the objects of the built-in scenes, ½ for a floor.
     pub albedo: f64,
 }
 
@@ -45,7 +45,10 @@ pub struct Scene {
     pub reflectance: Reflectance,
     /// How the instrument spreads a path over time; `None`: it does not.
     pub pulse: Option<Pulse>,
-    /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
+    /// Mean number of photons of a laser pulse that are detected of the pair with the most light, if the detector records
+    /// only the first of them; `None`: it records all.
+    pub pile_up: Option<f64>,
+    /// Photons expected in the strongest bin before pile-up; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
     /// Dark counts added to every bin; needs `photons`.
     pub dark: Dark,
@@ -70,6 +73,7 @@ impl Scene {
             t_start: 0.0,
             reflectance: Reflectance::Cosine,
             pulse: None,
+            pile_up: None,
             photons: None,
             dark: Dark::Counts(0.0),
             seed: 0,
@@ -158,6 +162,7 @@ impl Scene {
             pulse.taps_of_bins(self.bin_width)?;
         }
         super::noise::check(self.photons, self.dark)?;
+        super::pile_up::check(self.pile_up)?;
         let pairs = self.layout.pair_count(self.scan);
         let values = pairs * self.bin_count() as f64;
         if values > MOST_VALUES {
