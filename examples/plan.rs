@@ -16,7 +16,7 @@ fn main() -> Result<()> {
     };
     let capture = capture::read(Path::new(&file))?;
     let gpu = Gpu::open(&GpuOptions::default())?;
-    let suit = Suit { confocal: capture.is_confocal(), ..Suit::USUAL };
+    let suit = Suit::of(&capture);
     for name in SolverOptions::NAMES {
         let solver =
             SolverOptions::suited_to(name, &suit).expect("a solver of this version").with_lateral(64);

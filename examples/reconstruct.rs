@@ -19,7 +19,7 @@ fn main() -> Result<()> {
     let capture = capture::read(Path::new(file))?;
     println!("{}", capture.summary());
 
-    let suit = Suit { confocal: capture.is_confocal(), ..Suit::USUAL };
+    let suit = Suit::of(&capture);
     let options = VectorOptions::suited_to(&suit).with(|o| o.lateral = 32);
     let volume = default_volume(&capture, options.domain.min_depth)?;
     let grid = Grid::new(volume, options.lateral, capture.bin_width)?;

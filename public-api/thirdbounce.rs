@@ -174,7 +174,6 @@ pub mod capture {
             pub struct Counts {
                 pub shape: Vec<usize>,
                 pub values: Vec<f32>,
-                pub integer: bool,
             }
             impl Counts {
                 pub fn whole(&self) -> bool {}
@@ -268,6 +267,17 @@ pub mod capture {
             pub fn with_gate(self, gate: impl Into<Option<Gate>>) -> Keep {}
         }
     }
+    pub mod negative {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Negatives {
+            pub count: usize,
+            pub variance: f64,
+        }
+        pub fn quiet_bins(mean: &[f64]) -> Option<(Range<usize>, f64)> {}
+        impl Capture {
+            pub fn negatives(&self) -> Option<Negatives> {}
+        }
+    }
     pub mod pairs {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
         pub enum PairKind {
@@ -314,6 +324,7 @@ pub mod capture {
         impl Pulse {
             pub fn new(samples: Vec<f64>, width: f64, start: f64) -> Pulse {}
             pub fn gaussian(fwhm: f64) -> Result<Pulse> {}
+            pub fn with_tail(&self, decay: f64) -> Result<Pulse> {}
             pub fn check(&self) -> Result<()> {}
             pub fn end(&self) -> f64 {}
             pub fn fwhm(&self) -> f64 {}
@@ -331,8 +342,11 @@ pub mod capture {
         }
     }
     pub mod scan {
+        pub fn unit_of(width: f64) -> f64 {}
+        pub fn decimals(usual: usize, width: f64) -> usize {}
         impl Capture {
             pub fn wall_extent(&self) -> [f64; 4] {}
+            pub fn unit(&self) -> f64 {}
             pub fn spacing(&self) -> Option<f64> {}
             pub fn resolution(&self) -> [usize; 2] {}
             pub fn is_confocal(&self) -> bool {}
@@ -745,7 +759,6 @@ pub mod files {
         }
         impl Element {
             pub fn size(self) -> usize {}
-            pub fn is_integer(self) -> bool {}
         }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Array {
@@ -1554,6 +1567,7 @@ pub mod job {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Simulation {
             pub scene: Scene,
+            pub hide_pulse: bool,
             pub render: RenderOptions,
             pub out: PathBuf,
             pub truth: Option<(PathBuf, usize)>,
@@ -1805,6 +1819,7 @@ pub mod simulate {
             capture: &Capture,
             photons: f64,
             dark: Dark,
+            pile_up: Option<f64>,
             seed: u64,
         ) -> Result<Capture> {}
     }
@@ -1812,14 +1827,14 @@ pub mod simulate {
         #[derive(Debug, Clone, Copy, PartialEq, Default)]
         pub enum Layout {
             Confocal,
-            OneLaser { spot: DVec2 },
-            OneSensor { spot: DVec2 },
+            OneLaser { point: DVec2 },
+            OneSensor { point: DVec2 },
             Exhaustive { lasers: usize },
             Irregular { seed: u64 },
         }
         impl Layout {
             pub fn pair_count(self, scan: usize) -> f64 {}
-            pub fn spot(self) -> Option<DVec2> {}
+            pub fn point(self) -> Option<DVec2> {}
         }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Pairs {
@@ -1837,6 +1852,9 @@ pub mod simulate {
             pub fn sensor_scans(&self) -> bool {}
             pub fn check(&self) -> Result<()> {}
         }
+    }
+    mod pile_up {
+        pub fn pile_up(capture: &mut Capture, mean: f64) -> Result<()> {}
     }
     mod render {
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -1881,6 +1899,7 @@ pub mod simulate {
             pub t_start: f64,
             pub reflectance: Reflectance,
             pub pulse: Option<Pulse>,
+            pub pile_up: Option<f64>,
             pub photons: Option<f64>,
             pub dark: Dark,
             pub seed: u64,
@@ -1930,6 +1949,7 @@ pub mod simulate {
     pub use mesh_file::load_mesh;
     pub use noise::{Dark, photon_noise};
     pub use pairs::{Layout, Pairs};
+    pub use pile_up::pile_up;
     pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
     pub use scene::{Object, Scene};
     pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
@@ -2003,6 +2023,7 @@ pub mod solve {
     mod estimate {
         pub fn expected_noise(model: &Model) -> f64 {}
         pub fn background(capture: &Capture) -> f64 {}
+        pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {}
         pub fn variance_per_count(capture: &Capture) -> f64 {}
     }
     mod extent {
@@ -2047,13 +2068,16 @@ pub mod solve {
             pub preset: Preset,
             pub confocal: bool,
             pub reflectance: Reflectance,
+            pub unit: f64,
         }
         impl Suit {
             pub const USUAL: Suit = Suit {
                 preset: Preset::Synthetic,
                 confocal: true,
                 reflectance: Reflectance::Cosine,
+                unit: 1.0,
             };
+            pub fn of(capture: &Capture) -> Suit {}
             pub fn captured(&self) -> bool {}
             pub fn retroreflective(&self) -> bool {}
             pub fn lambertian(&self) -> bool {}
@@ -2610,7 +2634,7 @@ pub mod solve {
     pub use checkpoint::{Checkpoint, Identity, Keep};
     pub use domain::{compact, extract};
     pub use drive::{Beside, Doing, Progress, Watch};
-    pub use estimate::{background, expected_noise, variance_per_count};
+    pub use estimate::{background, expected_noise, variance_per_count, variances};
     pub use extent::default_volume;
     pub use on_device::{OnDevice, VolumeMap, upload};
     pub use option::{Preset, Suit};

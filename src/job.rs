@@ -193,9 +193,11 @@ pub fn load(input: &Input) -> Result<Loaded> {
     Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
 }
 
-/// The published set of parameters that fits the capture: if all counts are whole numbers, a detector made them.
+/// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a
+/// detector made them.
 pub fn preset_for(capture: &Capture) -> Preset {
-    if capture.integer_counts { Preset::Captured } else { Preset::Synthetic }
+    let measured = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
+    if measured { Preset::Captured } else { Preset::Synthetic }
 }
 
 /// The result of a run, besides its files.

@@ -7,8 +7,8 @@ use super::seen::Seen;
 use crate::error::{Error, Result};
 
 impl Capture {
-    /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, counts, and that
-    /// there is any signal at all.
+    /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, finite counts, and
+    /// that there is any signal at all. Single counts may be negative; their sum may not.
     ///
     /// # Errors
     /// `Kind::Input`, naming the first wrong field with its pair, bin and value.
@@ -113,21 +113,18 @@ impl Capture {
 
     /// Checks the counts by what each pair's histogram holds.
     pub(super) fn check_counts(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
-        let mut signal = false;
+        let (mut total, mut dark) = (0.0, true);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {
                 return Err(Error::input(
                     format!("{}, bin {bin}: the count is {value}", self.pair_place(pair)),
-                    if value < 0.0 {
-                        "counts cannot be negative: do not subtract the background, or clamp at 0"
-                    } else {
-                        "counts must be finite: set unknown bins to 0 or drop the pair"
-                    },
+                    "counts must be finite: set unknown bins to 0 or drop the pair",
                 ));
             }
-            signal |= seen.total > 0.0;
+            total += seen.total;
+            dark &= seen.zero;
         }
-        if !signal {
+        if dark {
             return Err(Error::input(
                 format!(
                     "there is no signal: all {} counts between {:.4} m and {:.4} m of path are zero",
@@ -136,6 +133,13 @@ impl Capture {
                     self.t_end()
                 ),
                 "check the gate, or that the right file was given",
+            ));
+        }
+        // NaN must fail too: the sum of numbers beyond fp64.
+        if total.is_nan() || total <= 0.0 {
+            return Err(Error::input(
+                format!("there is no signal: negative counts outweigh the others, the sum of all is {total}"),
+                "subtract less background, or none: it is estimated from the counts",
             ));
         }
         Ok(())

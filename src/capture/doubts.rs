@@ -1,5 +1,6 @@
 //! Signs that a capture is wrong: its time zero, the scale of its wall, empty histograms.
 
+use super::scan::decimals;
 use super::{Capture, PairKind};
 
 /// A bin counts as signal above this share of the largest bin of its histogram.
@@ -31,9 +32,10 @@ impl Capture {
             ));
         }
         if let Some(times) = self.curvature().filter(|times| *times > CURVED) {
+            let (d, b) = (decimals(3, self.span()), decimals(6, self.span()));
             doubts.push(format!(
                 "over the scan the first light curves {times:.1} times as strongly as the light of a point: \
-                 the wall is larger than {:.3} m (is this half its width?), a bin is narrower than {:.6} m \
+                 the wall is larger than {:.d$} m (is this half its width?), a bin is narrower than {:.b$} m \
                  of path, or time zero is later",
                 self.span(),
                 self.bin_width

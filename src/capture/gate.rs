@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Capture;
+use super::scan::decimals;
 use crate::error::{Error, Result};
 
 /// A range of path lengths in metres; an open end is infinite.
@@ -151,9 +152,11 @@ pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
         return None;
     }
     let mean = smooth_mean(capture);
+    // Where the background was taken off, noise leaves means around zero, of which a multiple is no threshold.
+    let noise = capture.negatives().map_or(0.0, |n| (n.variance / (5 * peaks.len()) as f64).sqrt());
     // The valley is the lowest bin before the mean rises clearly above it.
     let mut valley = peak;
-    let rises = |valley: usize, b: usize| mean[b] > 0.0 && mean[b] >= VALLEY * mean[valley];
+    let rises = |valley: usize, b: usize| mean[b] > 0.0 && mean[b] >= VALLEY * mean[valley].max(noise);
     let mut risen = false;
     for b in peak..bins {
         if mean[b] < mean[valley] {
@@ -169,9 +172,10 @@ pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
     }
     let open = (peak..valley).find(|&b| mean[b] <= RESIDUE * indirect).unwrap_or(valley);
     let from = capture.t_start + open as f64 * capture.bin_width;
+    let d = decimals(3, capture.unit());
     let reason = format!(
-        "direct light: {:.0} % of the pairs peak within a bin of path {:.3} m, {:.0} times above the signal \
-         behind it; paths below {from:.3} m are left out",
+        "direct light: {:.0} % of the pairs peak within a bin of path {:.d$} m, {:.0} times above the signal \
+         behind it; paths below {from:.d$} m are left out",
         100.0 * together as f64 / peaks.len() as f64,
         peak_path,
         mean[peak] / indirect
@@ -224,6 +228,7 @@ pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {
         (0..=bins - length).rev().max_by(|a, b| held(*a).total_cmp(&held(*b))).unwrap_or(0).max(dropped);
     let from = capture.t_start + start as f64 * capture.bin_width;
     let to = capture.t_start + (start + length).min(bins) as f64 * capture.bin_width;
-    let reason = format!("the half of the bins with the most counts is used: paths {from:.3} to {to:.3} m");
+    let d = decimals(3, capture.unit());
+    let reason = format!("the half of the bins with the most counts is used: paths {from:.d$} to {to:.d$} m");
     AutoGate { gate: Gate { from, to }, reason }
 }

@@ -15,6 +15,7 @@ pub mod gate;
 mod keep;
 mod lattice;
 mod nearest;
+pub mod negative;
 mod normals;
 pub mod pairs;
 pub mod pulse;
@@ -64,9 +65,9 @@ pub struct Capture {
     pub bin_width: f64,
     /// Leading edge of bin 0 in metres of path.
     pub t_start: f64,
-    /// Counts, `[pair * bins + bin]`, P * T of them.
+    /// Counts, `[pair * bins + bin]`, P * T of them. Negative ones are counts less a background.
     pub histograms: Vec<f32>,
-    /// Whether the source held integers (photon counts).
+    /// Whether all counts are whole numbers and none is negative: photon counts.
     pub integer_counts: bool,
     /// The instrument's pulse, if known.
     pub pulse: Option<Pulse>,

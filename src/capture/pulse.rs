@@ -78,6 +78,38 @@ impl Pulse {
         Ok(Pulse { samples, width: fwhm / SAMPLES as f64, start: -0.5 * WIDTHS as f64 * fwhm })
     }
 
+    /// This pulse with a tail: convolved with an exponential that falls to 1/e over `decay` metres of path, cut off where
+    /// it has fallen to a ten-thousandth.
+    ///
+    /// # Errors
+    /// `Kind::Options` if `decay` is not a positive number, or if the samples of the tail are too many.
+    pub fn with_tail(&self, decay: f64) -> Result<Pulse> {
+        // Samples fine enough for the tail. e^-9.2 is about a ten-thousandth.
+        let parts = (8.0 * self.width / decay).ceil();
+        let width = self.width / parts;
+        let more = (9.2 * decay / width).ceil();
+        let all = self.samples.len() as f64 * parts + more;
+        if !(decay.is_finite() && decay > 0.0 && all <= LONGEST as f64) {
+            return Err(Error::options(
+                format!(
+                    "the tail of the pulse is {decay} m long, and a sample of the pulse {} m",
+                    self.width
+                ),
+                "give the length over which it falls to 1/e, in metres of path: from a tenth of the pulse's width to ten times it",
+            ));
+        }
+        let stays = (-width / decay).exp();
+        let mut tail = 0.0;
+        let finer = self.samples.iter().flat_map(|sample| std::iter::repeat_n(*sample, parts as usize));
+        let samples = finer.chain(std::iter::repeat_n(0.0, more as usize));
+        let samples = samples.map(|sample| {
+            tail = stays * tail + (1.0 - stays) * sample;
+            tail
+        });
+        // The exponential's own samples begin at 0, so their centres are half a sample behind.
+        Ok(Pulse { samples: samples.collect(), width, start: self.start + 0.5 * width })
+    }
+
     /// Checks the samples and their scale.
     ///
     /// # Errors
@@ -276,6 +308,29 @@ mod tests {
             assert!(mean.abs() < 1e-12 && (of_taps / (square - 1.0 / 12.0) - 1.0).abs() < 0.04, "{of_taps}");
             let [_, of_bins] = moments(&pulse.taps_of_bins(bin).unwrap());
             assert!((of_bins / square - 1.0).abs() < 0.02, "{of_bins} {square}");
+        }
+    }
+
+    #[test]
+    fn a_tail_has_the_moments_of_its_exponential() {
+        let sharp = Pulse::gaussian(0.03).unwrap();
+        let [mean, deviation] = sharp.moments();
+        for decay in [0.005, 0.03, 0.2] {
+            let pulse = sharp.with_tail(decay).unwrap();
+            pulse.check().unwrap();
+            // An exponential has its decay as mean and as standard deviation; both variances add up.
+            let [with_mean, with_deviation] = pulse.moments();
+            let (late, wide) = (with_mean - mean, (with_deviation.powi(2) - deviation.powi(2)).sqrt());
+            assert!((late / decay - 1.0).abs() < 0.01 && (wide / decay - 1.0).abs() < 0.02, "{late} {wide}");
+            let sum = |p: &Pulse| p.samples.iter().sum::<f64>() * p.width;
+            assert!((sum(&pulse) / sum(&sharp) - 1.0).abs() < 2e-4);
+            // Far behind, it falls to 1/e over its decay.
+            let at = |path: f64| pulse.samples[((path - pulse.start) / pulse.width) as usize];
+            let (near, far) = (0.06 + decay, 0.06 + 3.0 * decay);
+            assert!(((at(near) / at(far)).ln() / (far - near) * decay - 1.0).abs() < 0.25, "{decay}");
+        }
+        for bad in [0.0, -1.0, f64::NAN, 1e3] {
+            assert!(sharp.with_tail(bad).is_err(), "{bad}");
         }
     }
 

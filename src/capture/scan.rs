@@ -10,6 +10,24 @@ use crate::error::{Error, Result};
 /// Points at most this share of the wall's size apart count as one.
 const SAME_POINT: f64 = 1e-6;
 
+/// Walls and volumes of these widths, metres, use the metre as their unit, as the paper's do.
+const ORDINARY_WIDTHS: std::ops::RangeInclusive<f64> = 0.25..=8.0;
+
+/// Unit of length, metres, for what the paper gives in metres: one, or the width of the wall or the volume if that is
+/// far from one metre.
+pub fn unit_of(width: f64) -> f64 {
+    if ORDINARY_WIDTHS.contains(&width) { 1.0 } else { width }
+}
+
+/// Decimals with which lengths are told, in metres: `usual` for scenes of about a metre and larger ones. A `width` far
+/// below that gets more.
+pub fn decimals(usual: usize, width: f64) -> usize {
+    match unit_of(width) {
+        small if small > 0.0 && small < 1.0 => usual + (-small.log10()).ceil() as usize,
+        _ => usual,
+    }
+}
+
 impl Capture {
     /// The part of the wall that the scan covers: (xmin, xmax, ymin, ymax) in metres. These are the outer edges of the
     /// scan's cells: the points plus half the spacing on every side.
@@ -29,6 +47,12 @@ impl Capture {
             None => cells,
             Some(o) => [cells[0].min(o[0]), cells[1].max(o[1]), cells[2].min(o[2]), cells[3].max(o[3])],
         }
+    }
+
+    /// Unit of length, metres, for this wall ([`unit_of`]).
+    pub fn unit(&self) -> f64 {
+        let [x0, x1, y0, y1] = self.wall_extent();
+        unit_of((x1 - x0).max(y1 - y0))
     }
 
     /// Distance of neighbouring points of the scanned side in metres (the smaller of x and y); `None` for a single

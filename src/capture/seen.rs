@@ -6,7 +6,7 @@
 pub(super) struct Seen {
     /// Sum of the counts; NaN if any is.
     pub(super) total: f64,
-    /// The first bin whose count is negative or not finite, and that count.
+    /// The first bin whose count is not finite, and that count.
     pub(super) wrong: Option<(u32, f32)>,
     /// Whether every count is NaN.
     pub(super) nothing: bool,
@@ -29,7 +29,7 @@ impl Seen {
     pub(super) fn add(&mut self, first: usize, counts: &[f32]) {
         // Cheap passes over good data: a bin is searched for only if something is wrong.
         let (valid, dark) =
-            counts.iter().fold((true, true), |(v, d), c| (v & (*c >= 0.0) & c.is_finite(), d & (*c == 0.0)));
+            counts.iter().fold((true, true), |(v, d), c| (v & c.is_finite(), d & (*c == 0.0)));
         self.zero &= dark;
         if valid {
             self.nothing &= counts.is_empty();
@@ -40,7 +40,7 @@ impl Seen {
         }
         self.nothing &= counts.iter().all(|c| c.is_nan());
         self.total += sum(counts);
-        let wrong = || counts.iter().position(|c| !(c.is_finite() && *c >= 0.0));
+        let wrong = || counts.iter().position(|c| !c.is_finite());
         self.wrong = self.wrong.or_else(|| wrong().map(|bin| ((first + bin) as u32, counts[bin])));
     }
 
@@ -64,7 +64,8 @@ fn sum(counts: &[f32]) -> f64 {
     sums.iter().sum::<f64>() + rest.iter().map(|c| f64::from(*c)).sum::<f64>()
 }
 
-/// Whether all counts are photon counts: whole and not negative. NaN, an unknown count, is no hindrance.
+/// Whether all counts are photon counts: whole and not negative, however they are stored. NaN, an unknown count, is no
+/// hindrance.
 #[cfg(feature = "formats")]
 pub(super) fn whole(counts: &[f32]) -> bool {
     /// Every float from here on is a whole number.
@@ -93,7 +94,7 @@ mod tests {
             let all = Seen::of(&counts);
             assert_eq!(all.nothing, counts.iter().all(|c| c.is_nan()), "{counts:?}");
             assert_eq!(all.zero, counts.iter().all(|c| *c == 0.0), "{counts:?}");
-            let wrong = counts.iter().position(|c| !c.is_finite() || *c < 0.0);
+            let wrong = counts.iter().position(|c| !c.is_finite());
             assert_eq!(all.wrong.map(|w| w.0 as usize), wrong, "{counts:?}");
             for cut in 0..=counts.len() {
                 let mut joined = Seen::of(&counts[..cut]);

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::check::place_in;
+use super::scan::decimals;
 use super::{Capture, METRES_PER_PICOSECOND, PairKind, Pulse};
 
 /// A capture in figures. Lengths are metres of path unless said otherwise.
@@ -125,6 +126,10 @@ impl Capture {
 
 impl std::fmt::Display for Summary {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [x0, x1, y0, y1] = self.wall_extent_m;
+        // Decimals of lengths, of widths of bins, and of those in picoseconds.
+        let d = decimals(4, (x1 - x0).max(y1 - y0));
+        let (b, p) = (d + 2, d - 2);
         let path = |bin: f64| self.t_start_m + bin * self.bin_width_m;
         writeln!(f, "capture   {}", self.name)?;
         let [nx, ny] = self.scan;
@@ -139,14 +144,13 @@ impl std::fmt::Display for Summary {
                 self.resolution[0], self.resolution[1]
             )?;
         }
-        let [x0, x1, y0, y1] = self.wall_extent_m;
         let [low, high] = self.wall_depth_m;
         let wall = match (self.planar, high - low) {
             (true, _) => "flat".to_string(),
             (false, 0.0) => "flat, but not all of its normals are (0, 0, 1)".to_string(),
-            (false, _) => format!("curved or tilted, z {low:.4} to {high:.4} m"),
+            (false, _) => format!("curved or tilted, z {low:.d$} to {high:.d$} m"),
         };
-        writeln!(f, "wall      x {x0:.4} to {x1:.4} m, y {y0:.4} to {y1:.4} m, {wall}")?;
+        writeln!(f, "wall      x {x0:.d$} to {x1:.d$} m, y {y0:.d$} to {y1:.d$} m, {wall}")?;
         let normals = match (self.laser_normals, self.sensor_normals) {
             _ if self.normals_estimated => "estimated from neighbouring points",
             (true, true) => "known",
@@ -155,16 +159,16 @@ impl std::fmt::Display for Summary {
             (false, false) => "not known, taken as (0, 0, 1)",
         };
         writeln!(f, "normals   {normals}")?;
-        writeln!(f, "bins      {} of {:.6} m ({:.2} ps)", self.bins, self.bin_width_m, self.bin_width_ps)?;
+        writeln!(f, "bins      {} of {:.b$} m ({:.p$} ps)", self.bins, self.bin_width_m, self.bin_width_ps)?;
         if let Some(fwhm) = self.pulse_fwhm_m {
             let ps = fwhm / METRES_PER_PICOSECOND;
-            writeln!(f, "pulse     {fwhm:.6} m ({ps:.2} ps) full width at half maximum")?;
+            writeln!(f, "pulse     {fwhm:.b$} m ({ps:.p$} ps) full width at half maximum")?;
         }
-        writeln!(f, "path      {:.4} to {:.4} m", self.t_start_m, self.t_end_m)?;
+        writeln!(f, "path      {:.d$} to {:.d$} m", self.t_start_m, self.t_end_m)?;
         match self.signal_bins {
             Some([a, b]) => writeln!(
                 f,
-                "signal    bins {a} to {b}, path {:.4} to {:.4} m, in {} pairs",
+                "signal    bins {a} to {b}, path {:.d$} to {:.d$} m, in {} pairs",
                 path(a as f64),
                 path(b as f64 + 1.0),
                 self.pairs_with_signal
@@ -173,7 +177,7 @@ impl std::fmt::Display for Summary {
         }
         writeln!(
             f,
-            "peak      {} in bin {} ({:.4} m), {}",
+            "peak      {} in bin {} ({:.d$} m), {}",
             self.peak,
             self.peak_bin,
             path(self.peak_bin as f64 + 0.5),

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use thirdbounce::capture::scan::decimals;
 use thirdbounce::job::{self, Inspection};
 use thirdbounce::{Result, export};
 
@@ -47,14 +48,15 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn text(found: &Inspection) -> String {
     let [nx, ny, nz] = found.grid;
-    let mm = found.voxel.map(|m| format!("{:.2}", 1000.0 * m)).join(" x ");
     let b = &found.volume;
+    let d = decimals(4, (b[1] - b[0]).max(b[3] - b[2]));
+    let mm = found.voxel.map(|m| format!("{:.*}", d - 2, 1000.0 * m)).join(" x ");
     let mut out = format!("{}\n", found.capture);
     found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
     found.doubts.iter().for_each(|doubt| out += &format!("doubt     {doubt}\n"));
     out += &format!(
         "\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n\
-         box       x {:.4} to {:.4} m, y {:.4} to {:.4} m, z {:.4} to {:.4} m\n",
+         box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",
         b[0], b[1], b[2], b[3], b[4], b[5]
     );
     if let Some(device) = &found.device {

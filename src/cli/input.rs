@@ -29,10 +29,11 @@ pub struct CaptureArgs {
     /// with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
-    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, in metres of path; an
-    /// npz file with pulse, pulse_delta_t and pulse_t_start; none for sharp paths; or auto to find the width by quick
+    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, in metres of path; the
+    /// same and, behind a colon, the length over which its tail falls to 1/e; an npz file with pulse, pulse_delta_t and
+    /// pulse_t_start; none for sharp paths; or auto to find the width by quick
     /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else none]
-    #[arg(long, value_name = "M|FILE|none|auto", help_heading = "Capture")]
+    #[arg(long, value_name = "M|M:TAIL|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
     // Not flattened from UnsaidArgs: with a group inside a group, clap cannot tell whether a capture was given.
     /// Scale the wall so that its outermost scan points are SIZE metres apart
@@ -127,11 +128,13 @@ impl CaptureArgs {
     }
 }
 
-/// Reads a pulse from an option: a Gaussian's width in metres of path, or a file.
+/// Reads a pulse from an option: a Gaussian's width in metres of path, the same and the length of its tail, or a file.
 pub fn pulse(text: &str) -> Result<Pulse> {
-    match text.trim().parse::<f64>() {
-        Ok(width) => Pulse::gaussian(width),
-        Err(_) => Pulse::read(Path::new(text)),
+    let numbers: Vec<Option<f64>> = text.split(':').map(|n| n.trim().parse().ok()).collect();
+    match numbers[..] {
+        [Some(width)] => Pulse::gaussian(width),
+        [Some(width), Some(tail)] => Pulse::gaussian(width)?.with_tail(tail),
+        _ => Pulse::read(Path::new(text)),
     }
 }
 

@@ -31,14 +31,14 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 32)]
     scan: usize,
     /// How laser and sensor points are paired. confocal: both at every scan point; one-laser, one-sensor: one of them
-    /// fixed at --spot; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
+    /// fixed at --point; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
     /// points, drawn over the wall with --seed
     #[arg(long, value_name = "KIND", default_value = "confocal",
         value_parser = PossibleValuesParser::new(["confocal", "one-laser", "one-sensor", "exhaustive", "irregular"]))]
     pairs: String,
     /// The fixed laser or sensor point in metres [default: 0,0, the wall's centre]
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
-    spot: Option<String>,
+    point: Option<String>,
     /// Laser points per side of exhaustive pairs [default: as --scan]
     #[arg(long, value_name = "L")]
     grid: Option<usize>,
@@ -63,13 +63,21 @@ pub struct Args {
     #[arg(long, value_name = "ON|OFF", default_value = "on", action = clap::ArgAction::Set,
         value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
     occlusion: bool,
-    /// Albedo of all surfaces
-    #[arg(long, value_name = "A", default_value_t = 1.0)]
-    albedo: f64,
+    /// Albedo of all surfaces [default: 1, except the floor of beyond]
+    #[arg(long, value_name = "A")]
+    albedo: Option<f64>,
     /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, in metres of
-    /// path, or an npz file with pulse, pulse_delta_t and pulse_t_start. The capture then holds the pulse
-    #[arg(long, value_name = "M|FILE")]
+    /// path; the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
+    /// pulse_delta_t and pulse_t_start. The capture then holds the pulse
+    #[arg(long, value_name = "M|M:TAIL|FILE")]
     pulse: Option<String>,
+    /// Leave the pulse out of the capture: a reconstruction has to find it
+    #[arg(long, requires = "pulse")]
+    hide_pulse: bool,
+    /// Record only the first photon of every laser pulse, as detectors with a long dead time do. Of the pair with the
+    /// most light, MEAN photons of a laser pulse are detected on average, usually 0.01 to 0.1
+    #[arg(long, value_name = "MEAN")]
+    pile_up: Option<f64>,
     /// Draw photon counts at random, with P expected in the strongest bin
     #[arg(long, value_name = "P")]
     photons: Option<f64>,
@@ -101,27 +109,27 @@ fn layout(args: &Args) -> Result<Layout> {
         )
     };
     let fixed = matches!(kind, "one-laser" | "one-sensor");
-    if let Some(spot) = args.spot.as_ref().filter(|_| !fixed) {
-        return Err(misplaced("spot", spot.clone(), "one-laser or one-sensor"));
+    if let Some(point) = args.point.as_ref().filter(|_| !fixed) {
+        return Err(misplaced("point", point.clone(), "one-laser or one-sensor"));
     }
     if let Some(grid) = args.grid.filter(|_| kind != "exhaustive") {
         return Err(misplaced("grid", grid.to_string(), "exhaustive"));
     }
-    let spot = args.spot.as_deref().map_or(Ok(DVec2::ZERO), spot_of)?;
+    let point = args.point.as_deref().map_or(Ok(DVec2::ZERO), point_of)?;
     Ok(match kind {
-        "one-laser" => Layout::OneLaser { spot },
-        "one-sensor" => Layout::OneSensor { spot },
+        "one-laser" => Layout::OneLaser { point },
+        "one-sensor" => Layout::OneSensor { point },
         "exhaustive" => Layout::Exhaustive { lasers: args.grid.unwrap_or(args.scan) },
         "irregular" => Layout::Irregular { seed: args.seed },
         _ => Layout::Confocal,
     })
 }
 
-fn spot_of(text: &str) -> Result<DVec2> {
+fn point_of(text: &str) -> Result<DVec2> {
     let numbers: Vec<Option<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers[..] {
         [Some(x), Some(y)] => Ok(DVec2::new(x, y)),
-        _ => Err(Error::options(format!("--spot is {text:?}"), "give x,y in metres: 0.1,-0.2")),
+        _ => Err(Error::options(format!("--point is {text:?}"), "give x,y in metres: 0.1,-0.2")),
     }
 }
 
@@ -132,15 +140,16 @@ fn scenes() -> String {
 
 pub fn run(args: &Args) -> Result<()> {
     let mut scene = Scene::named(&args.scene)?;
-    scene.set_albedo(args.albedo);
+    args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
     scene.pulse = args.pulse.as_deref().map(pulse).transpose()?;
-    (scene.photons, scene.dark) = (args.photons, Dark::Counts(args.dark));
+    (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);
     let simulation = Simulation {
         scene,
+        hide_pulse: args.hide_pulse,
         render: RenderOptions { noise: args.noise, seed: args.seed, ..RenderOptions::default() },
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),

@@ -18,7 +18,8 @@ pub struct SolverArgs {
     /// quick trials [default: auto; paper cosine]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     model: Option<String>,
-    /// The published parameters to start from [default: captured if all counts are whole numbers, else synthetic]
+    /// The published parameters to start from [default: captured if all counts are whole numbers or
+    /// some are negative, else synthetic]
     #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
     pub preset: Option<Preset>,
     /// Get the same bits from every run with the same seed and device: fixed-point accumulation
@@ -79,11 +80,14 @@ impl SolverArgs {
         let preset = given.unwrap_or_else(|| job::preset_for(capture));
         let mut notes = vec![];
         if given.is_none() {
-            let counts = if capture.integer_counts { "whole numbers" } else { "not whole numbers" };
-            notes.push(format!("the counts are {counts}: --preset {} is used", job::plain(&preset)));
+            let why = match preset {
+                _ if capture.integer_counts => "the counts are whole numbers",
+                Preset::Captured => "some counts are negative",
+                Preset::Synthetic => "the counts are not whole numbers",
+            };
+            notes.push(format!("{why}: --preset {} is used", job::plain(&preset)));
         }
-        let of_model =
-            |reflectance| self.options(base, &Suit { preset, confocal: capture.is_confocal(), reflectance });
+        let of_model = |reflectance| self.options(base, &Suit { preset, reflectance, ..Suit::of(capture) });
         // `check` has refused unknown names.
         let named = self.model(base).and_then(|name| job::reflectance(name).ok());
         let solver = of_model(named.unwrap_or(Reflectance::Cosine));

@@ -64,7 +64,11 @@ pub fn report(report: &Report) -> String {
 /// Figures against truth.
 pub fn metrics(m: &Metrics) -> String {
     let share = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3}"));
-    let mm = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.2} mm", 1000.0 * v));
+    let mm = |v: Option<f64>| match v {
+        None => "-".into(),
+        Some(v) if v < 1e-4 => format!("{} mm", number(1000.0 * v)),
+        Some(v) => format!("{:.2} mm", 1000.0 * v),
+    };
     let degrees = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.1} degrees"));
     let best = match (m.best_iou, m.best_fraction, &m.at_best) {
         (Some(iou), Some(fraction), Some(best)) => format!(

@@ -25,6 +25,8 @@ use crate::maps::Maps;
 /// A vertex is cut off if it is more than this many pixels aside of every point. The middle of four points is 0.71 from
 /// each.
 const NEAR: f64 = 0.8;
+/// Samples nearer than this to a vertex, in pixels squared, weigh no more.
+const LEAST_AWAY: f64 = 1e-8;
 /// Least |n_z| of a normal. A steeper surface counts as this steep: it has too few pixels to measure its slope.
 const STEEPEST: f64 = 0.25;
 
@@ -129,7 +131,7 @@ fn seen(maps: &Maps, samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Optio
         let aside = away.x.hypot(away.y);
         let slope = sample.normal.x.hypot(sample.normal.y) / sample.normal.z.abs().max(STEEPEST);
         if aside <= NEAR * pitch && away.z.abs() <= pitch * slope.max(1.0) {
-            let weight = 1.0 / away.length_squared().max(1e-12);
+            let weight = 1.0 / away.length_squared().max(LEAST_AWAY * pitch * pitch);
             sum += weight * f64::from(maps.albedo[pixel]);
             weights += weight;
         }

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement};
+use crate::capture::scan::decimals;
 use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::maps::{Maps, percentile};
@@ -87,7 +88,7 @@ pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
 fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
     const MARGIN: usize = 12;
     let Some((near, far)) = range else { return map.clone() };
-    let labels = [far, near].map(|depth| format!("{depth:.3} m"));
+    let labels = [far, near].map(|depth| format!("{depth:.*} m", decimals(3, far)));
     let height = map.height.max(SIDE / 4);
     let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);
     picture.paste(map, 0, 0);

@@ -52,11 +52,6 @@ impl Element {
     pub fn size(self) -> usize {
         self.entry().2
     }
-
-    /// Whether it is an integer or a boolean.
-    pub fn is_integer(self) -> bool {
-        !matches!(self, Element::F32 | Element::F64)
-    }
 }
 
 /// An array: `bytes` holds `shape.product()` elements, in C order unless `fortran`.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::Result;
+use crate::capture::scan::decimals;
 use crate::export::picture::{BACKGROUND, CAPITAL, INK, Picture, colour};
 use crate::export::png;
 use crate::maps::{Maps, Truth, percentile};
@@ -21,7 +22,7 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     let real = as_maps(truth);
     let depths: Vec<f32> = [maps, &real].iter().flat_map(|m| shown_depths(m)).collect();
     let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
-    let (near, far) = range.map_or((0.0, 1.0), |(a, b)| (a, b.max(a + 1e-3)));
+    let (near, far) = range.map_or((0.0, 1.0), |(a, b)| (a, b.max(1.001 * a)));
     let depth = |maps: &Maps| {
         panel(maps, |p| if maps.mask[p] { depth_colour(maps.depth[p], near, far) } else { BACKGROUND })
     };
@@ -39,7 +40,7 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
         ("true depth", depth(&real)),
     ];
 
-    let labels = [far, near].map(|depth| format!("{depth:.2} m"));
+    let labels = [far, near].map(|depth| format!("{depth:.*} m", decimals(2, far.into())));
     let bar = GAP + panels.len() * (PANEL + GAP);
     let mut picture = Picture::new(bar + Picture::bar_width(&labels) + GAP, GAP + LINE + PANEL + GAP);
     let top = GAP + LINE;

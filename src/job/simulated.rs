@@ -14,6 +14,8 @@ use crate::{Error, Result};
 pub struct Simulation {
     /// The scene.
     pub scene: Scene,
+    /// Leave the pulse out of the capture.
+    pub hide_pulse: bool,
     /// How it is rendered.
     pub render: RenderOptions,
     /// The capture, .npz or .hdf5.
@@ -63,7 +65,10 @@ pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<S
     }
     let start = Instant::now();
     let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(&what.scene, *n)).transpose()?;
-    let rendering = simulate::simulate(&what.scene, &what.render)?;
+    let mut rendering = simulate::simulate(&what.scene, &what.render)?;
+    if what.hide_pulse {
+        rendering.capture.pulse = None;
+    }
     rendering.capture.check()?;
     let seconds = start.elapsed().as_secs_f64();
     before_writing();

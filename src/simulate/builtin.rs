@@ -17,6 +17,11 @@ const KNOWN: &[(&str, &str)] = &[
     ("torus", "a tilted torus of radius 0.2 m at z = 0.7 m"),
     ("occluder", "a plate at z = 0.5 m that hides part of a larger square at z = 0.9 m"),
     ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
+    (
+        "beyond",
+        "the figure aside, its raised arm beyond a wall of 1 m, on a floor that goes on beyond it, with a plate there",
+    ),
+    ("within", "what of beyond stands before a wall of 1 m: no raised arm, floor or plate"),
 ];
 
 impl Scene {
@@ -56,10 +61,29 @@ fn named(spec: &str) -> Result<Scene> {
                 rectangle(dvec3(0.18, 0.05, 0.5), DVec3::Y * 0.2, DVec3::X * 0.12),
             ],
             "figure" => figure(dvec3(0.0, 0.0, 0.7), 0.85),
+            "beyond" => return Ok(beyond()),
+            "within" => aside().0,
             _ => return Err(unknown(spec)),
         }
     };
     Ok(Scene::new(lower.replace(':', "-"), objects(meshes)))
+}
+
+/// The figure, moved to the right and down: what of it stands before a wall of 1 m, and its raised arm beyond.
+fn aside() -> (Vec<Mesh>, Vec<Mesh>) {
+    let before = |mesh: &Mesh| mesh.bounds().is_some_and(|(low, _)| low.x < 0.5);
+    figure(dvec3(0.34, -0.1, 0.7), 0.85).into_iter().partition(before)
+}
+
+/// A figure that stands before the wall but for its raised arm, and on a floor just below the scanned part. The floor
+/// goes on to both sides and behind, and a plate stands on it beside the scanned part.
+fn beyond() -> Scene {
+    let (before, arm) = aside();
+    let plate = rectangle(dvec3(-0.85, -0.15, 1.1), DVec3::Y * 0.38, DVec3::X * 0.2);
+    let floor = rectangle(dvec3(0.0, -0.53, 1.2), DVec3::Z * 0.6, DVec3::X * 1.3);
+    let mut scene = Scene::new("beyond", objects([before, arm, vec![plate]].concat()));
+    scene.objects.push(Object { mesh: floor, albedo: 0.5 });
+    scene
 }
 
 fn objects(meshes: Vec<Mesh>) -> Vec<Object> {

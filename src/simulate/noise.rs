@@ -1,5 +1,6 @@
 //! Photon noise.
 
+use super::pile_up;
 use crate::capture::Capture;
 use crate::{Error, Result};
 use rand::SeedableRng;
@@ -20,12 +21,21 @@ pub enum Dark {
 }
 
 /// The capture as photon counts: scaled so that its strongest bin expects `photons` counts, with dark counts added, and
-/// drawn from Poisson distributions. A seed gives the same counts on any number of threads.
+/// drawn from Poisson distributions. `pile_up`: only the first photon of every laser pulse is recorded, as by
+/// [`pile_up`](super::pile_up()), after the dark counts were added. A seed gives the same counts on any number of
+/// threads.
 ///
 /// # Errors
-/// Photons or dark counts out of range, a capture without signal, or values that are negative or not finite.
-pub fn photon_noise(capture: &Capture, photons: f64, dark: Dark, seed: u64) -> Result<Capture> {
+/// Photons, dark counts or pile-up out of range, a capture without signal, or values that are negative or not finite.
+pub fn photon_noise(
+    capture: &Capture,
+    photons: f64,
+    dark: Dark,
+    pile_up: Option<f64>,
+    seed: u64,
+) -> Result<Capture> {
     check(Some(photons), dark)?;
+    pile_up::check(pile_up)?;
     let values = &capture.histograms;
     if let Some(i) = values.iter().position(|v| !(v.is_finite() && *v >= 0.0)) {
         return Err(Error::input(
@@ -45,13 +55,18 @@ pub fn photon_noise(capture: &Capture, photons: f64, dark: Dark, seed: u64) -> R
         Dark::Counts(counts) => counts,
     };
     let scale = photons / peak;
+    let expected =
+        |values: &[f32]| -> Vec<f64> { values.iter().map(|v| f64::from(*v) * scale + background).collect() };
+    let rows = || capture.histograms.chunks_exact(capture.bins);
+    let pulses = pile_up.map(|mean| pile_up::laser_pulses(rows().map(expected), mean));
     let mut noisy = capture.clone();
     noisy.integer_counts = true;
     noisy.histograms.par_chunks_mut(capture.bins).enumerate().for_each(|(pair, histogram)| {
         let stream = (pair as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mut rng = Pcg64::seed_from_u64(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ stream);
-        for value in histogram {
-            let mean = *value as f64 * scale + background;
+        let mut means = expected(histogram);
+        pulses.into_iter().for_each(|pulses| pile_up::keep_first(&mut means, pulses));
+        for (value, mean) in histogram.iter_mut().zip(means) {
             // Poisson::new refuses a mean of 0, which means no photons.
             *value = Poisson::new(mean).map_or(0.0, |counts| counts.sample(&mut rng) as f32);
         }

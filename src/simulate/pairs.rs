@@ -16,12 +16,12 @@ pub enum Layout {
     /// The laser at one point, the sensor at every scan point: n² pairs.
     OneLaser {
         /// The laser point (x, y), metres.
-        spot: DVec2,
+        point: DVec2,
     },
     /// The sensor at one point, the laser at every scan point: n² pairs.
     OneSensor {
         /// The sensor point (x, y), metres.
-        spot: DVec2,
+        point: DVec2,
     },
     /// Each of `lasers` × `lasers` laser points with every scan point: lasers² · n² pairs.
     Exhaustive {
@@ -46,9 +46,9 @@ impl Layout {
     }
 
     /// The fixed laser or sensor point (x, y), metres, if the layout has one.
-    pub fn spot(self) -> Option<DVec2> {
+    pub fn point(self) -> Option<DVec2> {
         match self {
-            Layout::OneLaser { spot } | Layout::OneSensor { spot } => Some(spot),
+            Layout::OneLaser { point } | Layout::OneSensor { point } => Some(point),
             _ => None,
         }
     }
@@ -77,8 +77,8 @@ impl Pairs {
         let grid = cell_centres(n, wall);
         let ([nx, ny], laser, sensor) = match layout {
             Layout::Confocal => ([n, n], grid.clone(), grid),
-            Layout::OneLaser { spot } => ([n, n], vec![spot; n * n], grid),
-            Layout::OneSensor { spot } => ([n, n], grid.clone(), vec![spot; n * n]),
+            Layout::OneLaser { point } => ([n, n], vec![point; n * n], grid),
+            Layout::OneSensor { point } => ([n, n], grid.clone(), vec![point; n * n]),
             Layout::Exhaustive { lasers } => {
                 let each = cell_centres(lasers, wall);
                 let laser = each.iter().flat_map(|&l| std::iter::repeat_n(l, grid.len())).collect();

@@ -2,7 +2,7 @@
 
 use super::elements::{Element, elements};
 use super::visibility::Surfaces;
-use super::{Pairs, Reflectance, Scene, photon_noise};
+use super::{Pairs, Reflectance, Scene, photon_noise, pile_up};
 use crate::capture::Capture;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -39,10 +39,11 @@ pub struct Rendering {
     pub converged: bool,
 }
 
-/// Renders the scene's scan, spreads it by the instrument's pulse and adds photon noise, if the scene has them.
+/// Renders the scene's scan, spreads it by the instrument's pulse, piles photons up and adds photon noise, if the scene
+/// has them.
 ///
 /// # Errors
-/// Those of [`render`] and [`photon_noise`].
+/// Those of [`render`], [`pile_up`] and [`photon_noise`].
 pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     let mut rendering = render(scene, options)?;
     if let Some(pulse) = &scene.pulse {
@@ -51,7 +52,9 @@ pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
         capture.pulse = Some(pulse.clone());
     }
     if let Some(photons) = scene.photons {
-        rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.seed)?;
+        rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.pile_up, scene.seed)?;
+    } else if let Some(mean) = scene.pile_up {
+        pile_up(&mut rendering.capture, mean)?;
     }
     Ok(rendering)
 }

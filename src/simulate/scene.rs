@@ -14,7 +14,7 @@ const MOST_VALUES: f64 = 4_294_967_296.0;
 pub struct Object {
     /// The surface.
     pub mesh: Mesh,
-    /// Albedo, 0 or above; 1 for the built-in scenes.
+    /// Albedo, 0 or above; 1 for the objects of the built-in scenes, ½ for a floor.
     pub albedo: f64,
 }
 
@@ -45,7 +45,10 @@ pub struct Scene {
     pub reflectance: Reflectance,
     /// How the instrument spreads a path over time; `None`: it does not.
     pub pulse: Option<Pulse>,
-    /// Photons expected in the strongest bin; `None`: no photon noise, radiometric values.
+    /// Mean number of photons of a laser pulse that are detected of the pair with the most light, if the detector records
+    /// only the first of them; `None`: it records all.
+    pub pile_up: Option<f64>,
+    /// Photons expected in the strongest bin before pile-up; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
     /// Dark counts added to every bin; needs `photons`.
     pub dark: Dark,
@@ -70,6 +73,7 @@ impl Scene {
             t_start: 0.0,
             reflectance: Reflectance::Cosine,
             pulse: None,
+            pile_up: None,
             photons: None,
             dark: Dark::Counts(0.0),
             seed: 0,
@@ -81,7 +85,7 @@ impl Scene {
         self.objects.iter_mut().for_each(|o| o.albedo = albedo);
     }
 
-    /// The number of bins of the capture: `bins`, or enough for any two points of the wall, and for the spot if
+    /// The number of bins of the capture: `bins`, or enough for any two points of the wall, and for the fixed point if
     /// the layout has one.
     pub fn bin_count(&self) -> usize {
         self.bins.unwrap_or_else(|| {
@@ -94,8 +98,8 @@ impl Scene {
                 corners().flat_map(|p| points.iter().map(|q| p.distance(*q))).fold(0.0, f64::max)
             };
             let far = from(&wall);
-            let spot = self.layout.spot().map(|s| from(&[DVec3::new(s.x, s.y, 0.0)]));
-            let longest = far + spot.map_or(far, |spot| spot.max(far));
+            let point = self.layout.point().map(|p| from(&[DVec3::new(p.x, p.y, 0.0)]));
+            let longest = far + point.map_or(far, |point| point.max(far));
             let tail = self.pulse.as_ref().map_or(0.0, |p| p.end().max(0.0));
             let bins = ((longest + tail - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
             (bins as usize + 1).next_multiple_of(32)
@@ -140,9 +144,9 @@ impl Scene {
                 "give at least one scan point and one bin",
             ));
         }
-        if let Some(spot) = self.layout.spot().filter(|s| !s.is_finite()) {
+        if let Some(point) = self.layout.point().filter(|s| !s.is_finite()) {
             return Err(Error::options(
-                format!("the fixed laser or sensor point is at {spot}"),
+                format!("the fixed laser or sensor point is at {point}"),
                 "give x,y in metres, as 0.1,-0.2",
             ));
         }
@@ -158,6 +162,7 @@ impl Scene {
             pulse.taps_of_bins(self.bin_width)?;
         }
         super::noise::check(self.photons, self.dark)?;
+        super::pile_up::check(self.pile_up)?;
         let pairs = self.layout.pair_count(self.scan);
         let values = pairs * self.bin_count() as f64;
         if values > MOST_VALUES {

@@ -1,6 +1,9 @@
 //! Estimates that the vector solver makes from the data.
 
+use std::ops::Range;
+
 use crate::capture::Capture;
+use crate::capture::negative::quiet_bins;
 use crate::transport::Model;
 
 /// The weighted data term of photon noise alone. Below it a solver fits noise (discrepancy principle, Morozov 1966).
@@ -13,37 +16,82 @@ pub fn expected_noise(model: &Model) -> f64 {
 }
 
 /// Counts per bin without light: the lowest mean, over all pairs, of any sixteenth of the bins behind the strongest
-/// one; 0 if there are fewer bins behind it.
+/// one; 0 if there are fewer bins behind it. About 0 if the background was taken off before.
 pub fn background(capture: &Capture) -> f64 {
-    let bins = capture.bins;
-    let mean = capture.mean_histogram();
-    let peak = (0..bins).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
-    let window = (bins / 16).max(1);
-    let behind = mean[peak + 1..].windows(window).map(|w| w.iter().sum::<f64>() / window as f64);
-    behind.reduce(f64::min).unwrap_or(0.0)
+    quiet_bins(&capture.mean_histogram()).map_or(0.0, |(_, lowest)| lowest)
 }
 
-/// Variance of a bin over its mean count; 1 for photons. Estimated from second differences along time, whose square is
-/// 1.5 variances on average where the signal is smooth. The median over bins ignores edges.
+/// Variance of a bin per count of its light, and variance of a bin without light in counts squared. `background` is in
+/// counts per bin.
+pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {
+    match capture.negatives() {
+        // The background is gone, its noise is still there.
+        Some(found) if found.variance > 0.0 => [variance_above(capture, found.variance), found.variance],
+        _ => {
+            let per_count = variance_per_count(capture);
+            [per_count, per_count * background.max(0.0)]
+        }
+    }
+}
+
+/// Median and first quartile of a squared standard normal.
+const MEDIAN: f64 = 0.4549;
+const QUARTILE: f64 = 0.1015;
+
+/// A second difference along time squared, and the counts that its variance comes from: for photons it is 1.5 variances
+/// of a bin on average where the signal is smooth.
+fn bend(w: &[f32]) -> [f64; 2] {
+    let [a, b, c] = [w[0], w[1], w[2]].map(f64::from);
+    [(b - 0.5 * (a + c)).powi(2), 0.25 * a + b + 0.25 * c]
+}
+
+/// The value that a share of `values` is below, which it reorders; 0 without any.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let place = (values.len() as f64 * share) as usize;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(place, f64::total_cmp).1 }
+}
+
+/// Variance of a bin over its mean count; 1 for photons. Estimated from second differences along time. The median over
+/// bins ignores edges.
 pub fn variance_per_count(capture: &Capture) -> f64 {
-    // Median of a squared standard normal.
-    const MEDIAN: f64 = 0.4549;
     if capture.integer_counts {
         return 1.0;
     }
-    let mut ratios: Vec<f64> = capture
-        .histograms
-        .chunks_exact(capture.bins)
-        .flat_map(|h| h.windows(3))
-        .filter(|w| w.iter().all(|v| *v > 0.0))
-        .map(|w| {
-            let [a, b, c] = [w[0], w[1], w[2]].map(f64::from);
-            (b - 0.5 * (a + c)).powi(2) / (0.25 * a + b + 0.25 * c)
-        })
-        .collect();
-    if ratios.is_empty() {
-        return 0.0;
+    let windows = capture.histograms.chunks_exact(capture.bins).flat_map(|h| h.windows(3));
+    let lit = windows.filter(|w| w.iter().all(|v| *v > 0.0)).map(bend);
+    quantile(&mut lit.map(|[squared, counts]| squared / counts).collect::<Vec<_>>(), 0.5) / MEDIAN
+}
+
+/// Bins with so much light, in standard deviations of an empty bin, tell the noise of light: dimmer ones have too little
+/// of it, and in brighter ones the bends of the histogram itself outweigh it.
+const LIT: Range<f64> = 3.0..6.0;
+/// Least number of such bins; with fewer, all brighter ones count, too.
+const FEWEST: usize = 256;
+/// Most second differences that [`variance_above`] looks at.
+const MOST: usize = 1 << 16;
+
+/// Variance of a bin per count of its light, if a bin without light has the variance `empty`: with it, a quarter of the
+/// squared second differences is below the quartile of their distribution. Edges are among the other three.
+fn variance_above(capture: &Capture, empty: f64) -> f64 {
+    let windows = || capture.histograms.chunks_exact(capture.bins).flat_map(|h| h.windows(5));
+    // Bins are chosen by those beside them, whose noise is their own.
+    let light = |w: &[f32]| 0.5 * (f64::from(w[0]) + f64::from(w[4])) / empty.sqrt();
+    let lit = |most: f64| windows().filter(move |w| (LIT.start..most).contains(&light(w)));
+    let most = if lit(LIT.end).take(FEWEST).count() < FEWEST { f64::INFINITY } else { LIT.end };
+    let every = lit(most).count().div_ceil(MOST).max(1);
+    let bends: Vec<[f64; 2]> = lit(most).step_by(every).map(|w| bend(&w[1..4])).collect();
+    let ratio = |per_count: f64| {
+        let ratios =
+            bends.iter().map(|[squared, counts]| squared / (per_count * counts.max(0.0) + 1.5 * empty));
+        quantile(&mut ratios.collect::<Vec<_>>(), 0.25)
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    while ratio(high) > QUARTILE && high < 1e30 {
+        (low, high) = (high, 4.0 * high);
     }
-    let middle = ratios.len() / 2;
-    *ratios.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if ratio(middle) > QUARTILE { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }

@@ -4,6 +4,7 @@ use glam::{DVec3, dvec3};
 
 use crate::advice::advice;
 use crate::capture::Capture;
+use crate::capture::scan::decimals;
 use crate::transport::Volume;
 use crate::{Error, Result};
 
@@ -30,9 +31,10 @@ pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
     let low = nearest.max(front + min_depth);
     let (high, t_last) = deepest(capture);
     if high <= low {
+        let d = decimals(3, capture.unit());
         return Err(Error::options(
             format!(
-                "the last signal is at a path of {t_last:.3} m, a depth of {high:.3} m, and nothing nearer than {low:.3} m is reconstructed"
+                "the last signal is at a path of {t_last:.d$} m, a depth of {high:.d$} m, and nothing nearer than {low:.d$} m is reconstructed"
             ),
             advice!["give a smaller " MinDepth ", or check the capture's bin width and time zero (" [Capture] ")"],
         ));

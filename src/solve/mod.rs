@@ -25,7 +25,7 @@ pub mod vector;
 pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
-pub use estimate::{background, expected_noise, variance_per_count};
+pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub use extent::default_volume;
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};

@@ -8,6 +8,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::{Accumulation, Sizes};
+use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 use crate::{Error, Result};
 
@@ -30,12 +31,19 @@ pub struct Suit {
     pub confocal: bool,
     /// How surfaces reflect.
     pub reflectance: Reflectance,
+    /// Unit of defaults that are lengths, metres ([`Capture::unit`]).
+    pub unit: f64,
 }
 
 impl Suit {
-    /// The scenes of the paper: rendered, confocal, one cosine.
+    /// The scenes of the paper: rendered, confocal, one cosine, a wall of about a metre.
     pub const USUAL: Suit =
-        Suit { preset: Preset::Synthetic, confocal: true, reflectance: Reflectance::Cosine };
+        Suit { preset: Preset::Synthetic, confocal: true, reflectance: Reflectance::Cosine, unit: 1.0 };
+
+    /// What a capture tells: its kind of pairs and the width of its wall. The rest is as usual.
+    pub fn of(capture: &Capture) -> Suit {
+        Suit { confocal: capture.is_confocal(), unit: capture.unit(), ..Suit::USUAL }
+    }
 
     /// Whether histograms were captured.
     pub fn captured(&self) -> bool {

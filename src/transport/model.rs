@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, Reflectance, Wall};
+use crate::capture::scan::unit_of;
 use crate::capture::{Capture, Pulse, PulseTaps};
 
 /// Where the sample of a voxel lies.
@@ -99,17 +100,12 @@ pub struct Model {
     pub roughness: f64,
 }
 
-/// The paper's constant. The renderer multiplies by it and by (lateral pitch)², in units of [`unit_of`].
+/// The paper's constant. The renderer multiplies by it and by (lateral pitch)², in units of [`unit_of_areas`].
 const RENDER_FACTOR: f64 = 2.0;
 
-/// Volumes of these widths, metres, use the metre as their unit, as the paper's do.
-const ORDINARY_WIDTHS: std::ops::RangeInclusive<f64> = 0.25..=8.0;
-
-/// Unit of length for areas, metres: one, or the volume's width if that is far from one metre. Albedo and step lengths
-/// are then the same as for a volume of one metre.
-fn unit_of(grid: &Grid) -> f64 {
-    let width = (grid.pitch.x * grid.n[0] as f64).max(grid.pitch.y * grid.n[1] as f64);
-    if ORDINARY_WIDTHS.contains(&width) { 1.0 } else { width }
+/// Unit of length for areas, metres. Albedo and step lengths are then the same as for a volume of one metre.
+fn unit_of_areas(grid: &Grid) -> f64 {
+    unit_of((grid.pitch.x * grid.n[0] as f64).max(grid.pitch.y * grid.n[1] as f64))
 }
 
 /// Number of cells of `pairs` histograms of `bins` bins, with the padding before each and after the last.
@@ -304,7 +300,7 @@ impl Model {
             start_bins_rest: fine.start_bins[1] as f32,
             reference: self.reference as f32,
             nearest: self.nearest(grid) as f32,
-            render_scale: (grid.pitch.x * grid.pitch.y / unit_of(grid).powi(2) * RENDER_FACTOR) as f32,
+            render_scale: (grid.pitch.x * grid.pitch.y / unit_of_areas(grid).powi(2) * RENDER_FACTOR) as f32,
             loss_scale: (1.0 / elements as f64) as f32,
             l1_scale: (self.l1 / grid.voxels() as f64) as f32,
             noise_base: (self.noise[0] * self.peak) as f32,

@@ -2,9 +2,9 @@
 
 use std::io::{Cursor, Write};
 
-use fixtures::captures::{as_written, assert_error, capture, place, ramp};
+use fixtures::captures::{as_written, assert_error, capture, changed, place, ramp};
 use glam::DVec3;
-use thirdbounce::capture::{Capture, formats, read, write};
+use thirdbounce::capture::{Capture, formats, read, read_with_notes, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::{Array, Element};
 use thirdbounce::{Kind, Result};
@@ -30,6 +30,48 @@ fn captures_come_back_as_they_were() {
         for c in [&whole, &large, &real, &one_sensor, &single] {
             assert_eq!(round_trip(c, &format!("made.{ending}")), as_written(c, ending));
         }
+    }
+}
+
+#[test]
+fn counts_are_whole_by_value() {
+    let as_floats = changed(&ramp(), |c| c.integer_counts = false);
+    let fraction = changed(&as_floats, |c| c.histograms[17] = 0.5);
+    let below = changed(&as_floats, |c| c.histograms[17] = -1.0);
+    for ending in ["npz", "hdf5"] {
+        let read = |c: &Capture| round_trip(c, &format!("made.{ending}"));
+        assert!(read(&as_floats).integer_counts, "{ending}");
+        assert!(!read(&fraction).integer_counts && !read(&below).integer_counts, "{ending}");
+        // Nothing but zeros is no count.
+        let (_folder, path) = place(&format!("made.{ending}"));
+        let dark = changed(&as_floats, |c| c.histograms.fill(0.0));
+        assert_error(write(&dark, &path), Kind::Input, &["no signal"]);
+    }
+}
+
+#[test]
+fn negative_counts_are_told_with_their_noise() {
+    let taken_off = capture([4, 4], 64, |p, b| match b {
+        10..16 => 100.0,
+        // Noise of mean 0 and variance 4.
+        _ => {
+            if (7 * p + 3 * b) % 4 < 2 {
+                2.0
+            } else {
+                -2.0
+            }
+        }
+    });
+    for ending in ["npz", "hdf5"] {
+        let (_folder, path) = place(&format!("made.{ending}"));
+        write(&taken_off, &path).unwrap();
+        let opened = read_with_notes(&path).unwrap();
+        let note = opened.notes.iter().find(|n| n.contains("are negative")).unwrap();
+        let count = opened.capture.histograms.iter().filter(|v| **v < 0.0).count();
+        assert!(count > 100 && note.starts_with(&format!("{count} of 1024 counts")), "{note}");
+        assert!(!opened.capture.integer_counts && note.contains("noise"), "{note}");
+        write(&ramp(), &path).unwrap();
+        assert!(!read_with_notes(&path).unwrap().notes.iter().any(|n| n.contains("negative")));
     }
 }
 
@@ -94,7 +136,7 @@ fn npz_of_every_element_type_and_order() {
     assert_eq!(wanted.histograms, ramp().histograms);
     assert_eq!(wanted.sensor, vec![DVec3::new(0.0, 0.1, 0.2); 6]);
     assert_eq!(wanted.laser[5], DVec3::new(15.0, 16.0, 17.0));
-    assert!(!wanted.integer_counts);
+    assert!(wanted.integer_counts);
     let values: Vec<u8> = (0..5u8).flat_map(|b| (0..6).map(move |p| 10 * p + b)).collect();
     let bytes = |v: u8, element: Element, big: bool| -> Vec<u8> {
         let mut bytes = match element {
@@ -125,7 +167,7 @@ fn npz_of_every_element_type_and_order() {
                 let h = Array { shape: vec![5, 3, 2], element, big_endian, fortran, bytes };
                 let read = read_arrays(&with("H", h)).unwrap();
                 assert_eq!(read.histograms, wanted.histograms, "{element:?} {big_endian} {fortran}");
-                assert_eq!(read.integer_counts, element.is_integer());
+                assert!(read.integer_counts, "{element:?}: whole by value, whatever the type");
             }
         }
     }
@@ -197,7 +239,7 @@ fn wrong_npz_captures() {
     wrong("H", Array::from_f32(&[5, 0, 2], &[]), &["0 scan positions"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[0.0; 30]), &["no signal"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[f32::NAN; 30]), &["no pair", "6"]);
-    wrong("H", Array::from_f32(&[5, 3, 2], &[-1.0; 30]), &["-1", "negative"]);
+    wrong("H", Array::from_f32(&[5, 3, 2], &[-1.0; 30]), &["negative counts outweigh", "-30"]);
     wrong(
         "sensor_xyz",
         Array::from_f64(&[5, 3], &[0.0; 15]),

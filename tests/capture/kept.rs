@@ -148,11 +148,27 @@ fn pairs_that_were_not_measured_are_left_out_before_pairs_are_chosen() {
     }
 }
 
+/// Also where the part that is kept is whole.
+#[test]
+fn counts_read_in_blocks_are_whole_by_value() {
+    let (_folder, path) = place("made.mat");
+    let keep = Keep::default().with_stride(3);
+    for (other, whole) in [(2.0, true), (0.5, false), (-1.0, false)] {
+        for kind in [originals::Kind::Single, originals::Kind::Double] {
+            let cube = Cube { shape: [30, 8, 7], kind, ..SMALL };
+            let value = |at: [usize; 3]| if at == [25, 2, 1] { other } else { 1.0 };
+            originals::write(&path, &cube, &value, &[("width", &[1, 1], &[0.5])]);
+            let read = read_kept(&path, &Given::default(), &keep).unwrap().capture;
+            assert_eq!(read.integer_counts, whole, "{other}");
+        }
+    }
+}
+
 #[test]
 fn all_counts_are_checked_not_only_those_that_are_kept() {
     let (_folder, path) = place("made.mat");
     let keep = Keep::default().with_stride(3).with_gate(Gate { from: 0.0, to: 0.02 });
-    for (wrong, words) in [(-1.0, "negative"), (f64::INFINITY, "finite"), (f64::NAN, "finite")] {
+    for (wrong, words) in [(f64::NEG_INFINITY, "finite"), (f64::INFINITY, "finite"), (f64::NAN, "finite")] {
         let value = |at: &[usize]| if *at == [1, 2, 25] { wrong } else { 1.0 };
         for stored in [Stored::Plain, Stored::Compressed] {
             let lct = [matrix("rect_data", &[7, 8, 30], value), scalar("width", 0.5)];

@@ -286,13 +286,15 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         ("--bin-width", "0", "bin width is 0"),
         ("--albedo", "-1", "albedo -1"),
         ("--noise", "NaN", "NaN"),
-        ("--spot", "0,0", "--pairs one-laser"),
+        ("--pile-up", "0", "photons of a laser pulse"),
+        ("--pulse", "0.02:-1", "the tail of the pulse"),
+        ("--point", "0,0", "--pairs one-laser"),
         ("--grid", "4", "--pairs exhaustive"),
     ] {
         fail(&["simulate", "plane", "--out", &file, option, value], 1, words);
     }
-    let one_laser = ["simulate", "plane", "--out", &file, "--pairs", "one-laser", "--spot"];
-    fail(&[&one_laser[..], &["here"]].concat(), 1, "--spot is \"here\"");
+    let one_laser = ["simulate", "plane", "--out", &file, "--pairs", "one-laser", "--point"];
+    fail(&[&one_laser[..], &["here"]].concat(), 1, "--point is \"here\"");
     fail(&[&one_laser[..], &["0,NaN"]].concat(), 1, "NaN");
     fail(&["info", &capture, "--volume", "v.npz"], 1, "three ranges");
     fail(&["frobnicate"], 2, "frobnicate");

@@ -113,6 +113,33 @@ fn a_capture_keeps_its_pulse() {
 }
 
 #[test]
+fn a_tail_and_pile_up_are_simulated_and_the_pulse_may_be_hidden() {
+    let (_folder, path) = fixtures::captures::place("c.npz");
+    let text = path.display().to_string();
+    let simulated = |more: &[&str]| {
+        let usual =
+            ["simulate", "beyond", "--out", &text, "--scan", "4", "--bin-width", "0.03", "--noise", "0.2"];
+        succeed(&[&usual[..], &["--photons", "200", "--quiet"], more].concat());
+        read(&path).unwrap()
+    };
+    let tailed = simulated(&["--pulse", "0.06:0.1"]);
+    let pulse = tailed.pulse.clone().unwrap();
+    assert!((pulse.moments()[0] - 0.1).abs() < 1e-3 && tailed.integer_counts);
+    let hidden = simulated(&["--pulse", "0.06:0.1", "--hide-pulse"]);
+    assert_eq!(hidden, changed(&tailed, |c| c.pulse = None));
+    let total = |c: &Capture| c.histograms.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let piled = simulated(&["--pulse", "0.06:0.1", "--pile-up", "1"]);
+    assert!(total(&piled) < 0.9 * total(&tailed));
+    // A solve takes the same pulse from an option.
+    let told = |more: &[&str]| -> Value {
+        serde_json::from_str(&succeed(&[&["info", &text, "--json"], more].concat())).unwrap()
+    };
+    let width = told(&["--pulse", "0.06:0.1"])["capture"]["pulse_fwhm_m"].as_f64().unwrap();
+    assert!((width / pulse.fwhm() - 1.0).abs() < 1e-9);
+    fail(&["simulate", "beyond", "--out", &text, "--hide-pulse"], 2, "--pulse");
+}
+
+#[test]
 fn a_pulse_that_is_none_is_refused() {
     let (_folder, path) = fixtures::captures::place("c.npz");
     let place = |name: &str| path.with_file_name(name);

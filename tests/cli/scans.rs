@@ -17,7 +17,7 @@ fn every_kind_of_pairs_is_simulated_and_told() {
         }
         file
     };
-    told(&["--pairs", "one-laser", "--spot", "0.1,-0.2"], &["6 x 6 = 36 pairs, one laser point", "flat"]);
+    told(&["--pairs", "one-laser", "--point", "0.1,-0.2"], &["6 x 6 = 36 pairs, one laser point", "flat"]);
     told(&["--pairs", "one-sensor"], &["36 pairs, one sensor point"]);
     let exhaustive = told(
         &["--pairs", "exhaustive", "--grid", "3"],
@@ -94,4 +94,51 @@ fn the_schedule_is_printed_for_both_solvers() {
     let passes: Vec<_> = iteration[1..].iter().map_while(|l| l.split_whitespace().next()).collect();
     assert_eq!(passes, ["sample", "forward", "residual", "backward", "update", "finish"]);
     assert!(iteration[1].contains("raw") && iteration[1].contains("-> counts sample_points"), "{text}");
+}
+
+#[test]
+fn a_wall_of_a_millimetre_is_told_like_one_of_a_metre() {
+    use thirdbounce::capture::{read, write};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plane.npz");
+    let file = path.display().to_string();
+    let usual = ["simulate", "plane", "--scan", "8", "--bin-width", "0.04", "--noise", "0.2", "--out"];
+    succeed(&[&usual[..], &[&file]].concat());
+    let metre: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
+    write(&fixtures::captures::scaled(&read(&path).unwrap(), 1e-3), &path).unwrap();
+    let small: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
+    for key in ["grid", "problems", "doubts", "plan"] {
+        assert_eq!(small[key], metre[key], "{key}");
+    }
+    let ends = |found: &Value| serde_json::from_value::<Vec<f64>>(found["box"].clone()).unwrap();
+    assert!(ends(&small).iter().zip(ends(&metre)).all(|(s, m)| (1e3 * s - m).abs() < 1e-9));
+    let text = succeed(&["info", &file]);
+    assert!(text.contains("wall      x -0.0005000 to 0.0005000 m"), "{text}");
+    assert!(text.contains("of 0.000040000 m"), "{text}");
+}
+
+#[test]
+fn a_background_that_was_taken_off_is_told() {
+    use thirdbounce::capture::{read, write};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plane.npz");
+    let file = path.display().to_string();
+    let noise = ["--photons", "300", "--dark", "4", "--noise", "0.2", "--bin-width", "0.02"];
+    succeed(&[&["simulate", "plane", "--out", &file, "--scan", "8"], &noise[..]].concat());
+    let notes = || -> Vec<String> {
+        let found: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
+        serde_json::from_value(found["notes"].clone()).unwrap()
+    };
+    let with = notes();
+    let mut capture = read(&path).unwrap();
+    capture.histograms.iter_mut().for_each(|v| *v -= 4.0);
+    capture.integer_counts = false;
+    write(&capture, &path).unwrap();
+    let without = notes();
+    let told = |words: &str| without.iter().any(|n| n.contains(words));
+    assert!(told("counts are negative, so the background was taken off"), "{without:?}");
+    assert!(told("some counts are negative: --preset captured is used"), "{without:?}");
+    let gates =
+        |all: &[String]| -> Vec<String> { all.iter().filter(|n| n.contains("gate")).cloned().collect() };
+    assert!(gates(&with).len() == 1 && gates(&with) == gates(&without), "{with:?}, {without:?}");
 }

@@ -31,15 +31,15 @@ pub fn ytal_opens_ours_and_we_open_its(python: &Path) {
     for path in [&ours, &theirs] {
         std::fs::create_dir(path).unwrap();
     }
-    let spot = DVec2::new(0.1, 0.2);
+    let point = DVec2::new(0.1, 0.2);
     let captures = [
         target("confocal", Layout::Confocal, WallShape::Flat),
-        target("one_laser", Layout::OneLaser { spot }, WallShape::Flat),
-        target("one_sensor", Layout::OneSensor { spot }, WallShape::Flat),
+        target("one_laser", Layout::OneLaser { point }, WallShape::Flat),
+        target("one_sensor", Layout::OneSensor { point }, WallShape::Flat),
         target("exhaustive", Layout::Exhaustive { lasers: 3 }, WallShape::Flat),
         target("bump", Layout::Exhaustive { lasers: 3 }, WallShape::Bump),
         // A name that YAML would take for something else.
-        changed(&target("yes", Layout::OneLaser { spot }, WallShape::Flat), |c| c.t_start = 0.02),
+        changed(&target("yes", Layout::OneLaser { point }, WallShape::Flat), |c| c.t_start = 0.02),
     ];
     for capture in &captures {
         write(capture, &ours.join(format!("{}.hdf5", capture.name))).unwrap();

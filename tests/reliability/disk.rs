@@ -40,8 +40,11 @@ pub fn rows(share: Share) -> Vec<Row> {
                 let scene = Scene { scan: 4, bin_width: 0.05, ..Scene::named("plane")? };
                 let render = RenderOptions { noise: 0.5, ..RenderOptions::default() };
                 let truth = Some((out.join("truth.npz"), 8));
-                job::simulate(&Simulation { scene, render, out: out.join("c.npz"), truth }, &mut || {})
-                    .map(drop)
+                job::simulate(
+                    &Simulation { scene, hide_pulse: false, render, out: out.join("c.npz"), truth },
+                    &mut || {},
+                )
+                .map(drop)
             }),
         ),
         (

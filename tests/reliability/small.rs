@@ -58,13 +58,13 @@ pub fn loaded() -> Loaded {
 
 /// Captures of every kind of pairs, on a flat and on a bumpy wall.
 pub fn kinds() -> Vec<(&'static str, Capture)> {
-    let spot = glam::dvec2(0.1, -0.1);
+    let point = glam::dvec2(0.1, -0.1);
     let flat = |layout| render(&Scene { layout, ..scene() });
     let bump = Scene { wall_shape: WallShape::Bump, reflectance: Reflectance::Lambertian, ..scene() };
     vec![
         ("confocal", flat(Layout::Confocal)),
-        ("one laser point", flat(Layout::OneLaser { spot })),
-        ("one sensor point", flat(Layout::OneSensor { spot })),
+        ("one laser point", flat(Layout::OneLaser { point })),
+        ("one sensor point", flat(Layout::OneSensor { point })),
         ("exhaustive", render(&Scene { scan: 4, layout: Layout::Exhaustive { lasers: 3 }, ..scene() })),
         ("irregular", flat(Layout::Irregular { seed: 3 })),
         ("confocal, a curved wall", render(&bump)),

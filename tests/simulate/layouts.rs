@@ -19,13 +19,13 @@ fn total(capture: &Capture, pair: usize) -> f64 {
 
 #[test]
 fn every_layout_is_of_its_kind_and_loses_no_path() {
-    let spot = dvec2(0.6, -0.1);
+    let point = dvec2(0.6, -0.1);
     let mut scene = scene(vec![plate(dvec3(0.1, 0.0, 0.6), 0.2)]);
     (scene.scan, scene.wall) = (4, 0.8);
     for (layout, kind, pairs) in [
         (Layout::Confocal, PairKind::Confocal, 16),
-        (Layout::OneLaser { spot }, PairKind::OneLaser, 16),
-        (Layout::OneSensor { spot }, PairKind::OneSensor, 16),
+        (Layout::OneLaser { point }, PairKind::OneLaser, 16),
+        (Layout::OneSensor { point }, PairKind::OneSensor, 16),
         (Layout::Exhaustive { lasers: 3 }, PairKind::Exhaustive { lasers: 9, sensors: 16 }, 144),
         (Layout::Irregular { seed: 5 }, PairKind::Irregular, 16),
     ] {
@@ -40,7 +40,7 @@ fn every_layout_is_of_its_kind_and_loses_no_path() {
             (0..pairs).for_each(|p| assert!((total(&c, p) / total(&more, p) - 1.0).abs() < 1e-6));
         }
     }
-    assert_eq!(Pairs::new(Layout::OneLaser { spot }, 2, 1.0, WallShape::Flat).laser[3], spot.extend(0.0));
+    assert_eq!(Pairs::new(Layout::OneLaser { point }, 2, 1.0, WallShape::Flat).laser[3], point.extend(0.0));
     let irregular = |seed| Pairs::new(Layout::Irregular { seed }, 4, 1.0, WallShape::Flat);
     assert_eq!(irregular(5), irregular(5));
     assert_ne!(irregular(5), irregular(6));
@@ -55,8 +55,9 @@ fn the_cosine_is_that_of_the_scanned_side() {
     let facing = scene.objects[0].mesh.geometric_normal(0);
     assert!(facing.dot(normal) > 0.999, "{facing}");
     scene.scan = 3;
-    let spot = dvec2(0.2, 0.1);
-    for (layout, scanned_is_laser) in [(Layout::OneSensor { spot }, true), (Layout::OneLaser { spot }, false)]
+    let point = dvec2(0.2, 0.1);
+    for (layout, scanned_is_laser) in
+        [(Layout::OneSensor { point }, true), (Layout::OneLaser { point }, false)]
     {
         scene.layout = layout;
         let c = rendered(&scene);
@@ -77,7 +78,7 @@ fn the_wall_cosines_use_the_walls_normals() {
     let x = dvec3(0.1, 0.05, 0.6);
     let mut scene = scene(vec![rectangle(x, DVec3::Y * 0.002, DVec3::X * 0.002)]);
     (scene.reflectance, scene.wall_shape, scene.scan) = (Reflectance::Lambertian, WallShape::Bump, 5);
-    scene.layout = Layout::OneSensor { spot: dvec2(0.15, 0.0) };
+    scene.layout = Layout::OneSensor { point: dvec2(0.15, 0.0) };
     let c = rendered(&scene);
     let (lasers, sensors) = (c.laser_normal.clone().unwrap(), c.sensor_normal.clone().unwrap());
     for pair in 0..25 {

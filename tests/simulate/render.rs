@@ -1,6 +1,8 @@
 //! The simulator against analytic values, symmetries, its own noise estimate, and an independent renderer.
 
 use glam::{DVec3, dvec3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 use std::path::Path;
 use thirdbounce::capture::Capture;
 use thirdbounce::simulate::*;
@@ -191,7 +193,7 @@ fn photon_noise_has_poisson_mean_and_variance() {
     let mut capture = fine(&scene(vec![plate(dvec3(0.0, 0.0, 0.5), 0.01)]), 0.1).capture;
     (capture.bins, capture.scan) = (bins, [1, 1]);
     capture.histograms = (0..bins).map(|i| if i % 2 == 0 { 0.25 } else { 0.05 }).collect();
-    let noisy = photon_noise(&capture, 20.0, Dark::Fraction(0.1), 5).unwrap();
+    let noisy = photon_noise(&capture, 20.0, Dark::Fraction(0.1), None, 5).unwrap();
     for (parity, mean) in [(0, 22.0), (1, 6.0)] {
         let counts: Vec<f64> = noisy.histograms.iter().skip(parity).step_by(2).map(|&v| v as f64).collect();
         let n = counts.len() as f64;
@@ -202,8 +204,71 @@ fn photon_noise_has_poisson_mean_and_variance() {
     }
     // Histograms of different pairs are independent.
     (capture.bins, capture.scan) = (bins / 2, [2, 1]);
-    let pair = photon_noise(&capture, 20.0, Dark::Counts(0.0), 5).unwrap();
+    let pair = photon_noise(&capture, 20.0, Dark::Counts(0.0), None, 5).unwrap();
     assert_ne!(pair.histograms[..bins / 2], pair.histograms[bins / 2..]);
+}
+
+#[test]
+fn pile_up_is_that_of_laser_pulses_one_by_one() {
+    // Two pairs of a few bins: the second has a third of the light.
+    let all = [0.1f32, 0.0, 0.4, 0.2, 0.3];
+    let mut capture = fine(&scene(vec![plate(dvec3(0.0, 0.0, 0.5), 0.01)]), 0.1).capture;
+    let points = [capture.laser[0], capture.laser[1]];
+    (capture.bins, capture.scan) = (5, [2, 1]);
+    (capture.laser, capture.sensor) = (points.to_vec(), points.to_vec());
+    capture.histograms = [all, all.map(|v| v / 3.0)].concat();
+    let mut rng = Pcg64::seed_from_u64(7);
+    for mean in [0.05, 0.8, 3.0] {
+        let mut piled = capture.clone();
+        pile_up(&mut piled, mean).unwrap();
+        let sum: f64 = all.iter().map(|v| f64::from(*v)).sum();
+        let per_pulse = mean / sum;
+        for (pair, share) in [1.0, 1.0 / 3.0].into_iter().enumerate() {
+            // Photons of every laser pulse, bin by bin; the first one is recorded.
+            let tries = 400_000;
+            let mut recorded = [0.0; 5];
+            for _ in 0..tries {
+                let hit = |v: &f32| rng.random::<f64>() < -(-f64::from(*v) * share * per_pulse).exp_m1();
+                if let Some(bin) = all.iter().position(hit) {
+                    recorded[bin] += 1.0;
+                }
+            }
+            for (bin, drawn) in recorded.iter().enumerate() {
+                // Counts per laser pulse.
+                let found = f64::from(piled.histograms[5 * pair + bin]) * per_pulse;
+                let error = (found.max(1e-6) / tries as f64).sqrt();
+                assert!((found - drawn / tries as f64).abs() < 5.0 * error, "{mean}, {pair}, {bin}: {found}");
+            }
+        }
+        // All bins together: the laser pulses of which any photon is detected.
+        let recorded: f64 = piled.histograms[..5].iter().map(|v| f64::from(*v)).sum();
+        assert!((recorded * per_pulse / (1.0 - (-mean).exp()) - 1.0).abs() < 1e-6);
+    }
+    for bad in [0.0, -1.0, f64::NAN, 21.0] {
+        assert!(pile_up(&mut capture, bad).is_err(), "{bad}");
+    }
+}
+
+#[test]
+fn photon_noise_counts_dark_counts_before_pile_up() {
+    let mut capture = fine(&scene(vec![plate(dvec3(0.0, 0.0, 0.5), 0.01)]), 0.1).capture;
+    let pairs = 20_000;
+    (capture.bins, capture.scan) = (4, [pairs, 1]);
+    capture.histograms = [1.0, 0.0, 2.0, 1.0].repeat(pairs);
+    let counted = photon_noise(&capture, 20.0, Dark::Counts(5.0), Some(0.5), 3).unwrap();
+    let mut expected = [15.0f64, 5.0, 25.0, 15.0];
+    let pulses = expected.iter().sum::<f64>() / 0.5;
+    let mut before = 0.0;
+    for r in &mut expected {
+        let now = *r / pulses;
+        *r = pulses * f64::exp(-before) * (1.0 - f64::exp(-now));
+        before += now;
+    }
+    for (bin, want) in expected.iter().enumerate() {
+        let mean =
+            counted.histograms.iter().skip(bin).step_by(4).map(|v| f64::from(*v)).sum::<f64>() / pairs as f64;
+        assert!((mean - want).abs() < 5.0 * (want / pairs as f64).sqrt(), "{bin}: {mean}, {want}");
+    }
 }
 
 /// Against a path tracer's rendering of the same spheres, if THIRDBOUNCE_DATA names the folder with it. Its own noise

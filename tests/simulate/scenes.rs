@@ -47,6 +47,42 @@ fn letters_read_properly_with_x_right_and_y_up() {
 }
 
 #[test]
+fn what_lies_beyond_the_wall_is_light_without_truth() {
+    let [all, clean] = ["beyond", "within"].map(|name| Scene::named(name).unwrap());
+    let [seen, alone] = [&all, &clean].map(|scene| truth(scene, 96).unwrap());
+    assert_eq!(seen.mask, alone.mask);
+    assert!(seen.mask.iter().filter(|m| **m).count() > 500);
+    let bounds =
+        |scene: &Scene| -> Vec<_> { scene.objects.iter().map(|o| o.mesh.bounds().unwrap()).collect() };
+    // The figure and the wall: x and y up to 0.5 m.
+    assert!(bounds(&clean).iter().all(|(low, high)| low.x < 0.5 && low.y > -0.53 && high.y < 0.5));
+    let others: Vec<_> = bounds(&all).into_iter().filter(|b| !bounds(&clean).contains(b)).collect();
+    let arm: Vec<_> = others.iter().filter(|(low, high)| low.x >= 0.5 && high.y > 0.2).collect();
+    assert_eq!(arm.len(), 2, "forearm and hand");
+    let floor: Vec<_> = others.iter().filter(|(low, high)| low.y == high.y).collect();
+    assert!(
+        matches!(floor[..], [(low, high)] if low.y < -0.5 && low.x < -0.6 && high.x > 0.6 && high.z > 1.5)
+    );
+    assert!(others.iter().all(|(low, high)| low.x >= 0.5 || high.x <= -0.5 || high.y < -0.5));
+    // All of it sends light to the wall.
+    let light = |scene: &Scene| {
+        let scene = Scene { scan: 4, bin_width: 0.05, bins: Some(96), ..scene.clone() };
+        let counts =
+            render(&scene, &RenderOptions { noise: 0.2, ..Default::default() }).unwrap().capture.histograms;
+        counts.iter().map(|v| f64::from(*v)).sum::<f64>()
+    };
+    let of = |kept: &dyn Fn(&(DVec3, DVec3)) -> bool| {
+        let mut part = all.clone();
+        part.objects.retain(|o| kept(&o.mesh.bounds().unwrap()));
+        light(&part)
+    };
+    let whole = light(&clean);
+    let parts = [of(&|b| b.0.y == b.1.y), of(&|b| b.1.x <= -0.5), of(&|b| b.0.x >= 0.5)];
+    println!("{whole} {parts:?}");
+    assert!(parts.iter().all(|part| *part > 0.01 * whole), "{parts:?} of {whole}");
+}
+
+#[test]
 fn truth_of_a_sphere_is_analytic() {
     let (centre, radius) = (dvec3(0.1, -0.05, 0.7), 0.2);
     let t = truth(&scene(vec![sphere(centre, radius)]), 64).unwrap();
@@ -95,7 +131,8 @@ fn every_built_in_scene_stays_before_the_wall() {
         let scene = Scene::named(&name).unwrap();
         let t = truth(&scene, 64).unwrap();
         let edge = (0..64).flat_map(|i| [i, 63 * 64 + i, i * 64, i * 64 + 63]);
-        assert!(edge.into_iter().all(|k| !t.mask[k]), "{name} is cut off");
+        let cut = ["beyond", "within"].contains(&&name[..]);
+        assert_eq!(edge.into_iter().any(|k| t.mask[k]), cut, "{name} is cut off");
         assert!(t.mask.iter().filter(|&&m| m).count() > 150, "{name}");
         assert!(scene.bin_count().is_multiple_of(32) && scene.bin_count() < 1024);
     }
@@ -188,6 +225,7 @@ fn errors_say_what_is_wrong_and_how_to_mend_it() {
     refuse(&|s| s.objects[0].mesh = plate(dvec3(0.0, 0.0, -0.1), 0.1), "wall");
     refuse(&|s| s.dark = Dark::Fraction(0.1), "photons");
     refuse(&|s| s.photons = Some(0.0), "photons");
+    refuse(&|s| s.pile_up = Some(-1.0), "laser pulse");
     refuse(&|s| s.bin_width = 1e-12, "GiB");
     refuse(&|s| s.bin_width = 1e-300, "GiB");
     assert!(render(&good, &RenderOptions { noise: 0.0, ..options }).is_err());

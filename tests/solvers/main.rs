@@ -7,5 +7,7 @@ mod paper;
 mod paper_room;
 mod physics;
 mod places;
+mod scale;
 mod subsets;
 mod surface;
+mod taken_off;

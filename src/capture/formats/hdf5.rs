@@ -42,13 +42,6 @@ enum Stored {
     Integer,
 }
 
-impl Array {
-    /// Whether the values were stored as integers.
-    pub(super) fn integer(&self) -> bool {
-        self.stored == Stored::Integer
-    }
-}
-
 pub(super) fn damaged(e: impl std::fmt::Display) -> Error {
     // The names of the reader's layers say nothing about the file.
     let text = e.to_string();
@@ -146,15 +139,14 @@ impl Hdf5 {
         Ok(Some(dataset))
     }
 
-    /// A dataset as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
+    /// A dataset as float32 in C order; `None` if it is missing or empty.
     ///
     /// # Errors
     /// `Kind::Input` if it is damaged, does not hold numbers, or claims an absurd size.
     pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
-            let stored = stored(name, &dataset)?;
-            let values = match stored {
+            let values = match stored(name, &dataset)? {
                 Stored::Double => dataset.read_numeric_as().map(narrowed),
                 Stored::Float => dataset.read_numeric_as(),
                 Stored::Integer => dataset.read_numeric_as().map(counted),
@@ -162,7 +154,7 @@ impl Hdf5 {
             let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
             let shape = dataset.shape();
             check_length(name, &shape, &values)?;
-            Ok(Some(Counts { shape, values, integer: stored == Stored::Integer }))
+            Ok(Some(Counts { shape, values }))
         })
     }
 

@@ -54,13 +54,6 @@ struct Found {
     deflated: bool,
 }
 
-impl Found {
-    /// Whether the array is of an integer class.
-    fn is_integer(&self) -> bool {
-        (8..=15).contains(&self.class)
-    }
-}
-
 /// A tag, the content behind it, and where the next element begins.
 struct Element {
     kind: u32,
@@ -136,7 +129,7 @@ impl Matlab5 {
         Ok(Some(found.shape.clone()))
     }
 
-    /// An array as float32 in C order, and whether it was stored as integers; `None` if it is missing or empty.
+    /// An array as float32 in C order; `None` if it is missing or empty.
     ///
     /// # Errors
     /// `Kind::Input` if it is damaged, complex or does not hold numbers.
@@ -144,7 +137,7 @@ impl Matlab5 {
         let Some(found) = self.find(name) else { return Ok(None) };
         let values = self.numbers_of(found).and_then(|mut n| n.next(usize::MAX, |v| v as f32));
         let values = values.map_err(|e| e.at(format!("array {name}")))?;
-        Ok(Some(Counts { shape: found.shape.clone(), values, integer: found.is_integer() }))
+        Ok(Some(Counts { shape: found.shape.clone(), values }))
     }
 
     /// The wanted pairs and bins of an array [T, ...]; `None` if it is missing or empty. A few bins are decoded at a
@@ -163,7 +156,7 @@ impl Matlab5 {
                     .map(|mut part| {
                         for first in (0..bins).step_by(at_once) {
                             let values = numbers.next(at_once * places, |v| v as f32)?;
-                            part.take(first, &values, found.is_integer());
+                            part.take(first, &values);
                         }
                         Ok(part.finish())
                     })

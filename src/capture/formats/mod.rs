@@ -130,7 +130,11 @@ pub(crate) fn read_prepared(
     };
     let found = found.map_err(place)?;
     let capture = match found {
-        Found::Unread(unread) => return unread.read(name, keep, given.turn, prepare, notes, &place),
+        Found::Unread(unread) => {
+            let mut opened = unread.read(name, keep, given.turn, prepare, notes, &place)?;
+            opened.notes.extend(opened.capture.negative_note());
+            return Ok(opened);
+        }
         Found::Whole(capture) => Capture { name, ..capture },
     };
     let (capture, dropped, missing) = capture.without_missing().map_err(place)?;
@@ -140,6 +144,7 @@ pub(crate) fn read_prepared(
     let mut capture = capture.turned(given.turn);
     prepare(&mut capture, &mut notes)?;
     let capture = keep.apply(capture, &mut notes)?;
+    notes.extend(capture.negative_note());
     Ok(Opened { capture, dropped, notes })
 }
 

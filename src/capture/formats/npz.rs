@@ -16,7 +16,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::{compact, exhaustive, largest_count, per_pair, triples, unit};
-use crate::capture::{Capture, Pulse};
+use crate::capture::{Capture, Pulse, seen};
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
@@ -63,7 +63,7 @@ pub fn read(path: &Path) -> Result<Capture> {
         laser_normal: laser.1,
         sensor_normal: sensor.1,
         t_start,
-        integer_counts: h.element.is_integer(),
+        integer_counts: seen::whole(&histograms),
         pulse: Pulse::read_from(&mut npz)?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })

@@ -155,10 +155,10 @@ impl Wanted<'_> {
 }
 
 impl Part<'_> {
-    /// Takes the values `[bin, place]` of the bins from `first` on. `integer`: they were stored as integers.
-    pub(super) fn take(&mut self, first: usize, values: &[f32], integer: bool) {
+    /// Takes the values `[bin, place]` of the bins from `first` on.
+    pub(super) fn take(&mut self, first: usize, values: &[f32]) {
         let places = self.columns.len();
-        self.whole = integer || (self.whole && seen::whole(values));
+        self.whole = self.whole && seen::whole(values);
         let mut turned = [[0.0f32; TILE[0]]; TILE[1]];
         let end = first + values.len() / places;
         for (tile, columns) in self.columns.chunks_mut(TILE[1]).enumerate() {

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 
 /// A capture whose counts are not read yet.
 pub(super) struct Unread<'f> {
-    /// All but the counts, with the bins after the shift. Whether counts are integers is found when they are read.
+    /// All but the counts, with the bins after the shift. Whether counts are whole is found when they are read.
     pub(super) outline: Capture,
     pub(super) file: &'f Variables,
     /// Name of the array [T, ...]; its first axis are the bins.

@@ -20,15 +20,12 @@ pub struct Counts {
     pub shape: Vec<usize>,
     /// In C order.
     pub values: Vec<f32>,
-    /// Whether they were stored as integers.
-    pub integer: bool,
 }
 
 impl Counts {
-    /// Whether the values are photon counts: stored as integers, or whole and not negative, because MATLAB usually
-    /// stores counts as floating point.
+    /// Whether the values are photon counts: whole and not negative, however they are stored.
     pub fn whole(&self) -> bool {
-        self.integer || seen::whole(&self.values)
+        seen::whole(&self.values)
     }
 }
 

@@ -35,7 +35,7 @@ use crate::files::atomic;
 /// include the outer legs if the file does not hold the positions of the devices.
 pub fn read(source: &Variables) -> Result<Capture> {
     let h = source.counts("H")?;
-    let (shape, integer_counts) = (h.shape, h.integer);
+    let (integer_counts, shape) = (h.whole(), h.shape);
     let (laser_shape, laser) =
         vectors(source, "laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
     let (sensor_shape, sensor) =

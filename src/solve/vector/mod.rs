@@ -12,7 +12,7 @@
 
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
-use super::estimate::{background, expected_noise, variance_per_count};
+use super::estimate::{background, expected_noise, variances};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::AMPLE;
@@ -137,7 +137,7 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
         ..Model::new(capture, options.reflectance, options.peak, options.general)
     };
     let level = if options.background { background(capture) } else { 0.0 };
-    let per_count = variance_per_count(capture);
+    let [per_count, empty] = variances(capture, level);
     let scale = 1.0 / model.counts_per_unit;
     for m in &mut model.measured {
         *m -= (level * scale) as f32;
@@ -145,7 +145,7 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
         model.spread();
     }
-    model.variance = [per_count * scale, per_count * level * scale * scale];
+    model.variance = [per_count * scale, empty * scale * scale];
     if !options.general {
         model.trim(grid);
     }

@@ -1,0 +1,95 @@
+//! Default settings on walls of any size: a scene in another unit gives the same maps.
+
+use std::ops::ControlFlow;
+
+use fixtures::captures::scaled;
+use fixtures::device::*;
+use thirdbounce::Kind;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::maps::{Maps, Truth};
+use thirdbounce::measure::metrics;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::option::Value;
+use thirdbounce::solve::{SolverOptions, Suit, Watch};
+use thirdbounce::transport::Grid;
+
+const LATERAL: usize = 24;
+
+fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
+    let mut options = SolverOptions::suited_to(solver, &Suit::of(capture)).unwrap().with_lateral(LATERAL);
+    options.set("iterations", &Value::Count(24));
+    options.set("double_every", &Value::Count(8));
+    options.set("surface_iterations", &Value::Count(16));
+    // Sums in a fixed order, so that rounding is all that differs.
+    options.set("accumulation", &Value::Word("fixed".into()));
+    let volume = options.default_volume(capture).unwrap();
+    let grid = Grid::new(volume, LATERAL, capture.bin_width).unwrap();
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    options.solve(gpu, capture, grid, None, false, &mut watch).unwrap().maps
+}
+
+/// The truth of the scene in another unit.
+fn resized(truth: &Truth, scale: f64) -> Truth {
+    Truth {
+        extent: truth.extent.map(|v| v * scale),
+        depth: truth.depth.iter().map(|z| (f64::from(*z) * scale) as f32).collect(),
+        ..truth.clone()
+    }
+}
+
+#[test]
+fn default_settings_know_no_unit() {
+    let gpu = gpu();
+    let scene = Scene { scan: 12, bin_width: 0.02, ..Scene::named("figure").unwrap() };
+    let metre = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
+    let truth = truth(&scene, LATERAL).unwrap();
+    for solver in SolverOptions::NAMES {
+        let as_metre = solved(&gpu, solver, &metre);
+        let best = metrics(&as_metre, &truth, 0.3).unwrap();
+        assert!(best.best_iou.unwrap() > 0.4, "{solver}: {best:?}");
+        for scale in [1e-3, 1.0 / 1024.0, 1e3] {
+            let maps = solved(&gpu, solver, &scaled(&metre, scale));
+            let other = metrics(&maps, &resized(&truth, scale), 0.3).unwrap();
+            let off = (other.best_iou.unwrap() - best.best_iou.unwrap()).abs();
+            assert!(off < 5e-3, "{solver}, {scale}: {:?}, {:?}", other.best_iou, best.best_iou);
+            let apart = |(a, b): (&f32, &f32)| (f64::from(*a) / scale - f64::from(*b)).abs();
+            let mut apart: Vec<f64> =
+                maps.depth.iter().zip(&as_metre.depth).map(apart).filter(|d| d.is_finite()).collect();
+            apart.sort_unstable_by(f64::total_cmp);
+            // A power of two changes no rounding. Otherwise rounding moves single pixels.
+            let share = if scale.log2().fract() == 0.0 { 1.0 } else { 0.9 };
+            let most = apart[((apart.len() - 1) as f64 * share) as usize];
+            assert!(
+                apart.len() > 300 && most < if share == 1.0 { 1e-12 } else { 2e-5 },
+                "{solver}, {scale}: {most}"
+            );
+        }
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn the_least_depth_follows_walls_that_are_not_of_metres() {
+    let scan = |wall: f64| {
+        let scene = Scene { scan: 4, wall, bins: Some(4), ..Scene::named("plane").unwrap() };
+        let pairs = scene.pairs();
+        Capture::new(pairs.scan, pairs.laser, pairs.sensor, 4, wall, vec![1.0; 64])
+    };
+    for solver in SolverOptions::NAMES {
+        let least =
+            |wall: f64| SolverOptions::suited_to(solver, &Suit::of(&scan(wall))).unwrap().common().min_depth;
+        for ordinary in [0.26, 1.0, 2.0, 7.9] {
+            assert_eq!(least(ordinary), 0.2, "{solver}, {ordinary}");
+        }
+        for other in [1e-3, 0.1, 10.0, 1e3] {
+            assert!((least(other) / other - 0.2).abs() < 1e-12, "{solver}, {other}");
+        }
+    }
+    // The usual depth leaves nothing of a small scene.
+    let small = scan(0.01);
+    let usual = SolverOptions::suited_to("vector", &Suit::USUAL).unwrap();
+    assert_eq!(usual.default_volume(&small).unwrap_err().kind, Kind::Options);
+    assert!(SolverOptions::suited_to("vector", &Suit::of(&small)).unwrap().default_volume(&small).is_ok());
+}

@@ -1,0 +1,88 @@
+//! Captures whose background others took off: negative counts, and noise without the counts that it came with.
+
+use std::ops::ControlFlow;
+
+use fixtures::captures::changed;
+use fixtures::device::*;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::job::preset_for;
+use thirdbounce::maps::Truth;
+use thirdbounce::measure::{Metrics, metrics};
+use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::option::Value;
+use thirdbounce::solve::{Preset, SolverOptions, Suit, Watch, background, variances};
+use thirdbounce::transport::Grid;
+
+const LATERAL: usize = 32;
+const DARK: f64 = 6.0;
+
+/// A figure as whole counts, the same with the dark counts taken off, and its truth.
+fn captures() -> ([Capture; 2], Truth) {
+    let scene = Scene {
+        scan: 16,
+        bin_width: 0.015,
+        photons: Some(200.0),
+        dark: Dark::Counts(DARK),
+        ..Scene::named("figure").unwrap()
+    };
+    let counts = simulate(&scene, &RenderOptions { noise: 0.05, ..Default::default() }).unwrap().capture;
+    let taken_off = changed(&counts, |c| {
+        c.histograms.iter_mut().for_each(|v| *v -= DARK as f32);
+        c.integer_counts = false;
+    });
+    ([counts, taken_off], truth(&scene, LATERAL).unwrap())
+}
+
+fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics {
+    let suit = Suit { preset: preset_for(capture), ..Suit::of(capture) };
+    let mut options = SolverOptions::suited_to(solver, &suit).unwrap().with_lateral(LATERAL);
+    options.set("iterations", &Value::Count(if solver == "paper" { 20 } else { 40 }));
+    options.set("double_every", &Value::Count(10));
+    options.set("surface_iterations", &Value::Count(40));
+    options.set("accumulation", &Value::Word("fixed".into()));
+    let grid = Grid::new(options.default_volume(capture).unwrap(), LATERAL, capture.bin_width).unwrap();
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    let done = options.solve(gpu, capture, grid, None, false, &mut watch).unwrap();
+    assert!(done.trace.iter().all(|p| p.loss.is_finite()));
+    metrics(&done.maps, truth, 0.3).unwrap()
+}
+
+#[test]
+fn results_are_no_worse_than_with_the_background() {
+    let gpu = gpu();
+    let ([counts, taken_off], truth) = captures();
+    assert!(taken_off.check().is_ok() && preset_for(&taken_off) == Preset::Captured);
+    // The paper's solver has no background of its own: it explains dark counts by its noise term, and starts anew here.
+    for (solver, most) in [("vector", 0.05), ("paper", 0.25)] {
+        let [with, without] = [&counts, &taken_off].map(|c| {
+            let m = solved(&gpu, solver, c, &truth);
+            let best = m.at_best.unwrap();
+            [m.best_iou.unwrap(), best.depth_mae.unwrap(), best.normal_error_deg.unwrap()]
+        });
+        assert!(with[0] > 0.6, "{solver}: {with:?}");
+        let times = [0, 1, 2].map(|k| without[k] / with[k]);
+        let no_worse = times[0] > 1.0 - most && times[1] < 1.0 + most && times[2] < 1.0 + most;
+        assert!(no_worse, "{solver}: {with:?}, {without:?}");
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn the_noise_that_is_left_is_told_from_that_of_the_light() {
+    let ([counts, taken_off], _) = captures();
+    let [light, empty] = variances(&counts, background(&counts));
+    assert!(light == 1.0 && (empty / DARK - 1.0).abs() < 0.1, "{empty}");
+    assert!(background(&taken_off).abs() < 0.1 * DARK.sqrt());
+    let [light, empty] = variances(&taken_off, background(&taken_off));
+    assert!((empty / DARK - 1.0).abs() < 0.1, "{empty}");
+    // The figure's edges count as noise, too.
+    assert!((0.8..1.5).contains(&light), "{light}");
+    // In other units than counts.
+    let scaled = changed(&taken_off, |c| c.histograms.iter_mut().for_each(|v| *v *= 0.01));
+    let [scaled_light, scaled_empty] = variances(&scaled, background(&scaled));
+    assert!(
+        (scaled_light / light / 0.01 - 1.0).abs() < 1e-3 && (scaled_empty / empty / 1e-4 - 1.0).abs() < 1e-3
+    );
+}
