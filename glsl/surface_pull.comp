@@ -17,11 +17,12 @@ layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec2 height_p
 
 float weights_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
+    uint layer = layer_start(pixel);
     ivec2 centre = pixel_xy(pixel);
     float sum = 0.0;
     for (int x = -reach; x <= reach; ++x) {
         for (int y = -reach; y <= reach; ++y) {
-            uint other = pixel_at(centre + ivec2(x, y));
+            uint other = pixel_at(layer, centre + ivec2(x, y));
             if (other == NOWHERE) continue;
             sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), step_between(pixel, other));
         }

@@ -25,11 +25,12 @@ const float LEAST = 1e-18;    // its square is about the least that fp32 holds w
 
 vec2 from_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
+    uint layer = layer_start(pixel);
     ivec2 centre = pixel_xy(pixel);
     vec2 sum = vec2(0.0);
     for (int x = -reach; x <= reach; ++x) {
         for (int y = -reach; y <= reach; ++y) {
-            uint other = pixel_at(centre + ivec2(x, y));
+            uint other = pixel_at(layer, centre + ivec2(x, y));
             if (other == NOWHERE) continue;
             sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), step_between(pixel, other)) * height_pull[other];
         }

@@ -24,6 +24,21 @@ pub struct Maps {
     pub mask: Vec<bool>,
     /// Share of the albedo's 99.9th percentile above which a pixel counts as surface.
     pub mask_fraction: f64,
+    /// The surfaces behind the first ones; `None` where no pixel has two.
+    pub behind: Option<Layer>,
+}
+
+/// Surfaces behind the first ones of maps or of truth, by the same pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Albedo in the scale of the maps; 0 where there is no second surface. Of truth: 1 where there is one.
+    pub albedo: Vec<f32>,
+    /// Depth z in metres; NaN = no second surface.
+    pub depth: Vec<f32>,
+    /// Unit normals; NaN = no second surface.
+    pub normal: Vec<[f32; 3]>,
+    /// True where the albedo is above the threshold of the first surfaces.
+    pub mask: Vec<bool>,
 }
 
 /// True maps of a simulated or independently rendered scene (`gt_*` in a truth file).
@@ -41,6 +56,20 @@ pub struct Truth {
     pub normal: Vec<[f32; 3]>,
     /// True where there is surface.
     pub mask: Vec<bool>,
+    /// The next surface behind the first hit; `None` where no pixel has one.
+    pub behind: Option<Layer>,
+}
+
+impl Layer {
+    /// Its arrays' names and lengths.
+    fn lengths(&self) -> [(&'static str, usize); 4] {
+        [
+            ("the second layer's albedo", self.albedo.len()),
+            ("the second layer's depth", self.depth.len()),
+            ("the second layer's normal", self.normal.len()),
+            ("the second layer's mask", self.mask.len()),
+        ]
+    }
 }
 
 impl Maps {
@@ -67,6 +96,26 @@ impl Maps {
     pub fn set_mask(&mut self, fraction: f64) {
         self.mask = Maps::mask_of(&self.albedo, fraction);
         self.mask_fraction = fraction;
+        if let Some(behind) = &mut self.behind {
+            let threshold = (fraction * f64::from(Maps::white(&self.albedo))) as f32;
+            behind.mask = behind.albedo.iter().map(|&a| a > threshold && a > 0.0).collect();
+        }
+    }
+
+    /// The maps of one layer: these without what lies behind, or what lies behind. `None` if there is no such layer.
+    pub fn layer(&self, layer: usize) -> Option<Maps> {
+        let first = Maps { behind: None, ..self.clone() };
+        match (layer, &self.behind) {
+            (0, _) => Some(first),
+            (1, Some(Layer { albedo, depth, normal, mask })) => Some(Maps {
+                albedo: albedo.clone(),
+                depth: depth.clone(),
+                normal: normal.clone(),
+                mask: mask.clone(),
+                ..first
+            }),
+            _ => None,
+        }
     }
 
     /// Checks that all arrays hold nx * ny values and that the extent is valid.
@@ -74,19 +123,20 @@ impl Maps {
     /// # Errors
     /// `Kind::Input` naming the array that does not fit.
     pub fn check(&self) -> Result<()> {
-        let lengths = [
+        let mut lengths = vec![
             ("albedo", self.albedo.len()),
             ("depth", self.depth.len()),
             ("normal", self.normal.len()),
             ("mask", self.mask.len()),
         ];
+        lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
 
     /// The same maps with each pixel divided into `factor` × `factor`. Albedo is interpolated bilinearly between the
     /// centres of pixels. Depth and normal are means of the four pixels around, weighted by interpolated albedo. Only
     /// pixels within 2.5 pixels of the heaviest pixel's depth count, so that no point lies between an edge and the
-    /// surface behind it.
+    /// surface behind it. What lies behind the first surfaces is left out.
     pub fn finer(&self, factor: usize) -> Maps {
         if factor <= 1 {
             return self.clone();
@@ -100,7 +150,16 @@ impl Maps {
             let at = ((i as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(n - 1), at.fract())]
         };
-        let mut all = Maps { nx, ny, albedo: vec![], depth: vec![], normal: vec![], mask: vec![], ..*self };
+        let mut all = Maps {
+            nx,
+            ny,
+            albedo: vec![],
+            depth: vec![],
+            normal: vec![],
+            mask: vec![],
+            behind: None,
+            ..*self
+        };
         for (x, y) in (0..nx * ny).map(|i| (i / ny, i % ny)) {
             let [rows, columns] = [between(x, self.nx), between(y, self.ny)];
             let near = rows.map(|(i, a)| columns.map(|(j, b)| (i * self.ny + j, a * b)));
@@ -148,8 +207,12 @@ impl Truth {
     /// # Errors
     /// `Kind::Input` naming the array that does not fit.
     pub fn check(&self) -> Result<()> {
-        let lengths =
-            [("gt_depth", self.depth.len()), ("gt_normal", self.normal.len()), ("gt_mask", self.mask.len())];
+        let mut lengths = vec![
+            ("gt_depth", self.depth.len()),
+            ("gt_normal", self.normal.len()),
+            ("gt_mask", self.mask.len()),
+        ];
+        lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
 

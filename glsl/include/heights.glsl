@@ -1,21 +1,34 @@
 // The surface as a height field: each pixel of the lateral maps has a depth and an albedo, and bonds to its
-// neighbours. Needs the buffers pixels and pixel_of. A pixel's neighbours are numbered 0 to 7; seen from neighbour k,
-// the pixel itself is neighbour 7 - k.
+// neighbours. Where two surfaces lie behind each other there are two height fields, its layers: the columns of the
+// second follow after those of the first, and no pixel has neighbours in the other layer. Needs the buffers pixels and
+// pixel_of. A pixel's neighbours are numbered 0 to 7; seen from neighbour k, the pixel itself is neighbour 7 - k.
 
 const ivec2 AROUND[8] = ivec2[8](
     ivec2(-1, -1), ivec2(-1, 0), ivec2(-1, 1), ivec2(0, -1), ivec2(0, 1), ivec2(1, -1), ivec2(1, 0), ivec2(1, 1)
 );
 
-ivec2 pixel_xy(uint pixel) { return ivec2(pixels[pixel].x / scene.grid_y, pixels[pixel].x % scene.grid_y); }
-
-// Number of the pixel at a lateral position, NOWHERE if the surface has none there.
-uint pixel_at(ivec2 at) {
-    if (any(lessThan(at, ivec2(0))) || at.x >= int(scene.grid_x) || at.y >= int(scene.grid_y)) return NOWHERE;
-    return pixel_of[uint(at.x) * scene.grid_y + uint(at.y)];
+// Columns before those of the pixel's layer.
+uint layer_start(uint pixel) {
+    uint layer = scene.grid_x * scene.grid_y;
+    return pixels[pixel].x < layer ? 0u : layer;
 }
 
-// Number of a pixel's k-th neighbour, NOWHERE if the surface has none there.
-uint neighbour(uint pixel, uint k) { return pixel_at(pixel_xy(pixel) + AROUND[k]); }
+// A pixel's column in its layer, which is its index in the maps.
+uint pixel_column(uint pixel) { return pixels[pixel].x - layer_start(pixel); }
+
+ivec2 pixel_xy(uint pixel) {
+    uint column = pixel_column(pixel);
+    return ivec2(column / scene.grid_y, column % scene.grid_y);
+}
+
+// Number of the pixel at a lateral position of the layer that starts at column `layer`, NOWHERE if it has none there.
+uint pixel_at(uint layer, ivec2 at) {
+    if (any(lessThan(at, ivec2(0))) || at.x >= int(scene.grid_x) || at.y >= int(scene.grid_y)) return NOWHERE;
+    return pixel_of[layer + uint(at.x) * scene.grid_y + uint(at.y)];
+}
+
+// Number of a pixel's k-th neighbour, NOWHERE if its layer has none there.
+uint neighbour(uint pixel, uint k) { return pixel_at(layer_start(pixel), pixel_xy(pixel) + AROUND[k]); }
 
 // Metres between neighbouring pixels.
 vec2 pixel_pitch() { return vec2(scene.pitch_x, scene.pitch_y); }

@@ -2,7 +2,7 @@
 
 use thirdbounce::export::report::Report;
 use thirdbounce::gpu::KernelTime;
-use thirdbounce::measure::Metrics;
+use thirdbounce::measure::{LayerMetrics, Metrics};
 
 /// The summary of a run.
 pub fn report(report: &Report) -> String {
@@ -79,10 +79,20 @@ pub fn metrics(m: &Metrics) -> String {
         ),
         _ => String::new(),
     };
+    let layer = |(name, l): (&str, &LayerMetrics)| {
+        format!(
+            "{name:<10}IoU {}, completeness {}, depth MAE {}, normals {}\n",
+            share(l.iou),
+            share(l.completeness),
+            mm(l.depth_mae),
+            degrees(l.normal_error_deg)
+        )
+    };
+    let layers: String = ["first", "behind"].into_iter().zip(&m.layers).map(layer).collect();
     format!(
         "surface   IoU {}, completeness {} at mask fraction {}\n\
          depth     MAE {}, RMSE {} over {} pixels; paper's convention {}, {}\n\
-         normals   {}, mean absolute error of components {}\n{best}",
+         normals   {}, mean absolute error of components {}\n{best}{layers}",
         share(m.iou),
         share(m.completeness),
         m.fraction,

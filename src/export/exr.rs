@@ -2,7 +2,8 @@
 //!
 //! One part with named layers, the way viewers and compositing programs know them (`layer.channel`):
 //! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
-//! `Y` for viewers without layers. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
+//! `Y` for viewers without layers. Surfaces behind the first ones, if there are any, are `behind.albedo.Y`,
+//! `behind.depth.Z` and `behind.normal.X` to `Z`. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
 //! column the smallest x. The attribute `extent` (box2f) holds the extent in metres.
 
 use std::io::Cursor;
@@ -29,7 +30,7 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     let channel = |name: &str, value: &dyn Fn(usize) -> f32| {
         AnyChannel::new(name, FlatSamples::F32(rows.iter().map(|&p| value(p)).collect()))
     };
-    let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = [
+    let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = [
         channel("Y", &|p| maps.albedo[p]),
         channel("albedo.Y", &|p| maps.albedo[p]),
         channel("depth.Z", &|p| maps.depth[p]),
@@ -39,6 +40,15 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     ]
     .into_iter()
     .collect();
+    if let Some(behind) = &maps.behind {
+        channels.extend([
+            channel("behind.albedo.Y", &|p| behind.albedo[p]),
+            channel("behind.depth.Z", &|p| behind.depth[p]),
+            channel("behind.normal.X", &|p| behind.normal[p][0]),
+            channel("behind.normal.Y", &|p| behind.normal[p][1]),
+            channel("behind.normal.Z", &|p| behind.normal[p][2]),
+        ]);
+    }
     let mut attributes = LayerAttributes::named("maps");
     attributes.software_name = Some(Text::from("thirdbounce"));
     // One attribute only: the library keeps these in a hash map, whose order differs from run to run.

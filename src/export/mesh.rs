@@ -2,7 +2,8 @@
 //! depth map's points and normals.
 //!
 //! Poisson's surface is closed: it adds backs and bridges that do not exist. Parts that no pixel saw are cut off. So
-//! are parts that face away from the wall, because a depth map sees only along +z.
+//! are parts that face away from the wall, because a depth map sees only along +z. Points of both layers take part if
+//! the maps have two.
 //!
 //! Measured on the demo's figure (64 x 64 pixels of 15.6 mm), with the depth map's own grid of triangles in brackets:
 //! mesh to truth 4.5 mm (4.1), truth to mesh 4.5 mm (4.4), 97.4 % of the truth within a pixel (97.2 %), normals of
@@ -71,13 +72,16 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
 fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     let [x0, x1, y0, y1] = maps.extent;
     let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64];
-    let samples: Vec<Option<Sample>> =
-        (0..maps.depth.len()).map(|pixel| sample(maps, pixel, pitch[0] * pitch[1])).collect();
+    let layers: Vec<Maps> = (0..2).filter_map(|layer| maps.layer(layer)).collect();
+    let samples: Vec<Option<Sample>> = layers
+        .iter()
+        .flat_map(|maps| (0..maps.depth.len()).map(move |pixel| sample(maps, pixel, pitch[0] * pitch[1])))
+        .collect();
     let pitch = pitch[0].max(pitch[1]);
     let points: Vec<Sample> = samples.iter().flatten().copied().collect();
     let whole = nets::surface(&poisson::solve(&points, pitch));
     let albedos: Vec<Option<f32>> =
-        whole.vertices.iter().map(|(at, _)| seen(maps, &samples, pitch, *at)).collect();
+        whole.vertices.iter().map(|(at, _)| seen(&layers, &samples, pitch, *at)).collect();
     let kept = |t: &[usize; 3]| {
         let [a, b, c] = t.map(|v| whole.vertices[v].0);
         t.iter().all(|v| albedos[*v].is_some()) && (b - a).cross(c - a).z < 0.0
@@ -114,8 +118,10 @@ fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
 }
 
 /// The albedo at a place of the surface, from the pixels that saw it; `None` if none did. A pixel sees places up to
-/// [`NEAR`] pixels aside, and along z as far as its slope rises over a pixel (at least one pixel).
-fn seen(maps: &Maps, samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Option<f32> {
+/// [`NEAR`] pixels aside, and along z as far as its slope rises over a pixel (at least one pixel). `samples` are those
+/// of all pixels of the first layer, then of the second.
+fn seen(layers: &[Maps], samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Option<f32> {
+    let maps = &layers[0];
     let [x0, x1, y0, y1] = maps.extent;
     let place = |v: f64, low: f64, high: f64, n: usize| ((v - low) / (high - low) * n as f64).floor() as i64;
     let (ix, iy) = (place(at.x, x0, x1, maps.nx), place(at.y, y0, y1, maps.ny));
@@ -126,14 +132,16 @@ fn seen(maps: &Maps, samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Optio
             continue;
         }
         let pixel = x as usize * maps.ny + y as usize;
-        let Some(sample) = samples[pixel] else { continue };
-        let away = at - sample.at;
-        let aside = away.x.hypot(away.y);
-        let slope = sample.normal.x.hypot(sample.normal.y) / sample.normal.z.abs().max(STEEPEST);
-        if aside <= NEAR * pitch && away.z.abs() <= pitch * slope.max(1.0) {
-            let weight = 1.0 / away.length_squared().max(LEAST_AWAY * pitch * pitch);
-            sum += weight * f64::from(maps.albedo[pixel]);
-            weights += weight;
+        for (layer, samples) in layers.iter().zip(samples.chunks(maps.depth.len())) {
+            let Some(sample) = samples[pixel] else { continue };
+            let away = at - sample.at;
+            let aside = away.x.hypot(away.y);
+            let slope = sample.normal.x.hypot(sample.normal.y) / sample.normal.z.abs().max(STEEPEST);
+            if aside <= NEAR * pitch && away.z.abs() <= pitch * slope.max(1.0) {
+                let weight = 1.0 / away.length_squared().max(LEAST_AWAY * pitch * pitch);
+                sum += weight * f64::from(layer.albedo[pixel]);
+                weights += weight;
+            }
         }
     }
     (weights > 0.0).then(|| (sum / weights) as f32)

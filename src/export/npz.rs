@@ -6,28 +6,40 @@ use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::Array;
 use crate::files::atomic;
-use crate::maps::{Maps, Truth};
+use crate::maps::{Layer, Maps, Truth};
 
 const MAPS: &str = "albedo, depth, normal, mask and extent, as reconstruct writes them";
 const TRUTH: &str = "gt_depth [nx, ny], gt_normal [nx, ny, 3], gt_mask [nx, ny] and gt_extent";
 
+/// Names of the albedos, depths, normals and masks of both layers. Truth has no albedos.
+const MAPS_LAYERS: [&str; 4] = ["layers_albedo", "layers_depth", "layers_normal", "layers_mask"];
+const TRUTH_LAYERS: [&str; 4] = ["", "gt_layers_depth", "gt_layers_normal", "gt_layers_mask"];
+
 /// Writes `albedo`, `depth` [nx, ny] and `normal` [nx, ny, 3] as float32 (NaN = nothing there), `mask`
-/// [nx, ny] as bool, `extent` (xmin, xmax, ymin, ymax) and the scalar `mask_fraction` as float64.
+/// [nx, ny] as bool, `extent` (xmin, xmax, ymin, ymax) and the scalar `mask_fraction` as float64. If there are surfaces
+/// behind the first ones, `layers_albedo`, `layers_depth`, `layers_mask` [2, nx, ny] and `layers_normal` [2, nx, ny, 3]
+/// hold both.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
     let shape = [maps.nx, maps.ny];
-    let bytes = npz_bytes(&[
+    let mut arrays = vec![
         ("albedo", Array::from_f32(&shape, &maps.albedo)),
         ("depth", Array::from_f32(&shape, &maps.depth)),
         ("normal", Array::from_f32(&[maps.nx, maps.ny, 3], maps.normal.as_flattened())),
         ("mask", Array::from_bool(&shape, &maps.mask)),
         ("extent", Array::from_f64(&[4], &maps.extent)),
         ("mask_fraction", Array::from_f64(&[], &[maps.mask_fraction])),
-    ])?;
-    atomic::write(path, &bytes)
+    ];
+    if let Some(behind) = &maps.behind {
+        let albedo = [&maps.albedo[..], &behind.albedo].concat();
+        arrays.push(("layers_albedo", Array::from_f32(&[2, maps.nx, maps.ny], &albedo)));
+        let first = [&maps.depth[..], maps.normal.as_flattened()];
+        arrays.extend(layers(MAPS_LAYERS, shape, first, &maps.mask, behind));
+    }
+    atomic::write(path, &npz_bytes(&arrays)?)
 }
 
 /// Reads maps. Without `mask_fraction` it is [`Maps::MASK_FRACTION`]. Without `mask`, the albedo gives the mask.
@@ -52,6 +64,7 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
             normal: vectors(&npz.require("normal", MAPS)?, "normal")?,
             mask,
             mask_fraction: fraction,
+            behind: second(&mut npz, MAPS_LAYERS, shape)?,
         };
         maps.check().map(|()| maps)
     };
@@ -59,20 +72,25 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
 }
 
 /// Writes truth: `gt_depth` [nx, ny] and `gt_normal` [nx, ny, 3] as float32 (NaN = miss), `gt_mask` as bool,
-/// `gt_extent` as float64.
+/// `gt_extent` as float64. If there are surfaces behind the first ones, `gt_layers_depth`, `gt_layers_mask` [2, nx, ny]
+/// and `gt_layers_normal` [2, nx, ny, 3] hold both.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {
     truth.check()?;
     let shape = [truth.nx, truth.ny];
-    let bytes = npz_bytes(&[
+    let mut arrays = vec![
         ("gt_depth", Array::from_f32(&shape, &truth.depth)),
         ("gt_normal", Array::from_f32(&[truth.nx, truth.ny, 3], truth.normal.as_flattened())),
         ("gt_mask", Array::from_bool(&shape, &truth.mask)),
         ("gt_extent", Array::from_f64(&[4], &truth.extent)),
-    ])?;
-    atomic::write(path, &bytes)
+    ];
+    if let Some(behind) = &truth.behind {
+        let first = [&truth.depth[..], truth.normal.as_flattened()];
+        arrays.extend(layers(TRUTH_LAYERS, shape, first, &truth.mask, behind));
+    }
+    atomic::write(path, &npz_bytes(&arrays)?)
 }
 
 /// Reads truth. Without `gt_mask`, pixels with a finite depth are the mask. Without `gt_normal`, all normals are NaN.
@@ -92,10 +110,53 @@ pub fn read_truth(path: &Path) -> Result<Truth> {
             None => vec![[f32::NAN; 3]; depth.len()],
         };
         let extent = extent(&mut npz, "gt_extent", TRUTH)?;
-        let truth = Truth { nx: shape[0], ny: shape[1], extent, depth, normal, mask };
+        let behind = second(&mut npz, TRUTH_LAYERS, shape)?;
+        let truth = Truth { nx: shape[0], ny: shape[1], extent, depth, normal, mask, behind };
         truth.check().map(|()| truth)
     };
     read().map_err(|e| e.at(path.display()))
+}
+
+/// Depth, mask and normals of both layers as arrays of these names. `first`: depth and normals of the first one.
+fn layers(
+    names: [&'static str; 4],
+    [nx, ny]: [usize; 2],
+    first: [&[f32]; 2],
+    mask: &[bool],
+    behind: &Layer,
+) -> [(&'static str, Array); 3] {
+    let depth = [first[0], &behind.depth].concat();
+    let normal = [first[1], behind.normal.as_flattened()].concat();
+    [
+        (names[1], Array::from_f32(&[2, nx, ny], &depth)),
+        (names[2], Array::from_f32(&[2, nx, ny, 3], &normal)),
+        (names[3], Array::from_bool(&[2, nx, ny], &[mask, &behind.mask].concat())),
+    ]
+}
+
+/// The second of the layers with these names; `None` if there are none. Without albedos, the mask gives them.
+fn second(npz: &mut Npz, names: [&str; 4], [nx, ny]: [usize; 2]) -> Result<Option<Layer>> {
+    if npz.get(names[1])?.is_none() {
+        return Ok(None);
+    }
+    let count = nx * ny;
+    let mut of = |name: &str, shape: &[usize]| -> Result<Array> {
+        let array = npz.require(name, "arrays of both layers, [2, nx, ny]")?;
+        if array.shape == shape {
+            return Ok(array);
+        }
+        let wanted = format!("{name} holds two layers of the maps' pixels: {shape:?}");
+        Err(Error::input(format!("{name} has shape {:?}", array.shape), wanted))
+    };
+    let depth = of(names[1], &[2, nx, ny])?.to_f32().split_off(count);
+    let normal = of(names[2], &[2, nx, ny, 3])?.to_f32().split_off(3 * count);
+    let mask = of(names[3], &[2, nx, ny])?.to_bool().split_off(count);
+    let albedo = match names[0] {
+        "" => mask.iter().map(|m| f32::from(u8::from(*m))).collect(),
+        name => of(name, &[2, nx, ny])?.to_f32().split_off(count),
+    };
+    let normal = normal.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
+    Ok(Some(Layer { albedo, depth, normal, mask }))
 }
 
 fn plane(npz: &mut Npz, name: &str, wanted: &str) -> Result<([usize; 2], Vec<f32>)> {

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::files::atomic;
 use crate::maps::Maps;
 
-/// Writes one point per masked pixel with a depth, in the capture's frame in metres, little-endian:
+/// Writes one point per masked pixel with a depth, of the first surfaces and of those behind them, in the capture's frame in metres, little-endian:
 /// `x y z nx ny nz albedo` as float32, and the albedo again as grey `red green blue` for viewers (white at its 99.9th
 /// percentile). An unknown normal is (0, 0, 0).
 ///
@@ -17,7 +17,9 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
     let white = Maps::white(&maps.albedo).max(f32::MIN_POSITIVE);
     let (mut points, mut count) = (Vec::new(), 0usize);
-    for pixel in (0..maps.depth.len()).filter(|&p| maps.mask[p] && maps.depth[p].is_finite()) {
+    let layers: Vec<Maps> = (0..2).filter_map(|layer| maps.layer(layer)).collect();
+    let all = layers.iter().flat_map(|maps| (0..maps.depth.len()).map(move |p| (maps, p)));
+    for (maps, pixel) in all.filter(|(maps, p)| maps.mask[*p] && maps.depth[*p].is_finite()) {
         let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
         let normal = maps.normal[pixel];
         let [nx, ny, nz] = if normal.iter().all(|v| v.is_finite()) { normal } else { [0.0; 3] };

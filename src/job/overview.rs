@@ -94,5 +94,6 @@ fn as_maps(truth: &Truth) -> Maps {
         normal: truth.normal.clone(),
         mask: truth.mask.clone(),
         mask_fraction: Maps::MASK_FRACTION,
+        behind: None,
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::maps::{Maps, Truth};
+use crate::maps::{Layer, Maps, Truth};
 
 /// Mask fractions that are tried for `best_iou`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
@@ -46,6 +46,10 @@ pub struct Metrics {
     /// the errors of one method cover the whole surface, those of another its bright part only.
     #[serde(default)]
     pub at_best: Option<AtBest>,
+    /// The figures of the first surfaces and of those behind them, if the truth has two layers; else empty and not in
+    /// the JSON.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<LayerMetrics>,
     /// (fraction, IoU) over [`SWEEP`]; not in the JSON if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sweep: Vec<[f64; 2]>,
@@ -63,6 +67,23 @@ pub struct AtBest {
     /// Root mean square error of depth.
     pub depth_rmse: Option<f64>,
     /// Mean angle between true and found normals.
+    pub normal_error_deg: Option<f64>,
+}
+
+/// Figures of one layer against the same layer of the truth, at the mask fraction of the whole.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct LayerMetrics {
+    /// Pixels of the true mask.
+    pub true_pixels: usize,
+    /// Hit pixels: predicted and true.
+    pub hit_pixels: usize,
+    /// |predicted ∩ mask| / |mask|.
+    pub completeness: Option<f64>,
+    /// |predicted ∩ mask| / |predicted ∪ mask|.
+    pub iou: Option<f64>,
+    /// Mean absolute error of depth over the hit pixels.
+    pub depth_mae: Option<f64>,
+    /// Mean angle between true and found normals over the hit pixels that have a normal.
     pub normal_error_deg: Option<f64>,
 }
 
@@ -131,8 +152,32 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
+        layers: layers(maps, truth, &pixels, fraction * white),
         sweep,
     })
+}
+
+/// The figures of each layer, if the truth has two. `pixels` are the maps' pixels of the truth's.
+fn layers(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], threshold: f64) -> Vec<LayerMetrics> {
+    let Some(Layer { depth, normal, mask, .. }) = truth.behind.clone() else { return vec![] };
+    let second = Truth { depth, normal, mask, behind: None, ..truth.clone() };
+    let of_layer = |(layer, truth): (usize, &Truth)| {
+        let found = maps.layer(layer);
+        let mut overlap = Overlap::default();
+        for (pixel, &real) in pixels.iter().zip(&truth.mask) {
+            overlap.add(found.as_ref().is_some_and(|m| predicted(m, *pixel, threshold).is_some()), real);
+        }
+        let errors = found.map(|m| errors(&m, truth, pixels, threshold)).unwrap_or_default();
+        LayerMetrics {
+            true_pixels: overlap.real,
+            hit_pixels: overlap.both,
+            completeness: ratio(overlap.both, overlap.real),
+            iou: overlap.iou(),
+            depth_mae: errors.hit.absolute.get(),
+            normal_error_deg: errors.angle.get(),
+        }
+    };
+    [truth, &second].into_iter().enumerate().map(of_layer).collect()
 }
 
 /// For each pixel of the truth, the maps' pixel at its centre.

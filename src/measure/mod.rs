@@ -3,5 +3,5 @@
 pub mod metrics;
 pub mod reach;
 
-pub use metrics::{AtBest, Metrics, metrics};
+pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
 pub use reach::{Reach, median, reach};

@@ -16,6 +16,11 @@ const KNOWN: &[(&str, &str)] = &[
     ("spheres", "two spheres of radius 0.14 m at z = 0.72 and 1.00 m"),
     ("torus", "a tilted torus of radius 0.2 m at z = 0.7 m"),
     ("occluder", "a plate at z = 0.5 m that hides part of a larger square at z = 0.9 m"),
+    (
+        "plates",
+        "a plate of 0.24 m at z = 0.55 m before a tilted square of 0.68 m at z = 0.85 m (plates-front, plates-back: \
+         each alone)",
+    ),
     ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
     (
         "beyond",
@@ -60,6 +65,9 @@ fn named(spec: &str) -> Result<Scene> {
                 rectangle(dvec3(0.0, 0.0, 0.9), DVec3::Y * 0.35, DVec3::X * 0.35),
                 rectangle(dvec3(0.18, 0.05, 0.5), DVec3::Y * 0.2, DVec3::X * 0.12),
             ],
+            "plates" => vec![front_plate(), back_plate()],
+            "plates-front" => vec![front_plate()],
+            "plates-back" => vec![back_plate()],
             "figure" => figure(dvec3(0.0, 0.0, 0.7), 0.85),
             "beyond" => return Ok(beyond()),
             "within" => aside().0,
@@ -84,6 +92,15 @@ fn beyond() -> Scene {
     let mut scene = Scene::new("beyond", objects([before, arm, vec![plate]].concat()));
     scene.objects.push(Object { mesh: floor, albedo: 0.5 });
     scene
+}
+
+/// The plates of the scene `plates`.
+fn front_plate() -> Mesh {
+    rectangle(dvec3(0.0, 0.0, 0.55), DVec3::Y * 0.12, DVec3::X * 0.12)
+}
+
+fn back_plate() -> Mesh {
+    rectangle(dvec3(0.0, 0.0, 0.85), DVec3::Y * 0.34, dvec3(0.33, 0.0, 0.08))
 }
 
 fn objects(meshes: Vec<Mesh>) -> Vec<Object> {

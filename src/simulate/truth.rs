@@ -2,7 +2,7 @@
 
 use super::Scene;
 use super::visibility::{Hit, Surfaces};
-use crate::maps::Truth;
+use crate::maps::{Layer, Truth};
 use crate::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,8 +10,13 @@ use rayon::prelude::*;
 /// Default side of the maps, pixels.
 pub const DEFAULT_RESOLUTION: usize = 128;
 
+/// Surfaces nearer to each other than this share of the wall's side are parts of one thing, such as a limb before its
+/// body.
+const APART: f64 = 0.1;
+
 /// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's centre
-/// on the wall. Normals are unit vectors toward the wall, smooth where the mesh is.
+/// on the wall. Normals are unit vectors toward the wall, smooth where the mesh is. The surface behind it is the next one
+/// that faces the wall, at least [`APART`] of the wall's side farther.
 ///
 /// # Errors
 /// A scene that [`Scene::check`] refuses, or a resolution of 0 or above 16384.
@@ -24,29 +29,49 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
         ));
     }
     let surfaces = Surfaces::new(scene);
-    let pixels: Vec<Option<(f64, DVec3)>> = (0..n * n)
+    let at = |i: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * scene.wall;
+    let pixels: Vec<[Option<(f64, DVec3)>; 2]> = (0..n * n)
         .into_par_iter()
         .map(|k| {
-            let at = |i: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * scene.wall;
             let from = DVec3::new(at(k / n), at(k % n), 0.0);
-            // A ray exactly along an edge may pass between two triangles; a ray just beside it does not.
-            let beside = DVec3::new(1.7e-6, 2.9e-6, 0.0) * scene.wall;
-            let hit = surfaces.first_hit(from, DVec3::Z);
-            let hit = hit.or_else(|| surfaces.first_hit(from + beside, DVec3::Z));
-            hit.and_then(|hit| refine(scene, from, &hit))
+            let first = hit(scene, &surfaces, from).and_then(|hit| refine(scene, from, &hit));
+            [first, first.and_then(|(z, _)| behind(scene, &surfaces, from, z))]
         })
         .collect();
-    Ok(Truth {
-        nx: n,
-        ny: n,
-        extent: scene.extent(),
-        depth: pixels.iter().map(|p| p.map_or(f32::NAN, |(z, _)| z as f32)).collect(),
-        normal: pixels.iter().map(|p| p.map_or([f32::NAN; 3], |(_, n)| n.as_vec3().to_array())).collect(),
-        mask: pixels.iter().map(Option::is_some).collect(),
-    })
+    let layer = |l: usize| Layer {
+        albedo: pixels.iter().map(|p| if p[l].is_some() { 1.0 } else { 0.0 }).collect(),
+        depth: pixels.iter().map(|p| p[l].map_or(f32::NAN, |(z, _)| z as f32)).collect(),
+        normal: pixels.iter().map(|p| p[l].map_or([f32::NAN; 3], |(_, n)| n.as_vec3().to_array())).collect(),
+        mask: pixels.iter().map(|p| p[l].is_some()).collect(),
+    };
+    let (Layer { depth, normal, mask, .. }, second) = (layer(0), layer(1));
+    let behind = second.mask.contains(&true).then_some(second);
+    Ok(Truth { nx: n, ny: n, extent: scene.extent(), depth, normal, mask, behind })
 }
 
-/// Depth and normal of a hit in double precision.
+/// The first hit along +z.
+fn hit(scene: &Scene, surfaces: &Surfaces, from: DVec3) -> Option<Hit> {
+    // A ray exactly along an edge may pass between two triangles; a ray just beside it does not.
+    let beside = DVec3::new(1.7e-6, 2.9e-6, 0.0) * scene.wall;
+    surfaces.first_hit(from, DVec3::Z).or_else(|| surfaces.first_hit(from + beside, DVec3::Z))
+}
+
+/// Depth and normal of the next surface that faces the wall, behind the depth `first` on the ray along +z.
+fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option<(f64, DVec3)> {
+    let mut start = first + APART * scene.wall;
+    loop {
+        let from = from.with_z(start);
+        let next = hit(scene, surfaces, from)?;
+        let faces = |n: &[DVec3; 3]| n.iter().sum::<DVec3>().z < 0.0;
+        if faces(&scene.objects[next.object].mesh.normals[next.triangle]) {
+            return refine(scene, from, &next).map(|(z, n)| (start + z, n));
+        }
+        // The back of something: on beyond it.
+        start += next.distance + 1e-6 * scene.wall;
+    }
+}
+
+/// Distance along +z from `from`, and normal, of a hit in double precision.
 fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
     let mesh = &scene.objects[hit.object].mesh;
     let ([a, b, c], [na, nb, nc]) = (mesh.triangles[hit.triangle], mesh.normals[hit.triangle]);

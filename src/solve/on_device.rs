@@ -132,6 +132,7 @@ pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool)
             .collect(),
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
         mask_fraction: Maps::MASK_FRACTION,
+        behind: None,
         albedo,
     }
 }

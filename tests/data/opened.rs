@@ -22,6 +22,7 @@ pub fn python_opens_everything(python: &Path) {
         normal: vec![[f32::NAN; 3]; nx * ny],
         mask: vec![],
         mask_fraction: 0.0,
+        behind: None,
     };
     for p in 0..nx * ny {
         let (x, y) = ((p / ny) as f32 - 11.5, (p % ny) as f32 - 7.5);

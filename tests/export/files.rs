@@ -7,7 +7,7 @@ use thirdbounce::Kind;
 use thirdbounce::export::volume::Volume;
 use thirdbounce::export::{self, npz, picture, ply, png as pictures, report, volume};
 use thirdbounce::files::atomic;
-use thirdbounce::maps::{Maps, Truth};
+use thirdbounce::maps::{Layer, Maps, Truth};
 use thirdbounce::measure::Metrics;
 
 /// 4 x 2 pixels; everything dark except (3, 1): the corner of largest x and y; and a dimmer (0, 0).
@@ -21,6 +21,7 @@ fn maps() -> Maps {
         normal: vec![[f32::NAN; 3]; 8],
         mask: Vec::new(),
         mask_fraction: 0.0,
+        behind: None,
     };
     (maps.albedo[7], maps.depth[7], maps.normal[7]) = (2.0, 1.5, [0.0, 0.6, -0.8]);
     (maps.albedo[0], maps.depth[0], maps.normal[0]) = (1.0, 0.5, [0.0, 0.0, -1.0]);
@@ -54,11 +55,78 @@ fn maps_come_back() {
 fn truth_comes_back() {
     let (_folder, path) = place("truth.npz");
     let m = maps();
-    let truth = Truth { nx: 4, ny: 2, extent: m.extent, depth: m.depth, normal: m.normal, mask: m.mask };
+    let truth = Truth {
+        nx: 4,
+        ny: 2,
+        extent: m.extent,
+        depth: m.depth,
+        normal: m.normal,
+        mask: m.mask,
+        behind: None,
+    };
     npz::write_truth(&path, &truth).unwrap();
     let back = npz::read_truth(&path).unwrap();
     assert!(same(&back.depth, &truth.depth) && back.mask == truth.mask && back.extent == truth.extent);
     assert!(same(back.normal.as_flattened(), truth.normal.as_flattened()));
+}
+
+/// A second surface behind pixel 7, and a dim one behind pixel 0.
+fn two_layers() -> Maps {
+    let mut m = maps();
+    let mut behind = Layer {
+        albedo: vec![0.0; 8],
+        depth: vec![f32::NAN; 8],
+        normal: vec![[f32::NAN; 3]; 8],
+        mask: vec![],
+    };
+    (behind.albedo[7], behind.depth[7], behind.normal[7]) = (1.0, 2.5, [0.6, 0.0, -0.8]);
+    (behind.albedo[0], behind.depth[0], behind.normal[0]) = (0.25, 1.5, [0.0, 0.0, -1.0]);
+    m.behind = Some(behind);
+    m.set_mask(0.25);
+    m
+}
+
+#[test]
+fn both_layers_come_back() {
+    let (_folder, path) = place("layers.npz");
+    let m = two_layers();
+    let is_there = |mask: &[bool]| mask.iter().filter(|m| **m).count();
+    assert_eq!(is_there(&m.behind.as_ref().unwrap().mask), 1, "the white of the first layer decides");
+    let same_layer = |a: &Layer, b: &Layer| {
+        same(&a.depth, &b.depth) && same(a.normal.as_flattened(), b.normal.as_flattened()) && a.mask == b.mask
+    };
+    npz::write_maps(&path, &m).unwrap();
+    let back = npz::read_maps(&path).unwrap();
+    let [one, two] = [&back, &m].map(|m| m.behind.as_ref().unwrap());
+    assert!(same_layer(one, two) && one.albedo == two.albedo && back.mask == m.mask);
+    let mut npz = thirdbounce::files::archive::Npz::open(&path).unwrap();
+    assert_eq!(npz.get("layers_normal").unwrap().unwrap().shape, [2, 4, 2, 3]);
+    assert!(same(&npz.get("layers_depth").unwrap().unwrap().to_f32()[..8], &m.depth));
+    npz::write_maps(&path, &maps()).unwrap();
+    assert_eq!(npz::read_maps(&path).unwrap().behind, None);
+
+    let Maps { nx, ny, extent, depth, normal, mask, behind, .. } = m.clone();
+    let truth = Truth { nx, ny, extent, depth, normal, mask, behind };
+    npz::write_truth(&path, &truth).unwrap();
+    let back = npz::read_truth(&path).unwrap().behind.unwrap();
+    assert!(same_layer(&back, m.behind.as_ref().unwrap()));
+    assert_eq!(back.albedo, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+
+    // Points: two of the first layer, one behind.
+    let cloud = path.with_extension("ply");
+    ply::write(&cloud, &m).unwrap();
+    let bytes = std::fs::read(&cloud).unwrap();
+    assert!(String::from_utf8_lossy(&bytes).contains("element vertex 3\n"));
+    let depth = f32::from_le_bytes(bytes[bytes.len() - 31 + 8..bytes.len() - 31 + 12].try_into().unwrap());
+    assert_eq!(depth, 2.5);
+    let mut cut = m.clone();
+    cut.behind.as_mut().unwrap().depth.pop();
+    assert_error(npz::write_maps(&path, &cut), Kind::Input, &["second layer's depth", "7 values"]);
+    export::exr::write(&path.with_extension("exr"), &m).unwrap();
+    let picture = exr::prelude::read_all_data_from_file(path.with_extension("exr")).unwrap();
+    let names: Vec<String> =
+        picture.layer_data[0].channel_data.list.iter().map(|c| c.name.to_string()).collect();
+    assert!(names.contains(&"behind.depth.Z".into()) && names.len() == 11, "{names:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Metrics on cases computed by hand.
 
 use thirdbounce::Kind;
-use thirdbounce::maps::{Maps, Truth, percentile};
+use thirdbounce::maps::{Layer, Maps, Truth, percentile};
 use thirdbounce::measure::{Metrics, metrics};
 
 const TOWARDS_WALL: [f32; 3] = [0.0, 0.0, -1.0];
@@ -20,6 +20,7 @@ fn maps(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Maps {
         normal: lit.iter().map(|&l| if l { TOWARDS_WALL } else { MISS }).collect(),
         mask: Vec::new(),
         mask_fraction: 0.0,
+        behind: None,
     };
     maps.set_mask(Maps::MASK_FRACTION);
     maps
@@ -27,7 +28,7 @@ fn maps(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Maps {
 
 fn truth(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Truth {
     let m = maps(n, inside, depth);
-    Truth { nx: n, ny: n, extent: m.extent, depth: m.depth, normal: m.normal, mask: m.mask }
+    Truth { nx: n, ny: n, extent: m.extent, depth: m.depth, normal: m.normal, mask: m.mask, behind: None }
 }
 
 fn close(value: Option<f64>, wanted: f64) {
@@ -46,6 +47,27 @@ fn a_perfect_prediction() {
     );
     assert_eq!((m.depth_mae_whole, m.normal_error_deg, m.normal_mae), (Some(0.0), Some(0.0), Some(0.0)));
     assert_eq!((m.best_iou, m.fraction), (Some(1.0), 0.2));
+}
+
+#[test]
+fn layers_are_measured_each() {
+    // A plate of 2 x 4 pixels at 0.5 m before a wall at 1 m; found 2 x 3 of the plate, and behind it 1 x 4 at 1.1 m.
+    let mut real = truth(4, |_, _| true, 1.0);
+    real.depth[..8].fill(0.5);
+    let layer = |m: Maps| Layer { albedo: m.albedo, depth: m.depth, normal: m.normal, mask: m.mask };
+    let mut found = maps(4, |_, _| true, 1.0);
+    found.depth[..6].fill(0.5);
+    assert!(metrics(&found, &real, 0.3).unwrap().layers.is_empty());
+    real.behind = Some(layer(maps(4, |x, _| x < 2, 1.0)));
+    let m = metrics(&found, &real, 0.3).unwrap();
+    assert_eq!((m.layers[1].hit_pixels, m.layers[1].true_pixels, m.layers[1].depth_mae), (0, 8, None));
+    found.behind = Some(layer(maps(4, |x, _| x == 0, 1.1)));
+    let m = metrics(&found, &real, 0.3).unwrap();
+    assert_eq!((m.layers[0].iou, m.layers[0].true_pixels), (m.iou, 16));
+    close(m.layers[0].depth_mae, 2.0 * 0.5 / 16.0);
+    assert_eq!((m.layers[1].iou, m.layers[1].completeness), (Some(0.5), Some(0.5)));
+    close(m.layers[1].depth_mae, f64::from(1.1f32) - 1.0);
+    assert_eq!(m.layers[1].normal_error_deg, Some(0.0));
 }
 
 #[test]

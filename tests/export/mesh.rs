@@ -8,7 +8,7 @@ use fixtures::captures::place;
 use glam::{DVec3, Vec3, dvec3, vec3};
 use thirdbounce::export::mesh;
 use thirdbounce::job::SolverOptions;
-use thirdbounce::maps::Maps;
+use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{VectorOptions, Watch, default_volume};
 use thirdbounce::transport::Grid;
@@ -100,6 +100,7 @@ fn empty(n: usize, extent: [f64; 4]) -> Maps {
         normal: vec![[f32::NAN; 3]; n * n],
         mask: vec![false; n * n],
         mask_fraction: 0.0,
+        behind: None,
     }
 }
 
@@ -168,6 +169,31 @@ fn a_jump_is_not_bridged_and_nothing_gives_an_empty_file() {
     assert!(without.triangles.len() > 900 && without.vertices.iter().all(|v| v.z < 0.7));
     maps.mask.fill(false);
     assert!(mesh(&maps).triangles.is_empty());
+}
+
+#[test]
+fn what_lies_behind_is_part_of_the_mesh() {
+    let mut maps = empty(24, [0.0, 0.24, 0.0, 0.24]);
+    let Maps { albedo, depth, normal, mask, .. } = maps.clone();
+    let mut behind = Layer { albedo, depth, normal, mask };
+    for p in 0..24 * 24 {
+        let front = (6..18).contains(&(p / 24)) && (6..18).contains(&(p % 24));
+        (maps.albedo[p], maps.normal[p]) = (1.0, [0.0, 0.0, -1.0]);
+        maps.depth[p] = if front { 0.5 } else { 0.6 };
+        if front {
+            (behind.albedo[p], behind.depth[p], behind.normal[p]) = (0.5, 0.6, [0.0, 0.0, -1.0]);
+        }
+    }
+    maps.behind = Some(behind);
+    maps.set_mask(0.3);
+    let both = mesh(&maps);
+    let lies = |z: f32| both.vertices.iter().filter(|v| (v.z - z).abs() < 0.005).count();
+    assert!(lies(0.5) > 100 && lies(0.6) > 400, "{} {}", lies(0.5), lies(0.6));
+    assert_eq!(both.rims(), 2, "the wall has no hole behind the plate");
+    let middle =
+        both.vertices.iter().zip(&both.albedo).filter(|(v, _)| (v.x - 0.12).hypot(v.y - 0.12) < 0.03);
+    assert!(middle.clone().all(|(v, a)| (a - if v.z < 0.55 { 1.0 } else { 0.5 }).abs() < 0.01));
+    assert!(middle.count() > 20);
 }
 
 #[test]

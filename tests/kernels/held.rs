@@ -57,6 +57,7 @@ static HELD: &[Held] = held! {
     vector::passes::FORWARD_BOUND, RESIDUAL_BOUND
         => vector_forward::forward_and_weighted_residual_on_every_accumulation_path;
     PULSE, PULSE_BACK => vector_forward::forward_and_weighted_residual_through_a_pulse;
+    EXTRACT_BEHIND => vector_domain::extract_finds_the_second_surface_of_a_column;
     SURFACE_BONDS, SURFACE_POINTS => surface::bonds_and_points;
     SURFACE_GATHER => surface_gather::gather_of_every_model_pair_and_wall;
     SURFACE_COMBINE => surface::combine;

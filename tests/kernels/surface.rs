@@ -45,7 +45,7 @@ pub fn bonds_and_points() {
     {
         let model = Model { reflectance, ..scene(3, 40, 1) };
         let twin = Twin { model: &model, grid: &grid };
-        let mut field = Field { each, ..field(&grid, 2) };
+        let mut field = Field { each, ..both(&grid, 2) };
         // One more spike that leaves the grid on both sides.
         let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
         let middle = field.len() / 2;
@@ -191,7 +191,7 @@ pub fn several_steps() {
 fn check_steps(gpu: &Gpu, spread: f64) {
     let (model, grid) = (scene(3, 40, 1), oblong());
     let twin = Twin { model: &model, grid: &grid };
-    let mut field = field(&grid, 41);
+    let mut field = both(&grid, 41);
     let bonds = field.bonds(&twin);
     let mut job = job(gpu, &model, &grid, &surface_options(&grid, 4));
     field.write(&mut job);
@@ -257,32 +257,37 @@ pub fn extract() {
     let gpu = gpu();
     let (model, grid) = (scene(3, 40, 1), oblong());
     let twin = Twin { model: &model, grid: &grid };
-    let field = field(&grid, 51);
+    let field = both(&grid, 51);
     let bonds = field.bonds(&twin);
     let mut job = job(&gpu, &model, &grid, &surface_options(&grid, 4));
     field.write(&mut job);
     run_bonds(&mut job, field.len());
     let columns = grid.n[0] * grid.n[1];
     let before: Vec<f32> = (0..8 * columns).map(|i| i as f32).collect();
-    for smooth in [0.75, 2.5] {
+    let of_layers = field.pixels().of_layers(columns);
+    assert!(of_layers.iter().all(|n| *n > 20), "{of_layers:?}");
+    for (smooth, layer) in [(0.75, 0), (2.5, 0), (2.5, 1)] {
+        let pixels = if layer == 0 { 0..of_layers[0] } else { of_layers[0]..field.len() };
+        let in_maps: Vec<usize> =
+            field.columns[pixels.clone()].iter().map(|c| *c as usize % columns).collect();
         write_weights(&mut job, &SurfaceWeights { smooth, ..Default::default() });
         write(&mut job, buffer::COLUMNS, &before);
-        let s = surface::extract(job.plan.finest(), field.len());
+        let s = surface::extract(job.plan.finest(), of_layers, layer);
         job.executor.run(&s).unwrap();
         let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..columns);
         let slopes = field.points(&twin, &bonds).0;
         let want =
             twin::surface_extract(&twin, &field.columns, &field.heights, &slopes, &field.albedo, smooth);
-        let of =
-            |k: usize| field.columns.iter().map(|c| f64::from(got[*c as usize][k])).collect::<Vec<f64>>();
+        let want = &want[pixels.clone()];
+        let of = |k: usize| in_maps.iter().map(|c| f64::from(got[*c][k])).collect::<Vec<f64>>();
         assert!(error(of(0), want.iter().map(|c| c.albedo)) < 3e-6);
-        assert_eq!(of(1), field.heights.iter().map(|h| h.depth).collect::<Vec<_>>());
+        assert_eq!(of(1), field.heights[pixels].iter().map(|h| h.depth).collect::<Vec<_>>());
         assert!(of(3).iter().all(|v| *v == 1.0));
         for k in 0..3 {
             let normals = want.iter().map(|c| c.normal[k]);
             assert!(error(of(4 + k), normals) < 3e-6);
         }
-        for c in (0..columns).filter(|c| !field.columns.contains(&(*c as u32))) {
+        for c in (0..columns).filter(|c| !in_maps.contains(c)) {
             assert_eq!(got[c], before[8 * c..8 * c + 8], "what is no surface stays");
         }
     }
@@ -320,7 +325,7 @@ fn check_iterations(
     each: usize,
 ) {
     let grid = oblong();
-    let mut field = Field { each, ..field(&grid, 61) };
+    let mut field = Field { each, ..both(&grid, 61) };
     let model = variant(&scene(5, 48, 9), geometry, reflectance, curved, 62);
     let model = measured(&model, &grid, &field, 63);
     let twin = Twin { model: &model, grid: &grid };

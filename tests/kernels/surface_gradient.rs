@@ -27,7 +27,7 @@ fn scene() -> (Model, Grid) {
 
 /// A field with the bonds of other depths, as between two renewals.
 fn bent(twin: &Twin, seed: u64) -> (Field, Vec<Vec<Bond>>) {
-    let mut field = field(twin.grid, seed);
+    let mut field = both(twin.grid, seed);
     let bonds = field.bonds(twin);
     let mut random = Random::new(seed + 1);
     field.heights.iter_mut().for_each(|h| h.depth += random.uniform(-0.01, 0.01));
@@ -89,7 +89,7 @@ fn the_gradient_is_the_slope_of_the_objective() {
     for (i, (geometry, reflectance, curved)) in variants().into_iter().enumerate() {
         let model =
             Model { pulse: (i % 2 == 0).then(tail), ..variant(&base, geometry, reflectance, curved, 60) };
-        let model = measured(&model, &grid, &field(&grid, 61), 62);
+        let model = measured(&model, &grid, &both(&grid, 61), 62);
         let twin = Twin { model: &model, grid: &grid };
         let (mut field, bonds) = bent(&twin, 61);
         field.each = [4, 1][i % 2];

@@ -1,10 +1,11 @@
 //! The vector solver's domain on the device against the float64 twins: reduction, doubling, the start, maps, room.
 
+use fixtures::device::surfaces::surface_options;
 use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{COLUMNS_HOST, OnDevice, Plan, SMOOTH, extract, vector};
+use thirdbounce::solve::{COLUMNS_HOST, OnDevice, Plan, SMOOTH, extract, surface, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
@@ -346,6 +347,48 @@ fn extract_takes_a_column_from_all_of_its_surface() {
         farther += usize::from(w.depth > grid.origin.z + (z as f64 + 0.5) * grid.pitch.z);
     }
     assert!(found > 80 && empty > 5 && together > 10 && farther > 10, "{found} {empty} {together} {farther}");
+    assert_valid(&gpu);
+}
+
+#[test]
+pub fn extract_finds_the_second_surface_of_a_column() {
+    let gpu = gpu();
+    let (model, grid) = (scene(3, 40, 32), grid());
+    let twin = Twin { model: &model, grid: &grid };
+    let mut domain = state(&model, &grid, 0.3, 33).1;
+    let mut v: Vec<DVec3> = vectors(grid.storage(), 34)
+        .into_iter()
+        .map(|v| twin::into_cone(model.cone, v).map(|v| f64::from(v as f32)))
+        .collect();
+    // In the first columns nothing is dark: one thick surface, as bright everywhere, has no second one.
+    let thick = (0..grid.storage()).filter(|i| grid.contains(grid.voxel(*i)) && grid.voxel(*i)[0] < 3);
+    for i in thick.filter(|i| grid.voxel(*i)[2] >= model.near_z(&grid)) {
+        (domain[i], v[i]) = (true, dvec3(0.0, 0.0, -1.0 - 0.25 * (grid.voxel(i)[2] % 3) as f64));
+    }
+    let mut job = job(&gpu, &model, &grid, &surface_options(&grid, 1));
+    let active = write_domain(&mut job, &domain);
+    write_vectors(&mut job, buffer::RAW, &active, &v);
+    let s = surface::extract_behind(job.plan.finest());
+    job.executor.run(&s).unwrap();
+    let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
+    let first = twin::extract_vectors(&twin, &v, &domain);
+    let (mut before, mut behind, mut none) = (0, 0, 0);
+    for (i, (g, w)) in got.iter().zip(twin::extract_behind(&twin, &v, &domain)).enumerate() {
+        let Some(w) = w else {
+            assert_eq!(*g, [0.0; 8]);
+            none += 1;
+            continue;
+        };
+        assert!(i / grid.n[1] >= 3, "a thick surface is one");
+        let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() < 2e-5, "{g:?} {w:?}");
+        close(g[0], w.albedo);
+        close(g[1], w.depth);
+        (0..3).for_each(|k| close(g[4 + k], w.normal[k]));
+        let of_first = first[i].map_or(0.0, |c| c.depth);
+        before += usize::from(w.depth < of_first);
+        behind += usize::from(w.depth > of_first);
+    }
+    assert!(before > 20 && behind > 20 && none >= 3 * grid.n[1], "{before} {behind} {none}");
     assert_valid(&gpu);
 }
 

@@ -144,7 +144,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         let s = surface::iteration(&job.plan, job.plan.finest(), field.len(), i, i, None);
         runs.run(&mut job, s);
     }
-    let maps = surface::extract(job.plan.finest(), field.len());
+    let maps = surface::extract(job.plan.finest(), [field.len(), 0], 0);
     runs.run(&mut job, maps);
     left(&mut job, 2, &[buffer::HEIGHTS])
 }

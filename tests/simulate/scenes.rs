@@ -139,6 +139,27 @@ fn every_built_in_scene_stays_before_the_wall() {
 }
 
 #[test]
+fn truth_holds_what_lies_behind() {
+    let all =
+        ["plates", "plates-front", "plates-back"].map(|n| truth(&Scene::named(n).unwrap(), 64).unwrap());
+    let [both, front, back] = &all;
+    assert!(front.behind.is_none() && back.behind.is_none());
+    let behind = both.behind.as_ref().unwrap();
+    for c in 0..64 * 64 {
+        assert_eq!((both.mask[c], behind.mask[c]), (back.mask[c], front.mask[c]));
+        let [first, wanted] = if front.mask[c] { [front, back] } else { [back, front] };
+        assert!(!both.mask[c] || both.depth[c] == first.depth[c]);
+        let [found, wanted] = [behind.depth[c], wanted.depth[c]];
+        assert!(if front.mask[c] { (found - wanted).abs() < 1e-6 } else { found.is_nan() });
+        assert!(!behind.mask[c] || behind.normal[c] == back.normal[c] && behind.albedo[c] == 1.0);
+    }
+    // A ball has a back, which no wall point sees; a limb before its body is one thing with it.
+    for name in ["sphere", "figure", "torus"] {
+        assert!(truth(&Scene::named(name).unwrap(), 64).unwrap().behind.is_none(), "{name}");
+    }
+}
+
+#[test]
 fn obj_and_ply_meshes_load_and_place() {
     let dir = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| {

@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 
 use fixtures::captures::scaled;
 use fixtures::device::*;
-use glam::DVec3;
+use glam::{DVec3, dvec3};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate, truth};
 use thirdbounce::solve::surface::{self, Pixels};
 use thirdbounce::solve::{Accumulation, Reconstruction, VectorOptions, Watch, default_volume, vector};
 use thirdbounce::transport::{Grid, Volume};
@@ -24,6 +24,7 @@ fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
         normal: vec![[0.0, 0.0, -1.0]; count],
         mask: vec![true; count],
         mask_fraction: 0.3,
+        behind: None,
     }
 }
 
@@ -33,20 +34,20 @@ fn pixels_are_the_bright_ones_with_a_depth() {
         maps(vec![1.0, 0.05, 0.9, 0.0, 0.11, 2.0, 0.8], vec![0.5, 0.6, f32::NAN, f32::NAN, 0.7, 0.8, 0.9]);
     let few = Maps { albedo: all.albedo.iter().map(|a| a / 2.0).collect(), ..all.clone() };
     // White is next to the largest, 2: its tenth is 0.2.
-    let pixels = Pixels::of(&all, 7);
+    let pixels = Pixels::of(std::slice::from_ref(&all), 7);
     assert_eq!(pixels.columns, [0, 5, 6]);
     assert_eq!(pixels.depth, [0.5, 0.8, 0.9]);
     assert_eq!(pixels.albedo, [1.0, 2.0, 0.8]);
-    assert_eq!(Pixels::of(&few, 7).columns, pixels.columns, "whatever the scale");
+    assert_eq!(Pixels::of(std::slice::from_ref(&few), 7).columns, pixels.columns, "whatever the scale");
     // Room for two: the brightest two, in the order of the maps.
-    let two = Pixels::of(&all, 2);
+    let two = Pixels::of(std::slice::from_ref(&all), 2);
     assert_eq!((two.columns.as_slice(), two.len()), ([0, 5].as_slice(), 2));
     assert_eq!(two.albedo, [1.0, 2.0]);
-    let last = Pixels::of(&maps(vec![1.0, 3.0, 2.0], vec![0.5; 3]), 2);
+    let last = Pixels::of(&[maps(vec![1.0, 3.0, 2.0], vec![0.5; 3])], 2);
     assert_eq!((last.columns, last.albedo), (vec![1, 2], vec![3.0, 2.0]));
-    assert!(Pixels::of(&all, 0).is_empty());
-    assert!(Pixels::of(&maps(vec![0.0; 5], vec![f32::NAN; 5]), 5).is_empty());
-    assert!(Pixels::of(&maps(vec![1.0; 5], vec![f32::NAN; 5]), 5).is_empty());
+    assert!(Pixels::of(std::slice::from_ref(&all), 0).is_empty());
+    assert!(Pixels::of(&[maps(vec![0.0; 5], vec![f32::NAN; 5])], 5).is_empty());
+    assert!(Pixels::of(&[maps(vec![1.0; 5], vec![f32::NAN; 5])], 5).is_empty());
 }
 
 #[test]
@@ -255,13 +256,13 @@ fn without_iterations_the_maps_are_those_that_the_stage_begins_with() {
     assert_ne!(bits(&seen), bits(&after.maps));
     assert_eq!(after.volume, before.volume, "the volume is not the stage's");
     // Pixels that the stage does not take stay the same, bit by bit.
-    let pixels = Pixels::of(&seen, usize::MAX).columns;
+    let pixels = Pixels::of(std::slice::from_ref(&seen), usize::MAX).columns;
     assert!(pixels.len() > 20 && pixels.len() < seen.albedo.len());
     for c in (0..seen.albedo.len()).filter(|c| !pixels.contains(&(*c as u32))) {
         let of = |m: &Maps| [m.albedo[c], m.depth[c], m.normal[c][0], m.normal[c][2]].map(f32::to_bits);
         assert_eq!(of(&seen), of(&after.maps));
     }
-    assert!(surface::pixels(&before.plan) == 0 && surface::pixels(&after.plan) == seen.albedo.len());
+    assert!(surface::pixels(&before.plan) == 0 && surface::pixels(&after.plan) == seen.albedo.len() * 5 / 4);
     assert_valid(&gpu);
 }
 
@@ -279,7 +280,7 @@ fn surfaces_on_walls_of_any_size() {
         run(&gpu, &capture, &o).maps
     };
     let metre = solved(1.0);
-    let pixels = Pixels::of(&metre, usize::MAX).columns;
+    let pixels = Pixels::of(std::slice::from_ref(&metre), usize::MAX).columns;
     assert!(pixels.len() > 20);
     for scale in [1e-3, 100.0] {
         let other = solved(scale);
@@ -355,11 +356,16 @@ fn pixels_may_be_finer_than_voxels() {
     assert_valid(&gpu);
 }
 
-/// Two plates, one behind the other, and neither hides the other: no height field.
+/// Three plates behind each other, none of which hides another: more than two height fields explain.
 #[test]
 fn what_is_no_height_field_stays_a_volume() {
     let gpu = gpu();
-    let scene = Scene { scan: 16, bin_width: 0.01, occlusion: false, ..Scene::named("occluder").unwrap() };
+    let plate = |z: f64, half: f64| Object {
+        mesh: rectangle(dvec3(0.0, 0.0, z), DVec3::Y * half, DVec3::X * half),
+        albedo: 1.0,
+    };
+    let plates = vec![plate(0.5, 0.16), plate(0.75, 0.24), plate(1.0, 0.35)];
+    let scene = Scene { scan: 16, bin_width: 0.01, occlusion: false, ..Scene::new("three", plates) };
     let capture = simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture;
     let [volume, both] = [0, 20].map(|n| run(&gpu, &capture, &options(n).with(|o| o.iterations = 60)));
     assert!(both.surface_left && !volume.surface_left);

@@ -8,21 +8,24 @@
 //! The objective is the vector solver's, with a Gaussian prior instead of its other terms: neighbours lie in each
 //! other's planes and have similar albedos, weighted by the noise of the histograms ([`weights`]). Adam minimises it;
 //! its gradients are averaged over their surroundings at first. The pixels are the bright ones of the maps
-//! ([`Pixels`]); depths stay within the grid.
+//! ([`Pixels`]); depths stay within the grid. Where the volume shows two surfaces behind each other, both are refined,
+//! each in a layer of its own ([`layers`]).
 
 use std::time::Instant;
 
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::estimate::expected_noise;
-use super::on_device::{OnDevice, trace_rows, upload};
+use super::on_device::{OnDevice, read_maps, trace_rows, upload};
 use super::outline::{self, Part};
 use super::{Level, Pass, Plan};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
+use crate::transport::Grid;
 use crate::transport::kernels::*;
 
 pub mod blur;
+pub mod layers;
 mod needs;
 mod options;
 pub mod passes;
@@ -34,7 +37,7 @@ pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, p
 pub use options::SurfaceOptions;
 pub use pixels::Pixels;
 use schedule::{bonds, widen};
-pub use schedule::{extract, iteration, points, render, start};
+pub use schedule::{extract, extract_behind, iteration, points, render, start};
 pub use weights::{Placed, weights};
 use weights::{coarser, energy};
 
@@ -49,7 +52,7 @@ pub(super) struct Refined {
     /// The solve.
     pub driven: Driven,
     /// The surface was rejected because it explains the data far worse than the volume did: it has one depth in a
-    /// column, where a volume may have several. The maps are the volume's then.
+    /// column, or two, where a volume may have several. The maps are the volume's then.
     pub left: bool,
     /// Pixels of the surface; 0 if there is none, or if it explains none of the data.
     pub pixels: usize,
@@ -66,8 +69,8 @@ pub(super) fn refine(
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
     let (volume, iterations) = (driven.level, options.iterations);
     let (levels, beginnings) = stages(&job.plan.pixel_levels, volume.pairs, iterations);
-    let maps = driven.maps.finer(levels[0].grid.n[0] / volume.grid.n[0]);
-    let pixels = Pixels::of(&maps, pixels(&job.plan));
+    let layers = begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?;
+    let pixels = Pixels::of(&layers, pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
     let first = levels[0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
@@ -86,17 +89,21 @@ pub(super) fn refine(
             upload(&mut job.executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&words))?;
         }
         upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&told[0]))?;
-        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&maps)))?;
+        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
     }
     let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
     // All of this is part of the solve; the driver's clock continues from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
+    let brightest = |driven: &Driven| driven.maps.finer(layers[0].nx / volume.grid.n[0]);
     let Some(told) = told else {
-        return Ok(Refined { driven: Driven { maps, ..driven }, left: false, pixels: 0 });
+        let driven = Driven { maps: brightest(&driven), ..driven };
+        return Ok(Refined { driven, left: false, pixels: 0 });
     };
+    let volumes = brightest(&driven);
+    let of_layers = pixels.of_layers(volumes.albedo.len());
     let stages = Stages { levels, beginnings, weights: told };
-    let steps = steps(stages, pixels.len(), begin, iterations, first_blur.map(|_| room));
+    let steps = steps(stages, of_layers, begin, iterations, first_blur.map(|_| room));
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without the cost of the prior.
     let most = match volume.sum {
@@ -109,10 +116,38 @@ pub(super) fn refine(
     };
     let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > most);
     if left {
-        driven.maps = maps;
+        driven.maps = volumes;
+    } else if let [_, behind] = &layers[..] {
+        driven.maps = with_both(job, &driven, behind, of_layers)?;
     }
     driven.level = volume;
     Ok(Refined { driven, left, pixels: pixels.len() })
+}
+
+/// The maps that the surface begins with, one for each layer, with each pixel of the volume's divided into `factor` ×
+/// `factor`. A second layer is there only if the volume shows it.
+fn begun(job: &mut OnDevice<'_>, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
+    let level = driven.level;
+    job.executor.run(&extract_behind(&level))?;
+    let second = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
+    let least = least(&job.plan, &level.grid);
+    let layers = layers::split(&driven.maps, &second, least);
+    let layers = layers.map_or_else(|| vec![driven.maps.clone()], |layers| layers.to_vec());
+    Ok(layers.iter().map(|maps| maps.finer(factor)).collect())
+}
+
+/// Pixels of the smallest second surface that counts.
+fn least(plan: &Plan, grid: &Grid) -> f64 {
+    layers::LEAST_CELLS * coarser(&plan.levels[0].grid, grid).powi(2)
+}
+
+/// The maps of both refined layers. Those of the first are in `driven`; the second layer began with `behind`.
+fn with_both(job: &mut OnDevice<'_>, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
+    let level = driven.level;
+    upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
+    job.executor.run(&extract(&level, of_layers, 1))?;
+    let behind = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
+    Ok(layers::merge(&[driven.maps.clone(), behind], least(&job.plan, &level.grid)))
 }
 
 /// The levels of a surface in order.
@@ -124,17 +159,18 @@ struct Stages {
     weights: Vec<[f32; SURFACE_WEIGHTS as usize]>,
 }
 
-/// The steps that the driver runs: `iterations` of a surface of `count` pixels, after `begin` of the volume. `taps`
-/// are the words of a set of taps; with them, residuals go through a Gaussian at first.
+/// The steps that the driver runs: `iterations` of a surface with so many pixels in each layer, after `begin` of the
+/// volume. Maps on the way show the first layer. `taps` are the words of a set of taps; with them, residuals go through
+/// a Gaussian at first.
 fn steps(
     stages: Stages,
-    count: usize,
+    of_layers: [usize; 2],
     begin: usize,
     iterations: usize,
     taps: Option<usize>,
 ) -> Steps<'static> {
     let Stages { levels, beginnings, weights } = stages;
-    let all = levels.clone();
+    let (all, count) = (levels.clone(), of_layers.iter().sum());
     Steps {
         levels,
         start: Schedule::default(),
@@ -153,7 +189,7 @@ fn steps(
             }
             s
         }),
-        extract: Box::new(move |level| extract(level, count)),
+        extract: Box::new(move |level| extract(level, of_layers, 0)),
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
         of: begin + iterations,
@@ -176,7 +212,7 @@ pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
     let stages = Stages { levels, beginnings, weights };
     let steps = Steps {
         start: start(&first, count, points_of(plan)),
-        ..steps(stages, count, begin, iterations, taps)
+        ..steps(stages, [count, 0], begin, iterations, taps)
     };
     outline::of("surface", plan, &steps, begin..begin + iterations)
 }
@@ -254,7 +290,7 @@ mod tests {
     use glam::dvec3;
 
     use super::*;
-    use crate::transport::{Grid, Volume};
+    use crate::transport::Volume;
 
     #[test]
     fn the_last_iterations_take_all_pairs() {

@@ -52,10 +52,16 @@ pub fn is_blurred(plan: &Plan) -> bool {
     plan.tap_sets > 1
 }
 
-/// Pixels that the surface may have: all of the maps', or as many as there is room for with the points of each.
+/// The room for pixels of the second layer is this part of the maps' pixels: a surface seldom fills the maps, so there is
+/// more.
+const BEHIND: usize = 4;
+
+/// Pixels that the surface may have in both layers: all of the maps' and a quarter more, or as many as there is room
+/// for with the points of each.
 pub fn pixels(plan: &Plan) -> usize {
     let [x, y, _] = plan.maps.n;
-    if plan.pixel_levels.is_empty() { 0 } else { (x * y).min(plan.capacity / points_of(plan)) }
+    let most = x * y + x * y / BEHIND;
+    if plan.pixel_levels.is_empty() { 0 } else { most.min(plan.capacity / points_of(plan)) }
 }
 
 /// Bytes of a surface with `pixels` pixels, their numbers by column included.
@@ -69,7 +75,8 @@ pub fn buffers(plan: &Plan) -> Vec<(Buffer, u64)> {
     if pixels == 0 {
         return vec![];
     }
-    let columns = (plan.maps.n[0] * plan.maps.n[1]) as u64;
+    // Of two layers.
+    let columns = 2 * (plan.maps.n[0] * plan.maps.n[1]) as u64;
     let mut all =
         vec![(buffer::PIXEL_OF, columns * 4), (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4)];
     all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));

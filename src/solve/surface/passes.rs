@@ -8,6 +8,13 @@ passes! {
     /// All passes that only the surface has.
     pub static ALL;
 
+    /// The second surface of every column of the volume.
+    EXTRACT_BEHIND = Pass {
+        constants: &[(constant::BEHIND, Value::Is(1))],
+        twin: twin!(extract_behind),
+        ..Pass::of("extract_behind", |_| &kernel::EXTRACT)
+    };
+
     /// Finds the neighbours that a pixel's plane goes through.
     SURFACE_BONDS = Pass {
         twin: twin!(surface_bonds),
@@ -63,7 +70,7 @@ passes! {
         ..Pass::of("surface_finish", |_| &kernel::FINISH)
     };
 
-    /// Puts the surface into the maps.
+    /// Puts a layer of the surface into the maps.
     SURFACE_EXTRACT = Pass {
         twin: twin!(surface_extract),
         ..Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT)

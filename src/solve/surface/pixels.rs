@@ -3,12 +3,17 @@
 use crate::maps::Maps;
 
 /// Share of the map's white that a pixel's albedo must have.
-const SUPPORT: f32 = 0.1;
+pub const SUPPORT: f32 = 0.1;
+
+/// The albedo that counts as white in all layers.
+pub fn white(layers: &[Maps]) -> f32 {
+    layers.iter().map(|m| Maps::white(&m.albedo)).fold(0.0, f32::max)
+}
 
 /// Pixels of a surface.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pixels {
-    /// Index of each among the maps' pixels, ascending.
+    /// Index of each among the maps' pixels, ascending; those of the second layer follow after all of the maps'.
     pub columns: Vec<u32>,
     /// Albedo of each.
     pub albedo: Vec<f32>,
@@ -17,19 +22,27 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// Those of `maps` that are bright enough, the brightest if there are more than `most`.
-    pub fn of(maps: &Maps, most: usize) -> Pixels {
-        let threshold = SUPPORT * Maps::white(&maps.albedo);
-        let mut columns: Vec<u32> = (0..maps.albedo.len() as u32)
-            .filter(|c| maps.albedo[*c as usize] > threshold && maps.depth[*c as usize].is_finite())
+    /// Those of the layers that are bright enough, the brightest if there are more than `most`.
+    pub fn of(layers: &[Maps], most: usize) -> Pixels {
+        let threshold = SUPPORT * white(layers);
+        let albedo: Vec<f32> = layers.iter().flat_map(|m| &m.albedo).copied().collect();
+        let depth: Vec<f32> = layers.iter().flat_map(|m| &m.depth).copied().collect();
+        let mut columns: Vec<u32> = (0..albedo.len() as u32)
+            .filter(|c| albedo[*c as usize] > threshold && depth[*c as usize].is_finite())
             .collect();
         if columns.len() > most {
-            columns.sort_by(|a, b| maps.albedo[*b as usize].total_cmp(&maps.albedo[*a as usize]));
+            columns.sort_by(|a, b| albedo[*b as usize].total_cmp(&albedo[*a as usize]));
             columns.truncate(most);
             columns.sort_unstable();
         }
         let of = |from: &[f32]| columns.iter().map(|c| from[*c as usize]).collect();
-        Pixels { albedo: of(&maps.albedo), depth: of(&maps.depth), columns }
+        Pixels { albedo: of(&albedo), depth: of(&depth), columns }
+    }
+
+    /// How many each layer has, for maps of `maps` pixels.
+    pub fn of_layers(&self, maps: usize) -> [usize; 2] {
+        let first = self.columns.partition_point(|c| (*c as usize) < maps);
+        [first, self.len() - first]
     }
 
     /// How many there are.
@@ -48,9 +61,10 @@ impl Pixels {
         self.columns.iter().zip(self.albedo.iter().zip(&self.depth)).map(word).collect()
     }
 
-    /// The buffer `pixel_of`, for maps of `maps` pixels.
+    /// The buffer `pixel_of`, for maps of `maps` pixels; without the second layer if that is empty.
     pub fn places(&self, maps: usize) -> Vec<u32> {
-        let mut all = vec![u32::MAX; maps];
+        let layers = if self.of_layers(maps)[1] == 0 { 1 } else { 2 };
+        let mut all = vec![u32::MAX; layers * maps];
         for (pixel, c) in self.columns.iter().enumerate() {
             all[*c as usize] = pixel as u32;
         }

@@ -68,12 +68,29 @@ pub fn iteration(
     s
 }
 
-/// Puts the maps with the surface in them into `columns_host`.
-pub fn extract(level: &Level, count: usize) -> Schedule {
-    let mut s = points(level, count);
-    s.dispatch(&SURFACE_EXTRACT, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
-    let columns = level.grid.n[0] * level.grid.n[1];
-    s.copy(buffer::COLUMNS, COLUMNS_HOST, columns as u64 * 32);
+/// Puts the maps with a layer of the surface in them into `columns_host`. `of_layers`: how many pixels each has.
+pub fn extract(level: &Level, of_layers: [usize; 2], layer: usize) -> Schedule {
+    let mut s = points(level, of_layers.iter().sum());
+    let begin: usize = of_layers[..layer].iter().sum();
+    s.dispatch(&SURFACE_EXTRACT, groups(of_layers[layer], WORKGROUP))
+        .bind(buffer::SCENE, level.scene)
+        .with(Push { first: begin as u32, ..push(begin + of_layers[layer]) });
+    s.extend(columns(level));
+    s
+}
+
+/// Puts the second surface of every column of the volume into `columns_host`.
+pub fn extract_behind(level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    let all = level.grid.n[0] * level.grid.n[1];
+    s.dispatch(&EXTRACT_BEHIND, groups(all, WORKGROUP)).bind(buffer::SCENE, level.scene);
+    s.extend(columns(level));
+    s
+}
+
+fn columns(level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    s.copy(buffer::COLUMNS, COLUMNS_HOST, (level.grid.n[0] * level.grid.n[1]) as u64 * 32);
     s
 }
 

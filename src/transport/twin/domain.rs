@@ -202,22 +202,24 @@ pub(super) fn columns(
     surface: impl Fn([usize; 3]) -> (f64, usize, DVec3),
 ) -> Vec<Option<Column>> {
     let grid = twin.grid;
-    let albedo = |c: [usize; 3]| volume[grid.index(c)];
-    let mut maps = vec![];
-    for x in 0..grid.n[0] {
-        for y in 0..grid.n[1] {
-            let mut best = (0.0, 0);
-            for z in twin.model.near_z(grid)..grid.n[2] {
-                if albedo([x, y, z]) > best.0 {
-                    best = (albedo([x, y, z]), z);
-                }
-            }
-            maps.push((best.0 > 0.0).then(|| {
-                let (albedo, z, direction) = surface([x, y, best.1]);
-                let normal = direction.normalize_or_zero();
-                Column { albedo, depth: grid.origin.z + z as f64 * grid.pitch.z, normal }
-            }));
+    let all = (0..grid.n[0]).flat_map(|x| (0..grid.n[1]).map(move |y| [x, y]));
+    all.map(|[x, y]| {
+        let z = brightest(twin, volume, [x, y])?;
+        let (albedo, z, direction) = surface([x, y, z]);
+        let normal = direction.normalize_or_zero();
+        Some(Column { albedo, depth: grid.origin.z + z as f64 * grid.pitch.z, normal })
+    })
+    .collect()
+}
+
+/// The z index of the brightest voxel of a column, `None` if none is above zero.
+pub(super) fn brightest(twin: &Twin, volume: &[f64], [x, y]: [usize; 2]) -> Option<usize> {
+    let mut best = (0.0, None);
+    for z in twin.model.near_z(twin.grid)..twin.grid.n[2] {
+        let albedo = volume[twin.grid.index([x, y, z])];
+        if albedo > best.0 {
+            best = (albedo, Some(z));
         }
     }
-    maps
+    best.1
 }

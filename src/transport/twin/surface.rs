@@ -1,5 +1,5 @@
 //! The surface's kernels: pixels with a depth and an albedo. Lists are by pixel; `columns` gives each pixel's index in
-//! the maps, `ix * ny + iy`. Every pixel has the same number of samples.
+//! the maps, `ix * ny + iy`, plus `nx * ny` in the second layer. Every pixel has the same number of samples.
 
 use glam::{DMat3, DVec2, DVec3, dvec2, dvec3};
 
@@ -100,8 +100,14 @@ const LEVEL: f64 = 1e-3;
 
 /// Lateral position of a pixel, in pixels.
 fn place(twin: &Twin, column: u32) -> [i32; 2] {
-    let rows = twin.grid.n[1] as u32;
-    [(column / rows) as i32, (column % rows) as i32]
+    let [x, y, _] = twin.grid.n.map(|n| n as u32);
+    [(column % (x * y) / y) as i32, (column % y) as i32]
+}
+
+/// The same for the distance between pixels: layers are so far apart that no pixel has neighbours in another.
+fn apart(twin: &Twin, column: u32) -> [i32; 2] {
+    let ([x, y], layer) = (place(twin, column), column as usize / (twin.grid.n[0] * twin.grid.n[1]));
+    [x + ((layer as i32) << 20), y]
 }
 
 fn pitch(twin: &Twin) -> DVec2 {
@@ -120,7 +126,7 @@ fn metres(twin: &Twin, way: [i32; 2]) -> DVec2 {
 /// Bonds of every pixel to its neighbours. A pixel's slopes are those of the plane that fits the pixel (with a weight
 /// of one) and its neighbours best. A small weight pulls the plane's slopes per pixel toward zero.
 pub fn surface_bonds(twin: &Twin, columns: &[u32], heights: &[Height]) -> Vec<Vec<Bond>> {
-    let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
+    let places: Vec<[i32; 2]> = columns.iter().map(|c| apart(twin, *c)).collect();
     let of_pixel = |pixel: usize| {
         // A plane's value at a neighbour, as coefficients of its depth at the pixel and its two slopes.
         let row = |way: [i32; 2]| dvec3(1.0, way[0].into(), way[1].into());
@@ -343,7 +349,7 @@ pub fn surface_pull(
         return gradient.to_vec();
     }
     let reach = (2.0 * sigma - 1e-3).ceil() as i32;
-    let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
+    let places: Vec<[i32; 2]> = columns.iter().map(|c| apart(twin, *c)).collect();
     let mut spread = vec![Height::default(); gradient.len()];
     for (from, value) in gradient.iter().enumerate() {
         let way = |to: usize| [0, 1].map(|a| places[to][a] - places[from][a]);
@@ -407,7 +413,7 @@ pub fn surface_extract(
         |way: [i32; 2]| (-f64::from(way[0] * way[0] + way[1] * way[1]) / (2.0 * sigma * sigma)).exp();
     let ways = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| [x, y]));
     let whole: f64 = ways.map(gaussian).sum();
-    let places: Vec<[i32; 2]> = columns.iter().map(|c| place(twin, *c)).collect();
+    let places: Vec<[i32; 2]> = columns.iter().map(|c| apart(twin, *c)).collect();
     let whole_area = |pixel: usize| slopes[pixel].extend(-1.0).length() / stretch(twin, slopes[pixel]);
     let seen = |pixel: usize| heights[pixel].albedo / whole_area(pixel);
     let of_pixel = |pixel: usize| {

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, dvec3};
 
-use super::domain::{Column, columns};
+use super::domain::{Column, brightest, columns};
 use super::pulse::{Way, pulse};
 use super::render::{Kernel, accumulate, gather, shine};
 use super::{Sample, Twin, forward};
@@ -294,15 +294,52 @@ pub fn lengths(v: &[DVec3], active: &[bool]) -> Vec<f64> {
 /// a slanted surface fills several voxels, each with less. Albedo is the 3/2 norm of their lengths. Depth is that of
 /// the farthest vector longer than half of the longest. The normal is the direction of the longest.
 pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
-    let grid = twin.grid;
-    let reach = (2.0 * grid.pitch.x.max(grid.pitch.y) / grid.pitch.z).ceil() as usize;
-    let near = twin.model.near_z(grid);
-    columns(twin, &lengths(v, active), |[x, y, z]| {
-        let at = |z: &usize| v[grid.index([x, y, *z])];
-        let around = z.saturating_sub(reach).max(near)..=(z + reach).min(grid.n[2] - 1);
-        let around: Vec<usize> = around.filter(|z| active[grid.index([x, y, *z])]).collect();
-        let norm = around.iter().map(|z| at(z).length().powf(1.5)).sum::<f64>().powf(1.0 / 1.5);
-        let far = around.iter().rev().find(|far| at(far).length() > 0.5 * at(&z).length());
-        (norm, *far.unwrap_or(&z), at(&z))
+    columns(twin, &lengths(v, active), |c| surface_around(twin, v, active, c, |_| true))
+}
+
+/// The second surface of every column: that around the longest vector which is farther from the longest of all than
+/// [`reach`], with a vector shorter than half of it in between. Voxels within reach of the first surface are not part
+/// of it.
+pub fn extract_behind(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
+    let (grid, reach, lengths) = (twin.grid, reach(twin), lengths(v, active));
+    let mut rest = vec![0.0; lengths.len()];
+    let mut firsts = vec![];
+    for at in (0..grid.n[0]).flat_map(|x| (0..grid.n[1]).map(move |y| [x, y])) {
+        let of = |z: usize| lengths[grid.index([at[0], at[1], z])];
+        let first = brightest(twin, &lengths, at);
+        firsts.push(first);
+        for (z, first) in (0..grid.n[2]).filter_map(|z| Some((z, first?))) {
+            let between = if z < first { z + 1..=first } else { first..=z.saturating_sub(1) };
+            let least = between.map(of).fold(f64::INFINITY, f64::min);
+            if z.abs_diff(first) > reach && least < 0.5 * of(z) {
+                rest[grid.index([at[0], at[1], z])] = of(z);
+            }
+        }
+    }
+    columns(twin, &rest, |c| {
+        let first = firsts[c[0] * grid.n[1] + c[1]].unwrap_or(0);
+        surface_around(twin, v, active, c, |z| z.abs_diff(first) > reach && (z > first) == (c[2] > first))
     })
+}
+
+/// Voxels along z to each side that a surface may fill: two lateral voxels.
+fn reach(twin: &Twin) -> usize {
+    (2.0 * twin.grid.pitch.x.max(twin.grid.pitch.y) / twin.grid.pitch.z).ceil() as usize
+}
+
+/// Albedo, z index and direction of the surface around a voxel, from those voxels of its column that are `part` of it.
+fn surface_around(
+    twin: &Twin,
+    v: &[DVec3],
+    active: &[bool],
+    [x, y, z]: [usize; 3],
+    part: impl Fn(usize) -> bool,
+) -> (f64, usize, DVec3) {
+    let (grid, reach) = (twin.grid, reach(twin));
+    let at = |z: &usize| v[grid.index([x, y, *z])];
+    let around = z.saturating_sub(reach).max(twin.model.near_z(grid))..=(z + reach).min(grid.n[2] - 1);
+    let around: Vec<usize> = around.filter(|z| active[grid.index([x, y, *z])] && part(*z)).collect();
+    let norm = around.iter().map(|z| at(z).length().powf(1.5)).sum::<f64>().powf(1.0 / 1.5);
+    let far = around.iter().rev().find(|far| at(far).length() > 0.5 * at(&z).length());
+    (norm, *far.unwrap_or(&z), at(&z))
 }

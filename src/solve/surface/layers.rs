@@ -1,0 +1,175 @@
+//! Two surfaces behind each other: which parts of the volume's maps form which layer, and the maps of both.
+//!
+//! The brightest voxel of a column is now on one surface, now on the other. So voxels are first joined to sheets:
+//! neighbouring columns with similar depths. Then every sheet goes to one of two layers, in which the surface refines
+//! it as a height field of its own. Second surfaces that are dim or small are noise, or light from elsewhere, and do
+//! not count.
+
+use super::pixels::{SUPPORT, white};
+use crate::maps::{Layer, Maps};
+
+/// Share of white that a second surface's albedo must have, everywhere and in the mean of a sheet. Measured means:
+/// second plates 0.51 to 0.93; haze of real captures that go on beyond the scan 0.31 and less (docs/surface.md).
+const SHARE: f32 = 0.2;
+const MEAN_SHARE: f32 = 0.4;
+
+/// A smaller sheet of second surfaces does not count, cells of the scan.
+pub const LEAST_CELLS: f64 = 4.0;
+
+/// Slope between neighbouring columns of a sheet, at most.
+const EDGE: f32 = 2.5;
+
+/// Divides the volume's surfaces between two layers: `first` and `second` are the brightest and the second surface of
+/// every column. `least`: the pixels of the smallest sheet that counts. `None` if no second surface counts.
+pub fn split(first: &Maps, second: &Maps, least: f64) -> Option<[Maps; 2]> {
+    let white = Maps::white(&first.albedo);
+    let of = |maps: &Maps, share: f32| -> Vec<bool> {
+        maps.albedo.iter().zip(&maps.depth).map(|(a, z)| *a > share * white && z.is_finite()).collect()
+    };
+    // Nodes: the first surfaces of all columns, then the second ones.
+    let count = first.albedo.len();
+    let albedo = [&first.albedo[..], &second.albedo].concat();
+    let depth = [&first.depth[..], &second.depth].concat();
+    let mut there = vec![false; count];
+    there.extend(of(second, SHARE));
+    let counts = |sheet: &Vec<usize>| {
+        let mean = sheet.iter().map(|n| albedo[*n]).sum::<f32>() / sheet.len() as f32;
+        sheet.len() as f64 >= least && mean >= MEAN_SHARE * white
+    };
+    let kept: Vec<usize> = sheets(first, &depth, &there).into_iter().filter(counts).flatten().collect();
+    if kept.is_empty() {
+        return None;
+    }
+    let mut there = of(first, SUPPORT);
+    there.resize(2 * count, false);
+    kept.into_iter().for_each(|node| there[node] = true);
+    let mut sheets = sheets(first, &depth, &there);
+    sheets.sort_by_key(|s| std::cmp::Reverse(s.len()));
+    let mut layers = [first.clone(), nothing(first)];
+    for (c, in_behind) in assigned(&sheets, count).into_iter().enumerate().filter_map(|(c, l)| Some((c, l?)))
+    {
+        // The surface that is not of this layer, if the column has two.
+        let other = there[count + c].then_some(second);
+        let of_layers = if in_behind { [other, Some(first)] } else { [Some(first), other] };
+        for (layer, from) in layers.iter_mut().zip(of_layers) {
+            put(layer, from, c);
+        }
+    }
+    Some(layers)
+}
+
+/// Sheets of the nodes that are `there`: connected by neighbouring columns with similar depths, and with one node of a
+/// column at most. `maps` gives the columns; `depth` is by node.
+fn sheets(maps: &Maps, depth: &[f32], there: &[bool]) -> Vec<Vec<usize>> {
+    let count = maps.nx * maps.ny;
+    let [x0, x1, y0, y1] = maps.extent;
+    let edge = EDGE * (((x1 - x0) / maps.nx as f64).max((y1 - y0) / maps.ny as f64)) as f32;
+    let mut sheet_of = vec![usize::MAX; 2 * count];
+    let mut all: Vec<Vec<usize>> = vec![];
+    for begin in (0..2 * count).filter(|n| there[*n]) {
+        if sheet_of[begin] != usize::MAX {
+            continue;
+        }
+        let number = all.len();
+        let mut sheet = vec![begin];
+        sheet_of[begin] = number;
+        let mut at = 0;
+        while at < sheet.len() {
+            let node = sheet[at];
+            at += 1;
+            for next in beside(maps, node % count).flat_map(|c| [c, count + c]) {
+                let mate = (next + count) % (2 * count);
+                let near = there[next] && (depth[next] - depth[node]).abs() < edge;
+                if near && sheet_of[next] == usize::MAX && sheet_of[mate] != number {
+                    sheet_of[next] = number;
+                    sheet.push(next);
+                }
+            }
+        }
+        all.push(sheet);
+    }
+    all
+}
+
+/// The four neighbours of a column, fewer at borders.
+fn beside(maps: &Maps, column: usize) -> impl Iterator<Item = usize> {
+    let (nx, ny, x, y) = (maps.nx, maps.ny, column / maps.ny, column % maps.ny);
+    let all = [
+        (x > 0).then(|| column - ny),
+        (x + 1 < nx).then_some(column + ny),
+        (y > 0).then(|| column - 1),
+        (y + 1 < ny).then_some(column + 1),
+    ];
+    all.into_iter().flatten()
+}
+
+/// For each of `count` columns with a surface, whether its first surface is of the second layer. Sheets come in order
+/// and take the layer in which fewer of their columns are taken; a column's two surfaces never share a layer.
+fn assigned(sheets: &[Vec<usize>], count: usize) -> Vec<Option<bool>> {
+    // By node.
+    let mut behind: Vec<Option<bool>> = vec![None; 2 * count];
+    for sheet in sheets {
+        let mate = |node: &usize| (node + count) % (2 * count);
+        let taken = |layer: bool| sheet.iter().filter(|n| behind[mate(n)] == Some(layer)).count();
+        let wanted = taken(true) < taken(false);
+        for node in sheet {
+            behind[*node] = Some(behind[mate(node)].map_or(wanted, |layer| !layer));
+        }
+    }
+    (0..count).map(|c| behind[c].or(behind[count + c].map(|layer| !layer))).collect()
+}
+
+/// Maps of that size without any surface.
+fn nothing(maps: &Maps) -> Maps {
+    let count = maps.albedo.len();
+    Maps {
+        albedo: vec![0.0; count],
+        depth: vec![f32::NAN; count],
+        normal: vec![[f32::NAN; 3]; count],
+        mask: vec![false; count],
+        behind: None,
+        ..*maps
+    }
+}
+
+/// Gives a column the surface that `from` has there; none without `from`.
+fn put(to: &mut Maps, from: Option<&Maps>, c: usize) {
+    (to.albedo[c], to.depth[c], to.normal[c]) =
+        from.map_or((0.0, f32::NAN, [f32::NAN; 3]), |m| (m.albedo[c], m.depth[c], m.normal[c]));
+}
+
+/// The maps of two refined layers: the nearer surface of every column, and the other one behind it. Where the dimmer of
+/// two has become dark over a whole region, or the region is smaller than `least` pixels, only the brighter one stays.
+/// So it does where the nearer one is too dim for the mask: the rim of a plate must not hide what is behind it.
+pub fn merge(layers: &[Maps; 2], least: f64) -> Maps {
+    let [one, two] = layers;
+    let count = one.albedo.len();
+    let white = white(layers);
+    let nearer_is_two = |c: usize| two.depth[c] < one.depth[c];
+    let is_double = |c: usize| {
+        let [near, far] = if nearer_is_two(c) { [two, one] } else { [one, two] };
+        let bright = near.albedo[c] > Maps::MASK_FRACTION as f32 * white && far.albedo[c] > SUPPORT * white;
+        bright && near.depth[c].is_finite() && far.depth[c].is_finite()
+    };
+    let mut both: Vec<bool> = (0..count).map(is_double).collect();
+    both.resize(2 * count, false);
+    let dimmer = |c: usize| one.albedo[c].min(two.albedo[c]);
+    let mut double = vec![false; count];
+    for region in sheets(one, &vec![0.0; 2 * count], &both) {
+        let mean = region.iter().map(|c| dimmer(*c)).sum::<f32>() / region.len() as f32;
+        if region.len() as f64 >= least && mean >= SHARE * white {
+            region.into_iter().for_each(|c| double[c] = true);
+        }
+    }
+    let (mut maps, mut behind) = (one.clone(), nothing(one));
+    for c in 0..count {
+        let second_first = if double[c] { nearer_is_two(c) } else { two.albedo[c] > one.albedo[c] };
+        let [near, far] = if second_first { [two, one] } else { [one, two] };
+        put(&mut maps, Some(near), c);
+        put(&mut behind, double[c].then_some(far), c);
+    }
+    let Maps { albedo, depth, normal, mask, .. } = behind;
+    maps.behind = double.contains(&true).then_some(Layer { albedo, depth, normal, mask });
+    maps.set_mask(maps.mask_fraction);
+    maps
+}
