@@ -210,7 +210,7 @@ fn check_steps(gpu: &Gpu, spread: f64) {
     write_weights(&mut job, &weights);
     let mut moments = vec![[Height::default(); 2]; field.len()];
     let depths: Vec<f64> = field.heights.iter().map(|h| h.depth).collect();
-    let mut random = Random::new(42);
+    let mut random = Random::new(43);
     let (mut dark, mut ends) = (0, 0);
     let [near, far] = [model.near_z(&grid), grid.n[2] - 1].map(|z| grid.position(DVec3::Z * z as f64).z);
     for number in 1..=6 {
