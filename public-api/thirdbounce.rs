@@ -1684,6 +1684,14 @@ pub mod maps {
         pub normal: Vec<[f32; 3]>,
         pub mask: Vec<bool>,
         pub mask_fraction: f64,
+        pub behind: Option<Layer>,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Layer {
+        pub albedo: Vec<f32>,
+        pub depth: Vec<f32>,
+        pub normal: Vec<[f32; 3]>,
+        pub mask: Vec<bool>,
     }
     #[derive(Debug, Clone, PartialEq)]
     pub struct Truth {
@@ -1693,12 +1701,14 @@ pub mod maps {
         pub depth: Vec<f32>,
         pub normal: Vec<[f32; 3]>,
         pub mask: Vec<bool>,
+        pub behind: Option<Layer>,
     }
     impl Maps {
         pub const MASK_FRACTION: f64 = 0.3;
         pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {}
         pub fn white(albedo: &[f32]) -> f32 {}
         pub fn set_mask(&mut self, fraction: f64) {}
+        pub fn layer(&self, layer: usize) -> Option<Maps> {}
         pub fn check(&self) -> Result<()> {}
         pub fn finer(&self, factor: usize) -> Maps {}
         pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {}
@@ -1745,6 +1755,7 @@ pub mod measure {
             pub best_iou: Option<f64>,
             pub best_fraction: Option<f64>,
             pub at_best: Option<AtBest>,
+            pub layers: Vec<LayerMetrics>,
             pub sweep: Vec<[f64; 2]>,
         }
         #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -1753,6 +1764,15 @@ pub mod measure {
             pub completeness: Option<f64>,
             pub depth_mae: Option<f64>,
             pub depth_rmse: Option<f64>,
+            pub normal_error_deg: Option<f64>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct LayerMetrics {
+            pub true_pixels: usize,
+            pub hit_pixels: usize,
+            pub completeness: Option<f64>,
+            pub iou: Option<f64>,
+            pub depth_mae: Option<f64>,
             pub normal_error_deg: Option<f64>,
         }
         impl Metrics {
@@ -1770,7 +1790,7 @@ pub mod measure {
         pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {}
         pub fn median(values: &[f64]) -> Option<f64> {}
     }
-    pub use metrics::{AtBest, Metrics, metrics};
+    pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
     pub use reach::{Reach, median, reach};
 }
 pub mod simulate {
@@ -2502,6 +2522,11 @@ pub mod solve {
                 room: usize,
             ) -> Vec<f32> {}
         }
+        pub mod layers {
+            pub const LEAST_CELLS: f64 = 4.0;
+            pub fn split(first: &Maps, second: &Maps, least: f64) -> Option<[Maps; 2]> {}
+            pub fn merge(layers: &[Maps; 2], least: f64) -> Maps {}
+        }
         mod needs {
             pub const SMALL_PIXEL: f64 = 2.2;
             pub fn more_taps(options: &SurfaceOptions) -> [usize; 2] {}
@@ -2520,7 +2545,8 @@ pub mod solve {
                 pub depth: Vec<f32>,
             }
             impl Pixels {
-                pub fn of(maps: &Maps, most: usize) -> Pixels {}
+                pub fn of(layers: &[Maps], most: usize) -> Pixels {}
+                pub fn of_layers(&self, maps: usize) -> [usize; 2] {}
                 pub fn len(&self) -> usize {}
                 pub fn is_empty(&self) -> bool {}
                 pub fn words(&self) -> Vec<[u32; 4]> {}
@@ -2545,7 +2571,12 @@ pub mod solve {
                 at: usize,
                 through: Option<u32>,
             ) -> Schedule {}
-            pub fn extract(level: &Level, count: usize) -> Schedule {}
+            pub fn extract(
+                level: &Level,
+                of_layers: [usize; 2],
+                layer: usize,
+            ) -> Schedule {}
+            pub fn extract_behind(level: &Level) -> Schedule {}
         }
         mod weights {
             #[derive(Debug, Clone, Copy, PartialEq)]
@@ -2568,7 +2599,7 @@ pub mod solve {
         };
         pub use options::SurfaceOptions;
         pub use pixels::Pixels;
-        pub use schedule::{extract, iteration, points, start};
+        pub use schedule::{extract, extract_behind, iteration, points, start};
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
     }
@@ -3091,6 +3122,11 @@ pub mod transport {
                 v: &[DVec3],
                 active: &[bool],
             ) -> Vec<Option<Column>> {}
+            pub fn extract_behind(
+                twin: &Twin,
+                v: &[DVec3],
+                active: &[bool],
+            ) -> Vec<Option<Column>> {}
         }
         pub use domain::{
             Column, carry, carry_doubled, compact, double_domain, extract, gaussian,
@@ -3110,10 +3146,10 @@ pub mod transport {
             surface_points, surface_pull, surface_step,
         };
         pub use vector::{
-            Bound, Momentum, Rough, Told, backproject, bound, expect, extract_vectors,
-            extrapolate, filter, finish_accelerated, forward_bound, gradient_vectors,
-            into_cone, lengths, objective_vectors, points, residual_weighted, roughness,
-            settle, shrink, step, variance,
+            Bound, Momentum, Rough, Told, backproject, bound, expect, extract_behind,
+            extract_vectors, extrapolate, filter, finish_accelerated, forward_bound,
+            gradient_vectors, into_cone, lengths, objective_vectors, points,
+            residual_weighted, roughness, settle, shrink, step, variance,
         };
         #[derive(Debug, Clone, Copy)]
         pub struct Twin<'a> {

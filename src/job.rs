@@ -288,11 +288,18 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
     }
     if solved.surface_left {
         notes.push(
-            "one surface explains the data far worse than the volume, for example if one object hides another: \
+            "a surface explains the data far worse than the volume, for example if three objects lie behind each other: \
              the maps are those of the volume (with 0 iterations of the surface, a run takes less time and solves \
              the volume at the resolution of the maps)"
                 .into(),
         );
+    }
+    if let Some(behind) = &solved.maps.behind {
+        notes.push(format!(
+            "{} pixels have a second surface behind the first: the maps hold the nearer one, layers_* of maps.npz, \
+             points and mesh hold both",
+            behind.mask.iter().filter(|m| **m).count()
+        ));
     }
     if !solved.maps.mask.contains(&true) {
         notes.push(

@@ -5,22 +5,25 @@
 //! it as a height field of its own. Second surfaces that are dim or small are noise, or light from elsewhere, and do
 //! not count.
 
+use std::collections::BTreeMap;
+
 use super::pixels::{SUPPORT, white};
 use crate::maps::{Layer, Maps};
 
-/// Share of white that a second surface's albedo must have, everywhere and in the mean of a sheet. Measured means:
-/// second plates 0.51 to 0.93; haze of real captures that go on beyond the scan 0.31 and less (docs/surface.md).
+/// Share of white that a second surface's albedo must have: everywhere, and that of the dimmer of two surfaces in the
+/// mean over the columns that two sheets share. Measured means: plates 0.51 to 0.93; haze of real captures that go on
+/// beyond the scan 0.31 and less (docs/surface.md).
 const SHARE: f32 = 0.2;
 const MEAN_SHARE: f32 = 0.4;
 
-/// A smaller sheet of second surfaces does not count, cells of the scan.
+/// Two sheets that share fewer columns do not count, cells of the scan.
 pub const LEAST_CELLS: f64 = 4.0;
 
 /// Slope between neighbouring columns of a sheet, at most.
 const EDGE: f32 = 2.5;
 
 /// Divides the volume's surfaces between two layers: `first` and `second` are the brightest and the second surface of
-/// every column. `least`: the pixels of the smallest sheet that counts. `None` if no second surface counts.
+/// every column. `least`: the columns that two sheets share at least if they count. `None` if no second surface counts.
 pub fn split(first: &Maps, second: &Maps, least: f64) -> Option<[Maps; 2]> {
     let white = Maps::white(&first.albedo);
     let of = |maps: &Maps, share: f32| -> Vec<bool> {
@@ -28,21 +31,21 @@ pub fn split(first: &Maps, second: &Maps, least: f64) -> Option<[Maps; 2]> {
     };
     // Nodes: the first surfaces of all columns, then the second ones.
     let count = first.albedo.len();
-    let albedo = [&first.albedo[..], &second.albedo].concat();
     let depth = [&first.depth[..], &second.depth].concat();
-    let mut there = vec![false; count];
-    there.extend(of(second, SHARE));
-    let counts = |sheet: &Vec<usize>| {
-        let mean = sheet.iter().map(|n| albedo[*n]).sum::<f32>() / sheet.len() as f32;
-        sheet.len() as f64 >= least && mean >= MEAN_SHARE * white
+    let lit = of(first, SUPPORT);
+    let mut there = [&lit[..], &of(second, SHARE)].concat();
+    let counts = |columns: &&Vec<usize>| {
+        let dimmer = |c: &usize| first.albedo[*c].min(second.albedo[*c]);
+        let mean = columns.iter().map(dimmer).sum::<f32>() / columns.len() as f32;
+        columns.len() as f64 >= least && mean >= MEAN_SHARE * white
     };
-    let kept: Vec<usize> = sheets(first, &depth, &there).into_iter().filter(counts).flatten().collect();
+    let shared = shared(&sheets(first, &depth, &there), count);
+    let kept: Vec<usize> = shared.iter().filter(counts).flatten().copied().collect();
     if kept.is_empty() {
         return None;
     }
-    let mut there = of(first, SUPPORT);
-    there.resize(2 * count, false);
-    kept.into_iter().for_each(|node| there[node] = true);
+    there[count..].fill(false);
+    kept.into_iter().for_each(|c| there[count + c] = true);
     let mut sheets = sheets(first, &depth, &there);
     sheets.sort_by_key(|s| std::cmp::Reverse(s.len()));
     let mut layers = [first.clone(), nothing(first)];
@@ -56,6 +59,20 @@ pub fn split(first: &Maps, second: &Maps, least: f64) -> Option<[Maps; 2]> {
         }
     }
     Some(layers)
+}
+
+/// The columns that two sheets share, for every two that share some.
+fn shared(sheets: &[Vec<usize>], count: usize) -> Vec<Vec<usize>> {
+    let mut sheet_of = vec![usize::MAX; 2 * count];
+    sheets.iter().enumerate().for_each(|(k, s)| s.iter().for_each(|node| sheet_of[*node] = k));
+    let mut all: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
+    for c in 0..count {
+        let (a, b) = (sheet_of[c], sheet_of[count + c]);
+        if a.max(b) < usize::MAX {
+            all.entry([a.min(b), a.max(b)]).or_default().push(c);
+        }
+    }
+    all.into_values().collect()
 }
 
 /// Sheets of the nodes that are `there`: connected by neighbouring columns with similar depths, and with one node of a

@@ -136,7 +136,7 @@ fn begun(job: &mut OnDevice<'_>, driven: &Driven, factor: usize) -> Result<Vec<M
     Ok(layers.iter().map(|maps| maps.finer(factor)).collect())
 }
 
-/// Pixels of the smallest second surface that counts.
+/// Pixels of the smallest region with two surfaces that counts.
 fn least(plan: &Plan, grid: &Grid) -> f64 {
     layers::LEAST_CELLS * coarser(&plan.levels[0].grid, grid).powi(2)
 }
