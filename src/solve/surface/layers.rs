@@ -179,11 +179,11 @@ pub fn merge(layers: &[Maps; 2], least: f64) -> Maps {
         }
     }
     let (mut maps, mut behind) = (one.clone(), nothing(one));
-    for c in 0..count {
-        let second_first = if double[c] { nearer_is_two(c) } else { two.albedo[c] > one.albedo[c] };
+    for (c, is_double) in double.iter().enumerate() {
+        let second_first = if *is_double { nearer_is_two(c) } else { two.albedo[c] > one.albedo[c] };
         let [near, far] = if second_first { [two, one] } else { [one, two] };
         put(&mut maps, Some(near), c);
-        put(&mut behind, double[c].then_some(far), c);
+        put(&mut behind, is_double.then_some(far), c);
     }
     let Maps { albedo, depth, normal, mask, .. } = behind;
     maps.behind = double.contains(&true).then_some(Layer { albedo, depth, normal, mask });
