@@ -16,7 +16,7 @@ const APART: f64 = 0.1;
 
 /// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's centre
 /// on the wall. Normals are unit vectors toward the wall, smooth where the mesh is. The surface behind it is the next one
-/// that faces the wall, at least [`APART`] of the wall's side farther.
+/// that faces the wall, at least a tenth of the wall's side farther.
 ///
 /// # Errors
 /// A scene that [`Scene::check`] refuses, or a resolution of 0 or above 16384.

@@ -297,9 +297,9 @@ pub fn extract_vectors(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<
     columns(twin, &lengths(v, active), |c| surface_around(twin, v, active, c, |_| true))
 }
 
-/// The second surface of every column: that around the longest vector which is farther from the longest of all than
-/// [`reach`], with a vector shorter than half of it in between. Voxels within reach of the first surface are not part
-/// of it.
+/// The second surface of every column: that around the longest vector which is more than two lateral voxels from the
+/// longest of all, with a vector shorter than half of it in between. Voxels so near to the longest of all are not part of
+/// it.
 pub fn extract_behind(twin: &Twin, v: &[DVec3], active: &[bool]) -> Vec<Option<Column>> {
     let (grid, reach, lengths) = (twin.grid, reach(twin), lengths(v, active));
     let mut rest = vec![0.0; lengths.len()];
