@@ -1255,26 +1255,6 @@ pub mod job {
             pictures: bool,
         ) -> Result<Evaluation> {}
     }
-    pub mod find_pulse {
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct FoundPulse {
-            pub fwhm: f64,
-            pub trials: Vec<[f64; 2]>,
-            pub seconds: f64,
-            pub failed: Option<String>,
-        }
-        impl FoundPulse {
-            pub fn pulse(&self) -> Result<Option<Pulse>> {}
-            pub fn note(&self) -> String {}
-        }
-        pub fn settle<'c>(
-            request: &Request,
-            capture: &'c Capture,
-            gpu: &Gpu,
-            known: Option<FoundPulse>,
-            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-        ) -> Result<(Cow<'c, Capture>, Option<FoundPulse>)> {}
-    }
     pub mod inspect {
         #[derive(Debug, Clone, Serialize)]
         pub struct Inspection {
@@ -1540,6 +1520,7 @@ pub mod job {
             pub validation: bool,
             pub timings: bool,
             pub tuned: bool,
+            pub models: Vec<SolverOptions>,
             pub find_pulse: bool,
             pub preview: bool,
             pub faults: Faults,
@@ -1593,10 +1574,52 @@ pub mod job {
             pub state: Checkpoint,
             pub along: BTreeMap<usize, Metrics>,
             pub snapshots: Vec<(usize, Maps)>,
-            pub pulse: Option<FoundPulse>,
+            pub found: Found,
         }
         pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
         pub fn read(path: &Path) -> Result<Kept> {}
+    }
+    pub mod trials {
+        mod model {
+            pub const MODELS: [Reflectance; 3] = [
+                Reflectance::Cosine,
+                Reflectance::Lambertian,
+                Reflectance::Retroreflective,
+            ];
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct FoundModel {
+                pub reflectance: Reflectance,
+                pub trials: Vec<(Reflectance, f64, Option<f64>)>,
+                pub failed: Option<String>,
+            }
+            impl FoundModel {
+                pub fn note(&self) -> String {}
+            }
+        }
+        mod pulse {
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct FoundPulse {
+                pub fwhm: f64,
+                pub trials: Vec<[f64; 2]>,
+                pub seconds: f64,
+                pub failed: Option<String>,
+            }
+            impl FoundPulse {
+                pub fn pulse(&self) -> Result<Option<Pulse>> {}
+                pub fn note(&self) -> String {}
+            }
+        }
+        pub use model::{FoundModel, MODELS};
+        pub use pulse::FoundPulse;
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Found {
+            pub model: Option<FoundModel>,
+            pub pulse: Option<FoundPulse>,
+            pub seconds: f64,
+        }
+        impl Found {
+            pub fn notes(&self) -> Vec<String> {}
+        }
     }
     mod words {
         pub fn plain(value: &impl serde::Serialize) -> String {}
@@ -1616,6 +1639,7 @@ pub mod job {
     pub use places::{PREVIEW, check_file};
     pub use request::{Request, memory_bytes};
     pub use simulated::{Simulated, Simulation, simulate};
+    pub use trials::MODELS;
     pub use words::{plain, write_json};
     #[derive(Debug, Clone, Default, PartialEq)]
     pub struct Input {
@@ -1977,10 +2001,6 @@ pub mod simulate {
     pub use wall::WallShape;
 }
 pub mod solve {
-    mod assume {
-        pub fn falloff_slope(capture: &Capture) -> Option<[f64; 2]> {}
-        pub fn assume_reflectance(capture: &Capture) -> (Reflectance, String) {}
-    }
     mod checkpoint {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct Identity {
@@ -2231,6 +2251,7 @@ pub mod solve {
             pub const COLUMNS_HOST: Buffer = Buffer::named("columns_host");
             pub const RAW_HOST: Buffer = Buffer::named("raw_host");
             pub const MASK_HOST: Buffer = Buffer::named("mask_host");
+            pub const RESIDUAL_HOST: Buffer = Buffer::named("residual_host");
             pub const SMOOTH: Buffer = Buffer::named("smooth");
             pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
         }
@@ -2599,7 +2620,7 @@ pub mod solve {
         };
         pub use options::SurfaceOptions;
         pub use pixels::Pixels;
-        pub use schedule::{extract, extract_behind, iteration, points, start};
+        pub use schedule::{extract, extract_behind, iteration, points, render, start};
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
     }
@@ -2644,10 +2665,39 @@ pub mod solve {
                 done: usize,
             ) -> Schedule {}
         }
+        mod trial {
+            #[private_fields]
+            pub struct Trial<'g> {}
+            impl<'g> Trial<'g> {
+                pub fn new(
+                    gpu: &'g Gpu,
+                    capture: &Capture,
+                    grid: Grid,
+                    options: VectorOptions,
+                    memory: Option<u64>,
+                ) -> Trial<'g> {}
+                pub fn begun(&self) -> Option<&Maps> {}
+                pub fn begin_with(&mut self, maps: Maps) {}
+                pub fn fit(
+                    &mut self,
+                    pulse: Option<&Pulse>,
+                    watch: &mut Watch<'_>,
+                ) -> Result<Option<Left>> {}
+            }
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct Left {
+                pub pairs: Vec<[f64; 2]>,
+            }
+            impl Left {
+                pub fn share(&self) -> f64 {}
+                pub fn is_less(&self, other: &Left) -> bool {}
+            }
+        }
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
+        pub use trial::{Left, Trial};
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
             gpu: &Gpu,
@@ -2661,7 +2711,6 @@ pub mod solve {
         pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {}
         pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {}
     }
-    pub use assume::{assume_reflectance, falloff_slope};
     pub use checkpoint::{Checkpoint, Identity, Keep};
     pub use domain::{compact, extract};
     pub use drive::{Beside, Doing, Progress, Watch};
@@ -2809,8 +2858,10 @@ pub mod transport {
         pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {}
         impl Wall {
             pub fn first(&self, pairs: usize) -> Wall {}
+            pub fn half(&self, side: usize) -> Wall {}
         }
         impl Model {
+            pub fn half(&self, side: usize) -> Model {}
             pub fn spread(&mut self) {}
         }
     }
