@@ -200,6 +200,12 @@ pub fn preset_for(capture: &Capture) -> Preset {
     if measured { Preset::Captured } else { Preset::Synthetic }
 }
 
+/// The share of the brightest albedo above which the maps of a solver usually count as surface: the paper's, for its
+/// solver. `None`: the albedo's edges tell.
+pub fn usual_mask(solver: &SolverOptions) -> Option<f64> {
+    matches!(solver, SolverOptions::Paper(_)).then_some(Maps::MASK_FRACTION)
+}
+
 /// The result of a run, besides its files.
 #[derive(Debug, Clone)]
 pub struct Outcome {

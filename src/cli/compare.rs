@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use thirdbounce::job::{self, Comparison, Method, Request, SolverOptions, Turn};
-use thirdbounce::maps::Maps;
 use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result};
 
@@ -41,9 +40,9 @@ pub struct Args {
     /// Measure after every Nth iteration; measuring does not count as solving
     #[arg(long, value_name = "N", default_value_t = 10)]
     trace_every: usize,
-    /// A pixel is surface above this share of the brightest albedo
-    #[arg(long, value_name = "X", default_value_t = Maps::MASK_FRACTION)]
-    mask_fraction: f64,
+    /// A pixel is surface above this share of the brightest albedo [default: the albedo's edges tell; paper 0.3]
+    #[arg(long, value_name = "X")]
+    mask_fraction: Option<f64>,
     /// No progress and no notes, errors only
     #[arg(long, short)]
     quiet: bool,
@@ -77,7 +76,7 @@ pub fn run(args: &Args) -> Result<()> {
             device: args.device.device.clone(),
             validation: args.device.validation,
             truth: Some(args.truth.clone()),
-            mask_fraction: args.mask_fraction,
+            mask_fraction: args.mask_fraction.or(job::usual_mask(&solver)),
             trace_every: spec.trace_every.or(Some(args.trace_every)),
             find_pulse: args.capture.finds_pulse(preset, &solver),
             models,

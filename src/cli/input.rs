@@ -263,6 +263,7 @@ pub fn load(
         validation: device.validation,
         tuned: true,
         find_pulse: capture.finds_pulse(preset, &solver),
+        mask_fraction: job::usual_mask(&solver),
         models,
         ..Request::new(solver, "")
     };

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use thirdbounce::Result;
 use thirdbounce::job::{self, Request};
-use thirdbounce::maps::Maps;
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
 use super::progress::{Meter, say};
@@ -21,9 +20,9 @@ pub struct Args {
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo
-    #[arg(long, value_name = "X", default_value_t = Maps::MASK_FRACTION)]
-    mask_fraction: f64,
+    /// A pixel is surface above this share of the brightest albedo [default: the albedo's edges tell; paper 0.3]
+    #[arg(long, value_name = "X")]
+    mask_fraction: Option<f64>,
     /// Add a point to the report's trace after every Nth iteration, with the figures if there is truth; 0: figures only
     /// at the end. Measuring does not count as solving [default: 10 with --truth, else 0]
     #[arg(long, value_name = "N")]
@@ -65,7 +64,7 @@ pub fn run(args: &Args) -> Result<()> {
     let request = Request {
         timings: args.timings,
         truth: args.truth.clone(),
-        mask_fraction: args.mask_fraction,
+        mask_fraction: args.mask_fraction.or(request.mask_fraction),
         trace_every: args.trace_every,
         snapshots: args.snapshots.clone(),
         checkpoint: args.checkpoint.clone(),

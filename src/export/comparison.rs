@@ -24,7 +24,7 @@ pub struct Comparison {
     /// The truth's file, if there is truth.
     pub truth: Option<PathBuf>,
     /// Share of the brightest albedo above which a pixel is surface, for the figures at a fixed share.
-    pub mask_fraction: f64,
+    pub mask_fraction: Option<f64>,
     /// How often each method ran, in turns.
     pub repeats: usize,
     /// Every method, in the order they were given.
@@ -130,12 +130,12 @@ impl Comparison {
             "Time is solve time, without load, set-up, measuring and export. Every method ran {}, in turns. The \
              time is the median, with the range in brackets. A pixel counts as surface above a fraction of the \
              brightest albedo. Every point uses the fraction with the best IoU. Depth and normal errors are over the \
-             pixels that are surface both in the result and in truth. (Figures at the fraction {} are in \
+             pixels that are surface both in the result and in truth. (Figures {} are in \
              compare.json.)\n\n\
              *s to …*: seconds until the figure is as good as that of `{first}` at its end, and stays as good. Their \
              share of the whole time of `{first}` is in brackets. Times are those of measured points: {}.\n",
             times(self.repeats),
-            self.mask_fraction,
+            self.mask_fraction.map_or("over the maps' own mask".into(), |f| format!("at the fraction {f}")),
             self.steps(),
         );
         for m in self.methods.iter().filter(|m| m.name != m.method) {

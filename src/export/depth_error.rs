@@ -22,10 +22,10 @@ const SQUARE: usize = 22;
 ///
 /// # Errors
 /// `Kind::Input` if sizes do not agree, `Kind::Output` if the file cannot be written.
-pub fn write(path: &Path, maps: &Maps, truth: &Truth, fraction: f64) -> Result<()> {
+pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     maps.check()?;
     truth.check()?;
-    png::write(path, &picture(maps, truth, fraction))
+    png::write(path, &picture(maps, truth))
 }
 
 /// The state of a pixel of the truth.
@@ -38,11 +38,10 @@ enum Found {
     Hit(f32),
 }
 
-fn picture(maps: &Maps, truth: &Truth, fraction: f64) -> Picture {
-    let mask = Maps::mask_of(&maps.albedo, fraction);
+fn picture(maps: &Maps, truth: &Truth) -> Picture {
     let found = |ix: usize, iy: usize| {
         let [x, y] = truth.centre(ix, iy);
-        let pixel = maps.pixel_at(x, y).filter(|&p| mask[p] && maps.depth[p].is_finite());
+        let pixel = maps.pixel_at(x, y).filter(|&p| maps.mask[p] && maps.depth[p].is_finite());
         let at = ix * truth.ny + iy;
         match (pixel, truth.mask[at]) {
             (None, false) => Found::Nothing,

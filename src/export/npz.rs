@@ -16,7 +16,7 @@ const MAPS_LAYERS: [&str; 4] = ["layers_albedo", "layers_depth", "layers_normal"
 const TRUTH_LAYERS: [&str; 4] = ["", "gt_layers_depth", "gt_layers_normal", "gt_layers_mask"];
 
 /// Writes `albedo`, `depth` [nx, ny] and `normal` [nx, ny, 3] as float32 (NaN = nothing there), `mask`
-/// [nx, ny] as bool, `extent` (xmin, xmax, ymin, ymax) and the scalar `mask_fraction` as float64. If there are surfaces
+/// [nx, ny] as bool, `extent` (xmin, xmax, ymin, ymax) as float64, and so the scalar `mask_fraction` if it was given. If there are surfaces
 /// behind the first ones, `layers_albedo`, `layers_depth`, `layers_mask` [2, nx, ny] and `layers_normal` [2, nx, ny, 3]
 /// hold both.
 ///
@@ -31,8 +31,10 @@ pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
         ("normal", Array::from_f32(&[maps.nx, maps.ny, 3], maps.normal.as_flattened())),
         ("mask", Array::from_bool(&shape, &maps.mask)),
         ("extent", Array::from_f64(&[4], &maps.extent)),
-        ("mask_fraction", Array::from_f64(&[], &[maps.mask_fraction])),
     ];
+    if let Some(fraction) = maps.mask_fraction {
+        arrays.push(("mask_fraction", Array::from_f64(&[], &[fraction])));
+    }
     if let Some(behind) = &maps.behind {
         let albedo = [&maps.albedo[..], &behind.albedo].concat();
         arrays.push(("layers_albedo", Array::from_f32(&[2, maps.nx, maps.ny], &albedo)));
@@ -42,7 +44,7 @@ pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
     atomic::write(path, &npz_bytes(&arrays)?)
 }
 
-/// Reads maps. Without `mask_fraction` it is [`Maps::MASK_FRACTION`]. Without `mask`, the albedo gives the mask.
+/// Reads maps. Without `mask`, the albedo gives it: by `mask_fraction`, else by [`Maps::MASK_FRACTION`].
 ///
 /// # Errors
 /// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.
@@ -50,10 +52,10 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
     let read = || -> Result<Maps> {
         let mut npz = Npz::open(path)?;
         let (shape, albedo) = plane(&mut npz, "albedo", MAPS)?;
-        let fraction = npz.scalar("mask_fraction")?.unwrap_or(Maps::MASK_FRACTION);
+        let fraction = npz.scalar("mask_fraction")?;
         let mask = match npz.get("mask")? {
             Some(mask) => mask.to_bool(),
-            None => Maps::mask_of(&albedo, fraction),
+            None => Maps::mask_of(&albedo, fraction.unwrap_or(Maps::MASK_FRACTION)),
         };
         let maps = Maps {
             nx: shape[0],

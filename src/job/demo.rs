@@ -55,7 +55,6 @@ pub fn demo(
     request.preset = Some(Preset::Synthetic);
     request.device = device;
     request.truth = Some(truth_file);
-    request.mask_fraction = 0.3;
     let outcome = run(&request, &loaded, hear)?;
     let path = out.join("overview.png");
     overview::write(&path, &outcome.maps, &real)?;

@@ -36,11 +36,14 @@ pub fn evaluate(
     };
     let maps = export::npz::read_maps(&file)?;
     let truth = export::npz::read_truth(truth)?;
-    let fraction = mask_fraction.unwrap_or(maps.mask_fraction);
-    let metrics = metrics(&maps, &truth, fraction)?;
+    let mut maps = maps;
+    if mask_fraction.is_some() {
+        maps.set_mask(mask_fraction);
+    }
+    let metrics = metrics(&maps, &truth, maps.mask_fraction)?;
     let picture = (pictures && !is_file).then(|| folder.join("depth_error.png"));
     if let Some(path) = &picture {
-        export::depth_error::write(path, &maps, &truth, fraction)?;
+        export::depth_error::write(path, &maps, &truth)?;
     }
     Ok(Evaluation { metrics, solve_s: report.map(|r| r.totals.solve_s), picture })
 }

@@ -93,7 +93,7 @@ fn as_maps(truth: &Truth) -> Maps {
         depth: truth.depth.clone(),
         normal: truth.normal.clone(),
         mask: truth.mask.clone(),
-        mask_fraction: Maps::MASK_FRACTION,
+        mask_fraction: None,
         behind: None,
     }
 }

@@ -100,7 +100,12 @@ pub fn solve(
                 let _ = preview.show(maps);
             }
             let due = step > 0 && i.is_multiple_of(step);
-            match truth.filter(|_| due).map(|t| metrics(maps, t, request.mask_fraction)).transpose() {
+            let measured = truth.filter(|_| due).map(|t| {
+                let mut maps = maps.clone();
+                maps.set_mask(request.mask_fraction);
+                metrics(&maps, t, request.mask_fraction)
+            });
+            match measured.transpose() {
                 Ok(found) => along.extend(found.map(|m| (i, m.brief()))),
                 Err(e) => {
                     failed = Some(e);

@@ -46,8 +46,8 @@ pub struct Request {
     pub faults: Faults,
     /// Truth to measure the result against.
     pub truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo.
-    pub mask_fraction: f64,
+    /// A pixel is surface above this share of the brightest albedo; `None` lets the albedo's edges tell.
+    pub mask_fraction: Option<f64>,
     /// Add a point to the trace after every Nth iteration, with the figures if there is truth. 0: figures only at the
     /// end. `None`: 10 with truth, 0 without. Measuring does not count as solving.
     pub trace_every: Option<usize>,
@@ -105,7 +105,7 @@ impl Request {
             preview: false,
             faults: Faults::default(),
             truth: None,
-            mask_fraction: Maps::MASK_FRACTION,
+            mask_fraction: None,
             trace_every: None,
             snapshots: vec![],
             checkpoint: None,
@@ -218,9 +218,9 @@ impl Request {
     /// Checks everything that can be checked before the work begins. Returns the truth, if its file is given.
     pub(super) fn check(&self) -> Result<Option<Truth>> {
         self.solver.check()?;
-        if !(0.0..1.0).contains(&self.mask_fraction) {
+        if let Some(fraction) = self.mask_fraction.filter(|f| !(0.0..1.0).contains(f)) {
             return Err(Error::options(
-                format!("the mask fraction is {}", self.mask_fraction),
+                format!("the mask fraction is {fraction}"),
                 format!(
                     "give a share of the brightest albedo from 0 to below 1, usually {}",
                     Maps::MASK_FRACTION

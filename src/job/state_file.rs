@@ -78,7 +78,7 @@ struct SnapshotHead {
     nx: usize,
     ny: usize,
     extent: [f64; 4],
-    mask_fraction: f64,
+    mask_fraction: Option<f64>,
 }
 
 /// Writes a checkpoint, whole or not at all.

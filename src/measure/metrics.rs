@@ -14,8 +14,8 @@ pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.2
 /// are predicted and in the true mask. A figure over no pixels is `None` (null in JSON), never 0 or NaN.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
-    /// Mask fraction: share of the albedo's 99.9th percentile.
-    pub fraction: f64,
+    /// Mask fraction: share of the albedo's 99.9th percentile. `None`: the maps' own mask.
+    pub fraction: Option<f64>,
     /// Predicted pixels of the truth's grid.
     pub predicted_pixels: usize,
     /// Pixels of the true mask.
@@ -97,12 +97,13 @@ impl Metrics {
 
 /// Measures maps against truth. For each pixel of the truth it reads the maps' cell that contains the pixel's centre.
 /// The extents may differ: pixels outside the maps are not predicted, and cells outside the truth are ignored. Surface
-/// is where the albedo is above `fraction` of its 99.9th percentile.
+/// is where the albedo is above `fraction` of its 99.9th percentile; without a fraction, it is the maps' mask.
 ///
 /// # Errors
 /// `Kind::Options` unless `fraction` is in [0, 1); `Kind::Input` if arrays and sizes do not agree.
-pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
-    if !(0.0..1.0).contains(&fraction) {
+pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> Result<Metrics> {
+    let fraction = fraction.into();
+    if let Some(fraction) = fraction.filter(|f| !(0.0..1.0).contains(f)) {
         return Err(Error::options(
             format!("a mask fraction of {fraction}"),
             format!("give a fraction of the brightest albedo from 0 to 1, usually {}", Maps::MASK_FRACTION),
@@ -112,22 +113,26 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
     truth.check().map_err(|e| e.at("truth"))?;
     let pixels = look_up(maps, truth);
     let white = f64::from(Maps::white(&maps.albedo));
-    let overlap = |fraction: f64| {
+    let overlap = |within: Within| {
         let mut overlap = Overlap::default();
         for (pixel, &real) in pixels.iter().zip(&truth.mask) {
-            overlap.add(predicted(maps, *pixel, fraction * white).is_some(), real);
+            overlap.add(predicted(maps, *pixel, within).is_some(), real);
         }
         overlap
     };
-    let here = overlap(fraction);
-    let sweep: Vec<[f64; 2]> =
-        SWEEP.iter().filter_map(|&fraction| overlap(fraction).iou().map(|iou| [fraction, iou])).collect();
+    let above = |fraction: f64| Within::Above(fraction * white);
+    let within = fraction.map_or(Within::Mask, above);
+    let here = overlap(within);
+    let sweep: Vec<[f64; 2]> = SWEEP
+        .iter()
+        .filter_map(|&fraction| overlap(above(fraction)).iou().map(|iou| [fraction, iou]))
+        .collect();
     let best = sweep.iter().copied().reduce(|a, b| if b[1] > a[1] { b } else { a });
 
-    let errors = errors(maps, truth, &pixels, fraction * white);
+    let errors = errors(maps, truth, &pixels, within);
     let at_best = best.map(|[fraction, _]| {
-        let errors = self::errors(maps, truth, &pixels, fraction * white);
-        let overlap = overlap(fraction);
+        let errors = self::errors(maps, truth, &pixels, above(fraction));
+        let overlap = overlap(above(fraction));
         AtBest {
             hit_pixels: overlap.both,
             completeness: ratio(overlap.both, overlap.real),
@@ -152,22 +157,22 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
-        layers: layers(maps, truth, &pixels, fraction * white),
+        layers: layers(maps, truth, &pixels, within),
         sweep,
     })
 }
 
 /// The figures of each layer, if the truth has two. `pixels` are the maps' pixels of the truth's.
-fn layers(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], threshold: f64) -> Vec<LayerMetrics> {
+fn layers(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) -> Vec<LayerMetrics> {
     let Some(Layer { depth, normal, mask, .. }) = truth.behind.clone() else { return vec![] };
     let second = Truth { depth, normal, mask, behind: None, ..truth.clone() };
     let of_layer = |(layer, truth): (usize, &Truth)| {
         let found = maps.layer(layer);
         let mut overlap = Overlap::default();
         for (pixel, &real) in pixels.iter().zip(&truth.mask) {
-            overlap.add(found.as_ref().is_some_and(|m| predicted(m, *pixel, threshold).is_some()), real);
+            overlap.add(found.as_ref().is_some_and(|m| predicted(m, *pixel, within).is_some()), real);
         }
-        let errors = found.map(|m| errors(&m, truth, pixels, threshold)).unwrap_or_default();
+        let errors = found.map(|m| errors(&m, truth, pixels, within)).unwrap_or_default();
         LayerMetrics {
             true_pixels: overlap.real,
             hit_pixels: overlap.both,
@@ -190,12 +195,25 @@ fn look_up(maps: &Maps, truth: &Truth) -> Vec<Option<usize>> {
     .collect()
 }
 
+/// The pixels that count as surface.
+#[derive(Clone, Copy)]
+enum Within {
+    /// Those of the maps' mask.
+    Mask,
+    /// Those above an albedo.
+    Above(f64),
+}
+
 /// The maps' pixel, if it counts as surface.
-fn predicted(maps: &Maps, pixel: Option<usize>, threshold: f64) -> Option<usize> {
+fn predicted(maps: &Maps, pixel: Option<usize>, within: Within) -> Option<usize> {
     pixel.filter(|&p| {
         let albedo = maps.albedo[p];
-        // In float32 as in `Maps::mask_of`, so both agree on pixels at the threshold.
-        albedo > threshold as f32 && albedo > 0.0 && maps.depth[p].is_finite()
+        let is_within = match within {
+            Within::Mask => maps.mask[p],
+            // In float32 as in `Maps::mask_of`, so both agree on pixels at the threshold.
+            Within::Above(threshold) => albedo > threshold as f32,
+        };
+        is_within && albedo > 0.0 && maps.depth[p].is_finite()
     })
 }
 
@@ -208,12 +226,12 @@ struct Errors {
     components: Mean,
 }
 
-/// The errors with the mask above `threshold`.
-fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], threshold: f64) -> Errors {
+/// The errors over these pixels.
+fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) -> Errors {
     let mut all = Errors::default();
     for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| truth.mask[*at]) {
         let real = f64::from(truth.depth[at]);
-        let found = predicted(maps, *pixel, threshold);
+        let found = predicted(maps, *pixel, within);
         all.whole.add(found.map_or(0.0, |p| f64::from(maps.depth[p])) - real);
         let Some(found) = found else { continue };
         all.hit.add(f64::from(maps.depth[found]) - real);

@@ -131,7 +131,7 @@ pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool)
             .map(|c| [c[4], c[5], c[6]].map(|v| pick(c[3] > 0.0 && has_normals, v)))
             .collect(),
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
-        mask_fraction: Maps::MASK_FRACTION,
+        mask_fraction: Some(Maps::MASK_FRACTION),
         behind: None,
         albedo,
     }

@@ -21,7 +21,7 @@ pub fn python_opens_everything(python: &Path) {
         depth: vec![f32::NAN; nx * ny],
         normal: vec![[f32::NAN; 3]; nx * ny],
         mask: vec![],
-        mask_fraction: 0.0,
+        mask_fraction: Some(0.0),
         behind: None,
     };
     for p in 0..nx * ny {

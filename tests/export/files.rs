@@ -20,7 +20,7 @@ fn maps() -> Maps {
         depth: vec![f32::NAN; 8],
         normal: vec![[f32::NAN; 3]; 8],
         mask: Vec::new(),
-        mask_fraction: 0.0,
+        mask_fraction: Some(0.0),
         behind: None,
     };
     (maps.albedo[7], maps.depth[7], maps.normal[7]) = (2.0, 1.5, [0.0, 0.6, -0.8]);
@@ -44,7 +44,7 @@ fn maps_come_back() {
     assert!(same(back.normal.as_flattened(), m.normal.as_flattened()));
     assert_eq!(
         (back.nx, back.ny, back.extent, back.mask, back.mask_fraction),
-        (4, 2, m.extent, m.mask, 0.25)
+        (4, 2, m.extent, m.mask, Some(0.25))
     );
     assert_error(npz::read_truth(&path), Kind::Input, &["maps.npz", "gt_depth", "it holds albedo"]);
     assert_error(npz::read_maps(path.parent().unwrap()), Kind::Input, &["folder"]);
@@ -271,7 +271,7 @@ fn a_report() -> report::Report {
         loss: 0.25,
         ..Default::default()
     };
-    let metrics = Metrics { fraction: 0.2, iou: Some(0.8), ..Default::default() };
+    let metrics = Metrics { fraction: Some(0.2), iou: Some(0.8), ..Default::default() };
     report::Report {
         version: "0.1.0".into(),
         device: report::Device { name: "made".into(), driver: "none".into(), kind: "cpu".into() },

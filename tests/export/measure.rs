@@ -19,7 +19,7 @@ fn maps(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Maps {
         depth: lit.iter().map(|&l| if l { depth } else { f32::NAN }).collect(),
         normal: lit.iter().map(|&l| if l { TOWARDS_WALL } else { MISS }).collect(),
         mask: Vec::new(),
-        mask_fraction: 0.0,
+        mask_fraction: Some(0.0),
         behind: None,
     };
     maps.set_mask(Maps::MASK_FRACTION);
@@ -46,7 +46,7 @@ fn a_perfect_prediction() {
         (Some(1.0), Some(1.0), Some(0.0), Some(0.0))
     );
     assert_eq!((m.depth_mae_whole, m.normal_error_deg, m.normal_mae), (Some(0.0), Some(0.0), Some(0.0)));
-    assert_eq!((m.best_iou, m.fraction), (Some(1.0), 0.2));
+    assert_eq!((m.best_iou, m.fraction), (Some(1.0), Some(0.2)));
 }
 
 #[test]

@@ -99,7 +99,7 @@ fn empty(n: usize, extent: [f64; 4]) -> Maps {
         depth: vec![f32::NAN; n * n],
         normal: vec![[f32::NAN; 3]; n * n],
         mask: vec![false; n * n],
-        mask_fraction: 0.0,
+        mask_fraction: Some(0.0),
         behind: None,
     }
 }

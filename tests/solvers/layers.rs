@@ -25,7 +25,7 @@ fn maps(at: impl Fn(usize, usize) -> Option<(f32, f32)>) -> Maps {
         depth: all.iter().map(|p| p.map_or(f32::NAN, |p| p.1)).collect(),
         normal: all.iter().map(normal).collect(),
         mask: vec![],
-        mask_fraction: 0.3,
+        mask_fraction: Some(0.3),
         behind: None,
     };
     maps.set_mask(0.3);

@@ -23,7 +23,7 @@ fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
         depth,
         normal: vec![[0.0, 0.0, -1.0]; count],
         mask: vec![true; count],
-        mask_fraction: 0.3,
+        mask_fraction: Some(0.3),
         behind: None,
     }
 }

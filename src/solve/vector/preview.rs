@@ -65,7 +65,7 @@ fn brightest(grid: &Grid, volume: &[f32]) -> Maps {
         extent: grid.extent(),
         normal: vec![[f32::NAN; 3]; nx * ny],
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
-        mask_fraction: Maps::MASK_FRACTION,
+        mask_fraction: Some(Maps::MASK_FRACTION),
         behind: None,
         albedo,
         depth,

@@ -5,6 +5,8 @@
 
 use crate::error::{Error, Result};
 
+mod mask;
+
 /// Reconstructed maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
@@ -20,10 +22,10 @@ pub struct Maps {
     pub depth: Vec<f32>,
     /// Unit normals; NaN = no surface.
     pub normal: Vec<[f32; 3]>,
-    /// True where the albedo is above [`Maps::mask_fraction`] of its 99.9th percentile.
+    /// True for pixels that count as surface ([`Maps::set_mask`]).
     pub mask: Vec<bool>,
-    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface.
-    pub mask_fraction: f64,
+    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None` if the albedo's edges tell.
+    pub mask_fraction: Option<f64>,
     /// The surfaces behind the first ones; `None` where no pixel has two.
     pub behind: Option<Layer>,
 }
@@ -92,13 +94,24 @@ impl Maps {
         }
     }
 
-    /// Sets `mask` and `mask_fraction` from the albedo.
-    pub fn set_mask(&mut self, fraction: f64) {
-        self.mask = Maps::mask_of(&self.albedo, fraction);
-        self.mask_fraction = fraction;
+    /// Sets `mask` from the albedo: pixels above `fraction` of [`Maps::white`], or without a fraction those within the
+    /// albedo's edges.
+    pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {
+        self.mask_fraction = fraction.into();
+        let threshold = |fraction: f64| (fraction * f64::from(Maps::white(&self.albedo))) as f32;
+        let told: Box<dyn Fn(&[f32]) -> Vec<bool>> = match self.mask_fraction {
+            Some(fraction) => {
+                let threshold = threshold(fraction);
+                Box::new(move |albedo| albedo.iter().map(|&a| a > threshold && a > 0.0).collect())
+            }
+            None => match mask::Rule::of(self) {
+                Some(rule) => Box::new(move |albedo| rule.mask(albedo)),
+                None => Box::new(|albedo| vec![false; albedo.len()]),
+            },
+        };
+        self.mask = told(&self.albedo);
         if let Some(behind) = &mut self.behind {
-            let threshold = (fraction * f64::from(Maps::white(&self.albedo))) as f32;
-            behind.mask = behind.albedo.iter().map(|&a| a > threshold && a > 0.0).collect();
+            behind.mask = told(&behind.albedo);
         }
     }
 
