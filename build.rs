@@ -67,6 +67,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("room", "room.comp", &[]),
     ("sample", "sample.comp", &[]),
     ("settle", "settle.comp", &[]),
+    ("spot", "spot.comp", &[]),
+    ("spot_fixed", "spot.comp", &["ACCUMULATE_FIXED"]),
     ("step", "step.comp", &[]),
     ("step_texels", "step.comp", &["TEXELS"]),
     ("sum_bins", "sum_bins.comp", &[]),

@@ -12,7 +12,8 @@ layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
 layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with zero, for bounds of the operator
-layout(constant_id = 13) const uint PULSE = 0u;    // 1: compare the output of pulse.comp
+layout(constant_id = 13) const uint SEEN = 0u;     // 1: compare the output of pulse.comp or spot.comp
+layout(constant_id = 14) const uint SPOT = 0u;     // 1: rendered pairs are others than measured ones: clear nothing
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
@@ -33,7 +34,7 @@ layout(std430, set = 0, binding = 7) readonly buffer Spread { float spread[]; };
 // Squared difference in one bin of a pair, weighted and plain, and the magnitude of the rendered value.
 vec3 compare(uint cell, uint pair, uint bin) {
     uint index = pair * scene.bins + bin;
-    float rendered = (PULSE != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale;
+    float rendered = (SEEN != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale;
     float open = 1.0;
     if (NOISE != 0u) {
         float w = noise_state[3u * (NOISE == 1u ? index : pair)];
@@ -62,7 +63,7 @@ void main() {
     for (uint cell = first, i = 0u; i < RESIDUAL_BINS && cell < end; ++i, cell += WORKGROUP) {
         if (at >= PADDING && pair < scene.pairs) squared += compare(cell, pair, at - PADDING);
         else residual[cell] = 0.0;
-        histograms[cell] = ZERO;
+        if (SPOT == 0u) histograms[cell] = ZERO;
         pair += rows;
         at += on;
         if (at >= scene.stride) {

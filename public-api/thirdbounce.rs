@@ -367,6 +367,7 @@ pub mod capture {
             pub bin_width_m: f64,
             pub bin_width_ps: f64,
             pub pulse_fwhm_m: Option<f64>,
+            pub spots_m: [Option<f64>; 2],
             pub t_start_m: f64,
             pub t_end_m: f64,
             pub pair_kind: PairKind,
@@ -434,6 +435,8 @@ pub mod capture {
         pub histograms: Vec<f32>,
         pub integer_counts: bool,
         pub pulse: Option<Pulse>,
+        pub laser_spot: Option<f64>,
+        pub sensor_spot: Option<f64>,
     }
     impl Capture {
         pub fn new(
@@ -1325,7 +1328,7 @@ pub mod job {
             pub struct Check {
                 pub solver: &'static str,
                 pub holds: &'static [&'static Pass],
-                pub with_pulse: bool,
+                pub with_instrument: bool,
             }
             pub static CHECKS: &[Check] = &[
                 Check {
@@ -1337,7 +1340,7 @@ pub mod job {
                         &paper_solver::passes::BACKWARD,
                         &paper_solver::passes::UPDATE,
                     ],
-                    with_pulse: false,
+                    with_instrument: false,
                     run: paper::check,
                 },
                 Check {
@@ -1345,12 +1348,14 @@ pub mod job {
                     holds: &[
                         &vector_solver::passes::EXTRAPOLATE,
                         &passes::FORWARD,
+                        &passes::SPOT,
                         &passes::PULSE,
                         &passes::RESIDUAL,
                         &passes::PULSE_BACK,
+                        &passes::SPOT_BACK,
                         &vector_solver::passes::STEP,
                     ],
-                    with_pulse: true,
+                    with_instrument: true,
                     run: vector::check,
                 },
                 Check {
@@ -1359,12 +1364,14 @@ pub mod job {
                         &surface_stage::passes::SURFACE_BONDS,
                         &surface_stage::passes::SURFACE_POINTS,
                         &passes::FORWARD,
+                        &passes::SPOT,
                         &passes::PULSE,
                         &passes::RESIDUAL,
                         &passes::PULSE_BACK,
+                        &passes::SPOT_BACK,
                         &surface_stage::passes::SURFACE_GATHER,
                     ],
-                    with_pulse: true,
+                    with_instrument: true,
                     run: surface::check,
                 },
             ];
@@ -1655,6 +1662,7 @@ pub mod job {
         pub gate: Option<Gate>,
         pub no_auto_gate: bool,
         pub pulse: Option<GivenPulse>,
+        pub spots: Option<[f64; 2]>,
         pub preset: Option<Preset>,
     }
     impl Input {
@@ -1943,6 +1951,7 @@ pub mod simulate {
             pub t_start: f64,
             pub reflectance: Reflectance,
             pub pulse: Option<Pulse>,
+            pub spots: [f64; 2],
             pub pile_up: Option<f64>,
             pub photons: Option<f64>,
             pub dark: Dark,
@@ -2279,6 +2288,14 @@ pub mod solve {
         }
         mod levels {
             #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Pairs {
+                pub count: usize,
+                pub scanned: usize,
+                pub others: usize,
+                pub wall: Buffer,
+                pub scene: Buffer,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq)]
             pub struct Level {
                 pub grid: Grid,
                 pub parts: [usize; 2],
@@ -2290,6 +2307,7 @@ pub mod solve {
                 pub taps: Buffer,
                 pub wall: Buffer,
                 pub scene: Buffer,
+                pub rendered: Pairs,
                 pub reachable: Buffer,
             }
             pub const AMPLE: usize = 32;
@@ -2342,6 +2360,25 @@ pub mod solve {
         pub mod passes {
             pub fn forward(plan: &Plan) -> &'static KernelCode {}
             pub fn residual(plan: &Plan) -> &'static KernelCode {}
+        }
+        mod spots {
+            pub const SEEN: Buffer = Buffer::named("seen");
+            pub const BETWEEN: Buffer = Buffer::named("between");
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct Spots {
+                pub pairs: usize,
+                pub rendered: Rendered,
+                pub back: Vec<SpotTaps>,
+                pub taps: Buffer,
+            }
+            impl Spots {
+                pub fn word_of(&self, stage: &SpotTaps) -> usize {}
+                pub fn words(&self) -> Vec<u32> {}
+            }
+            impl Plan {
+                pub fn has_spots(&self) -> bool {}
+                pub fn spots_of(&self, level: &Level) -> Option<&Spots> {}
+            }
         }
         mod tuning {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -2424,6 +2461,7 @@ pub mod solve {
         pub struct Plan {
             pub levels: Vec<Level>,
             pub pixel_levels: Vec<Level>,
+            pub spots: Vec<Spots>,
             pub maps: Grid,
             pub pairs: usize,
             pub bins: usize,
@@ -2468,6 +2506,7 @@ pub mod solve {
             pub fn constant(&self, constant: Constant) -> Option<u32> {}
             pub fn variants(&self) -> Vec<String> {}
             pub fn cells_at(&self, level: &Level) -> usize {}
+            pub fn measured(&self, level: &Level) -> Pairs {}
             pub fn finest(&self) -> &Level {}
             pub fn residual(&self) -> Buffer {}
             pub fn fixed_point(&self) -> bool {}
@@ -2790,6 +2829,7 @@ pub mod transport {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Model {
             pub wall: Wall,
+            pub rendered: Option<Rendered>,
             pub is_spread: bool,
             pub reflectance: Reflectance,
             pub bins: usize,
@@ -2828,6 +2868,7 @@ pub mod transport {
                 general: bool,
             ) -> Model {}
             pub fn summed(&self, sum: usize) -> Model {}
+            pub fn rendered_wall(&self) -> &Wall {}
             pub fn pairs(&self) -> usize {}
             pub fn stride(&self) -> usize {}
             pub fn elements_of(&self, pairs: usize) -> usize {}
@@ -2838,6 +2879,12 @@ pub mod transport {
             pub fn near_z(&self, grid: &Grid) -> usize {}
             pub fn nearest(&self, grid: &Grid) -> f64 {}
             pub fn scene(&self, grid: &Grid) -> SceneData {}
+            pub fn scene_of_rendered(
+                &self,
+                grid: &Grid,
+                pairs: usize,
+                rendered: &Rendered,
+            ) -> SceneData {}
             pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {}
         }
     }
@@ -2852,6 +2899,56 @@ pub mod transport {
         impl Reflectance {
             pub fn has_normals(self) -> bool {}
             pub fn number(self) -> u32 {}
+        }
+    }
+    mod spot {
+        mod taps {
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct SpotTaps {
+                pub outer: usize,
+                pub inner: usize,
+                pub columns: usize,
+                pub rows: Vec<Vec<(u32, f32)>>,
+            }
+            impl SpotTaps {
+                pub fn of(columns: usize, rows: Vec<Vec<(u32, f32)>>) -> SpotTaps {}
+                pub fn sums(&self) -> usize {}
+                pub fn terms(&self) -> usize {}
+                pub fn longest(&self) -> usize {}
+                pub fn back(&self) -> SpotTaps {}
+                pub fn through(
+                    &self,
+                    values: &[f64],
+                    bins: usize,
+                    way: Way,
+                ) -> Vec<f64> {}
+                pub fn len_of_words(&self) -> usize {}
+                pub fn words(&self) -> Vec<u32> {}
+            }
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Spot {
+            pub sigma: [f64; 2],
+            pub coarsest: f64,
+            pub path: f64,
+        }
+        impl Spot {
+            pub fn of(
+                capture: &Capture,
+                geometry: Geometry,
+                laser_scans: bool,
+            ) -> Option<Spot> {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Rendered {
+            pub spot: Spot,
+            pub wall: Wall,
+            pub stages: Vec<SpotTaps>,
+        }
+        impl Rendered {
+            pub fn of(wall: &Wall, spot: Spot) -> Rendered {}
+            pub fn back(&self) -> Vec<SpotTaps> {}
+            pub fn all(&self) -> Vec<SpotTaps> {}
         }
     }
     mod spread {
@@ -2924,6 +3021,8 @@ pub mod transport {
         }
         mod pulse {
             pub fn pulse(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {}
+            pub fn spot(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {}
+            pub fn instrument(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {}
             pub fn sum_bins(values: &[f32], bins: usize, sum: usize) -> Vec<f64> {}
         }
         mod random {
@@ -3185,7 +3284,7 @@ pub mod transport {
             touched,
         };
         pub use optimise::{learning_rate, noise, update};
-        pub use pulse::{Way, pulse, sum_bins};
+        pub use pulse::{Way, instrument, pulse, spot, sum_bins};
         pub use random::random3;
         pub use render::{
             Sample, backward, finish, forward, objective, residual, sample, sample_point,
@@ -3249,6 +3348,7 @@ pub mod transport {
     pub use grid::{BRICK_VOXELS, Grid, Volume};
     pub use model::{Binning, Gradient, Model, Sampling, cells};
     pub use reflectance::Reflectance;
+    pub use spot::{Rendered, Spot, SpotTaps};
     pub use spread::spread_order;
     pub use wall::{Geometry, Wall};
 }

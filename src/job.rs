@@ -78,6 +78,9 @@ pub struct Input {
     pub no_auto_gate: bool,
     /// The instrument's pulse; `None` takes the file's, if it has one.
     pub pulse: Option<GivenPulse>,
+    /// Full widths at half maximum, metres, of what laser and sensor see of the wall, 0 for points; `None` takes the
+    /// file's.
+    pub spots: Option<[f64; 2]>,
     /// The published set of parameters; `None` takes [`preset_for`]. [`Preset::Captured`] brings the published gate.
     pub preset: Option<Preset>,
 }
@@ -187,6 +190,9 @@ pub fn load(input: &Input) -> Result<Loaded> {
             capture.pulse = Some(pulse.clone());
         }
         None => {}
+    }
+    if let Some(spots) = input.spots {
+        [capture.laser_spot, capture.sensor_spot] = spots.map(Some);
     }
     capture.check().map_err(|e| e.at(input.path.display()))?;
     let seconds = start.elapsed().as_secs_f64();

@@ -49,6 +49,14 @@ impl Capture {
             pulse.check()?;
             pulse.taps(self.bin_width)?;
         }
+        for (side, spot) in [("laser", self.laser_spot), ("sensor", self.sensor_spot)] {
+            if let Some(width) = spot.filter(|s| !(s.is_finite() && *s >= 0.0)) {
+                return Err(Error::input(
+                    format!("the {side} spot is {width} m wide"),
+                    "give its full width at half maximum on the wall in metres, 0 for a point",
+                ));
+            }
+        }
         check_points("laser", &self.laser)?;
         check_points("sensor", &self.sensor)?;
         check_normals("laser", self.laser_normal.as_deref())?;

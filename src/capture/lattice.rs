@@ -6,7 +6,7 @@ use glam::DVec3;
 const TAKEN: f64 = 0.5;
 
 /// Lateral range of distinct points, and their number along x and y.
-pub(super) struct Lattice {
+pub(crate) struct Lattice {
     /// [low, high] in x and in y, metres.
     pub range: [[f64; 2]; 2],
     /// Points along x and y: of their lattice, or of a square lattice of the same density.

@@ -13,8 +13,8 @@ pub mod formats;
 pub mod gate;
 #[cfg(feature = "formats")]
 mod keep;
-mod lattice;
-mod nearest;
+pub(crate) mod lattice;
+pub(crate) mod nearest;
 pub mod negative;
 mod normals;
 pub mod pairs;
@@ -71,10 +71,14 @@ pub struct Capture {
     pub integer_counts: bool,
     /// The instrument's pulse, if known.
     pub pulse: Option<Pulse>,
+    /// Full width at half maximum of what the laser lights on the wall, a Gaussian, metres; `None` or 0: a point.
+    pub laser_spot: Option<f64>,
+    /// Full width at half maximum of what the sensor sees of the wall, a Gaussian, metres; `None` or 0: a point.
+    pub sensor_spot: Option<f64>,
 }
 
 impl Capture {
-    /// A capture without name, normals and pulse. Its bins begin at path 0, and its counts are real numbers.
+    /// A capture without name, normals, pulse and spots. Its bins begin at path 0, and its counts are real numbers.
     ///
     /// - `scan`: points along x and along y, [X, Y]; X * Y = P pairs. A list of pairs is [P, 1].
     /// - `laser`, `sensor`: wall points of pair `ix * Y + iy`, in metres; P of each.
@@ -102,6 +106,8 @@ impl Capture {
             histograms,
             integer_counts: false,
             pulse: None,
+            laser_spot: None,
+            sensor_spot: None,
         }
     }
 

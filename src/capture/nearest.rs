@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Indices of the points in tree order. The middle index of every part splits it, along x, y and z in turn.
-pub(super) struct Tree<'a> {
+pub(crate) struct Tree<'a> {
     points: &'a [DVec3],
     order: Vec<usize>,
 }

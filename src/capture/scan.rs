@@ -85,7 +85,7 @@ impl Capture {
     }
 
     /// Scales the wall about the origin so that its outermost scanned points are `size` metres apart along the longer
-    /// side, for files without a scale. Normals, bins and paths do not change.
+    /// side, for files without a scale. Spots are scaled, too. Normals, bins and paths do not change.
     ///
     /// # Errors
     /// `Kind::Options` if `size` is not positive and finite, or if the scan has a single point.
@@ -105,6 +105,7 @@ impl Capture {
         }
         let scale = size / span;
         self.laser.iter_mut().chain(&mut self.sensor).for_each(|p| *p *= scale);
+        self.laser_spot.iter_mut().chain(&mut self.sensor_spot).for_each(|width| *width *= scale);
         Ok(())
     }
 

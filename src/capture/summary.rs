@@ -25,6 +25,8 @@ pub struct Summary {
     /// Full width at half maximum, in metres of path, of a Gaussian as wide as the instrument's pulse; `None` if the
     /// pulse is not known.
     pub pulse_fwhm_m: Option<f64>,
+    /// Full widths at half maximum on the wall, in metres, of what laser and sensor see; `None` for a point.
+    pub spots_m: [Option<f64>; 2],
     /// Leading edge of the first bin, metres of path.
     pub t_start_m: f64,
     /// Trailing edge of the last bin, metres of path.
@@ -94,6 +96,7 @@ impl Summary {
             bin_width_m: capture.bin_width,
             bin_width_ps: capture.bin_width / METRES_PER_PICOSECOND,
             pulse_fwhm_m: capture.pulse.as_ref().map(Pulse::fwhm),
+            spots_m: [capture.laser_spot, capture.sensor_spot].map(|spot| spot.filter(|width| *width > 0.0)),
             t_start_m: capture.t_start,
             t_end_m: capture.t_end(),
             pair_kind,
@@ -163,6 +166,11 @@ impl std::fmt::Display for Summary {
         if let Some(fwhm) = self.pulse_fwhm_m {
             let ps = fwhm / METRES_PER_PICOSECOND;
             writeln!(f, "pulse     {fwhm:.b$} m ({ps:.p$} ps) full width at half maximum")?;
+        }
+        if self.spots_m != [None; 2] {
+            let [laser, sensor] =
+                self.spots_m.map(|spot| spot.map_or("a point".into(), |w| format!("{w:.d$} m wide")));
+            writeln!(f, "spots     laser {laser}, sensor {sensor}")?;
         }
         writeln!(f, "path      {:.d$} to {:.d$} m", self.t_start_m, self.t_end_m)?;
         match self.signal_bins {

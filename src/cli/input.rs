@@ -35,6 +35,10 @@ pub struct CaptureArgs {
     /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else none]
     #[arg(long, value_name = "M|M:TAIL|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
+    /// Laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the wall.
+    /// One number is both; 0 or none is a point [default: the spots in the capture, else points]
+    #[arg(long, value_name = "M|LASER,SENSOR|none", help_heading = "Capture")]
+    pub spot: Option<String>,
     // Not flattened from UnsaidArgs: with a group inside a group, clap cannot tell whether a capture was given.
     /// Scale the wall so that its outermost scan points are SIZE metres apart
     #[arg(long, value_name = "SIZE", help_heading = "Capture")]
@@ -114,6 +118,7 @@ impl CaptureArgs {
                 Some("none" | "auto") => Some(GivenPulse::Sharp),
                 Some(text) => Some(GivenPulse::Shape(pulse(text)?)),
             },
+            spots: self.spot.as_deref().map(spots).transpose()?,
             preset: solver.preset,
         })
     }
@@ -135,6 +140,25 @@ pub fn pulse(text: &str) -> Result<Pulse> {
         [Some(width)] => Pulse::gaussian(width),
         [Some(width), Some(tail)] => Pulse::gaussian(width)?.with_tail(tail),
         _ => Pulse::read(Path::new(text)),
+    }
+}
+
+/// Reads the widths of the spots of laser and sensor from an option, metres.
+pub fn spots(text: &str) -> Result<[f64; 2]> {
+    let wrong = || {
+        Error::options(
+            format!("--spot is {text:?}"),
+            "give the full width at half maximum on the wall in metres: 0.05, or 0.05,0.02 for laser and sensor, or none",
+        )
+    };
+    if text == "none" {
+        return Ok([0.0; 2]);
+    }
+    let width =
+        |n: &str| n.trim().parse::<f64>().ok().filter(|w| w.is_finite() && *w >= 0.0).ok_or_else(wrong);
+    match text.split_once(',') {
+        None => Ok([width(text)?; 2]),
+        Some((laser, sensor)) => Ok([width(laser)?, width(sensor)?]),
     }
 }
 

@@ -8,7 +8,7 @@ use thirdbounce::job::{self, Simulation};
 use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
 use thirdbounce::{Error, Result};
 
-use super::input::pulse;
+use super::input::{pulse, spots};
 use super::options::word;
 use super::progress::say;
 use super::{interrupt, print, tables};
@@ -78,6 +78,10 @@ pub struct Args {
     /// most light, MEAN photons of a laser pulse are detected on average, usually 0.01 to 0.1
     #[arg(long, value_name = "MEAN")]
     pile_up: Option<f64>,
+    /// Let laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the
+    /// wall; one number is both. The capture then holds the spots
+    #[arg(long, value_name = "M|LASER,SENSOR")]
+    spot: Option<String>,
     /// Draw photon counts at random, with P expected in the strongest bin
     #[arg(long, value_name = "P")]
     photons: Option<f64>,
@@ -144,6 +148,7 @@ pub fn run(args: &Args) -> Result<()> {
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
     scene.pulse = args.pulse.as_deref().map(pulse).transpose()?;
+    scene.spots = args.spot.as_deref().map_or(Ok([0.0; 2]), spots)?;
     (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);

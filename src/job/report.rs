@@ -60,6 +60,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
             Some(found) => Some(found.fwhm),
             None => loaded.capture.pulse.as_ref().map(Pulse::fwhm),
         },
+        "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
         "pulse_found": done.found.pulse,
         "model_found": done.found.model,
         "trials_s": done.found.seconds,

@@ -25,6 +25,7 @@ mod mesh;
 #[cfg(feature = "formats")]
 mod mesh_file;
 mod noise;
+mod offsets;
 mod pairs;
 mod pile_up;
 mod render;

@@ -1,11 +1,12 @@
 //! Renders transient histograms by area sampling with true visibility.
 
 use super::elements::{Element, elements};
+use super::offsets::Offsets;
 use super::visibility::Surfaces;
 use super::{Pairs, Reflectance, Scene, photon_noise, pile_up};
 use crate::capture::Capture;
 use crate::{Error, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// The accuracy of a rendering.
@@ -51,6 +52,8 @@ pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
         pulse.taps_of_bins(capture.bin_width)?.spread(&mut capture.histograms, capture.bins);
         capture.pulse = Some(pulse.clone());
     }
+    let [laser, sensor] = scene.spots.map(|width| Some(width).filter(|w| *w > 0.0));
+    (rendering.capture.laser_spot, rendering.capture.sensor_spot) = (laser, sensor);
     if let Some(photons) = scene.photons {
         rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.pile_up, scene.seed)?;
     } else if let Some(mean) = scene.pile_up {
@@ -83,6 +86,8 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
 /// Surfaces are one-sided and opaque. Each element's light is spread over the path lengths between its corners. Light
 /// outside the bins is dropped.
 ///
+/// With [`Scene::spots`] every element is seen from other points of both spots, and the mean over all is the spots' light.
+///
 /// The number of samples is doubled until the noise is within `options.noise` or `options.max_samples` is reached. The
 /// result depends on the seed, not on the number of threads.
 ///
@@ -97,7 +102,8 @@ pub fn render_pairs(scene: &Scene, pairs: &Pairs, options: &RenderOptions) -> Re
         pairs,
         surfaces: Surfaces::new(scene),
         bins: scene.bin_count(),
-        confocal: pairs.is_confocal(),
+        confocal: pairs.is_confocal() && scene.spots == [0.0; 2],
+        offsets: Offsets::of(scene.spots),
         sensor_scans: pairs.sensor_scans(),
     };
     let count = pairs.laser.len();
@@ -149,7 +155,9 @@ struct Renderer<'a> {
     pairs: &'a Pairs,
     surfaces: Surfaces,
     bins: usize,
+    /// Laser and sensor point are one.
     confocal: bool,
+    offsets: Option<Offsets>,
     sensor_scans: bool,
 }
 
@@ -190,7 +198,11 @@ impl Renderer<'_> {
         let normal = |normals: &Option<Vec<DVec3>>| normals.as_ref().map_or(DVec3::Z, |n| n[pair]);
         let wall = [normal(&self.pairs.laser_normal), normal(&self.pairs.sensor_normal)];
         let (width, start) = (self.scene.bin_width, self.scene.t_start);
-        for e in elements {
+        for (i, e) in elements.iter().enumerate() {
+            let ([laser, sensor], wall) = match &self.offsets {
+                None => ([laser, sensor], wall),
+                Some(offsets) => self.beside([laser, sensor], wall, offsets.at(pair, i)),
+            };
             let (to_l, to_s) = (laser - e.point, sensor - e.point);
             if to_l.dot(e.facing) <= 0.0 || to_s.dot(e.facing) <= 0.0 {
                 continue;
@@ -220,6 +232,17 @@ impl Renderer<'_> {
             }
         }
         histogram
+    }
+
+    /// Points of the wall beside a pair's two, with the wall's normals there.
+    fn beside(&self, points: [DVec3; 2], normals: [DVec3; 2], aside: [DVec2; 2]) -> ([DVec3; 2], [DVec3; 2]) {
+        let (shape, side) = (self.scene.wall_shape, self.scene.wall);
+        let moved: [(DVec3, DVec3); 2] = std::array::from_fn(|k| {
+            let (p, to) = (points[k], points[k].truncate() + aside[k]);
+            let rise = shape.point(to.x, to.y, side).z - shape.point(p.x, p.y, side).z;
+            (to.extend(p.z + rise), shape.normal(to.x, to.y, side).unwrap_or(normals[k]))
+        });
+        (moved.map(|m| m.0), moved.map(|m| m.1))
     }
 
     /// g / (r_l² r_s²), or g / (r_l r_s) for retroreflective surfaces. `to_l` and `to_s` lead from the surface point to

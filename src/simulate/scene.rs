@@ -45,6 +45,8 @@ pub struct Scene {
     pub reflectance: Reflectance,
     /// How the instrument spreads a path over time; `None`: it does not.
     pub pulse: Option<Pulse>,
+    /// Full widths at half maximum of what laser and sensor see of the wall, Gaussians, metres; 0: points.
+    pub spots: [f64; 2],
     /// Mean number of photons of a laser pulse that are detected of the pair with the most light, if the detector records
     /// only the first of them; `None`: it records all.
     pub pile_up: Option<f64>,
@@ -74,6 +76,7 @@ impl Scene {
             reflectance: Reflectance::Cosine,
             pulse: None,
             pile_up: None,
+            spots: [0.0; 2],
             photons: None,
             dark: Dark::Counts(0.0),
             seed: 0,
@@ -100,6 +103,9 @@ impl Scene {
             let far = from(&wall);
             let point = self.layout.point().map(|p| from(&[DVec3::new(p.x, p.y, 0.0)]));
             let longest = far + point.map_or(far, |point| point.max(far));
+            // A spot is not cut off, but its light ends with its brightest part.
+            let [laser, sensor] = self.spots;
+            let longest = longest + 1.5 * (laser + sensor);
             let tail = self.pulse.as_ref().map_or(0.0, |p| p.end().max(0.0));
             let bins = ((longest + tail - self.t_start) / self.bin_width).ceil().clamp(1.0, 1e12);
             (bins as usize + 1).next_multiple_of(32)
@@ -160,6 +166,14 @@ impl Scene {
         if let Some(pulse) = &self.pulse {
             pulse.check()?;
             pulse.taps_of_bins(self.bin_width)?;
+        }
+        for (side, width) in [("laser", self.spots[0]), ("sensor", self.spots[1])] {
+            if !(width.is_finite() && width >= 0.0) {
+                return Err(Error::options(
+                    format!("the {side} spot is {width} m wide"),
+                    "give its full width at half maximum on the wall in metres, 0 for a point",
+                ));
+            }
         }
         super::noise::check(self.photons, self.dark)?;
         super::pile_up::check(self.pile_up)?;

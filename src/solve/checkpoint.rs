@@ -115,6 +115,10 @@ impl Identity {
             hash = fnv(hash, bytemuck::cast_slice(&pulse.weights));
             hash = fnv(hash, &pulse.before.to_le_bytes());
         }
+        if let Some(rendered) = &job.model.rendered {
+            hash = fnv(hash, bytemuck::cast_slice(&rendered.wall.words()));
+            hash = fnv(hash, bytemuck::bytes_of(&rendered.spot.sigma));
+        }
         let scene = |l: &super::Level| hash_of_scene(job, l);
         let grid = |l: &super::Level| format!("{:?} {:016x}", l.grid.n, scene(l));
         let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();

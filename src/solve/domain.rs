@@ -34,7 +34,7 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
             .bind(buffer::MASK, buffer::RIM_MASK)
             .bind(buffer::RANKS, buffer::RIM_RANKS);
     }
-    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, scene);
+    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
     s
 }
 

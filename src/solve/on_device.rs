@@ -60,11 +60,21 @@ impl<'g> OnDevice<'g> {
             upload(executor, level.taps, bytemuck::cast_slice(&pulse.words()))?;
         }
         for level in plan.levels.iter().chain(plan.pixels_only()) {
-            let scene = in_bins_of(level, model, summed).scene_of(&level.grid, level.pairs);
+            let own = in_bins_of(level, model, summed);
             let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
             let [from_wide, from_deep] = level.parts.map(|v| v as u32);
-            let scene = SceneData { capacity, touched_capacity, from_wide, from_deep, ..scene };
+            let of = |scene| SceneData { capacity, touched_capacity, from_wide, from_deep, ..scene };
+            let scene = of(own.scene_of(&level.grid, level.pairs));
             upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
+            if let Some(spots) = plan.spots_of(level) {
+                let scene = of(own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered));
+                upload(executor, level.rendered.scene, bytemuck::bytes_of(&scene))?;
+                let points = spots.rendered.wall.words();
+                upload(executor, level.rendered.wall, bytemuck::cast_slice(&points))?;
+            }
+        }
+        for spots in &plan.spots {
+            upload(executor, spots.taps, bytemuck::cast_slice(&spots.words()))?;
         }
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();

@@ -1,11 +1,12 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
 use super::Pass;
-use super::passes::{PULSE, PULSE_BACK, SUM_BINS};
+use super::passes::{PULSE, PULSE_BACK, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
+use super::plan::{BETWEEN, Pairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};
-use crate::transport::Geometry;
 use crate::transport::kernels::*;
+use crate::transport::{Geometry, SpotTaps};
 
 /// A forward pass by `pass`, in as many dispatches as its accumulation takes.
 pub(super) fn forward(plan: &Plan, level: &Level, pass: &Pass) -> Schedule {
@@ -13,15 +14,16 @@ pub(super) fn forward(plan: &Plan, level: &Level, pass: &Pass) -> Schedule {
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     for set in 0..plan.forward_sets(level) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set))
-            .bind(buffer::SCENE, level.scene)
-            .bind(buffer::WALL, level.wall)
+            .bind(buffer::SCENE, level.rendered.scene)
+            .bind(buffer::WALL, level.rendered.wall)
             .with(Push { first: set, flags, ..Default::default() });
     }
     s
 }
 
-/// Compares the rendered histograms with the measurement by the pass `residual`. With a pulse, spreads them before as
-/// the instrument does, and takes the residuals back through it for [`Plan::residual`]. `through`: see [`pulse_back`].
+/// Compares the rendered histograms with the measurement by the pass `residual`, as the instrument shows them: summed
+/// over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`]. `through`: see
+/// [`instrument_back`].
 pub(super) fn compare(
     plan: &Plan,
     level: &Level,
@@ -29,34 +31,92 @@ pub(super) fn compare(
     push: Push,
     through: Option<u32>,
 ) -> Schedule {
+    // Only the first pass after rendering may read fixed point.
+    let mut sharp = (!plan.fixed_point()).then_some(buffer::HISTOGRAMS);
     let mut s = Schedule::default();
+    if let Some(spots) = plan.spots_of(level) {
+        let passes = [&SPOT, if plan.fixed_point() { &SPOT_MORE } else { &SPOT }];
+        s.extend(spot(level, spots, &spots.rendered.stages, passes, sharp));
+        s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
+        sharp = Some(SEEN);
+    }
     if plan.pulse > 0 {
-        let rendered = s
-            .dispatch(&PULSE, runs(level))
-            .bind(buffer::SCENE, level.scene)
-            .bind(buffer::PULSE_TAPS, level.taps);
-        if !plan.fixed_point() {
-            rendered.bind(buffer::SOURCE, buffer::HISTOGRAMS);
+        let spread = s.dispatch(&PULSE, runs(level.pairs, level.bins));
+        spread.bind(buffer::SCENE, level.scene).bind(buffer::PULSE_TAPS, level.taps);
+        if let Some(sharp) = sharp {
+            spread.bind(buffer::SOURCE, sharp);
         }
     }
-    s.dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
+    let compared = s
+        .dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::MEASURED, level.measured)
         .with(push);
-    s.extend(pulse_back(plan, level, &PULSE_BACK, through));
+    if plan.pulse == 0 && plan.has_spots() {
+        compared.bind(buffer::SPREAD, SEEN);
+    }
+    s.extend(instrument_back(plan, level, [&PULSE_BACK, &SPOT_BACK], through));
     s
 }
 
-/// Takes the buffer `residual` back to the paths, into `spread`, by `pass`: through the taps that begin at word
-/// `through` of `pulse_taps`, or through the pulse's own. Empty without either.
-pub(super) fn pulse_back(plan: &Plan, level: &Level, pass: &Pass, through: Option<u32>) -> Schedule {
+/// Takes the buffer `residual` back to the paths, into [`Plan::residual`], by passes for pulse and spot: through the taps
+/// that begin at word `through` of `pulse_taps`, or through the pulse's own; then through the spots. Nothing where paths
+/// are sharp and spots are points.
+pub(super) fn instrument_back(
+    plan: &Plan,
+    level: &Level,
+    [pulse, spots]: [&Pass; 2],
+    through: Option<u32>,
+) -> Schedule {
     let mut s = Schedule::default();
+    let mut from = buffer::RESIDUAL;
     if plan.pulse > 0 || through.is_some() {
-        s.dispatch(pass, runs(level))
+        s.dispatch(pulse, runs(level.pairs, level.bins))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::PULSE_TAPS, level.taps)
             .bind(buffer::SOURCE, buffer::RESIDUAL)
             .with(Push { first: through.unwrap_or(0), ..Default::default() });
+        from = buffer::SPREAD;
+    }
+    if let Some(of) = plan.spots_of(level) {
+        s.extend(spot(level, of, &of.back, [spots; 2], Some(from)));
+    }
+    s
+}
+
+/// The buffer that gradients gather from after residuals went back through the taps `through`, if there are any.
+pub(super) fn gathered(plan: &Plan, through: Option<u32>) -> Buffer {
+    match through {
+        Some(_) if !plan.has_spots() => buffer::SPREAD,
+        _ => plan.residual(),
+    }
+}
+
+/// Sums the histograms `from` by the `stages` of a level's spots, into [`SEEN`]: the first by the pass `first`.
+/// Without `from`, those that the forward pass left in fixed point.
+fn spot(
+    level: &Level,
+    spots: &Spots,
+    stages: &[SpotTaps],
+    [first, more]: [&Pass; 2],
+    from: Option<Buffer>,
+) -> Schedule {
+    let mut s = Schedule::default();
+    let mut source = from;
+    for (i, stage) in stages.iter().enumerate() {
+        // They alternate, and the last one is `SEEN`.
+        let target = if (stages.len() - i) % 2 == 1 { SEEN } else { BETWEEN };
+        let (word, sums) = (spots.word_of(stage) as u32, stage.sums());
+        let dispatch = s
+            .dispatch(if i == 0 { first } else { more }, runs(sums, level.bins))
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::SPOT_TAPS, spots.taps)
+            .bind(buffer::TARGET, target)
+            .with(Push { first: word, last: sums as u32, ..Default::default() });
+        if let Some(source) = source {
+            dispatch.bind(buffer::SOURCE, source);
+        }
+        source = Some(target);
     }
     s
 }
@@ -79,7 +139,7 @@ pub fn sum_bins(plan: &Plan) -> Schedule {
     s
 }
 
-/// Gathers the buffer `from` over all pairs of `level` by `pass`. The triple `sized` of the arguments gives its size;
+/// Gathers the buffer `from` over all rendered pairs of `level` by `pass`. The triple `sized` of the arguments gives its size;
 /// `flags` are added to those of the parts.
 pub(super) fn gather(
     plan: &Plan,
@@ -90,28 +150,28 @@ pub(super) fn gather(
     from: Buffer,
 ) -> Schedule {
     let mut s = Schedule::default();
-    for chunk in pair_chunks(plan, level) {
+    for chunk in pair_chunks(plan.geometry, &level.rendered) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(sized))
-            .bind(buffer::SCENE, level.scene)
-            .bind(buffer::WALL, level.wall)
+            .bind(buffer::SCENE, level.rendered.scene)
+            .bind(buffer::WALL, level.rendered.wall)
             .bind(buffer::RESIDUAL, from)
             .with(Push { flags: chunk.flags | flags, ..chunk });
     }
     s
 }
 
-/// Workgroups of a pulse kernel.
-fn runs(level: &Level) -> [u32; 3] {
-    let of_row = (level.bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
-    groups((level.pairs + 1) * of_row, WORKGROUP)
+/// Workgroups of a pulse or spot kernel that writes so many histograms.
+fn runs(histograms: usize, bins: usize) -> [u32; 3] {
+    let of_row = (bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
+    groups((histograms + 1) * of_row, WORKGROUP)
 }
 
-/// Push constants of a gather over all pairs of `level`, in as many dispatches as the loop limit needs. A product is
-/// cut into whole rows of scanned points where they fit, else into parts of one row.
-pub(super) fn pair_chunks(plan: &Plan, level: &Level) -> Vec<Push> {
-    let (pairs, most) = (level.pairs as u32, PAIR_CHUNK);
-    let several = plan.geometry == Geometry::Product && plan.others > 1;
-    let row = if several { plan.scanned as u32 } else { pairs };
+/// Push constants of a gather over `all` pairs, in as many dispatches as the loop limit needs. A product is cut into
+/// whole rows of scanned points where they fit, else into parts of one row.
+pub(super) fn pair_chunks(geometry: Geometry, all: &Pairs) -> Vec<Push> {
+    let (pairs, most) = (all.count as u32, PAIR_CHUNK);
+    let several = geometry == Geometry::Product && all.others > 1;
+    let row = if several { all.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
     let mut chunks: Vec<Push> = vec![];
     let mut first = 0;

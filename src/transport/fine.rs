@@ -31,8 +31,11 @@ impl Model {
     fn longest_distance(&self, grid: &Grid) -> f64 {
         let low = grid.origin - 0.5 * grid.pitch;
         let high = low + grid.pitch * DVec3::from_array(grid.n.map(|n| n as f64));
-        let far = self.wall.all_points().map(|p| (*p - low).abs().max((*p - high).abs()));
-        far.reduce(DVec3::max).map_or(0.0, DVec3::length)
+        let wall = self.rendered_wall();
+        let far = wall.all_points().map(|p| (*p - low).abs().max((*p - high).abs()));
+        // Levels with a part of the pairs render for points a little farther beyond the scan's edge.
+        let beyond = if self.rendered.is_some() { 1.1 } else { 1.0 };
+        beyond * far.reduce(DVec3::max).map_or(0.0, DVec3::length)
     }
 
     pub(super) fn fine(&self, grid: &Grid) -> Fine {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
-use super::{Geometry, Grid, Reflectance, Wall};
+use super::{Geometry, Grid, Reflectance, Rendered, Spot, Wall};
 use crate::capture::scan::unit_of;
 use crate::capture::{Capture, Pulse, PulseTaps};
 
@@ -42,6 +42,8 @@ pub enum Gradient {
 pub struct Model {
     /// Points of the relay wall, and how they make pairs.
     pub wall: Wall,
+    /// The pairs that light is rendered for where laser or sensor see more than points; `None`: the wall's own.
+    pub rendered: Option<Rendered>,
     /// True if the first n pairs are spread over the wall for every n ([`Model::spread`]).
     pub is_spread: bool,
     /// How hidden surfaces reflect light.
@@ -121,8 +123,10 @@ impl Model {
         let histogram = |pair: &usize| capture.histogram(*pair);
         let largest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
         let scale = peak / f64::from(largest);
+        let spot = Spot::of(capture, wall.geometry, capture.laser_scans());
         Model {
             elements: wall.pairs() * capture.bins,
+            rendered: spot.map(|spot| Rendered::of(&wall, spot)),
             wall,
             is_spread: false,
             reflectance,
@@ -181,6 +185,11 @@ impl Model {
         }
     }
 
+    /// The wall that light is rendered for.
+    pub fn rendered_wall(&self) -> &Wall {
+        self.rendered.as_ref().map_or(&self.wall, |r| &r.wall)
+    }
+
     /// Number of laser-sensor pairs.
     pub fn pairs(&self) -> usize {
         self.wall.pairs()
@@ -202,14 +211,11 @@ impl Model {
         cells(self.pairs(), self.bins)
     }
 
-    /// The bins among the cells of histograms or residuals, `[pair * bins + bin]`.
+    /// The bins among all cells of histograms or residuals, `[pair * bins + bin]`.
     pub fn bins_of<T: Copy>(&self, cells: &[T]) -> Vec<T> {
         let padding = PADDING as usize;
-        cells[..self.pairs() * self.stride()]
-            .chunks(self.stride())
-            .flat_map(|row| &row[padding..])
-            .copied()
-            .collect()
+        // The padding behind the last histogram is shorter than one.
+        cells.chunks_exact(self.stride()).flat_map(|row| &row[padding..]).copied().collect()
     }
 
     /// Factor and addend from a path (for confocal pairs: half of it) to its place in a row, as a share of its cells.
@@ -251,6 +257,13 @@ impl Model {
         self.scene_of(grid, self.pairs())
     }
 
+    /// The scene of kernels that render or gather the first `pairs` by these rendered ones.
+    pub fn scene_of_rendered(&self, grid: &Grid, pairs: usize, rendered: &Rendered) -> SceneData {
+        let [scanned, others] = [&rendered.wall.scanned, &rendered.wall.others].map(|p| p.len() as u32);
+        let pairs_rendered = rendered.wall.pairs() as u32;
+        SceneData { pairs: pairs_rendered, scanned, others, ..self.scene_of(grid, pairs) }
+    }
+
     /// The scene that the kernels of `grid` read when they use the first `pairs` only.
     pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {
         let bricks = grid.bricks();
@@ -259,7 +272,7 @@ impl Model {
         let elements = self.elements_of(pairs);
         // A sample lies up to half a voxel from its centre; samples nearer than `nearest` give no light.
         let near = grid.origin.z + (self.near_z(grid) as f64 - 0.5) * grid.pitch.z;
-        let far_wall = self.wall.all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
+        let far_wall = self.rendered_wall().all_points().fold(f64::NEG_INFINITY, |a, w| a.max(w.z));
         let closest = (near - far_wall).max(self.nearest(grid));
         let fine = self.fine(grid);
         let place = self.place();

@@ -59,13 +59,13 @@ impl Model {
 
     /// For every brick of `grid`: true if a pair's path over one of its points may reach a bin.
     pub fn reachable_bricks(&self, grid: &Grid) -> Vec<bool> {
-        let bricks = grid.bricks();
+        let (bricks, wall) = (grid.bricks(), self.rendered_wall());
         let one = |i: usize| {
             let brick = [i % bricks[0], i / bricks[0] % bricks[1], i / (bricks[0] * bricks[1])];
             let low = brick.map(|b| 8 * b);
             let high = [0, 1, 2].map(|a| (low[a] + 7).min(grid.n[a] - 1));
             let block = Block::of(grid, low, high);
-            (0..self.pairs()).any(|pair| self.reaches(block.paths(&self.wall, pair)))
+            (0..wall.pairs()).any(|pair| self.reaches(block.paths(wall, pair)))
         };
         (0..bricks.iter().product()).into_par_iter().map(one).collect()
     }
@@ -74,20 +74,20 @@ impl Model {
     pub fn touches(&self, grid: &Grid) -> bool {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
         let block = Block::of(grid, low, grid.n.map(|n| n - 1));
-        let far = self
-            .wall
+        let wall = self.rendered_wall();
+        let far = wall
             .all_points()
             .chain([&block.min, &block.max])
             .fold(0.0f64, |a, p| p.abs().max_element().max(a));
         let least = self.nearest(grid) + 1e-5 * far;
-        !self.wall.all_points().all(|p| block.nearest(*p) > least)
+        !wall.all_points().all(|p| block.nearest(*p) > least)
     }
 
     /// Removes the bins that no path over a voxel of `grid` reaches. They cannot change, so they add a constant to the
     /// loss. Returns the number of bins removed from each histogram.
     pub fn trim(&mut self, grid: &Grid) -> usize {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
-        let [near, far] = paths(&self.wall, Block::of(grid, low, grid.n.map(|n| n - 1)));
+        let [near, far] = paths(self.rendered_wall(), Block::of(grid, low, grid.n.map(|n| n - 1)));
         let bin = |path: f64| (path - self.t_start) / self.bin_width;
         let first = (bin(near) - 1.0).floor().max(0.0) as usize;
         let last = ((bin(far) + 2.0).ceil().max(0.0) as usize).min(self.bins);

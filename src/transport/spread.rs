@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::{Geometry, Model, Wall};
+use super::{Geometry, Model, Rendered, Wall};
 
 /// Bits of a cell's number along one axis.
 const BITS: u32 = 15;
@@ -146,6 +146,7 @@ impl Model {
         if !self.measured.is_empty() {
             arrange(&mut self.measured, self.bins, &pairs);
         }
+        self.rendered = self.rendered.take().map(|r| Rendered::of(&self.wall, r.spot));
         self.is_spread = true;
     }
 }

@@ -9,4 +9,5 @@ mod preview;
 mod profile;
 mod pulse;
 mod scans;
+mod spot;
 mod tuning;

@@ -52,12 +52,14 @@ static HELD: &[Held] = held! {
     vector::passes::STEP, vector::passes::BOUND_STEP, vector::passes::BOUND_NOISE, vector::passes::BACKPROJECT
         => of_vector::step_bounds_and_backprojection_of_every_model_pair_and_wall;
     SUM_BINS => of_vector::bins_are_summed_for_the_volume;
-    vector::passes::VARIANCE, vector::passes::PULSE_NOISE, vector::passes::FILTER
+    vector::passes::VARIANCE, vector::passes::PULSE_NOISE, vector::passes::SPOT_NOISE,
+    vector::passes::FILTER
         => of_vector::variance_filter_and_backproject;
     vector::passes::FORWARD_BOUND, RESIDUAL_BOUND
         => vector_forward::forward_and_weighted_residual_on_every_accumulation_path;
     PULSE, PULSE_BACK => vector_forward::forward_and_weighted_residual_through_a_pulse;
     EXTRACT_BEHIND => vector_domain::extract_finds_the_second_surface_of_a_column;
+    SPOT, SPOT_MORE, SPOT_BACK => vector_forward::forward_and_weighted_residual_through_spots;
     SURFACE_BONDS, SURFACE_POINTS => surface::bonds_and_points;
     SURFACE_GATHER => surface_gather::gather_of_every_model_pair_and_wall;
     SURFACE_COMBINE => surface::combine;

@@ -89,6 +89,7 @@ fn the_gradient_is_the_slope_of_the_objective() {
     for (i, (geometry, reflectance, curved)) in variants().into_iter().enumerate() {
         let model =
             Model { pulse: (i % 2 == 0).then(tail), ..variant(&base, geometry, reflectance, curved, 60) };
+        let model = if i % 3 == 0 { spotted(&model, spots_for(geometry)) } else { model };
         let model = measured(&model, &grid, &both(&grid, 61), 62);
         let twin = Twin { model: &model, grid: &grid };
         let (mut field, bonds) = bent(&twin, 61);

@@ -325,10 +325,11 @@ fn bounds_of_active_voxels_only() {
 /// The variances taken back to the paths, which the noise bound gathers.
 fn check_variance_of_paths(gpu: &Gpu, model: &Model, grid: &Grid) {
     let mut job = job(gpu, model, grid, &vector_options(grid));
-    run_start(&mut job, &["variance", "pulse_noise"]);
+    run_start(&mut job, &["variance", "pulse_noise", "spot_noise"]);
     let want = twin::variance(&Twin { model, grid });
-    assert!(error(read_rows::<f32>(&mut job, buffer::SPREAD).into_iter().map(f64::from), want) < 3e-6);
-    assert!(read_padding(&mut job, buffer::SPREAD).iter().all(|w| *w == 0));
+    let of_paths = job.plan.residual();
+    assert!(error(read_rows::<f32>(&mut job, of_paths).into_iter().map(f64::from), want) < 3e-6);
+    assert!(read_padding(&mut job, of_paths).iter().all(|w| *w == 0));
 }
 
 #[test]
@@ -363,7 +364,10 @@ pub fn variance_filter_and_backproject() {
     run_start(&mut job, &["variance"]);
     let want = twin::variance(&twin);
     assert!(error(read_rows::<f32>(&mut job, buffer::RESIDUAL).into_iter().map(f64::from), want) < 3e-6);
-    check_variance_of_paths(&gpu, &Model { pulse: Some(tail()), ..model.clone() }, &grid);
+    for sharp in [model.clone(), spotted(&model, [0.1, 0.0])] {
+        check_variance_of_paths(&gpu, &Model { pulse: Some(tail()), ..sharp }, &grid);
+    }
+    check_variance_of_paths(&gpu, &spotted(&model, [0.1, 0.0]), &grid);
 
     for sigma in [0.2, 2.5, 40.0] {
         let hat = vector::hat(sigma, model.bins);

@@ -10,6 +10,9 @@ use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
 
+/// What the instrument does, in both directions.
+const INSTRUMENT: &[&str] = &["spot", "spot_more", "pulse", "pulse_back", "spot_back"];
+
 /// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window`
 /// bins if that is not zero; `bounding` renders the bound.
 fn check_forward(
@@ -43,7 +46,8 @@ fn check_forward(
     assert!(accumulated.iter().any(|v| *v != 0.0));
     // The measurement is close to the rendering.
     let render = f64::from(model.scene(grid).render_scale);
-    let shown = twin::pulse(&Twin { model: &model, grid }, &accumulated, Way::Spread);
+    let sharp = Twin { model: &model, grid };
+    let shown = twin::pulse(&sharp, &twin::spot(&sharp, &accumulated, Way::Spread), Way::Spread);
     model.measured = shown.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
     let twin = Twin { model: &model, grid };
     let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
@@ -59,19 +63,22 @@ fn check_forward(
     set_counts(&mut job, samples.len(), peak);
     zero_histograms(&mut job);
     if bounding {
-        run_start(&mut job, &["forward_bound", "pulse", "residual_bound", "pulse_back"]);
+        run_start(&mut job, &[&["forward_bound", "residual_bound"], INSTRUMENT].concat());
     } else {
-        run_iteration(&mut job, 0, &["forward", "pulse", "residual", "pulse_back"]);
+        run_iteration(&mut job, 0, &[&["forward", "residual"], INSTRUMENT].concat());
     }
     let residual = job.plan.residual();
     let what = format!(
-        "{:?} {:?} curved {} pulse {} {accumulation:?} bounding {bounding} window {window} texels {texels}",
+        "{:?} {:?} curved {} pulse {} spots {} {accumulation:?} bounding {bounding} window {window} texels {texels}",
         model.wall.geometry,
         model.reflectance,
         model.wall.normals.is_some(),
-        model.pulse.is_some()
+        model.pulse.is_some(),
+        model.rendered.is_some()
     );
-    assert_eq!(residual == buffer::SPREAD, model.pulse.is_some());
+    let spots = model.rendered.is_some();
+    assert_eq!(residual == buffer::SPREAD, model.pulse.is_some() && !spots);
+    assert_eq!(residual == buffer::RESIDUAL, model.pulse.is_none() && !spots);
     assert!(read_padding(&mut job, residual).iter().all(|w| *w == 0), "{what}");
     let got: Vec<f64> = read_rows::<f32>(&mut job, residual).into_iter().map(f64::from).collect();
     let e = error(got, want.iter().copied());
@@ -79,9 +86,13 @@ fn check_forward(
     let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, losses(&model));
     for k in 0..2 {
         let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
-        assert!((sum / want.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{what}: {k}");
+        assert!((sum / model.measured.len() as f64 / loss[k] - 1.0).abs() < 1e-4, "{what}: {k}");
     }
     let bytes = job.plan.bytes_of(buffer::HISTOGRAMS) as usize;
+    if spots {
+        // A fill of the schedule clears them, which stands between the passes above.
+        return assert_valid(&gpu);
+    }
     assert!(read::<u8>(&mut job, buffer::HISTOGRAMS, bytes).iter().all(|b| *b == 0));
     assert_valid(&gpu);
 }
@@ -131,6 +142,30 @@ fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
     let (base, grid) = (scene(5, 64, 3), grid());
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&base, geometry, reflectance, curved, 7);
+        for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
+            check_forward(&model, &grid, accumulation, false, 0, true);
+        }
+        check_forward(&model, &grid, Accumulation::Owned, true, 0, true);
+    }
+}
+
+/// Spots on every accumulation path and for every kind of pairs, with and without a pulse: on a lattice, which is summed
+/// along x, then along y; at points that form none; in a product, at both sides.
+#[test]
+pub fn forward_and_weighted_residual_through_spots() {
+    let (base, grid) = (scene(5, 61, 3), grid());
+    for accumulation in ACCUMULATIONS {
+        for pulse in [None, Some(tail())] {
+            let model = Model { pulse, ..spotted(&base, [0.1, 0.0]) };
+            assert_eq!(model.rendered.as_ref().unwrap().stages.len(), 2);
+            for bounding in [false, true] {
+                check_forward(&model, &grid, accumulation, bounding, 0, true);
+            }
+        }
+    }
+    for geometry in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product] {
+        let sharp = variant(&scene(3, 64, 3), geometry, Reflectance::Lambertian, true, 7);
+        let model = spotted(&sharp, spots_for(geometry));
         for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
             check_forward(&model, &grid, accumulation, false, 0, true);
         }

@@ -35,10 +35,16 @@ fn bounds(twin: &Twin, samples: &[Sample]) -> Vec<[f64; 2]> {
 
 #[test]
 fn the_gradient_is_the_slope_of_the_weighted_objective() {
-    let sharp_and_not = variants().into_iter().flat_map(|v| [(v, None), (v, Some(tail()))]);
-    for ((geometry, reflectance, curved), pulse) in sharp_and_not {
+    // Spots of two sides have many pairs: every other variant of the model has them, with a pulse or without.
+    let instruments = |k: usize| {
+        let spots = [(k.is_multiple_of(4).then(tail), true), (None, false)];
+        [(Some(tail()), false), spots[k % 2].clone()]
+    };
+    let all = variants().into_iter().enumerate().flat_map(|(k, v)| instruments(k).map(|i| (v, i)));
+    for ((geometry, reflectance, curved), (pulse, has_spots)) in all {
         let (base, grid, active) = scene(31, 1.5);
         let m = Model { pulse, ..variant(&base, geometry, reflectance, curved, 35) };
+        let m = if has_spots { spotted(&m, spots_for(geometry)) } else { m };
         let twin = Twin { model: &m, grid: &grid };
         let mut random = Random::new(32);
         let raw: Vec<Raw> = (0..grid.storage())
@@ -100,6 +106,7 @@ fn the_bound_majorises_the_normal_operator() {
         let (base, grid, active) = scene(seed, 2.0);
         let pulse = (k % 2 == 1).then(tail);
         let cosine = Model { pulse, ..variant(&base, geometry, Reflectance::Cosine, curved, seed + 3) };
+        let cosine = if k % 3 > 0 { spotted(&cosine, spots_for(geometry)) } else { cosine };
         let with = |reflectance| Model { reflectance, ..cosine.clone() };
         let (lambertian, isotropic) = (with(Reflectance::Lambertian), with(Reflectance::Isotropic));
         let twin = Twin { model: &cosine, grid: &grid };

@@ -38,7 +38,7 @@ pub fn rows(share: Share) -> Vec<Row> {
             }
         }
     }
-    let mut parts = Row::new("a pulse, noise terms, little room, no doubling, no surface");
+    let mut parts = Row::new("a pulse, spots, noise terms, little room, no doubling, no surface");
     for (what, solver, capture) in others() {
         parts.add(what, guarded(&solver, &capture));
     }
@@ -48,6 +48,11 @@ pub fn rows(share: Share) -> Vec<Row> {
 /// Solves whose plans hold other buffers or other sizes.
 fn others() -> Vec<(&'static str, SolverOptions, Capture)> {
     let plain = || loaded().capture;
+    let of_spots = || {
+        let mut capture = plain();
+        (capture.laser_spot, capture.sensor_spot) = (Some(0.2), Some(0.1));
+        capture
+    };
     let of_pulse = || {
         let mut capture = plain();
         capture.pulse = Some(Pulse::gaussian(0.08).expect("a pulse"));
@@ -58,6 +63,8 @@ fn others() -> Vec<(&'static str, SolverOptions, Capture)> {
     vec![
         ("paper, a pulse", paper().into(), of_pulse()),
         ("vector, a pulse", vector().into(), of_pulse()),
+        ("paper, spots", paper().into(), of_spots()),
+        ("vector, spots", vector().into(), of_spots()),
         ("paper, noise by histogram", paper().with(|o| o.noise.term = NoiseTerm::Histogram).into(), plain()),
         ("paper, no noise", paper().with(|o| o.noise.term = NoiseTerm::Off).into(), plain()),
         ("paper, little room", paper().with(|o| o.domain.room = Some(0.02)).into(), plain()),

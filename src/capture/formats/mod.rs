@@ -249,6 +249,9 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
             "this format cannot hold the pulse: write npz, or give the pulse when the file is read".into(),
         );
     }
+    if capture.laser_spot.or(capture.sensor_spot).is_some() {
+        notes.push("this format cannot hold the spots: write npz, or give them when the file is read".into());
+    }
     Ok(notes)
 }
 

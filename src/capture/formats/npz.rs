@@ -4,7 +4,8 @@
 //! single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars `delta_t` (bin width,
 //! metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` \[n\], samples of the
 //! instrument's pulse, with the scalars `pulse_delta_t` (width of a sample, metres of path) and `pulse_t_start`
-//! (leading edge of the first sample behind the path, metres; 0 if missing).
+//! (leading edge of the first sample behind the path, metres; 0 if missing). Optional scalars `laser_spot` and `sensor_spot`:
+//! full widths at half maximum on the wall, metres.
 //!
 //! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
 //! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3]. The points of either side may be a list instead: `H` [T, L, S]
@@ -22,7 +23,7 @@ use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
 use crate::files::atomic;
 
-const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse; other arrays are ignored";
+const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot; other arrays are ignored";
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -65,6 +66,8 @@ pub fn read(path: &Path) -> Result<Capture> {
         t_start,
         integer_counts: seen::whole(&histograms),
         pulse: Pulse::read_from(&mut npz)?,
+        laser_spot: npz.scalar("laser_spot")?,
+        sensor_spot: npz.scalar("sensor_spot")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
 }
@@ -155,6 +158,10 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
         arrays.push(("pulse", Array::from_f64(&[pulse.samples.len()], &pulse.samples)));
         arrays.push(("pulse_delta_t", Array::from_f64(&[], &[pulse.width])));
         arrays.push(("pulse_t_start", Array::from_f64(&[], &[pulse.start])));
+    }
+    let spots = [("laser_spot", capture.laser_spot), ("sensor_spot", capture.sensor_spot)];
+    for (name, width) in spots.into_iter().filter_map(|(name, spot)| Some((name, spot?))) {
+        arrays.push((name, Array::from_f64(&[], &[width])));
     }
     atomic::write(path, &npz_bytes(&arrays)?)
 }

@@ -28,8 +28,8 @@ pub struct Check {
     pub solver: &'static str,
     /// The passes that it compares with their twins.
     pub holds: &'static [&'static Pass],
-    /// Whether it runs with an instrument's pulse, too.
-    pub with_pulse: bool,
+    /// Whether it runs with an instrument's pulse, and with its spots, too.
+    pub with_instrument: bool,
     run: fn(&Gpu, &Capture, Accumulation) -> Result<Vec<Held>>,
 }
 
@@ -44,7 +44,7 @@ pub static CHECKS: &[Check] = &[
             &paper_solver::passes::BACKWARD,
             &paper_solver::passes::UPDATE,
         ],
-        with_pulse: false,
+        with_instrument: false,
         run: paper::check,
     },
     Check {
@@ -52,12 +52,14 @@ pub static CHECKS: &[Check] = &[
         holds: &[
             &vector_solver::passes::EXTRAPOLATE,
             &passes::FORWARD,
+            &passes::SPOT,
             &passes::PULSE,
             &passes::RESIDUAL,
             &passes::PULSE_BACK,
+            &passes::SPOT_BACK,
             &vector_solver::passes::STEP,
         ],
-        with_pulse: true,
+        with_instrument: true,
         run: vector::check,
     },
     Check {
@@ -66,12 +68,14 @@ pub static CHECKS: &[Check] = &[
             &surface_stage::passes::SURFACE_BONDS,
             &surface_stage::passes::SURFACE_POINTS,
             &passes::FORWARD,
+            &passes::SPOT,
             &passes::PULSE,
             &passes::RESIDUAL,
             &passes::PULSE_BACK,
+            &passes::SPOT_BACK,
             &surface_stage::passes::SURFACE_GATHER,
         ],
-        with_pulse: true,
+        with_instrument: true,
         run: surface::check,
     },
 ];
@@ -85,7 +89,7 @@ struct Held {
 /// A pass that was compared with its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checked {
-    /// The solver, with ", pulse" after it if there was one.
+    /// The solver, with ", pulse" or ", spots" after it if there were any.
     pub solver: String,
     /// How rendered values were added up.
     pub accumulation: String,
@@ -117,6 +121,7 @@ pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
     // An asymmetric pulse, three and a half bins long.
     let pulse = Pulse { samples: vec![1.0, 4.0, 3.0, 2.0, 1.0], width: 0.014, start: -0.02 };
     let pulsed = Capture { pulse: Some(pulse), ..capture.clone() };
+    let spotted = Capture { laser_spot: Some(0.3), sensor_spot: Some(0.2), ..capture.clone() };
     let mut all = vec![];
     use Accumulation::{Cas, Fixed, Fixed32, Float, Owned};
     for accumulation in [Float, Fixed, Fixed32, Cas, Owned] {
@@ -124,8 +129,8 @@ pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
             continue;
         }
         for check in CHECKS {
-            let captures = [(&capture, ""), (&pulsed, ", pulse")];
-            for (capture, with) in &captures[..1 + usize::from(check.with_pulse)] {
+            let captures = [(&capture, ""), (&pulsed, ", pulse"), (&spotted, ", spots")];
+            for (capture, with) in &captures[..if check.with_instrument { 3 } else { 1 }] {
                 let solver = format!("{}{with}", check.solver);
                 let held = (check.run)(gpu, capture, accumulation)?;
                 all.extend(held.into_iter().map(|h| checked(&solver, accumulation, h)));
@@ -155,8 +160,9 @@ fn random(i: usize) -> [f32; 4] {
 /// Whether fp32 and float64 choose the same bins for all paths by this point: no path lies near the start of a bin
 /// (`part` 0) or near its centre (`part` 0.5).
 fn is_clear(model: &Model, point: DVec3, part: f64) -> bool {
-    (0..model.pairs()).all(|pair| {
-        let position = (model.wall.path(pair, point) - model.t_start) / model.bin_width - part;
+    let wall = model.rendered_wall();
+    (0..wall.pairs()).all(|pair| {
+        let position = (wall.path(pair, point) - model.t_start) / model.bin_width - part;
         (position - position.round()).abs() > 1e-4
     })
 }
@@ -188,12 +194,12 @@ mod tests {
     fn this_device_computes_as_the_twins_on_every_path() {
         let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
         let all = check(&gpu).unwrap();
-        assert_eq!(all.len(), 18 * if gpu.accumulations.float { 5 } else { 4 });
+        assert_eq!(all.len(), 25 * if gpu.accumulations.float { 5 } else { 4 });
         for c in &all {
             println!("{c:?}");
             assert!(c.passed() && c.error > 0.0, "{c:?}");
         }
-        assert_eq!(worst(&all).len(), 18);
+        assert_eq!(worst(&all).len(), 25);
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl Reader {
                     advice!["use smaller steps or weights (" LearningRate ", " L1 ", " Peak "), and check the capture (" [Capture] ")"],
                 ));
             }
-            self.pairs += (active * level.pairs) as u64;
+            self.pairs += (active * level.rendered.count) as u64;
         }
         let point = TracePoint {
             iteration: iterations.end,

@@ -52,7 +52,9 @@ impl Plan {
         let mut missing: BTreeSet<Buffer> =
             bound.filter(|b| b.view != View::Uniform).map(|b| b.block).collect();
         // Schedules always bind these to other buffers.
-        for block in [buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK] {
+        for block in
+            [buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK, buffer::SPOT_TAPS]
+        {
             missing.remove(&block);
         }
         all.iter().for_each(|b| {
@@ -69,12 +71,14 @@ impl Plan {
         let elements = (self.pairs * self.bins) as u64;
         // The narrowest bins of any level make the longest histograms.
         let cells = super::cells(self.pairs, self.bins) as u64;
+        let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
+        let rendered = self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells);
         let sets = self.forward_sets(self.finest());
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let mut all = vec![
             (buffer::WALL, self.wall_bytes(self.finest())),
             (buffer::MEASURED, elements * 4),
-            (buffer::HISTOGRAMS, cells * if self.fixed_point() { 8 } else { 4 }),
+            (buffer::HISTOGRAMS, rendered * if self.fixed_point() { 8 } else { 4 }),
             (buffer::RESIDUAL, cells * 4),
             (buffer::RAW, touched * 16),
             (buffer::LEVELS, u64::from(LEVELS) * 4),
@@ -113,9 +117,14 @@ impl Plan {
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {
         let mut all = vec![];
+        let of_scene = size_of::<SceneData>() as u64;
         for level in self.levels.iter().chain(self.pixels_only()) {
-            all.push((level.scene, size_of::<SceneData>() as u64));
+            all.push((level.scene, of_scene));
+            if self.has_spots() {
+                all.push((level.rendered.scene, of_scene));
+            }
         }
+        all.extend(self.spot_buffers());
         for level in &self.levels {
             all.push((level.reachable, (level.grid.storage() / BRICK_VOXELS) as u64 * 4));
             if level.wall != buffer::WALL {

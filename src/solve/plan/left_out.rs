@@ -76,6 +76,10 @@ impl Plan {
     }
 
     fn left_out_of_bins(&self, out: &mut LeftOut) {
+        if !self.has_spots() {
+            let place = 2 * self.pairs * self.bins * 4;
+            out.add("the instrument's spots: laser and sensor see points", mebibytes(place as u64));
+        }
         if self.pulse == 0 {
             // Where residuals go through other taps, the buffer is needed for them.
             let place = if self.tap_sets > 0 { 0 } else { self.pairs * self.bins * 4 };

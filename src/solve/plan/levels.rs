@@ -4,6 +4,21 @@ use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{Geometry, Grid, Model};
 
+/// Pairs of wall points as passes over pairs see them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pairs {
+    /// How many.
+    pub count: usize,
+    /// Their scanned points.
+    pub scanned: usize,
+    /// Their other points.
+    pub others: usize,
+    /// Buffer that holds these points.
+    pub wall: Buffer,
+    /// Buffer that holds the level's constants with their numbers.
+    pub scene: Buffer,
+}
+
 /// One step of the coarse-to-fine sequence: a resolution, how many pairs are used on it, and how wide their bins are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
@@ -27,6 +42,8 @@ pub struct Level {
     pub wall: Buffer,
     /// Buffer that holds its constants.
     pub scene: Buffer,
+    /// The pairs that light is rendered for: its own, or those that cover their spots.
+    pub rendered: Pairs,
     /// Buffer that says which bricks can reach a bin.
     pub reachable: Buffer,
 }
@@ -95,7 +112,9 @@ impl Sequence<'_> {
                 Some(same) => same.taps,
                 None => own.at(i),
             };
+            let wall = if pairs == model.pairs() { buffer::WALL } else { buffer::WALL.at(i) };
             levels.push(Level {
+                rendered: own_pairs(model, pairs, wall, buffer::SCENE.at(i)),
                 grid,
                 parts,
                 pairs,
@@ -104,7 +123,7 @@ impl Sequence<'_> {
                 bin_width: model.bin_width * sum as f64,
                 measured: like(buffer::MEASURED),
                 taps: like(buffer::PULSE_TAPS),
-                wall: if pairs == model.pairs() { buffer::WALL } else { buffer::WALL.at(i) },
+                wall,
                 scene: buffer::SCENE.at(i),
                 reachable: buffer::REACHABLE.at(i),
             });
@@ -167,9 +186,17 @@ pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Vec<Leve
         measured: buffer::MEASURED,
         taps: buffer::PULSE_TAPS,
         scene: SURFACE_SCENE.at(i),
+        rendered: own_pairs(model, l.pairs, l.wall, SURFACE_SCENE.at(i)),
         ..*l
     };
     (0..).zip(of_finest).map(level).collect()
+}
+
+/// The first `pairs` of a model, with these buffers.
+fn own_pairs(model: &Model, pairs: usize, wall: Buffer, scene: Buffer) -> Pairs {
+    let [scanned, others] =
+        model.wall.geometry.counts(pairs, model.wall.scanned.len(), model.wall.others.len());
+    Pairs { count: pairs, scanned, others, wall, scene }
 }
 
 /// The share of the pairs, 1 in 4 or 16 or ..., that a grid of `lateral` voxels is solved with at first: half as many

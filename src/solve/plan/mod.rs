@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind, KernelCode};
 use crate::transport::kernels::{buffer, constant};
-use crate::transport::{BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, cells};
+use crate::transport::{
+    BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Rendered, cells,
+};
 use crate::{Error, Result};
 
 mod buffers;
@@ -15,12 +17,14 @@ mod left_out;
 mod levels;
 pub(in crate::solve) mod pass;
 pub mod passes;
+mod spots;
 mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
-pub use levels::{AMPLE, Level};
+pub use levels::{AMPLE, Level, Pairs};
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
+pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
 /// What a solver's options ask of every plan, as plain data.
@@ -87,6 +91,8 @@ pub struct Plan {
     pub levels: Vec<Level>,
     /// Levels on the maps' pixels, for what follows the volume; none if nothing does.
     pub pixel_levels: Vec<Level>,
+    /// What is rendered for every number of pairs; none where laser and sensor see points.
+    pub spots: Vec<Spots>,
     /// The grid whose lateral cells are the maps' pixels.
     pub maps: Grid,
     /// Pairs of the model.
@@ -181,9 +187,10 @@ impl Plan {
         let refined = demand.refined.filter(|_| !demand.general);
         let sequence =
             levels::Sequence { model, finest, scan, coarse_to_fine: demand.coarse_to_fine, refined };
-        let levels = sequence.levels();
-        let pixel_levels =
+        let mut levels = sequence.levels();
+        let mut pixel_levels =
             if demand.iterations[1] > 0 { levels::of_pixels(model, &levels, grid) } else { vec![] };
+        let spots = spots::cover(model, &mut levels, &mut pixel_levels);
         let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
         let mut tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
@@ -201,6 +208,7 @@ impl Plan {
             reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
             levels,
             pixel_levels,
+            spots,
             maps,
             pairs: model.pairs(),
             bins: model.bins,
@@ -261,7 +269,8 @@ impl Plan {
             (constant::FINE, u32::from(self.fine)),
             (constant::TOUCHING, u32::from(self.touching)),
             (constant::RUNS, u32::from(self.runs)),
-            (constant::PULSE, u32::from(self.pulse > 0)),
+            (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
+            (constant::SPOT, u32::from(self.has_spots())),
             (constant::SPLIT, u32::from(binning == Binning::Linear)),
             (constant::EXACT, u32::from(self.gradient == Gradient::Exact)),
             (constant::LANES, t.lanes),
@@ -293,6 +302,12 @@ impl Plan {
         cells(level.pairs, level.bins)
     }
 
+    /// The measured pairs of a level.
+    pub fn measured(&self, level: &Level) -> Pairs {
+        let [scanned, others] = self.geometry.counts(level.pairs, self.scanned, self.others);
+        Pairs { count: level.pairs, scanned, others, wall: level.wall, scene: level.scene }
+    }
+
     /// The last level of the volume, with all pairs.
     pub fn finest(&self) -> &Level {
         self.levels.last().expect("a plan has a level")
@@ -300,7 +315,11 @@ impl Plan {
 
     /// The buffer that gradients gather from.
     pub fn residual(&self) -> Buffer {
-        if self.pulse > 0 { buffer::SPREAD } else { buffer::RESIDUAL }
+        match self.pulse {
+            _ if self.has_spots() => SEEN,
+            0 => buffer::RESIDUAL,
+            _ => buffer::SPREAD,
+        }
     }
 
     /// Whether rendered values are added up in fixed point.
@@ -358,9 +377,12 @@ impl Plan {
 
 /// The most texels that a buffer has as passes over pairs see it.
 fn texels_at_most(model: &Model, voxels: usize) -> u64 {
-    let points = model.wall.scanned.len() + model.wall.others.len();
-    let normals = model.wall.normals.as_ref().map_or(0, Vec::len);
-    model.cells().max(voxels).max(points + normals) as u64
+    let wall = model.rendered_wall();
+    let points = wall.scanned.len() + wall.others.len();
+    let normals = wall.normals.as_ref().map_or(0, Vec::len);
+    // Half as many again: levels with a part of the pairs may render for more points than all have.
+    let rendered = if model.rendered.is_some() { cells(wall.pairs(), model.bins) / 2 * 3 } else { 0 };
+    model.cells().max(rendered).max(voxels).max(points + normals) as u64
 }
 
 /// Whether each brick of a grid can reach a bin.
@@ -377,10 +399,18 @@ fn reachable(model: &Model, grid: &Grid, general: bool) -> Vec<bool> {
 /// Sizes beyond what kernels index or loop over.
 fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
     // Kernels count three words of noise for a bin, and two of fixed point for a cell.
-    if (model.pairs() as u64 * model.bins as u64) > 1 << 30 || model.cells() as u64 >= 1 << 31 {
+    let pairs = model.pairs().max(model.rendered_wall().pairs());
+    if (pairs as u64 * model.bins as u64) > 1 << 30 || cells(pairs, model.bins) as u64 >= 1 << 31 {
         return Err(Error::memory(
-            format!("{} pairs of {} bins are beyond 2^30 values", model.pairs(), model.bins),
+            format!("{pairs} pairs of {} bins are beyond 2^30 values", model.bins),
             advice!["use a larger " Stride " or a narrower " Gate],
+        ));
+    }
+    let longest = model.rendered.iter().flat_map(Rendered::all).map(|taps| taps.longest()).max().unwrap_or(0);
+    if longest > LONGEST_LOOP {
+        return Err(Error::memory(
+            format!("a spot covers {longest} pairs: at most {LONGEST_LOOP} are supported"),
+            advice!["use a larger " Stride],
         ));
     }
     // Kernels walk the depth of a column and the bins of a histogram in one loop each.

@@ -33,6 +33,16 @@ passes! {
     /// Spreads the rendered histograms as the instrument does.
     PULSE = Pass { when: |p| p.pulse > 0, twin: twin!(pulse), ..Pass::of("pulse", pulse) };
 
+    /// Sums the rendered histograms over the instrument's spots.
+    SPOT = Pass { when: Plan::has_spots, twin: twin!(spot), ..Pass::of("spot", spot) };
+
+    /// Sums them further, where the first pass read fixed point.
+    SPOT_MORE = Pass {
+        when: |p| p.has_spots() && p.fixed_point(),
+        twin: twin!(spot),
+        ..Pass::of("spot_more", |_| &kernel::SPOT)
+    };
+
     /// Compares the rendered histograms with the measurement.
     RESIDUAL = Pass {
         faults: &[Fault {
@@ -59,6 +69,13 @@ passes! {
         twin: twin!(pulse),
         // Residuals are fp32 on every accumulation path.
         ..Pass::of("pulse_back", |_| &kernel::PULSE)
+    };
+
+    /// Takes residuals back to the rendered pairs.
+    SPOT_BACK = Pass {
+        when: Plan::has_spots,
+        twin: twin!(spot),
+        ..Pass::of("spot_back", |_| &kernel::SPOT)
     };
 
     /// Closes an iteration: sums the losses and writes the row of the trace.
@@ -164,5 +181,10 @@ pub fn residual(plan: &Plan) -> &'static KernelCode {
 
 /// The module that applies the pulse to what was accumulated.
 fn pulse(plan: &Plan) -> &'static KernelCode {
-    if plan.fixed_point() { &kernel::PULSE_FIXED } else { &kernel::PULSE }
+    if plan.fixed_point() && !plan.has_spots() { &kernel::PULSE_FIXED } else { &kernel::PULSE }
+}
+
+/// The module that sums what was accumulated over spots.
+fn spot(plan: &Plan) -> &'static KernelCode {
+    if plan.fixed_point() { &kernel::SPOT_FIXED } else { &kernel::SPOT }
 }

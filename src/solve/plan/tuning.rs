@@ -152,7 +152,7 @@ impl Tuning {
     ) -> Result<Tuning> {
         let owned = accumulation == Accumulation::Owned;
         let cpu = device.kind == DeviceKind::Cpu;
-        let others = model.wall.others.len() as u32;
+        let others = model.rendered_wall().others.len() as u32;
         let product = model.wall.geometry == Geometry::Product;
         let at_once = |most: u32| if product { others.min(most) } else { 1 };
         let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
@@ -199,12 +199,13 @@ impl Tuning {
     /// # Errors
     /// There are more tiles than a dispatch has workgroups.
     pub fn check_tiles(&self, model: &Model, device: &Abilities) -> Result<()> {
-        let tiles = match model.wall.geometry {
+        let wall = model.rendered_wall();
+        let tiles = match wall.geometry {
             Geometry::Product => {
-                model.wall.scanned.len().div_ceil(self.lanes as usize)
-                    * model.wall.others.len().div_ceil(self.others_forward as usize)
+                wall.scanned.len().div_ceil(self.lanes as usize)
+                    * wall.others.len().div_ceil(self.others_forward as usize)
             }
-            _ => model.pairs().div_ceil(self.lanes as usize),
+            _ => wall.pairs().div_ceil(self.lanes as usize),
         };
         if tiles > device.limits.groups[0] as usize {
             return Err(Error::memory(

@@ -290,6 +290,7 @@ mod tests {
     use glam::dvec3;
 
     use super::*;
+    use crate::solve::plan::Pairs;
     use crate::transport::Volume;
 
     #[test]
@@ -307,6 +308,13 @@ mod tests {
             taps: buffer::PULSE_TAPS,
             wall: buffer::WALL,
             scene: buffer::SCENE,
+            rendered: Pairs {
+                count: pairs,
+                scanned: pairs,
+                others: 0,
+                wall: buffer::WALL,
+                scene: buffer::SCENE,
+            },
             reachable: buffer::REACHABLE,
         };
         let levels = [1024, 4096, 16_384, 65_536].map(level);

@@ -2,7 +2,7 @@
 
 use super::passes::*;
 use crate::gpu::Schedule;
-use crate::solve::over_pairs::{compare, forward, gather, groups};
+use crate::solve::over_pairs::{compare, forward, gather, gathered, groups};
 use crate::solve::passes::{ARGUMENTS, FORWARD, RESIDUAL};
 use crate::solve::plan::COLUMNS_HOST;
 use crate::solve::plan::pass::Pass;
@@ -18,7 +18,7 @@ pub fn start(level: &Level, count: usize, points: usize) -> Schedule {
     let mut s = Schedule::default();
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
-    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
     s.extend(bonds(level, count));
     s
 }
@@ -59,7 +59,7 @@ pub fn iteration(
     let scene = level.scene;
     let mut s = render(plan, level, count, &RESIDUAL, through);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
-    let from = if through.is_some() { buffer::SPREAD } else { plan.residual() };
+    let from = gathered(plan, through);
     s.extend(gather(plan, level, &SURFACE_GATHER, ARGUMENTS_BACKWARD, 0, from));
     s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
@@ -100,6 +100,6 @@ pub fn widen(level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) -> Schedu
     for index in [SURFACE_BEND, SURFACE_JUMP] {
         s.set(buffer::SURFACE_WEIGHTS, index, weights[index as usize].to_bits());
     }
-    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
     s
 }

@@ -100,6 +100,14 @@ passes! {
         ..Pass::of("pulse_noise", |_| &kernel::PULSE)
     };
 
+    /// Takes variances back to the rendered pairs, by squared weights.
+    SPOT_NOISE = Pass {
+        when: crate::solve::Plan::has_spots,
+        constants: &[(constant::SQUARED, Value::Is(1))],
+        twin: twin!(spot),
+        ..Pass::of("spot_noise", |_| &kernel::SPOT)
+    };
+
     /// Gathers the weight lambda of every voxel's group term.
     BOUND_NOISE = Pass {
         report: "backward_bound_noise",

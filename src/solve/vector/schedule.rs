@@ -3,7 +3,7 @@
 use super::VectorOptions;
 use super::passes::*;
 use crate::gpu::Schedule;
-use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, pair_chunks, pulse_back};
+use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, instrument_back, pair_chunks};
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
@@ -15,7 +15,7 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
     s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP))
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::MEASURED, level.measured);
-    for push in pair_chunks(plan, level) {
+    for push in pair_chunks(plan.geometry, &plan.measured(level)) {
         s.dispatch(&BACKPROJECT, groups(level.grid.storage(), WORKGROUP))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::WALL, level.wall)
@@ -135,7 +135,7 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedul
     s.dispatch(&VARIANCE, groups(plan.cells_at(level), WORKGROUP))
         .bind(buffer::SCENE, scene)
         .bind(buffer::MEASURED, level.measured);
-    s.extend(pulse_back(plan, level, &PULSE_NOISE, None));
+    s.extend(instrument_back(plan, level, [&PULSE_NOISE, &SPOT_NOISE], None));
     s.extend(gather(plan, level, &BOUND_NOISE, ARGUMENTS_SAMPLE, 0, plan.residual()));
     if expected.is_some() {
         s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);

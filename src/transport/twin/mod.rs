@@ -16,7 +16,7 @@ pub use domain::{
     levels, rim, room, smooth, taps, threshold, touched,
 };
 pub use optimise::{learning_rate, noise, update};
-pub use pulse::{Way, pulse, sum_bins};
+pub use pulse::{Way, instrument, pulse, spot, sum_bins};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, objective, residual, sample, sample_point, weighted_objective,

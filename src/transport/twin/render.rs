@@ -1,6 +1,6 @@
 use glam::{DVec3, dvec3};
 
-use super::{Raw, Twin, Way, pulse, random3};
+use super::{Raw, Twin, Way, instrument, random3};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
 /// The surface element of a voxel's sample, as every pair sees it.
@@ -99,8 +99,9 @@ pub(super) struct Kernel {
 /// The arms of a pair: value = albedo · cosines · falloff, at path r_l + r_s.
 fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
     let m = twin.model;
-    let arms = m.wall.points_of(pair).map(|number| {
-        let [point, normal] = m.wall.point(number);
+    let wall = m.rendered_wall();
+    let arms = wall.points_of(pair).map(|number| {
+        let [point, normal] = wall.point(number);
         let d = point - s.point;
         let r = d.length();
         if r < m.nearest(twin.grid) || r == 0.0 {
@@ -169,8 +170,9 @@ pub(super) fn accumulate(
     value: impl Fn(&Kernel, &Sample) -> f64,
 ) -> Vec<f64> {
     let bins = twin.model.bins;
-    let mut sums = vec![0.0; twin.model.pairs() * bins];
-    for pair in 0..twin.model.pairs() {
+    let pairs = twin.model.rendered_wall().pairs();
+    let mut sums = vec![0.0; pairs * bins];
+    for pair in 0..pairs {
         for s in samples {
             let k = kernel(twin, pair, s);
             let value = value(&k, s);
@@ -183,19 +185,20 @@ pub(super) fn accumulate(
 }
 
 /// dLoss / d(accumulated value) of every bin, and the data loss (mean squared error). `weights` are those of the noise
-/// term, one per bin or one per histogram; empty without a noise term. Both directions go through the model's pulse.
+/// term, one per bin or one per histogram; empty without a noise term. Both directions go through the model's
+/// instrument.
 pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>, f64) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
     let mut loss = 0.0;
-    let gradient: Vec<f64> = pulse(twin, accumulated, Way::Spread)
+    let gradient: Vec<f64> = instrument(twin, accumulated, Way::Spread)
         .iter()
         .enumerate()
         .map(|(i, sum)| {
             let mut rendered = sum * render;
             let mut open = 1.0;
             if !weights.is_empty() {
-                let w = weights[if weights.len() == accumulated.len() { i } else { i / m.bins }];
+                let w = weights[if weights.len() == m.measured.len() { i } else { i / m.bins }];
                 rendered += m.peak * (m.noise[0] + m.noise[1] / (1.0 + (-w).exp()));
                 open = if rendered > 0.0 { 1.0 } else { 0.0 };
                 rendered = rendered.max(0.0);
@@ -205,13 +208,13 @@ pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>,
             2.0 / elements * render * open * difference
         })
         .collect();
-    (pulse(twin, &gradient, Way::Back), loss)
+    (instrument(twin, &gradient, Way::Back), loss)
 }
 
 /// Calls `hear` with every pair's kernel of a sample, and the residual at its path.
 pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl FnMut(&Kernel, f64)) {
     let bins = twin.model.bins;
-    for pair in 0..twin.model.pairs() {
+    for pair in 0..twin.model.rendered_wall().pairs() {
         let k = kernel(twin, pair, s);
         let r = shares(twin, k.bin).map(|(b, w)| w * residual[pair * bins + b]).sum();
         hear(&k, r);
@@ -227,7 +230,7 @@ pub(super) fn gather_rising(
     mut hear: impl FnMut(&Kernel, [f64; 2]),
 ) {
     let bins = twin.model.bins as f64;
-    for pair in 0..twin.model.pairs() {
+    for pair in 0..twin.model.rendered_wall().pairs() {
         let k = kernel(twin, pair, s);
         let at = |bin: f64| {
             let known = bin >= 0.0 && bin < bins;
@@ -282,7 +285,7 @@ pub fn objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw], weigh
 pub fn weighted_objective(twin: &Twin, iteration: u32, active: &[u32], raw: &[Raw]) -> f64 {
     let m = twin.model;
     let samples = sample(twin, iteration, active, raw);
-    let accumulated = pulse(twin, &forward(twin, &samples), Way::Spread);
+    let accumulated = instrument(twin, &forward(twin, &samples), Way::Spread);
     let render = f64::from(m.scene(twin.grid).render_scale);
     let data: f64 = accumulated
         .iter()

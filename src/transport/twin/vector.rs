@@ -4,9 +4,10 @@
 use glam::{DVec3, dvec3};
 
 use super::domain::{Column, brightest, columns};
-use super::pulse::{Way, pulse};
+use super::pulse::{Way, instrument};
 use super::render::{Kernel, accumulate, gather, shine};
 use super::{Sample, Twin, forward};
+use crate::transport::Model;
 
 /// Toward the wall: the direction in which a zero vector may grow.
 const TOWARD_WALL: DVec3 = dvec3(0.0, 0.0, -1.0);
@@ -85,7 +86,7 @@ pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
 }
 
 /// d(weighted mean squared error) / d(accumulated value) of every bin, then the weighted error and the plain one.
-/// Without `measure` the measurement counts as zero. Both directions go through the model's pulse.
+/// Without `measure` the measurement counts as zero. Both directions go through the model's instrument.
 pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Vec<f64>, [f64; 2]) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
@@ -97,8 +98,9 @@ pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Ve
         loss[1] += difference * difference / elements;
         2.0 / elements * render * weight * difference
     };
-    let gradient: Vec<f64> = pulse(twin, accumulated, Way::Spread).iter().enumerate().map(of_bin).collect();
-    (pulse(twin, &gradient, Way::Back), loss)
+    let gradient: Vec<f64> =
+        instrument(twin, accumulated, Way::Spread).iter().enumerate().map(of_bin).collect();
+    (instrument(twin, &gradient, Way::Back), loss)
 }
 
 /// dLoss / d(vector) of every sample; a zero vector counts as directed toward the wall.
@@ -198,7 +200,7 @@ pub fn bound(twin: &Twin, samples: &[Sample], residual: &[f64], what: Bound) -> 
         .collect()
 }
 
-/// Variance of every bin's residual, taken back through the pulse to the paths.
+/// Variance of every bin's residual, taken back through the instrument to the paths.
 pub fn variance(twin: &Twin) -> Vec<f64> {
     let m = twin.model;
     let render = f64::from(m.scene(twin.grid).render_scale);
@@ -207,7 +209,7 @@ pub fn variance(twin: &Twin) -> Vec<f64> {
         scale * scale * (m.variance[0] * f64::from(*value).max(0.0) + m.variance[1])
     };
     let of_bins: Vec<f64> = m.measured.iter().enumerate().map(of_bin).collect();
-    pulse(twin, &of_bins, Way::Squared)
+    instrument(twin, &of_bins, Way::Squared)
 }
 
 /// Weighted histograms, convolved along time with `hat`, the weights at 0, 1, 2, ... bins to either side.
@@ -225,6 +227,9 @@ pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
 /// of a surface that faces the wall and no falloff; negative sums become zero.
 pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {
     let grid = twin.grid;
+    // It takes spots for points.
+    let sharp = Model { rendered: None, ..twin.model.clone() };
+    let twin = &Twin { model: &sharp, grid };
     let near = twin.model.near_z(grid);
     let allowed = |i: &u32| {
         let c = grid.voxel(*i as usize);

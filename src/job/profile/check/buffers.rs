@@ -44,7 +44,8 @@ pub fn read_floats(job: &mut OnDevice<'_>, from: Buffer, count: usize) -> Result
 
 /// The residual that gradients gather from, `[pair * bins + bin]`.
 pub fn read_residual(job: &mut OnDevice<'_>) -> Result<Vec<f64>> {
-    let (from, cells) = (job.plan.residual(), job.model.cells());
+    let (from, level) = (job.plan.residual(), job.plan.finest());
+    let cells = crate::transport::cells(level.rendered.count, level.bins);
     let all = read_floats(job, from, cells)?;
     Ok(job.model.bins_of(&all))
 }
