@@ -90,12 +90,12 @@ pub fn metrics(m: &Metrics) -> String {
     };
     let layers: String = ["first", "behind"].into_iter().zip(&m.layers).map(layer).collect();
     format!(
-        "surface   IoU {}, completeness {} at mask fraction {}\n\
+        "surface   IoU {}, completeness {} {}\n\
          depth     MAE {}, RMSE {} over {} pixels; paper's convention {}, {}\n\
          normals   {}, mean absolute error of components {}\n{best}{layers}",
         share(m.iou),
         share(m.completeness),
-        m.fraction,
+        m.fraction.map_or("within the mask".into(), |f| format!("at mask fraction {f}")),
         mm(m.depth_mae),
         mm(m.depth_rmse),
         m.hit_pixels,
