@@ -63,6 +63,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
         "pulse_found": done.found.pulse,
         "model_found": done.found.model,
+        "beyond_taken_off": result.beyond,
         "trials_s": done.found.seconds,
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "bins": request.bins,

@@ -36,7 +36,7 @@ pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan, SMOOTH, Sizes, Tuning,
     Twin, UPLOAD, Value, Voxels, passes,
 };
-pub use result::Reconstruction;
+pub use result::{Reconstruction, TakenOff};
 pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
 pub use surface::SurfaceOptions;
 pub use trace::TracePoint;

@@ -1,5 +1,7 @@
 //! What a solve yields.
 
+use serde::Serialize;
+
 use super::Plan;
 use super::TracePoint;
 use super::drive::Driven;
@@ -10,6 +12,15 @@ use crate::gpu::{KernelTime, Schedule};
 use crate::maps::Maps;
 use crate::transport::Model;
 use crate::transport::kernels::{TRACE_LEAST, buffer};
+
+/// Why light from beyond the box was taken off: shares of the squares of pairs that a coarse volume has not seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TakenOff {
+    /// What a volume of the wider box leaves.
+    pub left: f64,
+    /// What a volume of the box alone leaves.
+    pub left_without: f64,
+}
 
 /// What a solve yields.
 #[derive(Debug, Clone)]
@@ -38,6 +49,8 @@ pub struct Reconstruction {
     pub volume_iterations: usize,
     /// The surface explained the data far worse than the volume: the maps are the volume's.
     pub surface_left: bool,
+    /// Light from beyond the box was taken off the measurement, and why.
+    pub beyond: Option<TakenOff>,
     /// Per kernel, if the device was opened with timings.
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
@@ -75,6 +88,7 @@ pub(super) fn finish(
         device_bytes: job.executor.arena().bytes(),
         full,
         surface_left: false,
+        beyond: None,
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
         kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),

@@ -1,5 +1,6 @@
 //! Whole solves: what they find, what they leave out, what stays the same.
 
+mod beyond;
 mod layers;
 mod leave_out;
 mod narrow;

@@ -11,7 +11,7 @@ use super::Request;
 use super::request::Ready;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
-use crate::solve::vector::{Left, Trial};
+use crate::solve::vector::{Left, PAIRS, Trial};
 use crate::solve::{Doing, Progress, SolverOptions, VectorOptions, Watch, default_volume};
 use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
@@ -21,9 +21,6 @@ mod pulse;
 
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
-
-/// Pairs that a trial fits; as many others judge it.
-const PAIRS: usize = 256;
 
 /// Lateral pixels and iterations of a trial.
 const LATERAL: usize = 64;

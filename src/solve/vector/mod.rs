@@ -10,6 +10,8 @@
 //! comes from a filtered back-projection, so no iteration is dense. The maps of the volume then begin a surface
 //! ([`surface`]).
 
+use std::time::Instant;
+
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{background, expected_noise, variances};
@@ -18,12 +20,13 @@ use super::outline::{self, Part};
 use super::plan::AMPLE;
 use super::result::{Reconstruction, finish};
 use super::{Level, Plan, domain, surface};
-use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Sampling};
+use crate::{Kind, Result};
 
+mod beyond;
 mod hat;
 mod needs;
 mod options;
@@ -32,11 +35,12 @@ mod preview;
 mod schedule;
 mod trial;
 
+use beyond::Beyond;
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
 pub use preview::preview;
 pub use schedule::{due, iteration, start};
-pub use trial::{Left, Trial};
+pub use trial::{Left, PAIRS, Trial};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
 const SMOOTH_SIGMA: f64 = 1.0;
@@ -60,7 +64,16 @@ pub fn reconstruct<'b, 'w: 'b>(
     let Beside { watch, keep } = beside.into();
     options.check()?;
     capture.check()?;
-    let model = model(capture, &grid, options);
+    let mut model = model(capture, &grid, options);
+    let begun = Instant::now();
+    let beyond = match options.beyond {
+        true => light_beyond(gpu, capture, &grid, options, memory, watch)?,
+        false => None,
+    };
+    if let Some(beyond) = &beyond {
+        beyond.take_off(&mut model);
+    }
+    let before = begun.elapsed().as_secs_f64();
     let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
     let mut job = OnDevice::new(gpu, model, plan, memory)?;
     let keeper = Keeper::new(keep, &job, options)?;
@@ -71,11 +84,30 @@ pub fn reconstruct<'b, 'w: 'b>(
         let refined = surface::refine(gpu, &mut job, &options.surface, watch, driven)?;
         (driven, surface_left) = (refined.driven, refined.left);
     }
+    driven.seconds += before;
+    driven.trace.iter_mut().for_each(|p| p.seconds += before);
     Ok(Reconstruction {
         volume_iterations,
         surface_left,
+        beyond: beyond.map(|b| b.told),
         ..finish(job, driven, with_volume.then_some(albedo_of))?
     })
+}
+
+/// The light from beyond the box. If the search fails for a reason of its own, the solve goes on without it.
+fn light_beyond(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: &Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    watch: &mut Watch<'_>,
+) -> Result<Option<Beyond>> {
+    let _span = gpu.span("beyond");
+    match beyond::find(gpu, capture, grid, options, memory, watch) {
+        Err(e) if !matches!(e.kind, Kind::Device | Kind::Cancelled) => Ok(None),
+        found => found,
+    }
 }
 
 /// Solves the volume.

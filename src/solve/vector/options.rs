@@ -71,6 +71,8 @@ options! {
             cone: f64 = 2.0, Range::Positive;
             /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;
+            /// Look for light from beyond the box, and take it off the measurement if there is any
+            beyond: bool = suit.captured(), Range::Words(&["never", "auto"]);
             /// When to stop: at the noise of the data (auto), or after all iterations (never)
             stop: bool = true, Range::Words(&["never", "auto"]);
         }

@@ -14,6 +14,9 @@ use crate::solve::{OnDevice, Plan, surface, upload};
 use crate::transport::kernels::buffer;
 use crate::transport::{Grid, Model};
 
+/// Pairs that a trial fits; as many others judge it.
+pub const PAIRS: usize = 256;
+
 /// Standard errors beyond which a difference is no chance.
 const BEYOND_CHANCE: f64 = 2.0;
 
@@ -90,14 +93,18 @@ impl<'g> Trial<'g> {
         if refined.pixels == 0 {
             return Ok(None);
         }
-        // The other pairs take the place of those that were fitted.
-        upload(&mut job.executor, buffer::WALL, bytemuck::cast_slice(&held.wall.words()))?;
-        upload(&mut job.executor, buffer::MEASURED, bytemuck::cast_slice(&held.measured))?;
+        // With a spot, each side renders pairs of its own, so the fitted pairs judge.
+        let judge = if seen.rendered.is_some() { seen } else { held };
+        if judge == held {
+            // The other pairs take the place of those that were fitted.
+            upload(&mut job.executor, buffer::WALL, bytemuck::cast_slice(&held.wall.words()))?;
+            upload(&mut job.executor, buffer::MEASURED, bytemuck::cast_slice(&held.measured))?;
+        }
         let mut s = surface::render(&job.plan, &last, refined.pixels, &RESIDUAL, None);
         s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
         job.executor.run(&s)?;
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-        Ok(Some(Left::of(held, &residual, job.model.scene(&last.grid).render_scale)))
+        Ok(Some(Left::of(judge, &residual, job.model.scene(&last.grid).render_scale)))
     }
 }
 
@@ -110,7 +117,7 @@ pub struct Left {
 
 impl Left {
     /// From the residual: the derivative of the weighted squares by what is accumulated.
-    fn of(held: &Model, residual: &[f32], render_scale: f32) -> Left {
+    pub(super) fn of(held: &Model, residual: &[f32], render_scale: f32) -> Left {
         let elements = held.elements.max(1) as f64;
         let weight: Vec<f64> = (0..held.bins).map(|b| held.bin_weight(b)).collect();
         let unit = elements / (2.0 * f64::from(render_scale));

@@ -121,6 +121,12 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
     }
 }
 
+/// Value of a sample to a pair, before the render scale, and its path in bins from the leading edge of bin 0.
+pub fn light(twin: &Twin, pair: usize, s: &Sample) -> [f64; 2] {
+    let k = kernel(twin, pair, s);
+    [s.albedo * shine(twin.model.reflectance, &k.arms, s.normal).0 * k.falloff, k.bin]
+}
+
 /// Light that a surface vector (unit, or albedo · normal) sends to a pair, without the falloff, and its derivative by
 /// the vector. Without normals it is 1.
 pub(super) fn shine(reflectance: Reflectance, arms: &[Arm; 2], v: DVec3) -> (f64, DVec3) {

@@ -1,0 +1,241 @@
+//! Light from beyond the box that is reconstructed: a body wider than the scan, a floor, a ceiling. Without a place for
+//! it, a solver puts it at the borders of the box, where there is nothing.
+//!
+//! A coarse volume of a wider box is fitted to a few pairs, and so is one of the box alone. If the wider one predicts
+//! other pairs better, what its voxels beyond the box send is rendered for all pairs and taken off the measurement. The
+//! solve itself then has nothing to explain but what is inside.
+
+use rayon::prelude::*;
+
+use super::trial::{Left, PAIRS};
+use super::{VectorOptions, model, solve_volume};
+use crate::Result;
+use crate::capture::{Capture, PulseTaps};
+use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
+use crate::solve::drive::{Doing, Progress, Watch};
+use crate::solve::over_pairs::{arguments, compare, forward};
+use crate::solve::passes::{FORWARD, RESIDUAL};
+use crate::solve::plan::{MASK_HOST, RAW_HOST, RESIDUAL_HOST};
+use crate::solve::result::TakenOff;
+use crate::solve::{OnDevice, Plan, upload};
+use crate::transport::kernels::{ARGUMENTS_SAMPLE, Push, buffer};
+use crate::transport::twin::{self, Sample, Twin};
+use crate::transport::{Grid, Model, Volume};
+
+/// Coarse voxels over the width of the box, and at most on either side of it.
+const INSIDE: usize = 16;
+const BESIDE: usize = 16;
+
+/// Iterations of a coarse volume, and of each grid before its last.
+const ITERATIONS: usize = 80;
+const COARSE_ITERATIONS: usize = 10;
+
+/// A bin is at most this share of a coarse voxel's width: over the voxel, paths differ by more.
+const OF_VOXEL: f64 = 0.4;
+
+/// Paths over a voxel beyond the box differ by a Gaussian with this share of its width as sigma: such voxels are seen at
+/// an angle, of 45 degrees or so.
+const SPREAD: f64 = 0.4;
+
+/// Light beyond the box, as samples of a coarse model.
+pub struct Beyond {
+    samples: Vec<Sample>,
+    /// The model and the grid that the samples belong to.
+    model: Model,
+    grid: Grid,
+    /// What is told of it.
+    pub told: TakenOff,
+}
+
+/// Finds the light beyond `inner`; `None` if nothing is there, or if it explains nothing beyond chance.
+///
+/// # Errors
+/// The device fails, or the watch cancels.
+pub fn find(
+    gpu: &Gpu,
+    capture: &Capture,
+    inner: &Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    watch: &mut Watch<'_>,
+) -> Result<Option<Beyond>> {
+    let Watch { hear, .. } = watch;
+    let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+    let watch = &mut Watch { hear: &mut told, maps_every: None, maps_at: &[] };
+    let count = capture.pair_count().min(2 * PAIRS);
+    let Some(wide) = wider(capture, inner).filter(|_| count >= 8) else { return Ok(None) };
+    let thin = Capture { laser_spot: None, sensor_spot: None, ..capture.subset(count, 1)? };
+    let sum = (OF_VOXEL * wide.pitch.x / thin.bin_width).max(1.0) as usize;
+    let thin = thin.binned(sum.min(thin.bins))?;
+    let alone = Grid::new(box_of(inner, 0.0), INSIDE, wide.pitch.z)?;
+    let Some(own) = fit(gpu, &thin, alone, options, memory, watch)? else { return Ok(None) };
+    let Some(more) = fit(gpu, &thin, wide, options, memory, watch)? else { return Ok(None) };
+    if !more.left.is_less(&own.left) {
+        return Ok(None);
+    }
+    let [x0, x1, y0, y1] = inner.extent();
+    let is_beyond = |s: &Sample| s.point.x < x0 || s.point.x > x1 || s.point.y < y0 || s.point.y > y1;
+    let samples: Vec<Sample> = more.samples.into_iter().filter(is_beyond).collect();
+    let told = TakenOff { left: more.left.share(), left_without: own.left.share() };
+    Ok((!samples.is_empty()).then_some(Beyond { samples, model: more.model, grid: wide, told }))
+}
+
+/// The lateral extent of `inner` with this many metres around it, and its depths.
+fn box_of(inner: &Grid, around: f64) -> Volume {
+    let ([x0, x1, y0, y1], [z0, z1]) = (inner.extent(), inner.depth_range());
+    Volume { min: glam::dvec3(x0 - around, y0 - around, z0), max: glam::dvec3(x1 + around, y1 + around, z1) }
+}
+
+/// A coarse grid around `inner`, as wide as the longest path allows; `None` if that is not beyond it.
+fn wider(capture: &Capture, inner: &Grid) -> Option<Grid> {
+    let [x0, x1, y0, _] = inner.extent();
+    let width = x1 - x0;
+    let pitch = width / INSIDE as f64;
+    let [near, _] = inner.depth_range();
+    let aside = (0.25 * capture.t_end().powi(2) - near.max(0.0).powi(2)).max(0.0).sqrt();
+    // An even number on both sides together lets grids double.
+    let beside = (((aside / pitch) as usize).min(BESIDE) / 4) * 4;
+    let height = inner.extent()[3] - y0;
+    // Voxels are as many along y as along x.
+    (beside > 0 && (height / width - 1.0).abs() < 0.5).then_some(())?;
+    Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, 0.5 * pitch).ok()
+}
+
+/// A coarse volume, and what it leaves of pairs that it has not seen.
+struct Fitted {
+    left: Left,
+    samples: Vec<Sample>,
+    model: Model,
+}
+
+fn fit(
+    gpu: &Gpu,
+    thin: &Capture,
+    grid: Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    watch: &mut Watch<'_>,
+) -> Result<Option<Fitted>> {
+    let options = options.clone().with(|o| {
+        o.lateral = grid.n[0];
+        o.iterations = ITERATIONS;
+        o.growth_iterations = 1;
+        o.domain.coarse_iterations = COARSE_ITERATIONS;
+        o.domain.room = None;
+        o.surface.iterations = 0;
+        o.stop = false;
+    });
+    let whole = model(thin, &grid, &options);
+    let [seen, held] = [0, 1].map(|side| whole.half(side));
+    let scan = thin.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
+    let mut plan = Plan::new(&seen, grid, scan, &options, &gpu.abilities(), true)?;
+    let level = *plan.finest();
+    let cells = plan.cells_at(&level);
+    plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
+    let has_normals = plan.reflectance.has_normals();
+    let mut job = OnDevice::new(gpu, seen.clone(), plan, memory)?;
+    let driven = solve_volume(gpu, &mut job, &options, watch, None)?;
+    let active = driven.trace.last().map_or(0, |p| p.active).min(job.plan.capacity);
+    if active == 0 || driven.level.grid != grid {
+        return Ok(None);
+    }
+    upload(&mut job.executor, buffer::WALL, bytemuck::cast_slice(&held.wall.words()))?;
+    upload(&mut job.executor, buffer::MEASURED, bytemuck::cast_slice(&held.measured))?;
+    let mut s = Schedule::default();
+    s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
+    s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
+    s.indirect(&super::passes::EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
+        .bind(buffer::SCENE, level.scene)
+        .with(Push::default());
+    s.extend(forward(&job.plan, &level, &FORWARD));
+    s.extend(compare(&job.plan, &level, &RESIDUAL, Push::default(), None));
+    s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
+    job.executor.run(&s)?;
+    let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
+    let left = Left::of(&held, &residual, job.model.scene(&grid).render_scale);
+    let raw: Vec<[f32; 4]> = job.executor.read(RAW_HOST, ..);
+    let mask: Vec<u32> = job.executor.read(MASK_HOST, ..);
+    let is_active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
+    let samples = (0..grid.storage()).filter(is_active).zip(&raw).map(|(i, [x, y, z, _])| {
+        let c = grid.voxel(i).map(|c| c as f64);
+        let vector = glam::dvec3(f64::from(*x), f64::from(*y), f64::from(*z));
+        let albedo = if has_normals { 1.0 } else { -vector.z };
+        Sample { point: grid.position(c.into()), albedo, normal: vector, length: 1.0 }
+    });
+    let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
+    Ok(Some(Fitted { left, samples, model: seen }))
+}
+
+impl Beyond {
+    /// Takes its light off the measured values of `model`.
+    pub fn take_off(&self, model: &mut Model) {
+        // The light as `model` counts it, with the falloff's reference and the area of the coarse voxels.
+        let to = Model { reference: self.model.reference, measured: vec![], rendered: None, ..model.clone() };
+        let unit = f64::from(self.model.scene(&self.grid).render_scale) * self.model.counts_per_unit
+            / model.counts_per_unit;
+        let taps = [spread(SPREAD * self.grid.pitch.x / model.bin_width)];
+        let taps: Vec<&PulseTaps> = taps.iter().chain(&model.pulse).collect();
+        let twin = Twin { model: &to, grid: &self.grid };
+        let bins = model.bins;
+        model.measured.par_chunks_mut(bins).enumerate().for_each(|(pair, measured)| {
+            let mut light = vec![0.0; bins];
+            for s in &self.samples {
+                let [value, at] = twin::light(&twin, pair, s);
+                let low = (at - 0.5).floor();
+                let share = at - 0.5 - low;
+                for (bin, share) in [(low, 1.0 - share), (low + 1.0, share)] {
+                    if bin >= 0.0 && bin < bins as f64 {
+                        light[bin as usize] += unit * value * share;
+                    }
+                }
+            }
+            for taps in &taps {
+                light = through(taps, &light);
+            }
+            measured.iter_mut().zip(&light).for_each(|(m, l)| *m -= *l as f32);
+        });
+    }
+}
+
+/// A Gaussian of `sigma` bins as taps.
+fn spread(sigma: f64) -> PulseTaps {
+    let before = (3.0 * sigma).ceil() as usize;
+    let weight = |i: usize| (-0.5 * ((i as f64 - before as f64) / sigma.max(1e-3)).powi(2)).exp();
+    let weights: Vec<f64> = (0..=2 * before).map(weight).collect();
+    let sum: f64 = weights.iter().sum();
+    PulseTaps { before, weights: weights.into_iter().map(|w| w / sum).collect() }
+}
+
+/// A histogram through the taps of a pulse.
+fn through(taps: &PulseTaps, from: &[f64]) -> Vec<f64> {
+    let mut to = vec![0.0; from.len()];
+    for (bin, value) in from.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+        for (tap, weight) in taps.weights.iter().enumerate() {
+            if let Some(to) = (bin + tap).checked_sub(taps.before).and_then(|at| to.get_mut(at)) {
+                *to += weight * value;
+            }
+        }
+    }
+    to
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_keep_the_light_and_spread_it() {
+        let taps = spread(2.5);
+        let mut one = vec![0.0; 41];
+        one[20] = 3.0;
+        let wide = through(&taps, &one);
+        let sum: f64 = wide.iter().sum();
+        let second: f64 = wide.iter().enumerate().map(|(b, v)| v * (b as f64 - 20.0).powi(2)).sum();
+        assert!((sum - 3.0).abs() < 1e-12);
+        assert!((second / sum - 6.25).abs() < 0.1, "{}", second / sum);
+        // Light at the end of a histogram leaves it.
+        let mut last = vec![0.0; 41];
+        last[40] = 1.0;
+        assert!((through(&taps, &last).iter().sum::<f64>() - 0.58).abs() < 0.02);
+    }
+}

@@ -1,0 +1,55 @@
+//! Light from beyond the box: found where it is, and taken off.
+
+use std::ops::ControlFlow;
+
+use fixtures::device::*;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::measure::metrics;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::{Doing, Reconstruction, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::transport::Grid;
+
+/// The built-in scene at 16 × 16 points and bins of 2 cm, solved with 32 × 32 pixels, and the IoU of its best mask.
+fn solve(gpu: &Gpu, name: &str, beyond: bool) -> (Reconstruction, f64) {
+    let scene = Scene { scan: 16, bin_width: 0.02, ..Scene::named(name).unwrap() };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.03, ..Default::default() }).unwrap().capture;
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = 32;
+        o.iterations = 30;
+        o.surface.iterations = 0;
+        o.beyond = beyond;
+    });
+    let volume = default_volume(&capture, options.domain.min_depth).unwrap();
+    let grid = Grid::new(volume, 32, capture.bin_width).unwrap();
+    let mut trials = 0;
+    let mut hear = |p: &thirdbounce::solve::Progress| {
+        trials += usize::from(p.doing == Doing::Trial);
+        ControlFlow::Continue(())
+    };
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    let done = vector::reconstruct(gpu, &capture, grid, &options, None, false, &mut watch).unwrap();
+    assert_eq!(trials > 0, beyond, "coarse volumes are heard as trials, and only if they are asked for");
+    let found = metrics(&done.maps, &truth(&scene, 32).unwrap(), 0.3).unwrap();
+    (done, found.best_iou.unwrap())
+}
+
+#[test]
+fn light_from_beyond_the_box_is_taken_off() {
+    let gpu = gpu();
+    let (plain, without) = solve(&gpu, "beyond", false);
+    let (done, with) = solve(&gpu, "beyond", true);
+    println!("IoU {without:.3} without, {with:.3} with, {:?}", done.beyond);
+    assert_eq!(plain.beyond, None);
+    let told = done.beyond.expect("there is light beyond the box");
+    assert!(told.left < told.left_without);
+    assert!(with > without + 0.1, "{without} {with}");
+}
+
+#[test]
+fn nothing_is_taken_off_where_nothing_is_beyond() {
+    let gpu = gpu();
+    let (done, with) = solve(&gpu, "figure", true);
+    let (_, without) = solve(&gpu, "figure", false);
+    assert_eq!(done.beyond, None);
+    assert!((with - without).abs() < 0.01, "{without} {with}");
+}
