@@ -7,6 +7,7 @@
 mod advice;
 mod bins;
 pub mod compare;
+mod conditions;
 pub mod demo;
 mod evaluate;
 pub mod inspect;

@@ -79,6 +79,18 @@ pub fn metrics(m: &Metrics) -> String {
         ),
         _ => String::new(),
     };
+    let quarter = |[confidence, within]: &[f64; 2]| format!("{within:.2} at {}", mm(Some(*confidence)));
+    let quarters: Vec<String> = m.calibration.iter().map(quarter).collect();
+    let told = m.within_confidence.map_or_else(String::new, |within| {
+        let quarters = if quarters.is_empty() {
+            String::new()
+        } else {
+            format!(" (by quarters {})", quarters.join(", "))
+        };
+        format!(
+            "certain   {within:.2} of the errors are within the confidence, .68 if it is right{quarters}\n"
+        )
+    });
     let layer = |(name, l): (&str, &LayerMetrics)| {
         format!(
             "{name:<10}IoU {}, completeness {}, depth MAE {}, normals {}\n",
@@ -92,7 +104,7 @@ pub fn metrics(m: &Metrics) -> String {
     format!(
         "surface   IoU {}, completeness {} {}\n\
          depth     MAE {}, RMSE {} over {} pixels; paper's convention {}, {}\n\
-         normals   {}, mean absolute error of components {}\n{best}{layers}",
+         normals   {}, mean absolute error of components {}\n{best}{told}{layers}",
         share(m.iou),
         share(m.completeness),
         m.fraction.map_or("within the mask".into(), |f| format!("at mask fraction {f}")),

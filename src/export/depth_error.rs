@@ -90,12 +90,12 @@ fn picture(maps: &Maps, truth: &Truth) -> Picture {
 }
 
 /// The colour of a share of the largest error.
-fn shade(share: f64) -> [u8; 3] {
+pub(super) fn shade(share: f64) -> [u8; 3] {
     colour(1.0 - share.clamp(0.0, 1.0))
 }
 
 /// Metres as millimetres with three digits.
-fn millimetres(metres: f64) -> String {
+pub(super) fn millimetres(metres: f64) -> String {
     let mm = 1000.0 * metres;
     let digits = if mm == 0.0 { 0 } else { (2.0 - mm.log10().floor()).clamp(0.0, 4.0) as usize };
     format!("{mm:.digits$}")

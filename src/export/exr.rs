@@ -2,8 +2,8 @@
 //!
 //! One part with named layers, the way viewers and compositing programs know them (`layer.channel`):
 //! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
-//! `Y` for viewers without layers. Surfaces behind the first ones, if there are any, are `behind.albedo.Y`,
-//! `behind.depth.Z` and `behind.normal.X` to `Z`. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
+//! `Y` for viewers without layers. The confidence, if it was told, is `confidence.Z`. Surfaces behind the first ones, if
+//! there are any, are `behind.albedo.Y`, `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.confidence.Z`. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
 //! column the smallest x. The attribute `extent` (box2f) holds the extent in metres.
 
 use std::io::Cursor;
@@ -40,7 +40,9 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     ]
     .into_iter()
     .collect();
+    channels.extend(maps.confidence.iter().map(|told| channel("confidence.Z", &|p| told[p])));
     if let Some(behind) = &maps.behind {
+        channels.extend(behind.confidence.iter().map(|told| channel("behind.confidence.Z", &|p| told[p])));
         channels.extend([
             channel("behind.albedo.Y", &|p| behind.albedo[p]),
             channel("behind.depth.Z", &|p| behind.depth[p]),

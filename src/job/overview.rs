@@ -94,6 +94,7 @@ fn as_maps(truth: &Truth) -> Maps {
         normal: truth.normal.clone(),
         mask: truth.mask.clone(),
         mask_fraction: None,
+        confidence: None,
         behind: None,
     }
 }

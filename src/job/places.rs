@@ -11,12 +11,13 @@ use crate::{Error, Result};
 pub const PREVIEW: &str = "preview.png";
 
 /// Files that a run writes into its folder, the preview among them.
-const RESULTS: [&str; 9] = [
+const RESULTS: [&str; 10] = [
     "maps.npz",
     "maps.exr",
     "albedo.png",
     "depth.png",
     "normal.png",
+    "confidence.png",
     "points.ply",
     "mesh.ply",
     "report.json",

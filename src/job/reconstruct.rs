@@ -10,7 +10,7 @@ use super::request::Ready;
 use super::sizes;
 use super::state_file::{self, Kept};
 use super::trials::{self, Found};
-use super::{Loaded, Request, SolverOptions, advice};
+use super::{Loaded, Request, SolverOptions, advice, conditions};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
@@ -130,8 +130,9 @@ pub fn solve(
     let before = found.seconds;
     result.solve_seconds += before;
     result.trace.iter_mut().for_each(|p| p.seconds += before);
-    let (mut along, snapshots) = gathered.into_inner();
+    let (mut along, mut snapshots) = gathered.into_inner();
     result.maps.set_mask(request.mask_fraction);
+    conditions::tell(capture, &mut result, &mut snapshots);
     let metrics = truth.map(|t| metrics(&result.maps, t, request.mask_fraction)).transpose()?;
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());

@@ -192,6 +192,7 @@ fn parse(bytes: &[u8]) -> Result<Kept> {
             normal: bytemuck::pod_collect_to_vec(&take(n * 12)?),
             mask: vec![],
             mask_fraction: s.mask_fraction,
+            confidence: None,
             behind: None,
             albedo,
         };

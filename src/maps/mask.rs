@@ -59,7 +59,7 @@ impl Rule {
         let step = self.nx.max(self.ny) as f64 / SCAN;
         let clean: Vec<f64> =
             albedo.iter().map(|a| if a.is_finite() { f64::from(*a) } else { 0.0 }).collect();
-        let smooth = self.smoothed(&clean, SMOOTH * step);
+        let smooth = smoothed([self.nx, self.ny], &clean, SMOOTH * step);
         let less = SHARPEN * step * step;
         let at = |x: usize, y: usize| smooth[x * self.ny + y];
         let of = |i: usize| {
@@ -70,26 +70,6 @@ impl Rule {
             (at(x, y) - less * bend).max(0.0)
         };
         (0..clean.len()).map(of).collect()
-    }
-
-    /// Gaussian of `sigma` pixels; pixels beyond the edge are as those at the edge.
-    fn smoothed(&self, values: &[f64], sigma: f64) -> Vec<f64> {
-        let reach = (4.0 * sigma).ceil() as isize;
-        let weights: Vec<f64> =
-            (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
-        let sum: f64 = weights.iter().sum();
-        let along = |from: &[f64], count: usize, stride: usize| -> Vec<f64> {
-            let of = |i: usize| {
-                let at = i / stride % count;
-                let mean = (-reach..=reach).zip(&weights).map(|(k, w)| {
-                    let other = (at as isize + k).clamp(0, count as isize - 1) as usize;
-                    w * from[i + other * stride - at * stride]
-                });
-                mean.sum::<f64>() / sum
-            };
-            (0..from.len()).map(of).collect()
-        };
-        along(&along(values, self.ny, 1), self.nx, self.ny)
     }
 
     /// The threshold whose contour is steepest.
@@ -126,6 +106,26 @@ impl Rule {
     }
 }
 
+/// Gaussian of `sigma` pixels; pixels beyond the edge are as those at the edge.
+pub(super) fn smoothed([nx, ny]: [usize; 2], values: &[f64], sigma: f64) -> Vec<f64> {
+    let reach = (4.0 * sigma).ceil() as isize;
+    let weights: Vec<f64> =
+        (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let along = |from: &[f64], count: usize, stride: usize| -> Vec<f64> {
+        let of = |i: usize| {
+            let at = i / stride % count;
+            let mean = (-reach..=reach).zip(&weights).map(|(k, w)| {
+                let other = (at as isize + k).clamp(0, count as isize - 1) as usize;
+                w * from[i + other * stride - at * stride]
+            });
+            mean.sum::<f64>() / sum
+        };
+        (0..from.len()).map(of).collect()
+    };
+    along(&along(values, ny, 1), nx, ny)
+}
+
 /// The median of the pixels above a third of the brightest.
 fn usual_brightness(sharp: &[f64]) -> Option<f64> {
     let values: Vec<f32> = sharp.iter().map(|v| *v as f32).collect();
@@ -154,6 +154,7 @@ mod tests {
             normal: vec![[0.0, 0.0, -1.0]; n * n],
             mask: vec![],
             mask_fraction: None,
+            confidence: None,
             behind: None,
         }
     }

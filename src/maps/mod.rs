@@ -5,7 +5,10 @@
 
 use crate::error::{Error, Result};
 
+mod confidence;
 mod mask;
+
+pub use confidence::Conditions;
 
 /// Reconstructed maps.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +29,9 @@ pub struct Maps {
     pub mask: Vec<bool>,
     /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None` if the albedo's edges tell.
     pub mask_fraction: Option<f64>,
+    /// Expected depth error in metres: the error that two of three pixels with this value do not exceed
+    /// ([`Maps::set_confidence`]). NaN where the mask has no surface. `None` if nobody told it.
+    pub confidence: Option<Vec<f32>>,
     /// The surfaces behind the first ones; `None` where no pixel has two.
     pub behind: Option<Layer>,
 }
@@ -41,6 +47,8 @@ pub struct Layer {
     pub normal: Vec<[f32; 3]>,
     /// True where the albedo is above the threshold of the first surfaces.
     pub mask: Vec<bool>,
+    /// Expected depth error in metres, as in [`Maps::confidence`]; `None` of truth.
+    pub confidence: Option<Vec<f32>>,
 }
 
 /// True maps of a simulated or independently rendered scene (`gt_*` in a truth file).
@@ -64,13 +72,17 @@ pub struct Truth {
 
 impl Layer {
     /// Its arrays' names and lengths.
-    fn lengths(&self) -> [(&'static str, usize); 4] {
+    fn lengths(&self) -> Vec<(&'static str, usize)> {
+        let told = self.confidence.iter().map(|c| ("the second layer's confidence", c.len()));
         [
             ("the second layer's albedo", self.albedo.len()),
             ("the second layer's depth", self.depth.len()),
             ("the second layer's normal", self.normal.len()),
             ("the second layer's mask", self.mask.len()),
         ]
+        .into_iter()
+        .chain(told)
+        .collect()
     }
 }
 
@@ -120,11 +132,12 @@ impl Maps {
         let first = Maps { behind: None, ..self.clone() };
         match (layer, &self.behind) {
             (0, _) => Some(first),
-            (1, Some(Layer { albedo, depth, normal, mask })) => Some(Maps {
+            (1, Some(Layer { albedo, depth, normal, mask, confidence })) => Some(Maps {
                 albedo: albedo.clone(),
                 depth: depth.clone(),
                 normal: normal.clone(),
                 mask: mask.clone(),
+                confidence: confidence.clone(),
                 ..first
             }),
             _ => None,
@@ -142,6 +155,7 @@ impl Maps {
             ("normal", self.normal.len()),
             ("mask", self.mask.len()),
         ];
+        lengths.extend(self.confidence.iter().map(|c| ("confidence", c.len())));
         lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
@@ -149,7 +163,7 @@ impl Maps {
     /// The same maps with each pixel divided into `factor` × `factor`. Albedo is interpolated bilinearly between the
     /// centres of pixels. Depth and normal are means of the four pixels around, weighted by interpolated albedo. Only
     /// pixels within 2.5 pixels of the heaviest pixel's depth count, so that no point lies between an edge and the
-    /// surface behind it. What lies behind the first surfaces is left out.
+    /// surface behind it. What lies behind the first surfaces and the confidence are left out.
     pub fn finer(&self, factor: usize) -> Maps {
         if factor <= 1 {
             return self.clone();
@@ -170,6 +184,7 @@ impl Maps {
             depth: vec![],
             normal: vec![],
             mask: vec![],
+            confidence: None,
             behind: None,
             ..*self
         };

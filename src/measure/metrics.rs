@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
+use crate::measure::Calibration;
 
 /// Mask fractions that are tried for `best_iou`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
@@ -46,6 +47,14 @@ pub struct Metrics {
     /// the errors of one method cover the whole surface, those of another its bright part only.
     #[serde(default)]
     pub at_best: Option<AtBest>,
+    /// Share of the hit pixels whose depth error is within the maps' confidence: 0.68 if that is right. `None`, and not
+    /// in the JSON, for maps without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within_confidence: Option<f64>,
+    /// The same by quarters of the hit pixels, from the most certain to the least: (median confidence, share within);
+    /// not in the JSON if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub calibration: Vec<[f64; 2]>,
     /// The figures of the first surfaces and of those behind them, if the truth has two layers; else empty and not in
     /// the JSON.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -88,9 +97,10 @@ pub struct LayerMetrics {
 }
 
 impl Metrics {
-    /// The figures without the sweep, for one line of a trace.
+    /// The figures without the sweep and the quarters of the calibration, for one line of a trace.
     pub fn brief(mut self) -> Metrics {
         self.sweep.clear();
+        self.calibration.clear();
         self
     }
 }
@@ -157,6 +167,8 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
+        within_confidence: errors.told.within(),
+        calibration: errors.told.quarters(),
         layers: layers(maps, truth, &pixels, within),
         sweep,
     })
@@ -224,6 +236,7 @@ struct Errors {
     whole: Depths,
     angle: Mean,
     components: Mean,
+    told: Calibration,
 }
 
 /// The errors over these pixels.
@@ -234,7 +247,11 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         let found = predicted(maps, *pixel, within);
         all.whole.add(found.map_or(0.0, |p| f64::from(maps.depth[p])) - real);
         let Some(found) = found else { continue };
-        all.hit.add(f64::from(maps.depth[found]) - real);
+        let error = f64::from(maps.depth[found]) - real;
+        all.hit.add(error);
+        if let Some(confidence) = &maps.confidence {
+            all.told.add(f64::from(confidence[found]), error);
+        }
         let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
         if let Some(degrees) = angle_between(n, m) {
             all.angle.add(degrees);

@@ -1,7 +1,9 @@
 //! Compares reconstructions with true maps, and the times that methods take to reach a figure.
 
+pub mod calibration;
 pub mod metrics;
 pub mod reach;
 
+pub use calibration::Calibration;
 pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
 pub use reach::{Reach, median, reach};

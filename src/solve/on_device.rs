@@ -142,6 +142,7 @@ pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool)
             .collect(),
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
         mask_fraction: Some(Maps::MASK_FRACTION),
+        confidence: None,
         behind: None,
         albedo,
     }

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use fixtures::command::*;
 use serde_json::Value;
+use thirdbounce::export::npz;
 
 struct Small {
     folder: tempfile::TempDir,
@@ -103,6 +104,7 @@ fn from_a_simulated_capture_to_measured_maps() {
         "albedo.png",
         "depth.png",
         "normal.png",
+        "confidence.png",
         "points.ply",
         "mesh.ply",
         "report.json",
@@ -112,6 +114,10 @@ fn from_a_simulated_capture_to_measured_maps() {
     }
     assert_eq!(entries(&result).len(), names.len(), "{:?}", entries(&result));
     assert!(volume.is_file());
+
+    let maps = npz::read_maps(&result.join("maps.npz")).unwrap();
+    let told = maps.confidence.expect("a confidence");
+    assert!(told.iter().zip(&maps.depth).all(|(c, z)| c.is_nan() == z.is_nan() && !(*c <= 0.0)));
 
     let report = json(&result.join("report.json"));
     for key in ["version", "device", "settings", "capture", "plan", "trace", "totals", "metrics"] {
@@ -134,9 +140,11 @@ fn from_a_simulated_capture_to_measured_maps() {
 
     let again = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth, "--json"]);
     let again: Value = serde_json::from_str(&again).unwrap();
-    assert_eq!(again["iou"], report["metrics"]["iou"]);
+    for key in ["iou", "within_confidence", "calibration"] {
+        assert!(!again[key].is_null() && again[key] == report["metrics"][key], "{key}");
+    }
     let text = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth]);
-    assert!(text.contains("IoU") && text.contains("solved in"), "{text}");
+    assert!(["IoU", "certain", "solved in"].iter().all(|word| text.contains(word)), "{text}");
     fail(&["evaluate", &out.path().display().to_string(), "--truth", &truth], 1, "maps.npz");
 }
 

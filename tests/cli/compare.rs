@@ -157,7 +157,16 @@ fn a_trace_with_figures_and_snapshots() {
         let files = entries(&at("often/snapshots").join(name));
         assert_eq!(
             files,
-            ["albedo.png", "depth.png", "maps.exr", "maps.npz", "mesh.ply", "normal.png", "points.ply"]
+            [
+                "albedo.png",
+                "confidence.png",
+                "depth.png",
+                "maps.exr",
+                "maps.npz",
+                "mesh.ply",
+                "normal.png",
+                "points.ply"
+            ]
         );
     }
     let maps = |place: &str| std::fs::read(at(place).join("maps.npz")).unwrap();

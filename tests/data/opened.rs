@@ -22,6 +22,7 @@ pub fn python_opens_everything(python: &Path) {
         normal: vec![[f32::NAN; 3]; nx * ny],
         mask: vec![],
         mask_fraction: Some(0.0),
+        confidence: None,
         behind: None,
     };
     for p in 0..nx * ny {
@@ -36,6 +37,7 @@ pub fn python_opens_everything(python: &Path) {
         }
     }
     maps.set_mask(0.3);
+    maps.confidence = Some(maps.depth.iter().map(|z| 0.01 * z).collect());
     export::write_maps(&result, &maps).unwrap();
     let albedo: Vec<f32> = (0..nx * ny * 20).map(|v| (v % 97) as f32).collect();
     let extent = [-0.6, 0.6, -0.4, 0.4, 0.5, 2.5];

@@ -21,6 +21,7 @@ fn maps() -> Maps {
         normal: vec![[f32::NAN; 3]; 8],
         mask: Vec::new(),
         mask_fraction: Some(0.0),
+        confidence: None,
         behind: None,
     };
     (maps.albedo[7], maps.depth[7], maps.normal[7]) = (2.0, 1.5, [0.0, 0.6, -0.8]);
@@ -52,6 +53,36 @@ fn maps_come_back() {
 }
 
 #[test]
+fn confidence_is_written_where_it_was_told() {
+    let (folder, path) = place("maps.npz");
+    let mut m = two_layers();
+    npz::write_maps(&path, &m).unwrap();
+    assert_eq!(npz::read_maps(&path).unwrap().confidence, None, "as in files of before");
+    export::write_maps(folder.path(), &m).unwrap();
+    assert!(!folder.path().join("confidence.png").exists());
+
+    m.confidence = Some((0..8).map(|p| if p == 7 { 0.004 } else { f32::NAN }).collect());
+    m.behind.as_mut().unwrap().confidence = Some(vec![0.25; 8]);
+    let written = export::write_maps(folder.path(), &m).unwrap();
+    assert!(written.contains(&folder.path().join("confidence.png")));
+    let back = npz::read_maps(&path).unwrap();
+    assert!(same(&back.confidence.unwrap(), m.confidence.as_ref().unwrap()));
+    assert_eq!(back.behind.unwrap().confidence, Some(vec![0.25; 8]));
+    let mut npz = thirdbounce::files::archive::Npz::open(&path).unwrap();
+    assert_eq!(npz.get("layers_confidence").unwrap().unwrap().shape, [2, 4, 2]);
+    let picture = exr::prelude::read_all_data_from_file(folder.path().join("maps.exr")).unwrap();
+    let channels = &picture.layer_data[0].channel_data.list;
+    // The pixel of largest x and y is at the right of the top row.
+    let corner = |name: &str| {
+        let channel = channels.iter().find(|c| c.name.to_string() == name).expect(name);
+        channel.sample_data.value_by_flat_index(3).to_f32()
+    };
+    assert_eq!([corner("confidence.Z"), corner("behind.confidence.Z")], [0.004, 0.25]);
+    m.confidence.as_mut().unwrap().pop();
+    assert_error(npz::write_maps(&path, &m), Kind::Input, &["confidence", "7 values"]);
+}
+
+#[test]
 fn truth_comes_back() {
     let (_folder, path) = place("truth.npz");
     let m = maps();
@@ -78,6 +109,7 @@ fn two_layers() -> Maps {
         depth: vec![f32::NAN; 8],
         normal: vec![[f32::NAN; 3]; 8],
         mask: vec![],
+        confidence: None,
     };
     (behind.albedo[7], behind.depth[7], behind.normal[7]) = (1.0, 2.5, [0.6, 0.0, -0.8]);
     (behind.albedo[0], behind.depth[0], behind.normal[0]) = (0.25, 1.5, [0.0, 0.0, -1.0]);

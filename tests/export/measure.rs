@@ -20,6 +20,7 @@ fn maps(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Maps {
         normal: lit.iter().map(|&l| if l { TOWARDS_WALL } else { MISS }).collect(),
         mask: Vec::new(),
         mask_fraction: Some(0.0),
+        confidence: None,
         behind: None,
     };
     maps.set_mask(Maps::MASK_FRACTION);
@@ -54,7 +55,13 @@ fn layers_are_measured_each() {
     // A plate of 2 x 4 pixels at 0.5 m before a wall at 1 m; found 2 x 3 of the plate, and behind it 1 x 4 at 1.1 m.
     let mut real = truth(4, |_, _| true, 1.0);
     real.depth[..8].fill(0.5);
-    let layer = |m: Maps| Layer { albedo: m.albedo, depth: m.depth, normal: m.normal, mask: m.mask };
+    let layer = |m: Maps| Layer {
+        albedo: m.albedo,
+        depth: m.depth,
+        normal: m.normal,
+        mask: m.mask,
+        confidence: None,
+    };
     let mut found = maps(4, |_, _| true, 1.0);
     found.depth[..6].fill(0.5);
     assert!(metrics(&found, &real, 0.3).unwrap().layers.is_empty());
@@ -68,6 +75,25 @@ fn layers_are_measured_each() {
     assert_eq!((m.layers[1].iou, m.layers[1].completeness), (Some(0.5), Some(0.5)));
     close(m.layers[1].depth_mae, f64::from(1.1f32) - 1.0);
     assert_eq!(m.layers[1].normal_error_deg, Some(0.0));
+}
+
+#[test]
+fn errors_within_the_confidence_are_counted() {
+    // Sixteen pixels, 10 mm off; the left half is told to be 20 mm off, the right one 5 mm, one pixel nothing.
+    let real = truth(4, |_, _| true, 0.5);
+    let mut found = maps(4, |_, _| true, 0.51);
+    assert_eq!(metrics(&found, &real, None).unwrap().within_confidence, None);
+    let mut told: Vec<f32> = (0..16).map(|p| if p < 8 { 0.02 } else { 0.005 }).collect();
+    found.confidence = Some(told.clone());
+    let m = metrics(&found, &real, None).unwrap();
+    assert_eq!(m.within_confidence, Some(0.5));
+    let shares: Vec<f64> = m.calibration.iter().map(|q| q[1]).collect();
+    assert_eq!(shares, [0.0, 0.0, 1.0, 1.0]);
+    assert!((m.calibration[0][0] - 0.005).abs() < 1e-6 && (m.calibration[3][0] - 0.02).abs() < 1e-6);
+    told[15] = f32::NAN;
+    found.confidence = Some(told);
+    assert_eq!(metrics(&found, &real, None).unwrap().within_confidence, Some(8.0 / 15.0));
+    assert!(m.clone().brief().calibration.is_empty() && m.brief().within_confidence.is_some());
 }
 
 #[test]

@@ -100,6 +100,7 @@ fn empty(n: usize, extent: [f64; 4]) -> Maps {
         normal: vec![[f32::NAN; 3]; n * n],
         mask: vec![false; n * n],
         mask_fraction: Some(0.0),
+        confidence: None,
         behind: None,
     }
 }
@@ -175,7 +176,7 @@ fn a_jump_is_not_bridged_and_nothing_gives_an_empty_file() {
 fn what_lies_behind_is_part_of_the_mesh() {
     let mut maps = empty(24, [0.0, 0.24, 0.0, 0.24]);
     let Maps { albedo, depth, normal, mask, .. } = maps.clone();
-    let mut behind = Layer { albedo, depth, normal, mask };
+    let mut behind = Layer { albedo, depth, normal, mask, confidence: None };
     for p in 0..24 * 24 {
         let front = (6..18).contains(&(p / 24)) && (6..18).contains(&(p % 24));
         (maps.albedo[p], maps.normal[p]) = (1.0, [0.0, 0.0, -1.0]);

@@ -26,6 +26,7 @@ fn maps(at: impl Fn(usize, usize) -> Option<(f32, f32)>) -> Maps {
         normal: all.iter().map(normal).collect(),
         mask: vec![],
         mask_fraction: Some(0.3),
+        confidence: None,
         behind: None,
     };
     maps.set_mask(0.3);

@@ -24,6 +24,7 @@ fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
         normal: vec![[0.0, 0.0, -1.0]; count],
         mask: vec![true; count],
         mask_fraction: Some(0.3),
+        confidence: None,
         behind: None,
     }
 }

@@ -144,6 +144,7 @@ fn nothing(maps: &Maps) -> Maps {
         depth: vec![f32::NAN; count],
         normal: vec![[f32::NAN; 3]; count],
         mask: vec![false; count],
+        confidence: None,
         behind: None,
         ..*maps
     }
@@ -186,7 +187,7 @@ pub fn merge(layers: &[Maps; 2], least: f64) -> Maps {
         put(&mut behind, is_double.then_some(far), c);
     }
     let Maps { albedo, depth, normal, mask, .. } = behind;
-    maps.behind = double.contains(&true).then_some(Layer { albedo, depth, normal, mask });
+    maps.behind = double.contains(&true).then_some(Layer { albedo, depth, normal, mask, confidence: None });
     maps.set_mask(maps.mask_fraction);
     maps
 }

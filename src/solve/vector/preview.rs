@@ -66,6 +66,7 @@ fn brightest(grid: &Grid, volume: &[f32]) -> Maps {
         normal: vec![[f32::NAN; 3]; nx * ny],
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
         mask_fraction: Some(Maps::MASK_FRACTION),
+        confidence: None,
         behind: None,
         albedo,
         depth,

@@ -1,0 +1,36 @@
+//! The expected depth error as a picture.
+
+use std::path::Path;
+
+use super::depth_error::{millimetres, shade};
+use super::picture::{BACKGROUND, INK, Picture, SIDE, enlargement};
+use super::png;
+use crate::error::Result;
+use crate::maps::{Maps, percentile};
+
+const MARGIN: usize = 12;
+
+/// Writes the confidence of the masked pixels in colour, as `depth_error.png` shows errors: from 0 (purple) to its 99th
+/// percentile (yellow), beside a bar in millimetres. Without confidence the picture is empty.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write(path: &Path, maps: &Maps) -> Result<()> {
+    maps.check()?;
+    png::write(path, &picture(maps))
+}
+
+fn picture(maps: &Maps) -> Picture {
+    let told = |p: usize| maps.confidence.as_ref().map(|c| c[p]).filter(|c| maps.mask[p] && c.is_finite());
+    let all: Vec<f32> = (0..maps.depth.len()).filter_map(told).collect();
+    let most = percentile(&all, 99.0).map(f64::from).filter(|m| *m > 0.0);
+    let share = |c: f32| most.map_or(0.0, |m| f64::from(c) / m);
+    let map = Picture::of_maps(maps, enlargement(maps), |p| told(p).map_or(BACKGROUND, |c| shade(share(c))));
+    let Some(most) = most else { return map };
+    let labels = [most, 0.5 * most, 0.0].map(|m| format!("{} mm", millimetres(m)));
+    let height = map.height.max(SIDE / 4);
+    let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);
+    picture.paste(&map, 0, 0);
+    picture.colour_bar(map.width + MARGIN, [MARGIN, height - MARGIN], 0.0, &labels, INK);
+    picture
+}

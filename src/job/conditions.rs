@@ -1,0 +1,85 @@
+//! What a solve tells of the depth errors of its maps.
+
+use glam::DVec3;
+
+use crate::capture::{Capture, Pulse};
+use crate::maps::{Conditions, Maps};
+use crate::solve::{Reconstruction, background, variances};
+
+/// Sets the confidence of the result's maps and of those after earlier iterations. `capture` is what was solved.
+pub fn tell(capture: &Capture, result: &mut Reconstruction, snapshots: &mut [(usize, Maps)]) {
+    let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
+    let all = Conditions {
+        noise: noise(capture),
+        width: capture.bin_width.hypot(pulse),
+        aperture: aperture(capture),
+        voxel: 0.0,
+    };
+    let last = result.trace.last().map_or(0, |p| p.iteration);
+    let after = |maps: &Maps, iteration: usize| {
+        let is_volume = result.surface_left || iteration <= result.volume_iterations;
+        let level = result.plan.levels.iter().find(|l| l.grid.n[0] == maps.nx);
+        let voxel = level.unwrap_or(result.plan.finest()).grid.pitch.z;
+        Conditions { voxel: if is_volume { voxel } else { 0.0 }, ..all }
+    };
+    for (iteration, maps) in snapshots {
+        let known = after(maps, *iteration);
+        maps.set_confidence(&known);
+    }
+    let known = after(&result.maps, last);
+    result.maps.set_confidence(&known);
+}
+
+/// The variance of all bins over their squared counts without background; 1 without light.
+fn noise(capture: &Capture) -> f64 {
+    let background = background(capture);
+    let [per_count, empty] = variances(capture, background);
+    let light = || capture.histograms.iter().map(|v| f64::from(*v) - background);
+    let variance: f64 = light().map(|v| per_count * v + empty).sum();
+    let energy: f64 = light().map(|v| v * v).sum();
+    if energy > 0.0 { (variance / energy).clamp(0.0, 1.0) } else { 1.0 }
+}
+
+/// The mean extent of laser and sensor points over that of all points; 1 for a single point.
+fn aperture(capture: &Capture) -> f64 {
+    let extent = |points: &mut dyn Iterator<Item = &DVec3>| {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        points.for_each(|p| (low, high) = (low.min(*p), high.max(*p)));
+        (high - low).length()
+    };
+    let [laser, sensor] = [&capture.laser, &capture.sensor].map(|points| extent(&mut points.iter()));
+    let all = extent(&mut capture.laser.iter().chain(&capture.sensor));
+    if all > 0.0 { 0.5 * (laser + sensor) / all } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of nine pairs with these laser points, and sensor points from -1 to 1 m.
+    fn row(laser: impl Fn(f64) -> f64, histogram: &[f32]) -> Capture {
+        let at = |x: f64| DVec3::new(x, 0.0, 0.0);
+        let sensor: Vec<f64> = (0..9).map(|i| f64::from(i) / 4.0 - 1.0).collect();
+        let laser = sensor.iter().map(|x| at(laser(*x))).collect();
+        let sensor = sensor.iter().map(|x| at(*x)).collect();
+        Capture::new([9, 1], laser, sensor, histogram.len(), 0.01, histogram.repeat(9))
+    }
+
+    #[test]
+    fn one_laser_point_is_half_an_aperture() {
+        let of = |laser: &dyn Fn(f64) -> f64| aperture(&row(laser, &[1.0]));
+        assert_eq!([of(&|x| x), of(&|_| 0.0), of(&|x| 0.5 * x)], [1.0, 0.5, 0.75]);
+        let mut single = row(|_| 0.0, &[1.0]);
+        single.sensor = single.laser.clone();
+        assert_eq!(aperture(&single), 1.0);
+    }
+
+    #[test]
+    fn noise_is_the_variance_over_the_energy() {
+        let mut photons = row(|x| x, &[0.0, 4.0, 2.0, 0.0]);
+        photons.integer_counts = true;
+        // Nothing is behind the light, so there is no background: 6 over 16 + 4.
+        assert!((noise(&photons) - 0.3).abs() < 1e-9, "{}", noise(&photons));
+        assert_eq!(noise(&row(|x| x, &[0.0; 4])), 1.0);
+    }
+}

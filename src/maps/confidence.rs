@@ -1,0 +1,246 @@
+//! Tells from a result how far its depths are off.
+//!
+//! Errors grow with the dimness of a pixel, the slope of its surface and the roughness of the depths around it. Over a
+//! whole map they grow with noise, with the width of bins and pulse, and where one laser or sensor point sees less than
+//! a scan. The expected error is a product of powers of these, in pixels. The powers are a quantile regression over
+//! reconstructions with truth (benches/NOTES.md). docs/confidence.md compares the values with real errors.
+
+use super::mask::smoothed;
+use super::{Layer, Maps};
+
+/// The error, in pixels, where all factors are 1.
+const USUAL: f64 = 0.7;
+
+/// Powers of the albedo over that of the usual pixel, and of the cosine between the surface's normal and the wall's.
+const BRIGHT: f64 = -1.55;
+const FACING: f64 = -1.85;
+
+/// Powers of the aperture, and of the width of a bin with its pulse over that of a pixel.
+const APERTURE: f64 = -2.45;
+const WIDTH: f64 = 0.6;
+
+/// The error grows by e to this times the noise.
+const NOISE: f64 = 2.75;
+
+/// Limits of the brightness, and the least cosine.
+const DIMMEST: f64 = 0.1;
+const BRIGHTEST: f64 = 1.5;
+const STEEPEST: f64 = 0.15;
+
+/// Roughness of a perfect surface, and the sigma of the Gaussian that it is measured against, in pixels.
+const SMOOTHEST: f64 = 0.03;
+const AROUND: f64 = 1.0;
+
+/// The weight of a pixel beside the mask in means of depth.
+const BESIDE: f64 = 1e-6;
+
+/// What the depths of a volume are off because they are centres of voxels, in voxels.
+const VOXEL: f64 = 0.5;
+
+/// What is known of the data and of the solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// Expected energy of the noise over the energy of the measurement: 0 without noise, 1 without light.
+    pub noise: f64,
+    /// Width of a bin and of the instrument's pulse together, metres of path.
+    pub width: f64,
+    /// Mean extent of laser and sensor points over that of all points: 1 if both cover the wall, 1/2 if one of them is a
+    /// single point.
+    pub aperture: f64,
+    /// Depth of a voxel in metres if depths are voxels' centres; 0 for those of a surface.
+    pub voxel: f64,
+}
+
+impl Maps {
+    /// Sets the confidence of all layers: for each pixel with a depth, the depth error in metres that two of three such
+    /// pixels do not exceed. NaN for pixels without a depth. Errors of pixels beside the mask are a guess.
+    pub fn set_confidence(&mut self, known: &Conditions) {
+        let told = |maps: &Maps| maps.expected_errors(known);
+        let second = self.layer(1).filter(|_| self.behind.is_some()).map(|maps| told(&maps));
+        self.confidence = Some(told(self));
+        if let (Some(Layer { confidence, .. }), Some(second)) = (&mut self.behind, second) {
+            *confidence = Some(second);
+        }
+    }
+
+    /// The expected errors of one layer.
+    fn expected_errors(&self, known: &Conditions) -> Vec<f32> {
+        let [x0, x1, y0, y1] = self.extent;
+        let pixel = ((x1 - x0) / self.nx as f64 * (y1 - y0) / self.ny as f64).sqrt();
+        let usual = self.usual_albedo();
+        let depth: Vec<f64> = self.depth.iter().map(|z| f64::from(*z) / pixel).collect();
+        let shown: Vec<bool> = depth.iter().zip(&self.mask).map(|(z, m)| *m && z.is_finite()).collect();
+        let rough = self.roughness(&depth, &shown);
+        let everywhere = USUAL
+            * (NOISE * known.noise).exp()
+            * known.aperture.powf(APERTURE)
+            * (known.width / pixel).powf(WIDTH);
+        let of = |i: usize| {
+            let bright = (f64::from(self.albedo[i]) / usual).clamp(DIMMEST, BRIGHTEST);
+            let error = everywhere
+                * bright.powf(BRIGHT)
+                * self.facing(&depth, &shown, i).max(STEEPEST).powf(FACING)
+                * (rough[i] + SMOOTHEST);
+            if depth[i].is_finite() { (error * pixel).hypot(VOXEL * known.voxel) as f32 } else { f32::NAN }
+        };
+        (0..depth.len()).map(of).collect()
+    }
+
+    /// The median albedo of the mask; 1 without a mask.
+    fn usual_albedo(&self) -> f64 {
+        let lit = self.albedo.iter().zip(&self.mask).filter(|(a, m)| **m && **a > 0.0);
+        let lit: Vec<f32> = lit.map(|(a, _)| *a).collect();
+        super::percentile(&lit, 50.0).map_or(1.0, f64::from)
+    }
+
+    /// The cosine between the wall's normal and that of the surface through a pixel's neighbours.
+    fn facing(&self, depth: &[f64], shown: &[bool], i: usize) -> f64 {
+        let slope = |at: usize, count: usize, stride: usize| {
+            let low = at.checked_sub(1).map(|_| i - stride).filter(|j| shown[*j]).unwrap_or(i);
+            let high = Some(i + stride).filter(|j| at + 1 < count && shown[*j]).unwrap_or(i);
+            let steps = (high - low) / stride;
+            if steps == 0 || depth[i].is_nan() { 0.0 } else { (depth[high] - depth[low]) / steps as f64 }
+        };
+        let along_x = slope(i / self.ny, self.nx, self.ny);
+        1.0 / (1.0 + along_x.powi(2) + slope(i % self.ny, self.ny, 1).powi(2)).sqrt()
+    }
+
+    /// Root mean square of how far the depths around each pixel are off the smoothed depth.
+    fn roughness(&self, depth: &[f64], shown: &[bool]) -> Vec<f64> {
+        let [nx, ny] = [self.nx, self.ny];
+        let weight = |i: usize| match (shown[i], depth[i].is_finite()) {
+            (true, _) => 1.0,
+            (false, true) => BESIDE,
+            (false, false) => 0.0,
+        };
+        let weights: Vec<f64> = (0..depth.len()).map(weight).collect();
+        let around = smoothed([nx, ny], &weights, AROUND);
+        let mean = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let weighted = |i: usize| if weights[i] > 0.0 { weights[i] * of(i) } else { 0.0 };
+            let all: Vec<f64> = (0..depth.len()).map(weighted).collect();
+            let sums = smoothed([nx, ny], &all, AROUND);
+            sums.iter().zip(&around).map(|(s, w)| if *w > 0.0 { s / w } else { 0.0 }).collect()
+        };
+        let smooth = mean(&|i| depth[i]);
+        mean(&|i| (depth[i] - smooth[i]).powi(2)).into_iter().map(f64::sqrt).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: usize = 24;
+    const KNOWN: Conditions = Conditions { noise: 0.0, width: 0.01, aperture: 1.0, voxel: 0.0 };
+
+    /// Maps with pixels of 1 cm and this (albedo, depth in metres).
+    fn maps(of: impl Fn(usize, usize) -> (f32, f64)) -> Maps {
+        let all: Vec<(f32, f64)> = (0..SIDE * SIDE).map(|i| of(i / SIDE, i % SIDE)).collect();
+        let mut maps = Maps {
+            nx: SIDE,
+            ny: SIDE,
+            extent: [0.0, 0.24, 0.0, 0.24],
+            albedo: all.iter().map(|p| p.0).collect(),
+            depth: all.iter().map(|p| p.1 as f32).collect(),
+            normal: vec![[f32::NAN; 3]; SIDE * SIDE],
+            mask: vec![],
+            mask_fraction: None,
+            confidence: None,
+            behind: None,
+        };
+        maps.set_mask(0.3);
+        maps
+    }
+
+    fn told(mut maps: Maps, known: Conditions) -> Vec<f32> {
+        maps.set_confidence(&known);
+        maps.check().unwrap();
+        maps.confidence.unwrap()
+    }
+
+    /// The value in the middle of the map.
+    fn middle(maps: Maps, known: Conditions) -> f64 {
+        f64::from(told(maps, known)[SIDE / 2 * SIDE + SIDE / 2])
+    }
+
+    fn flat(_: usize, _: usize) -> (f32, f64) {
+        (1.0, 0.5)
+    }
+
+    #[test]
+    fn a_perfect_plate_is_certain_to_a_fraction_of_a_pixel() {
+        let error = middle(maps(flat), KNOWN);
+        let wanted = 0.01 * USUAL * SMOOTHEST;
+        assert!((error / wanted - 1.0).abs() < 0.02, "{error} {wanted}");
+        assert!((1e-4..1e-3).contains(&error));
+    }
+
+    #[test]
+    fn dim_steep_and_rough_pixels_are_less_certain() {
+        let usual = middle(maps(flat), KNOWN);
+        let is_middle = |x: usize, y: usize| (x, y) == (SIDE / 2, SIDE / 2);
+        let dim = middle(maps(|x, y| (if is_middle(x, y) { 0.5 } else { 1.0 }, 0.5)), KNOWN);
+        assert!((dim / usual - 0.5f64.powf(BRIGHT)).abs() < 0.05, "{}", dim / usual);
+        // At 60 degrees to the wall, along either axis; a plane is as rough as the Gaussian is wide.
+        let steep = [0, 1].map(|axis| {
+            middle(maps(|x, y| (1.0, 0.5 + 0.01 * 3f64.sqrt() * [x, y][axis] as f64)), KNOWN) / usual
+        });
+        assert!(steep[0] > 0.5f64.powf(FACING) && (steep[0] / steep[1] - 1.0).abs() < 1e-3, "{steep:?}");
+        let rough = |deep: f64| middle(maps(|x, y| (1.0, 0.5 + deep * ((x + y) % 2) as f64)), KNOWN);
+        assert!(rough(0.01) > 4.0 * usual && rough(0.02) > 1.5 * rough(0.01));
+    }
+
+    #[test]
+    fn noise_wide_bins_and_one_laser_point_make_all_less_certain() {
+        let of = |known: Conditions| middle(maps(flat), known) / middle(maps(flat), KNOWN);
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
+        assert!(near(of(Conditions { noise: 0.5, ..KNOWN }), (0.5 * NOISE).exp()));
+        assert!(near(of(Conditions { width: 0.02, ..KNOWN }), 2f64.powf(WIDTH)));
+        assert!(near(of(Conditions { aperture: 0.5, ..KNOWN }), 0.5f64.powf(APERTURE)));
+    }
+
+    #[test]
+    fn centres_of_voxels_are_at_least_half_a_voxel_off() {
+        let error = middle(maps(flat), Conditions { voxel: 0.02, ..KNOWN });
+        assert!((0.01..0.0101).contains(&error), "{error}");
+    }
+
+    #[test]
+    fn other_units_and_scales_of_albedo_change_nothing() {
+        let bumpy = |x: usize, y: usize| (1.0 + 0.1 * (x % 3) as f32, 0.5 + 0.002 * (x * y % 7) as f64);
+        let one = told(maps(bumpy), KNOWN);
+        let mut large = maps(|x, y| (5.0 * bumpy(x, y).0, 1e3 * bumpy(x, y).1));
+        large.extent = large.extent.map(|v| 1e3 * v);
+        let large = told(large, Conditions { width: 1e3 * KNOWN.width, ..KNOWN });
+        for (a, b) in one.iter().zip(&large) {
+            assert!((1e3 * a / b - 1.0).abs() < 1e-2, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_told_where_there_is_no_depth() {
+        let half = |x: usize, y: usize| if x < 12 { flat(x, y) } else { (0.0, f64::NAN) };
+        let all = told(maps(half), KNOWN);
+        assert!(all.iter().enumerate().all(|(i, c)| c.is_nan() == (i >= 12 * SIDE)));
+        // The plate is as certain at its edge as within: the pixels beside it do not count.
+        assert!((all[11 * SIDE + 12] / all[5 * SIDE + 12] - 1.0).abs() < 0.02);
+        assert!(told(maps(|_, _| (0.0, f64::NAN)), KNOWN).iter().all(|c| c.is_nan()));
+    }
+
+    #[test]
+    fn each_layer_has_its_own() {
+        let mut both = maps(flat);
+        let back = maps(|x, y| (0.5, 0.7 + 0.02 * ((x + y) % 2) as f64));
+        both.behind = Some(Layer {
+            albedo: back.albedo,
+            depth: back.depth,
+            normal: back.normal,
+            mask: back.mask,
+            confidence: None,
+        });
+        both.set_confidence(&KNOWN);
+        let at = SIDE / 2 * SIDE + SIDE / 2;
+        let [first, second] = [0, 1].map(|l| both.layer(l).unwrap().confidence.unwrap()[at]);
+        assert!(second > 2.0 * first, "{first} {second}");
+    }
+}

@@ -1,0 +1,63 @@
+//! How true the confidence of maps is: expected depth errors against real ones.
+
+/// The share of errors that are at most the confidence if it is right.
+pub const WITHIN: f64 = 0.68;
+
+/// Pairs of (confidence, |depth error|) in metres.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Calibration {
+    pairs: Vec<[f64; 2]>,
+}
+
+impl Calibration {
+    /// Adds a pixel. One without confidence or without a true depth (NaN) does not count.
+    pub fn add(&mut self, confidence: f64, error: f64) {
+        if confidence.is_finite() && error.is_finite() {
+            self.pairs.push([confidence, error.abs()]);
+        }
+    }
+
+    /// Share of the pixels whose error is within their confidence; `None` without pixels. [`WITHIN`] if it is right.
+    pub fn within(&self) -> Option<f64> {
+        within(&self.pairs)
+    }
+
+    /// The pixels in four parts of equal size, from the most certain to the least: for each the median confidence in
+    /// metres and the share within. Empty with fewer than four pixels.
+    pub fn quarters(&self) -> Vec<[f64; 2]> {
+        let mut sorted = self.pairs.clone();
+        sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let n = sorted.len();
+        if n < 4 {
+            return vec![];
+        }
+        let parts = (0..4).map(|k| &sorted[k * n / 4..(k + 1) * n / 4]);
+        parts.filter_map(|part| Some([part[part.len() / 2][0], within(part)?])).collect()
+    }
+}
+
+fn within(pairs: &[[f64; 2]]) -> Option<f64> {
+    let inside = pairs.iter().filter(|[confidence, error]| error <= confidence).count();
+    (!pairs.is_empty()).then(|| inside as f64 / pairs.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarters_go_from_certain_to_uncertain() {
+        let mut all = Calibration::default();
+        assert_eq!((all.within(), all.quarters()), (None, vec![]));
+        // Every quarter has ten pixels; of the k-th, the errors of k + 1 exceed the confidence.
+        for i in (0..40).rev() {
+            let (quarter, confidence) = (i / 10, 1.0 + f64::from(i));
+            let is_more = i % 10 <= quarter;
+            all.add(confidence, if is_more { -2.0 * confidence } else { confidence });
+        }
+        all.add(f64::NAN, 1.0);
+        all.add(1.0, f64::NAN);
+        assert_eq!(all.within(), Some(0.75));
+        assert_eq!(all.quarters(), [[6.0, 0.9], [16.0, 0.8], [26.0, 0.7], [36.0, 0.6]]);
+    }
+}
