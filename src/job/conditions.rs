@@ -13,14 +13,16 @@ pub fn tell(capture: &Capture, result: &mut Reconstruction, snapshots: &mut [(us
         noise: noise(capture),
         width: capture.bin_width.hypot(pulse),
         aperture: aperture(capture),
-        voxel: 0.0,
+        voxel: [0.0; 2],
     };
     let last = result.trace.last().map_or(0, |p| p.iteration);
     let after = |maps: &Maps, iteration: usize| {
         let is_volume = result.surface_left || iteration <= result.volume_iterations;
-        let level = result.plan.levels.iter().find(|l| l.grid.n[0] == maps.nx);
-        let voxel = level.unwrap_or(result.plan.finest()).grid.pitch.z;
-        Conditions { voxel: if is_volume { voxel } else { 0.0 }, ..all }
+        // Maps of the surface's resolution may show the volume's voxels.
+        let lateral = maps.nx.min(result.lateral);
+        let level = result.plan.levels.iter().find(|l| l.grid.n[0] == lateral);
+        let pitch = level.unwrap_or(result.plan.finest()).grid.pitch;
+        Conditions { voxel: if is_volume { [pitch.x, pitch.z] } else { [0.0; 2] }, ..all }
     };
     for (iteration, maps) in snapshots {
         let known = after(maps, *iteration);

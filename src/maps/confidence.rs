@@ -34,8 +34,9 @@ const AROUND: f64 = 1.0;
 /// The weight of a pixel beside the mask in means of depth.
 const BESIDE: f64 = 1e-6;
 
-/// What the depths of a volume are off because they are centres of voxels, in voxels.
-const VOXEL: f64 = 0.5;
+/// What the depths of a volume are off because a voxel's centre stands for all of it: shares of its width and its depth.
+const OF_WIDTH: f64 = 0.25;
+const OF_DEPTH: f64 = 0.5;
 
 /// What is known of the data and of the solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,8 +48,8 @@ pub struct Conditions {
     /// Mean extent of laser and sensor points over that of all points: 1 if both cover the wall, 1/2 if one of them is a
     /// single point.
     pub aperture: f64,
-    /// Depth of a voxel in metres if depths are voxels' centres; 0 for those of a surface.
-    pub voxel: f64,
+    /// Width and depth of a voxel in metres if depths are those of voxels; 0 for those of a surface.
+    pub voxel: [f64; 2],
 }
 
 impl Maps {
@@ -75,13 +76,14 @@ impl Maps {
             * (NOISE * known.noise).exp()
             * known.aperture.powf(APERTURE)
             * (known.width / pixel).powf(WIDTH);
+        let of_voxel = (OF_WIDTH * known.voxel[0]).hypot(OF_DEPTH * known.voxel[1]);
         let of = |i: usize| {
             let bright = (f64::from(self.albedo[i]) / usual).clamp(DIMMEST, BRIGHTEST);
             let error = everywhere
                 * bright.powf(BRIGHT)
                 * self.facing(&depth, &shown, i).max(STEEPEST).powf(FACING)
                 * (rough[i] + SMOOTHEST);
-            if depth[i].is_finite() { (error * pixel).hypot(VOXEL * known.voxel) as f32 } else { f32::NAN }
+            if depth[i].is_finite() { (error * pixel).hypot(of_voxel) as f32 } else { f32::NAN }
         };
         (0..depth.len()).map(of).collect()
     }
@@ -131,7 +133,7 @@ mod tests {
     use super::*;
 
     const SIDE: usize = 24;
-    const KNOWN: Conditions = Conditions { noise: 0.0, width: 0.01, aperture: 1.0, voxel: 0.0 };
+    const KNOWN: Conditions = Conditions { noise: 0.0, width: 0.01, aperture: 1.0, voxel: [0.0; 2] };
 
     /// Maps with pixels of 1 cm and this (albedo, depth in metres).
     fn maps(of: impl Fn(usize, usize) -> (f32, f64)) -> Maps {
@@ -200,9 +202,10 @@ mod tests {
     }
 
     #[test]
-    fn centres_of_voxels_are_at_least_half_a_voxel_off() {
-        let error = middle(maps(flat), Conditions { voxel: 0.02, ..KNOWN });
-        assert!((0.01..0.0101).contains(&error), "{error}");
+    fn depths_of_voxels_are_at_least_half_a_voxel_off() {
+        let error = |voxel: [f64; 2]| middle(maps(flat), Conditions { voxel, ..KNOWN });
+        let [flat, wide] = [error([0.0, 0.02]), error([0.04, 0.02])];
+        assert!((0.01..0.0101).contains(&flat) && (0.0141..0.0143).contains(&wide), "{flat} {wide}");
     }
 
     #[test]

@@ -75,7 +75,7 @@ fn confidence_is_written_where_it_was_told() {
     // The pixel of largest x and y is at the right of the top row.
     let corner = |name: &str| {
         let channel = channels.iter().find(|c| c.name.to_string() == name).expect(name);
-        channel.sample_data.value_by_flat_index(3).to_f32()
+        channel.sample_data.levels_as_slice()[0].value_by_flat_index(3).to_f32()
     };
     assert_eq!([corner("confidence.Z"), corner("behind.confidence.Z")], [0.004, 0.25]);
     m.confidence.as_mut().unwrap().pop();

@@ -14,9 +14,9 @@ fn two_of_three_errors_are_within_the_confidence() {
     let [capture, truth] = ["capture.npz", "truth.npz"].map(|name| folder.path().join(name));
     for photons in [None, Some(30.0)] {
         let what = Simulation {
-            scene: Scene { scan: 16, bin_width: 0.01, ..Scene::named("figure").unwrap() },
+            scene: Scene { scan: 16, bin_width: 0.01, photons, ..Scene::named("figure").unwrap() },
             hide_pulse: false,
-            render: RenderOptions { noise: 0.03, photons, ..Default::default() },
+            render: RenderOptions { noise: 0.03, ..Default::default() },
             out: capture.clone(),
             truth: Some((truth.clone(), 64)),
         };
