@@ -1,5 +1,5 @@
-//! How true the confidence is: simulated scenes and captures with truth, reconstructed by the defaults. Prints the table
-//! of docs/confidence.md.
+//! How true the confidence is: simulated scenes and captures with truth, reconstructed by the defaults. Prints a table
+//! as in docs/confidence.md.
 //!
 //!     cargo bench --bench confidence [-- WORD]     THIRDBOUNCE_DATA names the folder of captures with truth
 //!

@@ -10,7 +10,7 @@ use crate::maps::{Maps, percentile};
 
 const MARGIN: usize = 12;
 
-/// Writes the confidence of the masked pixels in colour, as `depth_error.png` shows errors: from 0 (purple) to its 99th
+/// Writes the confidence of the masked pixels in colour on a logarithmic scale, from its 1st (purple) to its 99th
 /// percentile (yellow), beside a bar in millimetres. Without confidence the picture is empty.
 ///
 /// # Errors
@@ -23,11 +23,15 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
 fn picture(maps: &Maps) -> Picture {
     let told = |p: usize| maps.confidence.as_ref().map(|c| c[p]).filter(|c| maps.mask[p] && c.is_finite());
     let all: Vec<f32> = (0..maps.depth.len()).filter_map(told).collect();
-    let most = percentile(&all, 99.0).map(f64::from).filter(|m| *m > 0.0);
-    let share = |c: f32| most.map_or(0.0, |m| f64::from(c) / m);
+    let ends = percentile(&all, 1.0).zip(percentile(&all, 99.0)).filter(|(least, _)| *least > 0.0);
+    let ends = ends.map(|(least, most)| (f64::from(least), f64::from(most)));
+    let share = |c: f32| match ends {
+        Some((least, most)) if most > least => (f64::from(c) / least).ln() / (most / least).ln(),
+        _ => 0.0,
+    };
     let map = Picture::of_maps(maps, enlargement(maps), |p| told(p).map_or(BACKGROUND, |c| shade(share(c))));
-    let Some(most) = most else { return map };
-    let labels = [most, 0.5 * most, 0.0].map(|m| format!("{} mm", millimetres(m)));
+    let Some((least, most)) = ends else { return map };
+    let labels = [most, (least * most).sqrt(), least].map(|m| format!("{} mm", millimetres(m)));
     let height = map.height.max(SIDE / 4);
     let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);
     picture.paste(&map, 0, 0);
