@@ -168,6 +168,8 @@ struct Trials<'t> {
     models: Vec<(Reflectance, Trial<'t>)>,
     /// Metres of path, as narrow as the trials' pixels can tell.
     bin_width: f64,
+    /// The narrowest pulse that the solve, whose bins may be narrower, models: in bins of the trials.
+    narrowest: f64,
     /// The pulse of the capture, if it has one.
     known: Option<Pulse>,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -188,6 +190,7 @@ impl<'t> Trials<'t> {
         let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
         let trial = Request { volume: Some(volume), bins: request.bins, ..Request::new(options, "") };
         let Ready { capture: thin, grid, .. } = trial.ready(Cow::Owned(thin))?;
+        let of_solve = request.sum(&capture.outline()) as f64 * capture.bin_width;
         let of_model = |options: &SolverOptions| {
             let options = quick(options.as_vector(capture.is_confocal()));
             (options.reflectance, Trial::new(gpu, &thin, grid, options, request.memory))
@@ -195,6 +198,7 @@ impl<'t> Trials<'t> {
         Ok(Trials {
             models: all.iter().map(of_model).collect(),
             bin_width: thin.bin_width,
+            narrowest: pulse::NARROWEST * of_solve / thin.bin_width,
             known: capture.pulse.clone(),
             hear,
             tried: vec![],
@@ -223,7 +227,7 @@ impl<'t> Trials<'t> {
     /// The width of the pulse, metres, with this model.
     fn best_width(&mut self, reflectance: Reflectance) -> Result<f64> {
         let bin_width = self.bin_width;
-        let bins = pulse::best_width(&mut |bins| {
+        let bins = pulse::best_width(self.narrowest, &mut |bins| {
             Ok(self.left(reflectance, bins * bin_width)?.map(|left| left.share()))
         })?;
         let of_model = || self.tried.iter().filter(|t| t.reflectance == reflectance);
