@@ -127,6 +127,20 @@ fn a_resumed_run_keeps_the_model_that_was_found() {
 }
 
 #[test]
+fn a_few_pairs_cannot_tell_the_model() {
+    let figures = Figures::new();
+    let [capture, _] = figures.simulated("lambertian", &[]);
+    for pairs in ["1", "2", "31"] {
+        let (report, said) = figures.solved(&capture, pairs, &["--subset", pairs]);
+        let told = format!("cosine is taken: trials need 32 pairs, the capture has {pairs}");
+        assert!(said.contains(&told), "{said}");
+        assert_eq!(report["settings"]["model"], "cosine");
+    }
+    let (report, said) = figures.solved(&capture, "32", &["--subset", "32"]);
+    assert!(tried(&report).len() == 3 && said.contains("by trials"), "{said}");
+}
+
+#[test]
 fn trials_know_the_spot() {
     let figures = Figures::new();
     // As wide as two steps of the scan.

@@ -22,6 +22,9 @@ mod pulse;
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
 
+/// Fewer pairs that judge cannot tell a difference from chance.
+const LEAST_PAIRS: usize = 16;
+
 /// Lateral pixels and iterations of a trial.
 const LATERAL: usize = 64;
 const ITERATIONS: usize = 20;
@@ -185,6 +188,13 @@ impl<'t> Trials<'t> {
     ) -> Result<Trials<'t>> {
         let all =
             if request.models.is_empty() { std::slice::from_ref(&request.solver) } else { &request.models };
+        let judges = capture.pair_count() / 2;
+        if judges < LEAST_PAIRS {
+            return Err(Error::input(
+                format!("trials need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
+                "name the model and the pulse if known",
+            ));
+        }
         let thin = capture.subset((2 * PAIRS).min(capture.pair_count()), 0)?;
         let options = quick(all[0].as_vector(capture.is_confocal()));
         let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;

@@ -34,8 +34,8 @@ pub struct Trial<'g> {
 }
 
 impl<'g> Trial<'g> {
-    /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, so
-    /// there must be two at least.
+    /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, and
+    /// half of them judge, so there must be two at least; a few do not tell a difference from chance.
     pub fn new(
         gpu: &'g Gpu,
         capture: &Capture,
