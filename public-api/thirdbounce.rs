@@ -496,7 +496,7 @@ pub mod export {
             pub capture: Summary,
             pub capture_file: PathBuf,
             pub truth: Option<PathBuf>,
-            pub mask_fraction: f64,
+            pub mask_fraction: Option<f64>,
             pub repeats: usize,
             pub methods: Vec<MethodReport>,
         }
@@ -522,6 +522,9 @@ pub mod export {
             pub best_iou: Reach,
             pub all: Reach,
         }
+        impl MethodReport {
+            pub fn name_and_model(&self) -> String {}
+        }
         impl Comparison {
             pub fn table(&self) -> String {}
             pub fn markdown(&self) -> String {}
@@ -534,12 +537,7 @@ pub mod export {
         impl Figure for ErrorVsTime<'_> {}
     }
     pub mod depth_error {
-        pub fn write(
-            path: &Path,
-            maps: &Maps,
-            truth: &Truth,
-            fraction: f64,
-        ) -> Result<()> {}
+        pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {}
     }
     pub mod exr {
         pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
@@ -1532,7 +1530,7 @@ pub mod job {
             pub preview: bool,
             pub faults: Faults,
             pub truth: Option<PathBuf>,
-            pub mask_fraction: f64,
+            pub mask_fraction: Option<f64>,
             pub trace_every: Option<usize>,
             pub snapshots: Vec<usize>,
             pub checkpoint: Option<PathBuf>,
@@ -1689,6 +1687,7 @@ pub mod job {
     }
     pub fn load(input: &Input) -> Result<Loaded> {}
     pub fn preset_for(capture: &Capture) -> Preset {}
+    pub fn usual_mask(solver: &SolverOptions) -> Option<f64> {}
     #[derive(Debug, Clone)]
     pub struct Outcome {
         pub report: Report,
@@ -1715,7 +1714,7 @@ pub mod maps {
         pub depth: Vec<f32>,
         pub normal: Vec<[f32; 3]>,
         pub mask: Vec<bool>,
-        pub mask_fraction: f64,
+        pub mask_fraction: Option<f64>,
         pub behind: Option<Layer>,
     }
     #[derive(Debug, Clone, PartialEq)]
@@ -1739,7 +1738,7 @@ pub mod maps {
         pub const MASK_FRACTION: f64 = 0.3;
         pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {}
         pub fn white(albedo: &[f32]) -> f32 {}
-        pub fn set_mask(&mut self, fraction: f64) {}
+        pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {}
         pub fn layer(&self, layer: usize) -> Option<Maps> {}
         pub fn check(&self) -> Result<()> {}
         pub fn finer(&self, factor: usize) -> Maps {}
@@ -1772,7 +1771,7 @@ pub mod measure {
         ];
         #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
         pub struct Metrics {
-            pub fraction: f64,
+            pub fraction: Option<f64>,
             pub predicted_pixels: usize,
             pub true_pixels: usize,
             pub hit_pixels: usize,
@@ -1810,7 +1809,11 @@ pub mod measure {
         impl Metrics {
             pub fn brief(mut self) -> Metrics {}
         }
-        pub fn metrics(maps: &Maps, truth: &Truth, fraction: f64) -> Result<Metrics> {}
+        pub fn metrics(
+            maps: &Maps,
+            truth: &Truth,
+            fraction: impl Into<Option<f64>>,
+        ) -> Result<Metrics> {}
     }
     pub mod reach {
         #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -2503,6 +2506,8 @@ pub mod solve {
                 device: &Abilities,
                 with_volume: bool,
             ) -> Result<Plan> {}
+            pub fn of_other_pairs(&self, model: &Model, needs: &dyn Needs) -> Plan {}
+            pub fn make_room(&mut self, other: &Plan) {}
             pub fn constant(&self, constant: Constant) -> Option<u32> {}
             pub fn variants(&self) -> Vec<String> {}
             pub fn cells_at(&self, level: &Level) -> usize {}
@@ -2524,6 +2529,11 @@ pub mod solve {
         }
     }
     mod result {
+        #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+        pub struct TakenOff {
+            pub left: f64,
+            pub left_without: f64,
+        }
         #[derive(Debug, Clone)]
         pub struct Reconstruction {
             pub maps: Maps,
@@ -2538,6 +2548,7 @@ pub mod solve {
             pub lateral: usize,
             pub volume_iterations: usize,
             pub surface_left: bool,
+            pub beyond: Option<TakenOff>,
             pub kernels: Vec<(&'static str, KernelTime)>,
         }
     }
@@ -2705,6 +2716,7 @@ pub mod solve {
             ) -> Schedule {}
         }
         mod trial {
+            pub const PAIRS: usize = 256;
             #[private_fields]
             pub struct Trial<'g> {}
             impl<'g> Trial<'g> {
@@ -2736,7 +2748,7 @@ pub mod solve {
         pub use options::{Domain, VectorOptions};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
-        pub use trial::{Left, Trial};
+        pub use trial::{Left, PAIRS, Trial};
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
             gpu: &Gpu,
@@ -2764,7 +2776,7 @@ pub mod solve {
         Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan,
         SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
     };
-    pub use result::Reconstruction;
+    pub use result::{Reconstruction, TakenOff};
     pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
     pub use surface::SurfaceOptions;
     pub use trace::TracePoint;
@@ -3048,6 +3060,7 @@ pub mod transport {
                 active: &[u32],
                 raw: &[Raw],
             ) -> Vec<Sample> {}
+            pub fn light(twin: &Twin, pair: usize, s: &Sample) -> [f64; 2] {}
             pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {}
             pub fn residual(
                 twin: &Twin,
@@ -3287,8 +3300,8 @@ pub mod transport {
         pub use pulse::{Way, instrument, pulse, spot, sum_bins};
         pub use random::random3;
         pub use render::{
-            Sample, backward, finish, forward, objective, residual, sample, sample_point,
-            weighted_objective,
+            Sample, backward, finish, forward, light, objective, residual, sample,
+            sample_point, weighted_objective,
         };
         pub use surface::{
             Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine,
