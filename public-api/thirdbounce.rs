@@ -522,6 +522,9 @@ pub mod export {
             pub best_iou: Reach,
             pub all: Reach,
         }
+        impl MethodReport {
+            pub fn name_and_model(&self) -> String {}
+        }
         impl Comparison {
             pub fn table(&self) -> String {}
             pub fn markdown(&self) -> String {}
@@ -2535,6 +2538,8 @@ pub mod solve {
                 device: &Abilities,
                 with_volume: bool,
             ) -> Result<Plan> {}
+            pub fn of_other_pairs(&self, model: &Model, needs: &dyn Needs) -> Plan {}
+            pub fn make_room(&mut self, other: &Plan) {}
             pub fn constant(&self, constant: Constant) -> Option<u32> {}
             pub fn variants(&self) -> Vec<String> {}
             pub fn cells_at(&self, level: &Level) -> usize {}

@@ -73,6 +73,16 @@ pub struct Reached {
     pub all: Reach,
 }
 
+impl MethodReport {
+    /// Its name, and in brackets the model of reflectance, if trials found it.
+    pub fn name_and_model(&self) -> String {
+        match self.settings["model_found"]["reflectance"].as_str() {
+            Some(model) => format!("{} ({model})", self.name),
+            None => self.name.clone(),
+        }
+    }
+}
+
 impl Comparison {
     /// The figures as a Markdown table.
     pub fn table(&self) -> String {
@@ -92,7 +102,7 @@ impl Comparison {
             };
             let best = m.metrics.at_best.unwrap_or_default();
             let cells = [
-                m.name.replace('|', "\\|"),
+                m.name_and_model().replace('|', "\\|"),
                 m.iterations.to_string(),
                 spread(m.seconds, &m.repeats_s),
                 format!("{:.2} %", 100.0 * m.active_ratio),
@@ -138,6 +148,9 @@ impl Comparison {
             self.mask_fraction.map_or("over the maps' own mask".into(), |f| format!("at the fraction {f}")),
             self.steps(),
         );
+        if self.methods.iter().any(|m| m.name_and_model() != m.name) {
+            out += "\nA model in brackets was found by quick trials, whose time counts as solving.\n";
+        }
         for m in self.methods.iter().filter(|m| m.name != m.method) {
             out += &format!("\n`{}` is `{}`.\n", m.name, m.method);
         }

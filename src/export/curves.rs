@@ -60,7 +60,7 @@ impl ErrorVsTime<'_> {
     fn legend<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
         let mut at = [LEFT, TOP + STEP[1] + PANEL[1] + 72.0];
         for (method, colour) in self.0.methods.iter().zip(COLOURS.into_iter().cycle()) {
-            let (name, seconds) = (shortened(&method.name, 90), plain(rounded(method.seconds)));
+            let (name, seconds) = (shortened(&method.name_and_model(), 90), plain(rounded(method.seconds)));
             let text = format!("{name}: {} iterations in {seconds} s", method.iterations);
             legend(area, &text, Stroke::Curve(colour), at)?;
             at[1] += LEGEND_LINE;

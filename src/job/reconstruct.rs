@@ -91,20 +91,15 @@ pub fn solve(
         let i = progress.point.iteration;
         if let Some(maps) = &progress.maps {
             if request.snapshots.contains(&i) {
-                let mut maps = maps.clone();
-                maps.set_mask(request.mask_fraction);
-                snapshots.push((i, maps));
+                snapshots.push((i, masked(maps, request)));
             }
             if let Some(preview) = preview.filter(|_| previews.contains(&i)) {
                 // The solve goes on without a picture.
                 let _ = preview.show(maps);
             }
             let due = step > 0 && i.is_multiple_of(step);
-            let measured = truth.filter(|_| due).map(|t| {
-                let mut maps = maps.clone();
-                maps.set_mask(request.mask_fraction);
-                metrics(&maps, t, request.mask_fraction)
-            });
+            let truth = truth.filter(|_| due);
+            let measured = truth.map(|t| metrics(&masked(maps, request), t, request.mask_fraction));
             match measured.transpose() {
                 Ok(found) => along.extend(found.map(|m| (i, m.brief()))),
                 Err(e) => {
@@ -138,6 +133,13 @@ pub fn solve(
         along.insert(last.iteration, metrics.clone().brief());
     }
     Ok(Finished { result, metrics, along, snapshots, found, solver: settled.solver, grid, sum })
+}
+
+/// The maps with the mask that the request asks for.
+fn masked(maps: &Maps, request: &Request) -> Maps {
+    let mut maps = maps.clone();
+    maps.set_mask(request.mask_fraction);
+    maps
 }
 
 /// Adds to the error of a cancelled solve how to resume it.

@@ -110,16 +110,15 @@ impl Maps {
     /// albedo's edges.
     pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {
         self.mask_fraction = fraction.into();
-        let threshold = |fraction: f64| (fraction * f64::from(Maps::white(&self.albedo))) as f32;
-        let told: Box<dyn Fn(&[f32]) -> Vec<bool>> = match self.mask_fraction {
-            Some(fraction) => {
-                let threshold = threshold(fraction);
-                Box::new(move |albedo| albedo.iter().map(|&a| a > threshold && a > 0.0).collect())
+        let threshold = self.mask_fraction.map(|f| (f * f64::from(Maps::white(&self.albedo))) as f32);
+        // There is none if nothing is lit.
+        let rule = if threshold.is_none() { mask::Rule::of(self) } else { None };
+        let told = |albedo: &[f32]| -> Vec<bool> {
+            match (threshold, &rule) {
+                (Some(threshold), _) => albedo.iter().map(|a| *a > threshold && *a > 0.0).collect(),
+                (None, Some(rule)) => rule.mask(albedo),
+                (None, None) => vec![false; albedo.len()],
             }
-            None => match mask::Rule::of(self) {
-                Some(rule) => Box::new(move |albedo| rule.mask(albedo)),
-                None => Box::new(|albedo| vec![false; albedo.len()]),
-            },
         };
         self.mask = told(&self.albedo);
         if let Some(behind) = &mut self.behind {

@@ -123,6 +123,7 @@ impl Model {
         Model {
             measured: self.measured.chunks(row * self.bins).flat_map(rows).collect(),
             elements: self.elements_of(wall.pairs()),
+            rendered: self.rendered.as_ref().map(|r| Rendered::of(&wall, r.spot)),
             wall,
             ..self.clone()
         }
@@ -174,6 +175,8 @@ fn arrange(rows: &mut [f32], length: usize, from: &[usize]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capture::Capture;
+    use crate::transport::{Reflectance, Spot};
     use glam::dvec3;
 
     fn lattice(nx: usize, ny: usize, jitter: f64) -> Vec<DVec3> {
@@ -246,6 +249,96 @@ mod tests {
             met.sort_unstable();
             met.dedup();
             assert_eq!(met.len(), 16, "every second point in x and y");
+        }
+    }
+
+    /// A model whose measured values tell their pair and bin, off a wall whose normals tell their point.
+    fn numbered(geometry: Geometry, scanned: usize, others: usize) -> Model {
+        let points = |count: usize, y: f64| (0..count).map(|i| dvec3(0.1 * i as f64, y, 0.0)).collect();
+        let [own, other]: [Vec<DVec3>; 2] = [points(scanned, 0.0), points(others, 0.3)];
+        let normals = own.iter().chain(&other).map(|p| dvec3(p.x, p.y, 1.0)).collect();
+        let wall = Wall { geometry, scanned: own, others: other, normals: Some(normals) };
+        let capture = Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 2, 0.01, vec![1.0; 2]);
+        let pairs = wall.pairs();
+        Model {
+            measured: (0..2 * pairs).map(|i| i as f32).collect(),
+            elements: 3 * pairs,
+            wall,
+            ..Model::new(&capture, Reflectance::Lambertian, 1.0, false)
+        }
+    }
+
+    /// Every pair: its two points, their normals, and its measured values.
+    fn rows_of(model: &Model) -> Vec<String> {
+        let wall = &model.wall;
+        let normal = |i: usize| wall.normals.as_ref().map(|n| n[i]);
+        let row = |pair: usize| {
+            let [s, o] = match wall.geometry {
+                Geometry::Confocal => [pair, pair],
+                Geometry::TwoPoints => [pair, wall.scanned.len() + pair],
+                Geometry::Product => {
+                    [pair % wall.scanned.len(), wall.scanned.len() + pair / wall.scanned.len()]
+                }
+            };
+            let point = |i: usize| {
+                if i < wall.scanned.len() { wall.scanned[i] } else { wall.others[i - wall.scanned.len()] }
+            };
+            let values = &model.measured[2 * pair..][..2];
+            format!("{:?} {:?} {:?} {:?} {values:?}", point(s), point(o), normal(s), normal(o))
+        };
+        (0..wall.pairs()).map(row).collect()
+    }
+
+    #[test]
+    fn both_halves_are_all_pairs_of_every_geometry() {
+        for (geometry, scanned, others) in [
+            (Geometry::Confocal, 6, 0),
+            (Geometry::TwoPoints, 6, 6),
+            (Geometry::Product, 6, 1),
+            (Geometry::Product, 4, 3),
+        ] {
+            let whole = numbered(geometry, scanned, others);
+            let halves = [0, 1].map(|side| whole.half(side));
+            let [first, second] = halves.each_ref().map(|h| (h.pairs(), h.elements, h.measured.len()));
+            let half = whole.pairs() / 2;
+            assert_eq!(
+                (first, second),
+                ((half, 3 * half, 2 * half), (half, 3 * half, 2 * half)),
+                "{geometry:?}"
+            );
+            // Each pair keeps its points, its normals and its measured values.
+            let mut both: Vec<String> = halves.iter().flat_map(rows_of).collect();
+            let mut all = rows_of(&whole);
+            both.sort();
+            all.sort();
+            assert_eq!(both, all, "{geometry:?}");
+        }
+    }
+
+    #[test]
+    fn an_odd_pair_is_in_neither_half() {
+        for (geometry, others) in [(Geometry::Confocal, 0), (Geometry::TwoPoints, 5), (Geometry::Product, 2)]
+        {
+            let whole = numbered(geometry, 5, others);
+            let halves = [0, 1].map(|side| whole.half(side));
+            let all = rows_of(&whole);
+            let [a, b] = halves.each_ref().map(rows_of);
+            assert_eq!(a.len(), b.len());
+            assert!(a.iter().all(|row| all.contains(row) && !b.contains(row)), "{geometry:?}");
+            assert!(b.iter().all(|row| all.contains(row)), "{geometry:?}");
+        }
+    }
+
+    #[test]
+    fn half_of_the_pairs_render_for_their_own_spots() {
+        let mut whole = numbered(Geometry::Confocal, 6, 0);
+        let spot = Spot { sigma: [0.05, 0.0], coarsest: 0.01, path: 1.0 };
+        whole.rendered = Some(Rendered::of(&whole.wall, spot));
+        for side in [0, 1] {
+            let half = whole.half(side);
+            let rendered = half.rendered.as_ref().unwrap();
+            assert_eq!(*rendered, Rendered::of(&half.wall, spot));
+            assert_eq!(rendered.stages.last().unwrap().sums(), 3);
         }
     }
 

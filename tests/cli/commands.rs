@@ -335,7 +335,7 @@ fn paths_without_a_folder_mean_this_folder() {
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     };
     here(&["simulate", "plane", "--out", "p.hdf5", "--scan", "8", "--bin-width", "0.04", "--noise", "0.1"]);
-    let short = ["--lateral", "8", "--iterations", "2", "--quiet"];
+    let short = ["--model", "cosine", "--lateral", "8", "--iterations", "2", "--quiet"];
     here(&[&["reconstruct", "p.hdf5", "--out", "result", "--volume", "v.npz"], &short[..]].concat());
     here(&[&["reconstruct", "p.hdf5", "--out", "."], &short[..]].concat());
     for name in ["result/report.json", "v.npz", "report.json", "maps.npz"] {
@@ -363,7 +363,7 @@ fn an_interrupt_ends_the_run_without_a_result() {
     let out = folder.path().join("result").display().to_string();
     let capture = small().path("z.npz");
     let mut child = Command::new(env!("CARGO_BIN_EXE_thirdbounce"))
-        .args(["reconstruct", &capture, "--out", &out, "--iterations", "1000000"])
+        .args(["reconstruct", &capture, "--out", &out, "--model", "cosine", "--iterations", "1000000"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -409,10 +409,11 @@ fn the_default_solver_repeats_and_knows_both_models() {
             json(&Path::new(&out).join("report.json")),
         )
     };
-    let (first, report) = run("first", &["--deterministic"]);
+    let cosine = ["--deterministic", "--model", "cosine"];
+    let (first, report) = run("first", &cosine);
     assert_eq!(report["settings"]["solver"], "vector");
     assert_eq!(report["trace"].as_array().unwrap().last().unwrap()["lateral"], 32);
-    assert!(first == run("second", &["--deterministic"]).0, "the same bits");
+    assert!(first == run("second", &cosine).0, "the same bits");
     let (lambertian, report) = run("third", &["--deterministic", "--model", "lambertian"]);
     assert!(first != lambertian, "another model, another result");
     assert_eq!(report["settings"]["reflectance"], "lambertian");

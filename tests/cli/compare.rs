@@ -124,7 +124,7 @@ fn without_a_method_every_solver_runs() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().display().to_string();
-    let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1"];
+    let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1", "--model", "cosine"];
     let text = succeed(&[&all[..], &SHORT].concat());
     assert!(text.contains("| paper | 30 |") && text.contains("| vector | 90 |"), "{text}");
     let told = json(&folder.path().join("compare.json"));

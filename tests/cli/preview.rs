@@ -132,7 +132,8 @@ fn the_command_shows_a_preview_unless_told_not_to() {
     write(&capture(), &path).unwrap();
     let out = folder.path().join("out");
     let [capture, out_text] = [&path, &out].map(|p| p.display().to_string());
-    let mut all = vec!["reconstruct", &capture, "--out", &out_text, "--lateral", "32", "--iterations", "20"];
+    let mut all = vec!["reconstruct", &capture, "--out", &out_text, "--model", "cosine"];
+    all.extend(["--lateral", "32", "--iterations", "20"]);
     let told = stderr(&thirdbounce(&all));
     assert!(told.contains("preview.png shows the back-projection"), "{told}");
     assert!(!out.join(PREVIEW).exists());

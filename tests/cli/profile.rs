@@ -51,7 +51,7 @@ fn profiled() -> &'static Profiled {
         let scan = ["--scan", "12", "--bin-width", "0.02", "--noise", "0.1"];
         succeed(&[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
         let paper: &[&str] = &["--double-every", "8", "--reduce-every", "4"];
-        let vector: &[&str] = &["--coarse-iterations", "8", "--surface-iterations", "8"];
+        let vector: &[&str] = &["--model", "cosine", "--coarse-iterations", "8", "--surface-iterations", "8"];
         for (solver, more) in [("paper", paper), ("vector", vector)] {
             let name = |ending: &str| all.folder.path().join(format!("{solver}{ending}"));
             let (profile, trace) = (name(".json"), name(".trace.json"));

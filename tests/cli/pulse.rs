@@ -221,7 +221,7 @@ fn its_width_is_found_and_told() {
         write(&changed(&capture(pulse), |c| c.pulse = None), &file).unwrap();
         file.display().to_string()
     });
-    let short = ["--lateral", "32", "--iterations", "15", "--surface-iterations", "10"];
+    let short = ["--model", "cosine", "--lateral", "32", "--iterations", "15", "--surface-iterations", "10"];
     let solve = |from: &str, name: &str, more: &[&str]| {
         let out = place(name);
         let said = command::thirdbounce(&[&["reconstruct", from, "--out", &out], &short[..], more].concat());

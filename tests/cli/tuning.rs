@@ -31,7 +31,11 @@ fn sizes_are_obeyed_found_and_kept() {
     let (cache, capture) = (folder.path().join("cache"), path("z.npz"));
     let scan = ["--scan", "8", "--bin-width", "0.02", "--noise", "0.2"];
     run(&cache, &[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
-    let short = ["--lateral", "16", "--iterations", "6", "--surface-iterations", "12", "--quiet"];
+    let short = [
+        &["--model", "cosine", "--lateral", "16", "--iterations", "6"][..],
+        &["--surface-iterations", "12", "--quiet"],
+    ]
+    .concat();
     let solve = |out: &str, more: &[&str]| {
         let out = path(out);
         run(&cache, &[&["reconstruct", &capture, "--out", &out], &short[..], more].concat());
@@ -96,7 +100,8 @@ fn sizes_that_no_device_takes_are_refused() {
         ("lanes=64,window=100000", 1, "shared memory"),
         ("chunk=32768,window=64", 1, "loops longer"),
     ] {
-        let short = ["--lateral", "8", "--iterations", "1", "--accumulation", "cas", "--quiet"];
+        let short =
+            ["--model", "cosine", "--lateral", "8", "--iterations", "1", "--accumulation", "cas", "--quiet"];
         fail(
             &[&["reconstruct", &capture, "--out", &out, "--sizes", sizes], &short[..]].concat(),
             code,
@@ -116,7 +121,7 @@ fn a_room_too_small_is_told() {
     run(folder.path(), &[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
     let solve = |out: &str, more: &[&str]| {
         let out = path(out);
-        let short = ["--lateral", "16", "--iterations", "12"];
+        let short = ["--model", "cosine", "--lateral", "16", "--iterations", "12"];
         let said =
             run(folder.path(), &[&["reconstruct", &capture, "--out", &out], &short[..], more].concat());
         (said, json(&Path::new(&out).join("report.json")))

@@ -129,6 +129,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let grid = oblong();
     let field = field(&grid, 61);
     let model = variant(&scene(5, 48, 9), Geometry::TwoPoints, Reflectance::Lambertian, true, 62);
+    let model = spotted(&model, spots_for(Geometry::TwoPoints));
     let o = surface_options(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let mut job = job(gpu, &model, &grid, &o);
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };

@@ -143,7 +143,8 @@ fn small_disk(share: Share) -> Row {
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
         let output = Command::new("sh")
             .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_thirdbounce"), "reconstruct", &capture])
-            .args(["--out", &out, "--volume", &volume, "--lateral", "12", "--iterations", "3", "--quiet"])
+            .args(["--out", &out, "--volume", &volume, "--model", "cosine"])
+            .args(["--lateral", "12", "--iterations", "3", "--quiet"])
             .output()
             .expect("a shell");
         let text = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -20,7 +20,8 @@ pub fn rows(times: usize) -> Vec<Row> {
 fn command(out: &Path, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_thirdbounce"));
     command.arg("reconstruct").arg(files().capture()).arg("--out").arg(out);
-    command.args(["--lateral", "12", "--iterations", "24", "--stop", "never", "--deterministic", "--quiet"]);
+    command.args(["--model", "cosine", "--lateral", "12", "--iterations", "24"]);
+    command.args(["--stop", "never", "--deterministic", "--quiet"]);
     command.args(["--volume"]).arg(out.with_extension("hdf5")).args(more);
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     command

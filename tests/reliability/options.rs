@@ -40,12 +40,12 @@ fn base(verb: &str) -> Vec<String> {
         "demo" => "--out {}/demo --device nowhere --quiet".into(),
         "info" => format!("{capture} --lateral 8"),
         "schedule" => format!("{capture} --lateral 8 --iterations 3"),
-        "reconstruct" => format!("{capture} --out {{}}/r --lateral 8 --iterations 3 --quiet"),
+        "reconstruct" => format!("{capture} --out {{}}/r --model cosine --lateral 8 --iterations 3 --quiet"),
         "simulate" => "plane --out {}/c.npz --scan 3 --bin-width 0.05 --noise 0.5".into(),
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
         "compare" => {
             format!(
-                "{capture} --truth {truth} --out {{}}/c --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
+                "{capture} --truth {truth} --out {{}}/c --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
             )
         }
         "convert" => format!("{capture} {{}}/c.npz"),

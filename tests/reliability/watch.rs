@@ -156,12 +156,12 @@ fn captures_that_are_no_numbers_are_refused_by_the_solvers() {
     let gpu = gpu();
     let good = letter();
     let grid = grid_of(&good);
-    for (value, words) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-1.0, "-1")] {
+    for (value, words) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
         let mut bad = good.clone();
         bad.histograms[3 * bad.bins + 7] = value;
         let failures =
             [by_paper(&gpu, &bad, grid, &paper_options()), by_vector(&gpu, &bad, grid, &vector_options())];
-        for failed in failures.map(|f| f.unwrap_err()) {
+        for failed in failures.map(|f| f.map(drop).unwrap_err()) {
             assert_eq!(failed.kind, Kind::Input);
             assert!(["pair 3", "bin 7", words].iter().all(|w| failed.what.contains(w)), "{failed}");
         }
@@ -170,6 +170,26 @@ fn captures_that_are_no_numbers_are_refused_by_the_solvers() {
     dark.histograms.fill(0.0);
     let failed = by_vector(&gpu, &dark, grid, &vector_options()).unwrap_err();
     assert!(failed.what.contains("no signal") && failed.kind == Kind::Input, "{failed}");
+}
+
+/// Some counts may be negative, where others took the background off, but not most of the light.
+#[test]
+fn negative_counts_are_taken_unless_they_outweigh_the_others() {
+    let gpu = gpu();
+    let good = letter();
+    let grid = grid_of(&good);
+    let with = |value: f32| {
+        let mut capture = good.clone();
+        capture.histograms[3 * capture.bins + 7] = value;
+        [by_paper(&gpu, &capture, grid, &paper_options()), by_vector(&gpu, &capture, grid, &vector_options())]
+    };
+    for solved in with(-1.0) {
+        assert!(solved.unwrap().trace.iter().all(|p| p.loss.is_finite()));
+    }
+    for refused in with(-1e9) {
+        let failed = refused.map(drop).unwrap_err();
+        assert!(failed.what.contains("negative counts outweigh") && failed.kind == Kind::Input, "{failed}");
+    }
 }
 
 /// Steps and weights ten times too large or too small still give a finite loss, not far above that of an empty volume.

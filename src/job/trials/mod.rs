@@ -22,6 +22,9 @@ mod pulse;
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
 
+/// Fewer pairs that judge cannot tell a difference from chance.
+const LEAST_PAIRS: usize = 16;
+
 /// Lateral pixels and iterations of a trial.
 const LATERAL: usize = 64;
 const ITERATIONS: usize = 20;
@@ -168,6 +171,8 @@ struct Trials<'t> {
     models: Vec<(Reflectance, Trial<'t>)>,
     /// Metres of path, as narrow as the trials' pixels can tell.
     bin_width: f64,
+    /// The narrowest pulse that the solve, whose bins may be narrower, models: in bins of the trials.
+    narrowest: f64,
     /// The pulse of the capture, if it has one.
     known: Option<Pulse>,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -183,11 +188,19 @@ impl<'t> Trials<'t> {
     ) -> Result<Trials<'t>> {
         let all =
             if request.models.is_empty() { std::slice::from_ref(&request.solver) } else { &request.models };
+        let judges = capture.pair_count() / 2;
+        if judges < LEAST_PAIRS {
+            return Err(Error::input(
+                format!("trials need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
+                "name the model and the pulse if known",
+            ));
+        }
         let thin = capture.subset((2 * PAIRS).min(capture.pair_count()), 0)?;
         let options = quick(all[0].as_vector(capture.is_confocal()));
         let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
         let trial = Request { volume: Some(volume), bins: request.bins, ..Request::new(options, "") };
         let Ready { capture: thin, grid, .. } = trial.ready(Cow::Owned(thin))?;
+        let of_solve = request.sum(&capture.outline()) as f64 * capture.bin_width;
         let of_model = |options: &SolverOptions| {
             let options = quick(options.as_vector(capture.is_confocal()));
             (options.reflectance, Trial::new(gpu, &thin, grid, options, request.memory))
@@ -195,6 +208,7 @@ impl<'t> Trials<'t> {
         Ok(Trials {
             models: all.iter().map(of_model).collect(),
             bin_width: thin.bin_width,
+            narrowest: pulse::NARROWEST * of_solve / thin.bin_width,
             known: capture.pulse.clone(),
             hear,
             tried: vec![],
@@ -223,7 +237,7 @@ impl<'t> Trials<'t> {
     /// The width of the pulse, metres, with this model.
     fn best_width(&mut self, reflectance: Reflectance) -> Result<f64> {
         let bin_width = self.bin_width;
-        let bins = pulse::best_width(&mut |bins| {
+        let bins = pulse::best_width(self.narrowest, &mut |bins| {
             Ok(self.left(reflectance, bins * bin_width)?.map(|left| left.share()))
         })?;
         let of_model = || self.tried.iter().filter(|t| t.reflectance == reflectance);

@@ -65,3 +65,62 @@ pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance
     let usual = found.first()?;
     Some(if best.1.is_less(usual.1) { best.0 } else { usual.0 })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Reflectance::{Cosine, Lambertian, Retroreflective};
+
+    /// Pairs that leave `mean` on average, which differ by `noise`, of squares of 100.
+    fn left(mean: f64, noise: f64) -> Option<Left> {
+        let of = |i: usize| [mean + noise * if i.is_multiple_of(2) { 1.0 } else { -1.0 }, 100.0];
+        Some(Left { pairs: (0..64).map(of).collect() })
+    }
+
+    #[test]
+    fn the_usual_model_stands_unless_another_is_better_beyond_chance() {
+        let of = |noise: f64| {
+            choose(&[
+                (Cosine, left(5.0, 0.0)),
+                (Lambertian, left(4.9, noise)),
+                (Retroreflective, left(9.0, 0.0)),
+            ])
+        };
+        // The standard error is an eighth of the noise.
+        assert_eq!(of(0.2), Some(Lambertian));
+        assert_eq!(of(2.0), Some(Cosine), "a tenth is less than two standard errors of a quarter");
+        // The best of those that are better.
+        let all = [(Cosine, left(5.0, 0.1)), (Lambertian, left(4.0, 0.1)), (Retroreflective, left(3.0, 0.1))];
+        assert_eq!(choose(&all), Some(Retroreflective));
+    }
+
+    #[test]
+    fn a_model_without_a_surface_is_not_chosen() {
+        assert_eq!(choose(&[(Cosine, None), (Lambertian, None)]), None);
+        assert_eq!(choose(&[(Cosine, left(5.0, 0.1)), (Lambertian, None)]), Some(Cosine));
+        assert_eq!(choose(&[(Cosine, None), (Lambertian, left(5.0, 0.1))]), Some(Lambertian));
+    }
+
+    #[test]
+    fn the_note_tells_the_least_of_each_model() {
+        let trials = vec![
+            (Cosine, 0.0, Some(0.05)),
+            (Lambertian, 0.0, Some(0.08)),
+            (Retroreflective, 0.0, None),
+            (Lambertian, 0.02, Some(0.03)),
+        ];
+        let found = FoundModel { reflectance: Lambertian, trials, failed: None };
+        let note = found.note();
+        assert!(
+            note.contains("lambertian, by trials") && note.contains("cosine 5.00 %, lambertian 3.00 %"),
+            "{note}"
+        );
+        assert!(!note.contains("retroreflective"), "{note}");
+        let failed = FoundModel { failed: Some("no surface".into()), ..found };
+        assert!(
+            failed.note().contains("is not known") && failed.note().contains("no surface"),
+            "{}",
+            failed.note()
+        );
+    }
+}

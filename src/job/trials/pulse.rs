@@ -25,10 +25,12 @@ pub struct FoundPulse {
 /// A pulse is taken only if it lowers what is left by more than this share.
 const WORTH: f64 = 0.003;
 
-/// Widths in bins: the first trial, the widest trial, and the narrowest pulse that is worth its kernels.
+/// Widths in bins of the trials: the first and the widest.
 const FIRST: f64 = 2.0;
 const WIDEST: f64 = 32.0;
-const NARROWEST: f64 = 1.0;
+
+/// The narrowest pulse that is worth its kernels, in bins of the solve.
+pub(super) const NARROWEST: f64 = 1.0;
 
 impl FoundPulse {
     pub(super) fn of(
@@ -82,8 +84,8 @@ pub(super) fn three_digits(value: f64) -> f64 {
 }
 
 /// The width in bins with the least `misfit`. Doubles the width while that helps, then fits a parabola. 0 if no width
-/// is enough better than sharp paths, or if the misfit falls up to the widest.
-pub(super) fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
+/// is enough better than sharp paths, if the best is below `narrowest`, or if the misfit falls up to the widest.
+pub(super) fn best_width(narrowest: f64, misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
     let unknown = || Error::input("a trial found no surface", "give the instrument's pulse");
     let mut at = |width: f64| misfit(width)?.ok_or_else(unknown);
     let sharp = at(0.0)?;
@@ -97,9 +99,11 @@ pub(super) fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> 
         {
             known.push([2.0 * width, at(2.0 * width)?]);
         }
-        // One side of the minimum may be much steeper than the other, so both sides are tried.
-        let least = least_of(&known);
-        let halves: Vec<f64> = known[least.saturating_sub(1)..(least + 2).min(known.len())]
+    }
+    // One side of the minimum may be much steeper than the other, so both sides are tried.
+    let least = least_of(&known);
+    if least > 0 {
+        let halves: Vec<f64> = known[least - 1..(least + 2).min(known.len())]
             .windows(2)
             .map(|pair| 0.5 * (pair[0][0] + pair[1][0]))
             .collect();
@@ -110,7 +114,7 @@ pub(super) fn best_width(misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> 
     }
     let least = known[least_of(&known)][1];
     // The vertex of the parabola is more accurate than the best trial.
-    let width = vertex(&known).filter(|w| *w >= NARROWEST && least < (1.0 - WORTH) * sharp);
+    let width = vertex(&known).filter(|w| *w >= narrowest && least < (1.0 - WORTH) * sharp);
     Ok(width.unwrap_or(0.0))
 }
 
@@ -133,7 +137,7 @@ mod tests {
 
     fn found(left: impl Fn(f64) -> f64) -> (f64, usize) {
         let mut calls = 0;
-        let width = best_width(&mut |w| {
+        let width = best_width(0.5, &mut |w| {
             calls += 1;
             Ok(Some(left(w)))
         });
@@ -142,12 +146,12 @@ mod tests {
 
     #[test]
     fn the_least_misfit_is_found_in_a_few_trials() {
-        for true_width in [1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
+        for true_width in [0.7, 1.0, 1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
             let (width, calls) = found(|w| 1.0 + ((w - true_width) / (3.0 + true_width)).powi(2));
             assert!((width / true_width - 1.0).abs() < 0.03 && calls <= 8, "{true_width}: {width}, {calls}");
         }
         // Twice as steep above the true width.
-        for true_width in [2.0, 3.4, 5.0, 9.0, 20.0] {
+        for true_width in [1.0, 2.0, 3.4, 5.0, 9.0, 20.0] {
             let steep = |w: f64| if w < true_width { 1.0 } else { 4.0 };
             let (width, _) = found(|w| 1.0 + steep(w) * ((w - true_width) / (3.0 + true_width)).powi(2));
             assert!((width / true_width - 1.0).abs() < 0.2, "{true_width}: {width}");
@@ -160,7 +164,11 @@ mod tests {
         assert_eq!(found(|_| 1.0).0, 0.0);
         // The gain is too small.
         assert_eq!(found(|w| 1.0 + 1e-4 * (w - 3.0) * (w - 3.0)).0, 0.0);
-        assert!(best_width(&mut |_| Ok(None)).is_err());
+        assert!(best_width(0.5, &mut |_| Ok(None)).is_err());
+        // A pulse is there, but the solve's bins are too wide to show it.
+        let narrow =
+            |narrowest| best_width(narrowest, &mut |w| Ok(Some(1.0 + (w - 0.7) * (w - 0.7)))).unwrap();
+        assert!(narrow(1.0) == 0.0 && (narrow(0.5) - 0.7).abs() < 1e-9);
     }
 
     #[test]

@@ -253,6 +253,22 @@ impl Plan {
         Ok(plan)
     }
 
+    /// The same plan for the `model` of as many other pairs: only what is rendered for their spots differs.
+    pub fn of_other_pairs(&self, model: &Model, needs: &dyn Needs) -> Plan {
+        let mut plan = self.clone();
+        plan.spots = spots::cover(model, &mut plan.levels, &mut plan.pixel_levels);
+        plan.buffers = plan.list_buffers(needs.buffers(&plan), false);
+        plan
+    }
+
+    /// Makes every buffer as large as that of another plan with the same buffers.
+    pub fn make_room(&mut self, other: &Plan) {
+        for own in &mut self.buffers {
+            let same = other.buffers.iter().find(|b| b.buffer == own.buffer);
+            own.bytes = same.map_or(own.bytes, |b| b.bytes.max(own.bytes));
+        }
+    }
+
     /// The value that the plan gives a constant, if it gives one.
     pub fn constant(&self, constant: Constant) -> Option<u32> {
         self.constants.get(&constant).copied()

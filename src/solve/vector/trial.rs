@@ -10,7 +10,7 @@ use crate::maps::Maps;
 use crate::solve::drive::{Driven, Watch};
 use crate::solve::passes::RESIDUAL;
 use crate::solve::plan::RESIDUAL_HOST;
-use crate::solve::{OnDevice, Plan, surface, upload};
+use crate::solve::{OnDevice, Plan, surface};
 use crate::transport::kernels::buffer;
 use crate::transport::{Grid, Model};
 
@@ -34,8 +34,8 @@ pub struct Trial<'g> {
 }
 
 impl<'g> Trial<'g> {
-    /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, so
-    /// there must be two at least.
+    /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, and
+    /// half of them judge, so there must be two at least; a few do not tell a difference from chance.
     pub fn new(
         gpu: &'g Gpu,
         capture: &Capture,
@@ -71,7 +71,9 @@ impl<'g> Trial<'g> {
         }
         let [seen, held] = &self.sides;
         let mut plan = Plan::new(seen, self.grid, self.scan, &self.options, &self.gpu.abilities(), false)?;
-        let last = *plan.pixel_levels.last().expect("a trial has a surface");
+        let plan_of_held = plan.of_other_pairs(held, &self.options);
+        plan.make_room(&plan_of_held);
+        let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
         let cells = plan.cells_at(&last);
         plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         let mut job = OnDevice::new(self.gpu, seen.clone(), plan, self.memory)?;
@@ -93,18 +95,15 @@ impl<'g> Trial<'g> {
         if refined.pixels == 0 {
             return Ok(None);
         }
-        // With a spot, each side renders pairs of its own, so the fitted pairs judge.
-        let judge = if seen.rendered.is_some() { seen } else { held };
-        if judge == held {
-            // The other pairs take the place of those that were fitted.
-            upload(&mut job.executor, buffer::WALL, bytemuck::cast_slice(&held.wall.words()))?;
-            upload(&mut job.executor, buffer::MEASURED, bytemuck::cast_slice(&held.measured))?;
-        }
+        // The other pairs take the place of those that were fitted.
+        job.summed = plan_of_held.summed().map(|level| held.summed(level.sum)).collect();
+        (job.plan, job.model) = (plan_of_held, held.clone());
+        job.upload()?;
         let mut s = surface::render(&job.plan, &last, refined.pixels, &RESIDUAL, None);
         s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
         job.executor.run(&s)?;
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-        Ok(Some(Left::of(judge, &residual, job.model.scene(&last.grid).render_scale)))
+        Ok(Some(Left::of(held, &residual, job.model.scene(&last.grid).render_scale)))
     }
 }
 
@@ -140,12 +139,46 @@ impl Left {
     }
 
     /// Whether this is less than what another trial leaves of the same pairs, beyond chance: the mean difference over
-    /// pairs is more than [`BEYOND_CHANCE`] of its standard errors.
+    /// pairs is more than two of its standard errors.
     pub fn is_less(&self, other: &Left) -> bool {
         let differences = || self.pairs.iter().zip(&other.pairs).map(|(own, other)| other[0] - own[0]);
         let count = self.pairs.len().max(2) as f64;
         let mean = differences().sum::<f64>() / count;
         let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
         mean > BEYOND_CHANCE * (variance / count).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left of each pair, of squares of 100.
+    fn left(pairs: impl IntoIterator<Item = f64>) -> Left {
+        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect() }
+    }
+
+    #[test]
+    fn the_share_is_that_of_all_squares() {
+        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]] };
+        assert_eq!(of.share(), 0.04);
+    }
+
+    #[test]
+    fn less_is_less_only_beyond_chance() {
+        // Differences with mean 1 and variance 1 (n - 1 of n): 16 pairs have a standard error of about 1/4.
+        let other = left([10.0; 16]);
+        let by = |mean: f64| left((0..16).map(|i| 10.0 - mean + if i % 2 == 0 { 1.0 } else { -1.0 }));
+        let error = (16.0f64 / 15.0 / 16.0).sqrt();
+        assert!(by(2.05 * error).is_less(&other));
+        assert!(!by(1.95 * error).is_less(&other), "within two standard errors");
+        assert!(!by(-2.05 * error).is_less(&other), "more is not less");
+        assert!(other.is_less(&by(-2.05 * error)));
+        // The same from every pair is no chance; nothing is.
+        assert!(left([9.9; 16]).is_less(&other) && !other.is_less(&other));
+        // One pair that says otherwise: the mean is less, but hangs on it.
+        let mut one = [10.0; 16];
+        one[3] = 2.0;
+        assert!(left(one).share() < other.share() && !left(one).is_less(&other));
     }
 }

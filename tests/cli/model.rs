@@ -1,0 +1,179 @@
+//! The model of reflectance, chosen by trials if nobody names it.
+
+use std::path::Path;
+
+use fixtures::command::{fail, stderr, succeed, thirdbounce};
+use serde_json::Value;
+
+/// Options that make a run short and repeat its bits.
+const SHORT: [&str; 7] =
+    ["--lateral", "32", "--iterations", "10", "--surface-iterations", "10", "--deterministic"];
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
+}
+
+/// A folder with figures of 16 x 16 points and bins of 1 cm.
+struct Figures(tempfile::TempDir);
+
+impl Figures {
+    fn new() -> Figures {
+        Figures(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).display().to_string()
+    }
+
+    /// Simulates a figure that reflects so, with laser and sensor that see areas of this width. Returns its capture and
+    /// its truth.
+    fn simulated(&self, reflectance: &str, spot: f64) -> [String; 2] {
+        let files =
+            [self.path(&format!("{reflectance}.npz")), self.path(&format!("{reflectance}_truth.npz"))];
+        let usual = ["simulate", "figure", "--scan", "16", "--bin-width", "0.01", "--quiet"];
+        let rest = ["--out", &files[0], "--truth", &files[1], "--reflectance", reflectance];
+        // Spots take many more samples.
+        let noise = if spot > 0.0 { "0.05" } else { "0.02" };
+        let spot = ["--noise", noise, "--spot", &spot.to_string()];
+        succeed(&[&usual[..], &rest, &spot].concat());
+        files
+    }
+
+    /// Reconstructs into a folder of that name. Returns the report and what was said.
+    fn solved(&self, capture: &str, name: &str, more: &[&str]) -> (Value, String) {
+        let out = self.path(name);
+        let output = thirdbounce(&[&["reconstruct", capture, "--out", &out], &SHORT[..], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        (json(&Path::new(&out).join("report.json")), stderr(&output))
+    }
+}
+
+/// The models that were tried, with the shares of squares that they left.
+fn tried(report: &Value) -> Vec<(String, f64)> {
+    let trials = report["settings"]["model_found"]["trials"].as_array().expect("trials").clone();
+    let of = |t: &Value| (t[0].as_str().expect("a model").to_string(), t[2].as_f64().expect("a share"));
+    trials.iter().map(of).collect()
+}
+
+#[test]
+fn trials_find_how_a_surface_reflects() {
+    let figures = Figures::new();
+    for reflectance in ["cosine", "lambertian"] {
+        let [capture, _] = figures.simulated(reflectance, 0.0);
+        // One is asked for by the option, the other by default.
+        let auto: &[&str] = if reflectance == "cosine" { &["--model", "auto"] } else { &[] };
+        let (report, said) = figures.solved(&capture, reflectance, auto);
+        assert!(said.contains(&format!("the model of reflectance: {reflectance}, by trials")), "{said}");
+        let settings = &report["settings"];
+        for key in ["model", "reflectance"] {
+            assert_eq!(settings[key], reflectance, "{key}");
+        }
+        assert_eq!(settings["model_found"]["reflectance"], reflectance);
+        let tried = tried(&report);
+        let models: Vec<&str> = tried.iter().map(|t| &t.0[..]).collect();
+        assert_eq!(models, ["cosine", "lambertian", "retroreflective"]);
+        let own = tried.iter().find(|t| t.0 == reflectance).unwrap().1;
+        assert!(tried.iter().all(|t| t.1 >= own && t.1 < 1.0), "{tried:?}");
+        // The trials are part of the time.
+        let trials = settings["trials_s"].as_f64().unwrap();
+        let trace = report["trace"].as_array().unwrap();
+        assert!(trials > 0.0 && trace.iter().all(|p| p["seconds"].as_f64().unwrap() > trials));
+        assert!(report["totals"]["solve_s"].as_f64().unwrap() > trials);
+    }
+}
+
+#[test]
+fn a_plan_tells_of_the_trials_and_a_named_model_skips_them() {
+    let figures = Figures::new();
+    let [capture, _] = figures.simulated("lambertian", 0.0);
+    let notes = |more: &[&str]| -> String {
+        let text = succeed(&[&["info", &capture, "--json"], &SHORT[..], more].concat());
+        serde_json::from_str::<Value>(&text).unwrap()["notes"].to_string()
+    };
+    for auto in [&[][..], &["--model", "auto"], &["--solver", "paper", "--model", "auto"]] {
+        // Options of the vector solver alone are no options of the paper's.
+        let told = match auto {
+            ["--solver", ..] => succeed(&[&["info", &capture, "--lateral", "32"], auto].concat()),
+            _ => notes(auto),
+        };
+        assert!(told.contains("a run tries models first"), "{auto:?}: {told}");
+    }
+    assert!(!notes(&["--model", "cosine"]).contains("tries models"));
+    let paper = succeed(&["info", &capture, "--lateral", "32", "--solver", "paper"]);
+    assert!(!paper.contains("tries models"), "the paper has its own model: {paper}");
+    let (report, said) = figures.solved(&capture, "named", &["--model", "cosine"]);
+    assert!(!said.contains("by trials"), "{said}");
+    assert!(report["settings"]["model_found"].is_null());
+    assert_eq!(
+        (&report["settings"]["model"], &report["settings"]["trials_s"]),
+        (&"cosine".into(), &0.0.into())
+    );
+}
+
+#[test]
+fn a_resumed_run_keeps_the_model_that_was_found() {
+    let figures = Figures::new();
+    let [capture, _] = figures.simulated("lambertian", 0.0);
+    let state = figures.path("state");
+    let (report, _) = figures.solved(&capture, "first", &["--checkpoint", &state, "--checkpoint-every", "5"]);
+    assert_eq!(report["settings"]["model"], "lambertian");
+    let (resumed, said) = figures.solved(&capture, "resumed", &["--resume", &state]);
+    // New trials would take another time.
+    for key in ["model", "model_found", "trials_s"] {
+        assert_eq!(resumed["settings"][key], report["settings"][key], "{key}");
+    }
+    assert!(said.contains("lambertian, by trials"), "{said}");
+    let loss = |r: &Value| r["trace"].as_array().unwrap().last().unwrap()["loss"].clone();
+    assert_eq!(loss(&resumed), loss(&report));
+    let out = figures.path("other");
+    let other = ["reconstruct", &capture, "--out", &out, "--resume", &state, "--model", "cosine", "--quiet"];
+    fail(&[&other[..], &SHORT].concat(), 1, "the checkpoint was kept with");
+}
+
+#[test]
+fn a_few_pairs_cannot_tell_the_model() {
+    let figures = Figures::new();
+    let [capture, _] = figures.simulated("lambertian", 0.0);
+    for pairs in ["1", "2", "31"] {
+        let (report, said) = figures.solved(&capture, pairs, &["--subset", pairs]);
+        let told = format!("cosine is taken: trials need 32 pairs, the capture has {pairs}");
+        assert!(said.contains(&told), "{said}");
+        assert_eq!(report["settings"]["model"], "cosine");
+    }
+    let (report, said) = figures.solved(&capture, "32", &["--subset", "32"]);
+    assert!(tried(&report).len() == 3 && said.contains("by trials"), "{said}");
+}
+
+#[test]
+fn trials_know_the_spot() {
+    let figures = Figures::new();
+    // As wide as two steps of the scan.
+    let [capture, _] = figures.simulated("lambertian", 0.125);
+    let (report, said) = figures.solved(&capture, "with", &[]);
+    assert_eq!(report["settings"]["model"], "lambertian", "{said}");
+    let (without, _) = figures.solved(&capture, "without", &["--spot", "none"]);
+    let least = |r: &Value| tried(r).iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
+    assert!(least(&report) < 0.8 * least(&without), "{} {}", least(&report), least(&without));
+}
+
+#[test]
+fn a_comparison_names_the_models_that_were_found() {
+    let figures = Figures::new();
+    let [capture, truth] = figures.simulated("lambertian", 0.0);
+    let out = figures.path("compared");
+    let methods = "vector:model=cosine;vector:name=auto";
+    let all = ["compare", &capture, "--truth", &truth, "--out", &out, "--method", methods, "--repeats", "1"];
+    let text = succeed(&[&all[..], &SHORT, &["--quiet"]].concat());
+    assert!(text.contains("| vector:model=cosine |") && text.contains("| auto (lambertian) |"), "{text}");
+    let page = std::fs::read_to_string(Path::new(&out).join("compare.md")).unwrap();
+    assert!(page.contains("| auto (lambertian) |") && page.contains("found by quick trials"), "{page}");
+    let told = json(&Path::new(&out).join("compare.json"));
+    let [named, auto] = [0, 1].map(|i| &told["methods"][i]);
+    assert_eq!(auto["settings"]["model_found"]["reflectance"], "lambertian");
+    assert!(named["settings"]["model_found"].is_null());
+    // Trials count as solving: they come before the first point.
+    let trials = auto["settings"]["trials_s"].as_f64().unwrap();
+    assert!(trials > 0.0 && auto["trace"][0]["seconds"].as_f64().unwrap() > trials);
+    assert!(auto["seconds"].as_f64().unwrap() > trials);
+    assert_eq!(named["settings"]["trials_s"], 0.0);
+}
