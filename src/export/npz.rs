@@ -156,7 +156,7 @@ fn second(npz: &mut Npz, names: [&str; 4], [nx, ny]: [usize; 2]) -> Result<Optio
         return Ok(None);
     }
     let count = nx * ny;
-    let is_told = names[0] != "" && npz.get(CONFIDENCE[1])?.is_some();
+    let is_told = !names[0].is_empty() && npz.get(CONFIDENCE[1])?.is_some();
     let mut of = |name: &str, shape: &[usize]| -> Result<Array> {
         let array = npz.require(name, "arrays of both layers, [2, nx, ny]")?;
         if array.shape == shape {
