@@ -137,9 +137,10 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
     field.write(&mut job);
     zero_histograms(&mut job);
-    let mut s = surface::start(job.plan.finest(), field.len(), 4);
-    s.set(buffer::COUNTS, COUNT_FAULTS, 0);
-    s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
+    // As the start of a volume does.
+    let mut s = Schedule::default();
+    s.fill(buffer::COUNTS, job.plan.bytes_of(buffer::COUNTS), 0);
+    s.extend(surface::start(job.plan.finest(), field.len(), 4));
     runs.run(&mut job, s);
     for i in 0..2 {
         let s = surface::iteration(&job.plan, job.plan.finest(), field.len(), i, i, None);
