@@ -110,7 +110,7 @@ fn same_files() -> Row {
                 all.filter(|(p, _)| !p.ends_with("report.json")).collect::<Vec<_>>()
             };
             let whole = result("unbroken");
-            holds(whole.len() == 21, || format!("{} files", whole.len()))?;
+            holds(whole.len() == 24, || format!("{} files", whole.len()))?;
             holds(result("resumed") == whole, || "other files".into()).map(|()| None)
         };
         row.add(name, case());
