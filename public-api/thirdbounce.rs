@@ -3092,8 +3092,12 @@ pub mod transport {
                 active: &[u32],
                 raw: &[Raw],
             ) -> Vec<Sample> {}
-            pub fn light(twin: &Twin, pair: usize, s: &Sample) -> [f64; 2] {}
             pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {}
+            pub fn forward_pair(
+                twin: &Twin,
+                pair: usize,
+                samples: &[Sample],
+            ) -> Vec<f64> {}
             pub fn residual(
                 twin: &Twin,
                 accumulated: &[f64],
@@ -3332,7 +3336,7 @@ pub mod transport {
         pub use pulse::{Way, instrument, pulse, spot, sum_bins};
         pub use random::random3;
         pub use render::{
-            Sample, backward, finish, forward, light, objective, residual, sample,
+            Sample, backward, finish, forward, forward_pair, objective, residual, sample,
             sample_point, weighted_objective,
         };
         pub use surface::{

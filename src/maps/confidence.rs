@@ -57,7 +57,7 @@ impl Maps {
     /// pixels do not exceed. NaN for pixels without a depth. Errors of pixels beside the mask are a guess.
     pub fn set_confidence(&mut self, known: &Conditions) {
         let told = |maps: &Maps| maps.expected_errors(known);
-        let second = self.layer(1).filter(|_| self.behind.is_some()).map(|maps| told(&maps));
+        let second = self.layer(1).map(|maps| told(&maps));
         self.confidence = Some(told(self));
         if let (Some(Layer { confidence, .. }), Some(second)) = (&mut self.behind, second) {
             *confidence = Some(second);

@@ -153,18 +153,21 @@ pub(super) fn trace_rows(device: &OnDevice<'_>, rows: Range<usize>) -> Vec<[u32;
     device.executor.read(buffer::TRACE, rows)
 }
 
-/// The volume whose mask and active voxels' state were copied to the host. `albedo` computes the albedo of a voxel
-/// from its state.
-pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
+/// The active voxels with their state, after mask and state were copied to the host.
+pub(super) fn active_state(executor: &Executor<'_>, grid: &Grid) -> Vec<([usize; 3], [f32; 4])> {
     let raw: Vec<[f32; 4]> = executor.read(RAW_HOST, ..);
     let mask: Vec<u32> = executor.read(MASK_HOST, ..);
     let active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
+    // A full list has no state for the rest.
+    (0..grid.storage()).filter(active).map(|i| grid.voxel(i)).zip(raw).collect()
+}
+
+/// The volume whose mask and active voxels' state were copied to the host. `albedo` computes the albedo of a voxel
+/// from its state.
+pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
     let mut all = vec![0.0; grid.voxels()];
-    for (slot, i) in (0..grid.storage()).filter(active).enumerate() {
-        let [x, y, z] = grid.voxel(i);
-        // A full list has no state for the rest.
-        let Some(state) = raw.get(slot) else { break };
-        all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(*state);
+    for ([x, y, z], state) in active_state(executor, grid) {
+        all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(state);
     }
     VolumeMap { grid: *grid, albedo: all }
 }

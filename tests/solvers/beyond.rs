@@ -11,7 +11,11 @@ use thirdbounce::transport::Grid;
 
 /// The built-in scene at 16 × 16 points and bins of 2 cm, solved with 32 × 32 pixels, and the IoU of its best mask.
 fn solve(gpu: &Gpu, name: &str, beyond: bool) -> (Reconstruction, f64) {
-    let scene = Scene { scan: 16, bin_width: 0.02, ..Scene::named(name).unwrap() };
+    solve_in_bins(gpu, name, beyond, 0.02)
+}
+
+fn solve_in_bins(gpu: &Gpu, name: &str, beyond: bool, bin_width: f64) -> (Reconstruction, f64) {
+    let scene = Scene { scan: 16, bin_width, ..Scene::named(name).unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.03, ..Default::default() }).unwrap().capture;
     let options = VectorOptions::default().with(|o| {
         o.lateral = 32;
@@ -52,4 +56,15 @@ fn nothing_is_taken_off_where_nothing_is_beyond() {
     let (_, without) = solve(&gpu, "figure", false);
     assert_eq!(done.beyond, None);
     assert!((with - without).abs() < 0.01, "{without} {with}");
+}
+
+/// Coarse voxels are two bins of 13 mm deep then, so the coarse volume sums them, and the pairs that judge it, too.
+#[test]
+fn bins_that_a_coarse_volume_sums_are_judged() {
+    let gpu = gpu();
+    let (done, with) = solve_in_bins(&gpu, "beyond", true, 0.013);
+    let (_, without) = solve_in_bins(&gpu, "beyond", false, 0.013);
+    let told = done.beyond.expect("there is light beyond the box");
+    assert!(told.left < told.left_without && told.left_without < 0.5, "{told:?}");
+    assert!(with > without, "{without} {with}");
 }

@@ -49,8 +49,9 @@ const WORTH: f64 = 0.95;
 /// # Errors
 /// Those of [`super::profile`], and a cache that cannot be written.
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
+    let solver = request.solver.without_search();
     let request =
-        Request { timings: true, tuned: false, find_pulse: false, models: vec![], ..request.clone() };
+        Request { solver, timings: true, tuned: false, find_pulse: false, models: vec![], ..request.clone() };
     request.solver.check()?;
     let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
     let gpu = request.open()?;

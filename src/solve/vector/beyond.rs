@@ -7,17 +7,18 @@
 
 use rayon::prelude::*;
 
-use super::trial::{Left, PAIRS};
-use super::{VectorOptions, model, solve_volume};
+use super::trial::{Left, PAIRS, Sides};
+use super::{VectorOptions, solve_volume};
 use crate::Result;
-use crate::capture::{Capture, PulseTaps};
-use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
+use crate::capture::{Capture, PulseTaps, Way};
+use crate::gpu::{Gpu, Schedule};
+use crate::solve::OnDevice;
 use crate::solve::drive::{Doing, Progress, Watch};
+use crate::solve::on_device::active_state;
 use crate::solve::over_pairs::{arguments, compare, forward};
 use crate::solve::passes::{FORWARD, RESIDUAL};
-use crate::solve::plan::{MASK_HOST, RAW_HOST, RESIDUAL_HOST};
+use crate::solve::plan::{MASK_HOST, RAW_HOST};
 use crate::solve::result::TakenOff;
-use crate::solve::{OnDevice, Plan, upload};
 use crate::transport::kernels::{ARGUMENTS_SAMPLE, Push, buffer};
 use crate::transport::twin::{self, Sample, Twin};
 use crate::transport::{Grid, Model, Volume};
@@ -36,6 +37,9 @@ const OF_VOXEL: f64 = 0.4;
 /// Paths over a voxel beyond the box differ by a Gaussian with this share of its width as sigma: such voxels are seen at
 /// an angle, of 45 degrees or so.
 const SPREAD: f64 = 0.4;
+
+/// How far that Gaussian reaches to each side, in sigmas.
+const REACH: f64 = 4.0;
 
 /// Light beyond the box, as samples of a coarse model.
 pub struct Beyond {
@@ -88,14 +92,13 @@ fn box_of(inner: &Grid, around: f64) -> Volume {
 
 /// A coarse grid around `inner`, as wide as the longest path allows; `None` if that is not beyond it.
 fn wider(capture: &Capture, inner: &Grid) -> Option<Grid> {
-    let [x0, x1, y0, _] = inner.extent();
-    let width = x1 - x0;
+    let [x0, x1, y0, y1] = inner.extent();
+    let (width, height) = (x1 - x0, y1 - y0);
     let pitch = width / INSIDE as f64;
     let [near, _] = inner.depth_range();
     let aside = (0.25 * capture.t_end().powi(2) - near.max(0.0).powi(2)).max(0.0).sqrt();
     // An even number on both sides together lets grids double.
     let beside = (((aside / pitch) as usize).min(BESIDE) / 4) * 4;
-    let height = inner.extent()[3] - y0;
     // Voxels are as many along y as along x.
     (beside > 0 && (height / width - 1.0).abs() < 0.5).then_some(())?;
     Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, 0.5 * pitch).ok()
@@ -125,45 +128,32 @@ fn fit(
         o.surface.iterations = 0;
         o.stop = false;
     });
-    let whole = model(thin, &grid, &options);
-    let [seen, held] = [0, 1].map(|side| whole.half(side));
-    let scan = thin.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
-    let mut plan = Plan::new(&seen, grid, scan, &options, &gpu.abilities(), true)?;
-    let level = *plan.finest();
-    let cells = plan.cells_at(&level);
-    plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
+    let sides = Sides::of(thin, &grid, &options);
+    let [plan, plan_of_held] = sides.plans(gpu, grid, &options, true)?;
+    let level = *plan_of_held.finest();
     let has_normals = plan.reflectance.has_normals();
-    let mut job = OnDevice::new(gpu, seen.clone(), plan, memory)?;
+    let mut job = OnDevice::new(gpu, sides.seen.clone(), plan, memory)?;
     let driven = solve_volume(gpu, &mut job, &options, watch, None)?;
     let active = driven.trace.last().map_or(0, |p| p.active).min(job.plan.capacity);
     if active == 0 || driven.level.grid != grid {
         return Ok(None);
     }
-    upload(&mut job.executor, buffer::WALL, bytemuck::cast_slice(&held.wall.words()))?;
-    upload(&mut job.executor, buffer::MEASURED, bytemuck::cast_slice(&held.measured))?;
     let mut s = Schedule::default();
     s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
     s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
     s.indirect(&super::passes::EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(Push::default());
-    s.extend(forward(&job.plan, &level, &FORWARD));
-    s.extend(compare(&job.plan, &level, &RESIDUAL, Push::default(), None));
-    s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
-    job.executor.run(&s)?;
-    let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-    let left = Left::of(&held, &residual, job.model.scene(&grid).render_scale);
-    let raw: Vec<[f32; 4]> = job.executor.read(RAW_HOST, ..);
-    let mask: Vec<u32> = job.executor.read(MASK_HOST, ..);
-    let is_active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
-    let samples = (0..grid.storage()).filter(is_active).zip(&raw).map(|(i, [x, y, z, _])| {
-        let c = grid.voxel(i).map(|c| c as f64);
-        let vector = glam::dvec3(f64::from(*x), f64::from(*y), f64::from(*z));
+    s.extend(forward(&plan_of_held, &level, &FORWARD));
+    s.extend(compare(&plan_of_held, &level, &RESIDUAL, Push::default(), None));
+    let left = sides.judge(&mut job, plan_of_held, &level, s)?;
+    let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {
+        let vector = glam::dvec3(f64::from(x), f64::from(y), f64::from(z));
         let albedo = if has_normals { 1.0 } else { -vector.z };
-        Sample { point: grid.position(c.into()), albedo, normal: vector, length: 1.0 }
+        Sample { point: grid.position(c.map(|c| c as f64).into()), albedo, normal: vector, length: 1.0 }
     });
     let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
-    Ok(Some(Fitted { left, samples, model: seen }))
+    Ok(Some(Fitted { left, samples, model: sides.seen }))
 }
 
 impl Beyond {
@@ -173,50 +163,14 @@ impl Beyond {
         let to = Model { reference: self.model.reference, measured: vec![], rendered: None, ..model.clone() };
         let unit = f64::from(self.model.scene(&self.grid).render_scale) * self.model.counts_per_unit
             / model.counts_per_unit;
-        let taps = [spread(SPREAD * self.grid.pitch.x / model.bin_width)];
-        let taps: Vec<&PulseTaps> = taps.iter().chain(&model.pulse).collect();
+        let pulse = model.pulse.clone().unwrap_or_else(PulseTaps::identity);
+        let taps = pulse.blurred(SPREAD * self.grid.pitch.x / model.bin_width, REACH);
         let twin = Twin { model: &to, grid: &self.grid };
-        let bins = model.bins;
-        model.measured.par_chunks_mut(bins).enumerate().for_each(|(pair, measured)| {
-            let mut light = vec![0.0; bins];
-            for s in &self.samples {
-                let [value, at] = twin::light(&twin, pair, s);
-                let low = (at - 0.5).floor();
-                let share = at - 0.5 - low;
-                for (bin, share) in [(low, 1.0 - share), (low + 1.0, share)] {
-                    if bin >= 0.0 && bin < bins as f64 {
-                        light[bin as usize] += unit * value * share;
-                    }
-                }
-            }
-            for taps in &taps {
-                light = through(taps, &light);
-            }
-            measured.iter_mut().zip(&light).for_each(|(m, l)| *m -= *l as f32);
+        model.measured.par_chunks_mut(to.bins).enumerate().for_each(|(pair, measured)| {
+            let light = taps.through(&twin::forward_pair(&twin, pair, &self.samples), Way::Spread);
+            measured.iter_mut().zip(&light).for_each(|(m, l)| *m -= (unit * l) as f32);
         });
     }
-}
-
-/// A Gaussian of `sigma` bins as taps.
-fn spread(sigma: f64) -> PulseTaps {
-    let before = (3.0 * sigma).ceil() as usize;
-    let weight = |i: usize| (-0.5 * ((i as f64 - before as f64) / sigma.max(1e-3)).powi(2)).exp();
-    let weights: Vec<f64> = (0..=2 * before).map(weight).collect();
-    let sum: f64 = weights.iter().sum();
-    PulseTaps { before, weights: weights.into_iter().map(|w| w / sum).collect() }
-}
-
-/// A histogram through the taps of a pulse.
-fn through(taps: &PulseTaps, from: &[f64]) -> Vec<f64> {
-    let mut to = vec![0.0; from.len()];
-    for (bin, value) in from.iter().enumerate().filter(|(_, v)| **v != 0.0) {
-        for (tap, weight) in taps.weights.iter().enumerate() {
-            if let Some(to) = (bin + tap).checked_sub(taps.before).and_then(|at| to.get_mut(at)) {
-                *to += weight * value;
-            }
-        }
-    }
-    to
 }
 
 #[cfg(test)]
@@ -225,10 +179,10 @@ mod tests {
 
     #[test]
     fn taps_keep_the_light_and_spread_it() {
-        let taps = spread(2.5);
+        let taps = PulseTaps::identity().blurred(2.5, REACH);
         let mut one = vec![0.0; 41];
         one[20] = 3.0;
-        let wide = through(&taps, &one);
+        let wide = taps.through(&one, Way::Spread);
         let sum: f64 = wide.iter().sum();
         let second: f64 = wide.iter().enumerate().map(|(b, v)| v * (b as f64 - 20.0).powi(2)).sum();
         assert!((sum - 3.0).abs() < 1e-12);
@@ -236,6 +190,6 @@ mod tests {
         // Light at the end of a histogram leaves it.
         let mut last = vec![0.0; 41];
         last[40] = 1.0;
-        assert!((through(&taps, &last).iter().sum::<f64>() - 0.58).abs() < 0.02);
+        assert!((taps.through(&last, Way::Spread).iter().sum::<f64>() - 0.58).abs() < 0.02);
     }
 }

@@ -10,7 +10,7 @@ use crate::maps::Maps;
 use crate::solve::drive::{Driven, Watch};
 use crate::solve::passes::RESIDUAL;
 use crate::solve::plan::RESIDUAL_HOST;
-use crate::solve::{OnDevice, Plan, surface};
+use crate::solve::{Level, OnDevice, Plan, surface};
 use crate::transport::kernels::buffer;
 use crate::transport::{Grid, Model};
 
@@ -23,9 +23,7 @@ const BEYOND_CHANCE: f64 = 2.0;
 /// Trials of one capture on one grid.
 pub struct Trial<'g> {
     gpu: &'g Gpu,
-    /// The pairs that a surface is fitted to, and those that judge it.
-    sides: [Model; 2],
-    scan: [usize; 2],
+    sides: Sides,
     grid: Grid,
     options: VectorOptions,
     memory: Option<u64>,
@@ -43,11 +41,8 @@ impl<'g> Trial<'g> {
         options: VectorOptions,
         memory: Option<u64>,
     ) -> Trial<'g> {
-        let whole = model(capture, &grid, &options);
-        let sides = [0, 1].map(|side| whole.half(side));
-        // Half of the pairs are as dense as a scan with fewer points to a side.
-        let scan = capture.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
-        Trial { gpu, sides, scan, grid, options, memory, begun: None }
+        let sides = Sides::of(capture, &grid, &options);
+        Trial { gpu, sides, grid, options, memory, begun: None }
     }
 
     /// The maps that surfaces begin with, once there are any.
@@ -65,18 +60,13 @@ impl<'g> Trial<'g> {
     /// # Errors
     /// Those of [`super::reconstruct`], and a pulse without taps.
     pub fn fit(&mut self, pulse: Option<&Pulse>, watch: &mut Watch<'_>) -> Result<Option<Left>> {
-        for side in &mut self.sides {
+        for side in [&mut self.sides.seen, &mut self.sides.held] {
             side.pulse = pulse.map(|p| p.taps(side.bin_width)).transpose()?;
             side.pulse_shape = pulse.cloned();
         }
-        let [seen, held] = &self.sides;
-        let mut plan = Plan::new(seen, self.grid, self.scan, &self.options, &self.gpu.abilities(), false)?;
-        let plan_of_held = plan.of_other_pairs(held, &self.options);
-        plan.make_room(&plan_of_held);
+        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &self.options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
-        let cells = plan.cells_at(&last);
-        plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
-        let mut job = OnDevice::new(self.gpu, seen.clone(), plan, self.memory)?;
+        let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         let driven = match &self.begun {
             Some(maps) => {
                 // As the start of a volume does.
@@ -95,15 +85,68 @@ impl<'g> Trial<'g> {
         if refined.pixels == 0 {
             return Ok(None);
         }
-        // The other pairs take the place of those that were fitted.
-        job.summed = plan_of_held.summed().map(|level| held.summed(level.sum)).collect();
-        (job.plan, job.model) = (plan_of_held, held.clone());
+        let s = surface::render(&plan_of_held, &last, refined.pixels, &RESIDUAL, None);
+        self.sides.judge(&mut job, plan_of_held, &last, s).map(Some)
+    }
+}
+
+/// The pairs of a capture in two halves.
+pub(super) struct Sides {
+    /// The pairs that are fitted.
+    pub seen: Model,
+    /// The pairs that judge.
+    held: Model,
+    /// Points to a side of a scan as dense as half of the pairs.
+    scan: [usize; 2],
+}
+
+impl Sides {
+    pub fn of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Sides {
+        let whole = model(capture, grid, options);
+        let [seen, held] = [0, 1].map(|side| whole.half(side));
+        let scan = capture.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
+        Sides { seen, held, scan }
+    }
+
+    /// The plan of a fit, with room for all that judges it, and that of the pairs that judge.
+    ///
+    /// # Errors
+    /// Those of [`Plan::new`].
+    pub fn plans(
+        &self,
+        gpu: &Gpu,
+        grid: Grid,
+        options: &VectorOptions,
+        with_volume: bool,
+    ) -> Result<[Plan; 2]> {
+        let mut plan = Plan::new(&self.seen, grid, self.scan, options, &gpu.abilities(), with_volume)?;
+        let plan_of_held = plan.of_other_pairs(&self.held, options);
+        plan.make_room(&plan_of_held);
+        let residual = plan.bytes_of(buffer::RESIDUAL);
+        plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, residual, Place::Readback));
+        Ok([plan, plan_of_held])
+    }
+
+    /// Puts the pairs that judge in the place of those that were fitted, renders and compares by `compared`, and tells
+    /// what is left at `level` of the pairs' plan.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn judge(
+        &self,
+        job: &mut OnDevice<'_>,
+        plan_of_held: Plan,
+        level: &Level,
+        mut compared: Schedule,
+    ) -> Result<Left> {
+        job.summed = plan_of_held.summed().map(|level| self.held.summed(level.sum)).collect();
+        (job.plan, job.model) = (plan_of_held, self.held.clone());
         job.upload()?;
-        let mut s = surface::render(&job.plan, &last, refined.pixels, &RESIDUAL, None);
-        s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
-        job.executor.run(&s)?;
+        let cells = job.plan.cells_at(level);
+        compared.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
+        job.executor.run(&compared)?;
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-        Ok(Some(Left::of(held, &residual, job.model.scene(&last.grid).render_scale)))
+        Ok(Left::of(job.model_of(level), &residual, &level.grid))
     }
 }
 
@@ -116,10 +159,10 @@ pub struct Left {
 
 impl Left {
     /// From the residual: the derivative of the weighted squares by what is accumulated.
-    pub(super) fn of(held: &Model, residual: &[f32], render_scale: f32) -> Left {
+    fn of(held: &Model, residual: &[f32], grid: &Grid) -> Left {
         let elements = held.elements.max(1) as f64;
         let weight: Vec<f64> = (0..held.bins).map(|b| held.bin_weight(b)).collect();
-        let unit = elements / (2.0 * f64::from(render_scale));
+        let unit = elements / (2.0 * f64::from(held.scene(grid).render_scale));
         let of_pair = |(r, m): (&[f32], &[f32])| {
             let mut sums = [0.0; 2];
             for ((r, m), w) in r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0) {

@@ -19,7 +19,8 @@ pub use optimise::{learning_rate, noise, update};
 pub use pulse::{Way, instrument, pulse, spot, sum_bins};
 pub use random::random3;
 pub use render::{
-    Sample, backward, finish, forward, light, objective, residual, sample, sample_point, weighted_objective,
+    Sample, backward, finish, forward, forward_pair, objective, residual, sample, sample_point,
+    weighted_objective,
 };
 pub use surface::{
     Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine, surface_extract,

@@ -121,12 +121,6 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
     }
 }
 
-/// Value of a sample to a pair, before the render scale, and its path in bins from the leading edge of bin 0.
-pub fn light(twin: &Twin, pair: usize, s: &Sample) -> [f64; 2] {
-    let k = kernel(twin, pair, s);
-    [s.albedo * shine(twin.model.reflectance, &k.arms, s.normal).0 * k.falloff, k.bin]
-}
-
 /// Light that a surface vector (unit, or albedo · normal) sends to a pair, without the falloff, and its derivative by
 /// the vector. Without normals it is 1.
 pub(super) fn shine(reflectance: Reflectance, arms: &[Arm; 2], v: DVec3) -> (f64, DVec3) {
@@ -165,8 +159,15 @@ fn shares(twin: &Twin, position: f64) -> impl Iterator<Item = (usize, f64)> {
 
 /// Accumulated histograms of the samples, `[pair * bins + bin]`, before the render scale.
 pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
+    (0..twin.model.rendered_wall().pairs()).flat_map(|pair| forward_pair(twin, pair, samples)).collect()
+}
+
+/// The histogram of one pair, like [`forward`].
+pub fn forward_pair(twin: &Twin, pair: usize, samples: &[Sample]) -> Vec<f64> {
     let reflectance = twin.model.reflectance;
-    accumulate(twin, samples, |k, s| s.albedo * shine(reflectance, &k.arms, s.normal).0 * k.falloff)
+    accumulate_pair(twin, pair, samples, |k, s| {
+        s.albedo * shine(reflectance, &k.arms, s.normal).0 * k.falloff
+    })
 }
 
 /// Accumulated histograms of the samples, like [`forward`], with `value` for a sample's value to a pair.
@@ -175,16 +176,22 @@ pub(super) fn accumulate(
     samples: &[Sample],
     value: impl Fn(&Kernel, &Sample) -> f64,
 ) -> Vec<f64> {
-    let bins = twin.model.bins;
-    let pairs = twin.model.rendered_wall().pairs();
-    let mut sums = vec![0.0; pairs * bins];
-    for pair in 0..pairs {
-        for s in samples {
-            let k = kernel(twin, pair, s);
-            let value = value(&k, s);
-            for (bin, share) in shares(twin, k.bin) {
-                sums[pair * bins + bin] += value * share;
-            }
+    let pairs = 0..twin.model.rendered_wall().pairs();
+    pairs.flat_map(|pair| accumulate_pair(twin, pair, samples, &value)).collect()
+}
+
+fn accumulate_pair(
+    twin: &Twin,
+    pair: usize,
+    samples: &[Sample],
+    value: impl Fn(&Kernel, &Sample) -> f64,
+) -> Vec<f64> {
+    let mut sums = vec![0.0; twin.model.bins];
+    for s in samples {
+        let k = kernel(twin, pair, s);
+        let value = value(&k, s);
+        for (bin, share) in shares(twin, k.bin) {
+            sums[bin] += value * share;
         }
     }
     sums
