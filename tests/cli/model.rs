@@ -28,9 +28,13 @@ impl Figures {
     /// Simulates a figure that reflects so, with laser and sensor that see areas of this width. Returns its capture and
     /// its truth.
     fn simulated(&self, reflectance: &str, spot: f64) -> [String; 2] {
+        self.simulated_scene("figure", reflectance, spot)
+    }
+
+    fn simulated_scene(&self, scene: &str, reflectance: &str, spot: f64) -> [String; 2] {
         let files =
             [self.path(&format!("{reflectance}.npz")), self.path(&format!("{reflectance}_truth.npz"))];
-        let usual = ["simulate", "figure", "--scan", "16", "--bin-width", "0.01", "--quiet"];
+        let usual = ["simulate", scene, "--scan", "16", "--bin-width", "0.01", "--quiet"];
         let rest = ["--out", &files[0], "--truth", &files[1], "--reflectance", reflectance];
         // Spots take many more samples.
         let noise = if spot > 0.0 { "0.05" } else { "0.02" };
@@ -80,6 +84,27 @@ fn trials_find_how_a_surface_reflects() {
         assert!(trials > 0.0 && trace.iter().all(|p| p["seconds"].as_f64().unwrap() > trials));
         assert!(report["totals"]["solve_s"].as_f64().unwrap() > trials);
     }
+}
+
+/// Spheres that send light back to where it came from: no slope explains how bright they are. The surface of the cosine
+/// model bends until it predicts other pairs a little better than the true model's surface; its own volume predicts them
+/// much better still.
+#[test]
+fn a_surface_that_is_worse_than_its_volume_refutes_its_model() {
+    let figures = Figures::new();
+    let [capture, _] = figures.simulated_scene("spheres", "retroreflective", 0.0);
+    let (report, said) = figures.solved(&capture, "spheres", &[]);
+    let found = &report["settings"]["model_found"];
+    assert_eq!(report["settings"]["model"], "retroreflective", "{said}");
+    let least = tried(&report).into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    assert_eq!(found["refuted"]["reflectance"], least.0, "{found}");
+    let [surface, volume] = ["surface", "volume"].map(|k| found["refuted"][k].as_f64().unwrap());
+    assert!(volume < 0.6 * surface, "{volume} {surface}");
+    assert!(said.contains("brightness does not follow the slopes"), "{said}");
+    // The figure above is not refuted.
+    let [capture, _] = figures.simulated("lambertian", 0.0);
+    let (report, said) = figures.solved(&capture, "figure", &[]);
+    assert!(report["settings"]["model_found"]["refuted"].is_null(), "{said}");
 }
 
 #[test]

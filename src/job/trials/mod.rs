@@ -19,7 +19,8 @@ use crate::{Error, Kind, Result};
 mod model;
 mod pulse;
 
-pub use model::{FoundModel, MODELS};
+pub use model::{FoundModel, MODELS, Refuted};
+use model::WITHOUT_NORMALS;
 pub use pulse::FoundPulse;
 
 /// Fewer pairs that judge cannot tell a difference from chance.
@@ -30,6 +31,12 @@ const LATERAL: usize = 64;
 const ITERATIONS: usize = 20;
 const COARSE_ITERATIONS: usize = 8;
 const SURFACE_ITERATIONS: usize = 40;
+
+/// Iterations of a volume that a surface is compared with: at first, and if it then leaves at most `CLOSE` times as much as
+/// the surface. After as many as these it must leave less than `BETTER` times as much.
+const VOLUME_ITERATIONS: [usize; 2] = [40, 80];
+const CLOSE: f64 = 1.15;
+const BETTER: f64 = 0.9;
 
 /// What the trials of a run found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -119,13 +126,14 @@ pub(super) fn find(
         tried = std::mem::take(&mut trials.tried);
         found
     });
-    let (reflectance, width, failed) = match searched {
-        Ok((reflectance, width)) => (reflectance, width, None),
+    let (answer, failed) = match searched {
+        Ok(answer) => (answer, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
-        Err(e) => (usual, 0.0, Some(e.what)),
+        Err(e) => (Answer { reflectance: usual, width: 0.0, refuted: None }, Some(e.what)),
     };
+    let Answer { reflectance, width, refuted } = answer;
     let seconds = start.elapsed().as_secs_f64();
-    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
+    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, refuted, failed.clone()));
     let pulse = finds_pulse.then(|| FoundPulse::of(width, reflectance, &tried, seconds, failed));
     Ok(Found { model, pulse, seconds })
 }
@@ -139,31 +147,48 @@ struct Tried {
     left: Option<Left>,
 }
 
-/// The model and the width of the pulse, metres. First the models are compared with sharp paths. Then the best of them
-/// finds the pulse, and all are compared again with this pulse. If another is better then, it finds the pulse anew.
+/// What the trials say.
+struct Answer {
+    reflectance: Reflectance,
+    /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths.
+    width: f64,
+    /// The model that would have been chosen, if its normals do not explain the light.
+    refuted: Option<Refuted>,
+}
+
+/// First the models are compared with sharp paths. Then the best of them finds the pulse, and all are compared again with
+/// this pulse. If another is better then, it finds the pulse anew. At last the normals of its surface are put to the
+/// test.
 fn search(
     trials: &mut Trials<'_>,
     usual: Reflectance,
     finds_model: bool,
     finds_pulse: bool,
-) -> Result<(Reflectance, f64)> {
+) -> Result<Answer> {
     let choose = |trials: &mut Trials<'_>, width: f64| match finds_model {
         true => trials.best_model(width),
         false => Ok(usual),
     };
-    let mut model = choose(trials, 0.0)?;
-    if !finds_pulse {
-        return Ok((model, 0.0));
-    }
-    let mut width = trials.best_width(model)?;
-    if width > 0.0 {
-        let again = choose(trials, width)?;
-        if again != model {
-            model = again;
-            width = trials.best_width(model)?;
+    let mut reflectance = choose(trials, 0.0)?;
+    let mut width = 0.0;
+    if finds_pulse {
+        width = trials.best_width(reflectance)?;
+        if width > 0.0 {
+            let again = choose(trials, width)?;
+            if again != reflectance {
+                reflectance = again;
+                width = trials.best_width(reflectance)?;
+            }
         }
     }
-    Ok((model, width))
+    let refuted = if finds_model { trials.refuted(reflectance, width)? } else { None };
+    if refuted.is_some() {
+        reflectance = WITHOUT_NORMALS;
+        if finds_pulse {
+            width = trials.best_width(reflectance)?;
+        }
+    }
+    Ok(Answer { reflectance, width, refuted })
 }
 
 /// The trials of a capture.
@@ -220,18 +245,53 @@ impl<'t> Trials<'t> {
         if let Some(same) = self.tried.iter().find(|t| t.reflectance == reflectance && t.fwhm == fwhm) {
             return Ok(same.left.clone());
         }
-        let Trials { models, hear, known, .. } = self;
-        let begun = models.iter().find_map(|m| m.1.begun().cloned());
-        let (_, trial) = models.iter_mut().find(|m| m.0 == reflectance).expect("a trial for every model");
-        if let (None, Some(maps)) = (trial.begun(), begun) {
-            trial.begin_with(maps);
+        let begun = self.models.iter().find_map(|m| m.1.begun().cloned());
+        let left = self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
+            if let (None, Some(maps)) = (trial.begun(), begun) {
+                trial.begin_with(maps);
+            }
+            trial.fit(pulse, watch)
+        })?;
+        self.tried.push(Tried { reflectance, fwhm, left: left.clone() });
+        Ok(left)
+    }
+
+    /// Whether the normals of this model's surface fail to explain how light depends on the angle: a volume, whose
+    /// voxels have normals of their own, predicts other pairs better.
+    fn refuted(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Refuted>> {
+        let knows_another = self.models.iter().any(|m| m.0 == WITHOUT_NORMALS);
+        if !reflectance.has_normals() || !knows_another {
+            return Ok(None);
         }
+        let Some(surface) = self.left(reflectance, fwhm)? else { return Ok(None) };
+        let surface = surface.in_wide_bins();
+        for (iterations, enough) in VOLUME_ITERATIONS.into_iter().zip([CLOSE, BETTER]) {
+            let volume = self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
+                trial.fit_volume(pulse, iterations, watch)
+            })?;
+            let Some(volume) = volume.filter(|v| v.share() <= enough * surface.share()) else {
+                return Ok(None);
+            };
+            if enough == BETTER && volume.is_less(&surface) {
+                return Ok(Some(Refuted { reflectance, surface: surface.share(), volume: volume.share() }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Runs the trial of a model with this width of the pulse.
+    fn with_trial<T>(
+        &mut self,
+        reflectance: Reflectance,
+        fwhm: f64,
+        run: impl FnOnce(&mut Trial<'t>, Option<&Pulse>, &mut Watch<'_>) -> Result<T>,
+    ) -> Result<T> {
+        let Trials { models, hear, known, .. } = self;
+        let (_, trial) = models.iter_mut().find(|m| m.0 == reflectance).expect("a trial for every model");
         let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
         let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
         let pulse = pulse::of_width(fwhm)?.or(known.clone());
-        let left = trial.fit(pulse.as_ref(), &mut watch)?;
-        self.tried.push(Tried { reflectance, fwhm, left: left.clone() });
-        Ok(left)
+        run(trial, pulse.as_ref(), &mut watch)
     }
 
     /// The width of the pulse, metres, with this model.

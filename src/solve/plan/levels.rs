@@ -59,7 +59,7 @@ const ROWS: usize = 16;
 
 /// How many bins of `model` a volume with voxels as deep as those of `grid` needs no finer than as one. A path to a
 /// surface and back changes by twice its depth, so voxels are two bins of path deep where bins are not summed.
-pub(super) fn sum_of(model: &Model, grid: &Grid) -> usize {
+pub fn sum_of(model: &Model, grid: &Grid) -> usize {
     ((grid.pitch.z / model.bin_width + 1e-6) as usize).clamp(1, model.bins)
 }
 

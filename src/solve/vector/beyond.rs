@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::trial::{Left, PAIRS, Sides};
+use super::trial::{Left, PAIRS, Sides, render_volume};
 use super::{VectorOptions, solve_volume};
 use crate::Result;
 use crate::capture::{Capture, PulseTaps, Way};
@@ -15,11 +15,9 @@ use crate::gpu::{Gpu, Schedule};
 use crate::solve::OnDevice;
 use crate::solve::drive::{Doing, Progress, Watch};
 use crate::solve::on_device::active_state;
-use crate::solve::over_pairs::{arguments, compare, forward};
-use crate::solve::passes::{FORWARD, RESIDUAL};
 use crate::solve::plan::{MASK_HOST, RAW_HOST};
 use crate::solve::result::TakenOff;
-use crate::transport::kernels::{ARGUMENTS_SAMPLE, Push, buffer};
+use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Sample, Twin};
 use crate::transport::{Grid, Model, Volume};
 
@@ -141,12 +139,8 @@ fn fit(
     let mut s = Schedule::default();
     s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
     s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
-    s.indirect(&super::passes::EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
-        .bind(buffer::SCENE, level.scene)
-        .with(Push::default());
-    s.extend(forward(&plan_of_held, &level, &FORWARD));
-    s.extend(compare(&plan_of_held, &level, &RESIDUAL, Push::default(), None));
-    let left = sides.judge(&mut job, plan_of_held, &level, s)?;
+    s.extend(render_volume(&plan_of_held, &level));
+    let left = sides.judge(&mut job, plan_of_held, &level, s, 1)?;
     let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {
         let vector = glam::dvec3(f64::from(x), f64::from(y), f64::from(z));
         let albedo = if has_normals { 1.0 } else { -vector.z };

@@ -2,16 +2,18 @@
 //! instrument's pulse is. A surface is fitted to a few pairs. It is judged by other pairs, which it has not seen: a wrong
 //! description may fit the noise of the first, but does not predict the others.
 
+use super::passes::EXTRAPOLATE;
 use super::{VectorOptions, model, solve_volume};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Watch};
-use crate::solve::passes::RESIDUAL;
-use crate::solve::plan::RESIDUAL_HOST;
+use crate::solve::over_pairs::{arguments, compare, forward};
+use crate::solve::passes::{FORWARD, RESIDUAL};
+use crate::solve::plan::{RESIDUAL_HOST, sum_of};
 use crate::solve::{Level, OnDevice, Plan, surface};
-use crate::transport::kernels::buffer;
+use crate::transport::kernels::{ARGUMENTS_SAMPLE, Push, buffer};
 use crate::transport::{Grid, Model};
 
 /// Pairs that a trial fits; as many others judge it.
@@ -60,10 +62,7 @@ impl<'g> Trial<'g> {
     /// # Errors
     /// Those of [`super::reconstruct`], and a pulse without taps.
     pub fn fit(&mut self, pulse: Option<&Pulse>, watch: &mut Watch<'_>) -> Result<Option<Left>> {
-        for side in [&mut self.sides.seen, &mut self.sides.held] {
-            side.pulse = pulse.map(|p| p.taps(side.bin_width)).transpose()?;
-            side.pulse_shape = pulse.cloned();
-        }
+        self.sides.spread_by(pulse)?;
         let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &self.options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
         let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
@@ -86,8 +85,48 @@ impl<'g> Trial<'g> {
             return Ok(None);
         }
         let s = surface::render(&plan_of_held, &last, refined.pixels, &RESIDUAL, None);
-        self.sides.judge(&mut job, plan_of_held, &last, s).map(Some)
+        // In the bins of a volume too ([`Trial::fit_volume`]).
+        let sum = if self.options.general { 1 } else { sum_of(&self.sides.held, &self.grid) };
+        self.sides.judge(&mut job, plan_of_held, &last, s, sum).map(Some)
     }
+
+    /// Fits a volume of `iterations` and no surface, with paths spread by `pulse`; `None` if it comes out empty. Its
+    /// voxels have vectors of their own, so its light depends on the angle as the data want it.
+    ///
+    /// # Errors
+    /// Those of [`super::reconstruct`], and a pulse without taps.
+    pub fn fit_volume(
+        &mut self,
+        pulse: Option<&Pulse>,
+        iterations: usize,
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Left>> {
+        self.sides.spread_by(pulse)?;
+        let options = self.options.clone().with(|o| {
+            o.iterations = iterations;
+            o.surface.iterations = 0;
+        });
+        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &options, true)?;
+        let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let driven = solve_volume(self.gpu, &mut job, &options, watch, None)?;
+        if driven.trace.last().is_none_or(|p| p.active == 0) {
+            return Ok(None);
+        }
+        let level = *plan_of_held.finest();
+        let s = render_volume(&plan_of_held, &level);
+        self.sides.judge(&mut job, plan_of_held, &level, s, 1).map(Some)
+    }
+}
+
+/// Renders the volume of `level` for all pairs of `plan`, and compares.
+pub(super) fn render_volume(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = Schedule::default();
+    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
+        .bind(buffer::SCENE, level.scene)
+        .with(Push::default());
+    s.extend(forward(plan, level, &FORWARD));
+    s.extend(compare(plan, level, &RESIDUAL, Push::default(), None));
+    s
 }
 
 /// The pairs of a capture in two halves.
@@ -101,6 +140,15 @@ pub(super) struct Sides {
 }
 
 impl Sides {
+    /// Paths spread by `pulse`, or sharp.
+    fn spread_by(&mut self, pulse: Option<&Pulse>) -> Result<()> {
+        for side in [&mut self.seen, &mut self.held] {
+            side.pulse = pulse.map(|p| p.taps(side.bin_width)).transpose()?;
+            side.pulse_shape = pulse.cloned();
+        }
+        Ok(())
+    }
+
     pub fn of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Sides {
         let whole = model(capture, grid, options);
         let [seen, held] = [0, 1].map(|side| whole.half(side));
@@ -128,7 +176,7 @@ impl Sides {
     }
 
     /// Puts the pairs that judge in the place of those that were fitted, renders and compares by `compared`, and tells
-    /// what is left at `level` of the pairs' plan.
+    /// what is left at `level` of the pairs' plan, also with every `sum` of its bins as one.
     ///
     /// # Errors
     /// The device fails.
@@ -138,6 +186,7 @@ impl Sides {
         plan_of_held: Plan,
         level: &Level,
         mut compared: Schedule,
+        sum: usize,
     ) -> Result<Left> {
         job.summed = plan_of_held.summed().map(|level| self.held.summed(level.sum)).collect();
         (job.plan, job.model) = (plan_of_held, self.held.clone());
@@ -146,7 +195,7 @@ impl Sides {
         compared.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
         job.executor.run(&compared)?;
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-        Ok(Left::of(job.model_of(level), &residual, &level.grid))
+        Ok(Left::of(job.model_of(level), &residual, &level.grid, sum))
     }
 }
 
@@ -155,24 +204,35 @@ impl Sides {
 pub struct Left {
     /// For each pair: squared differences, and squared values, summed over bins.
     pub pairs: Vec<[f64; 2]>,
+    /// The same in the wider bins of a volume.
+    pub wide: Vec<[f64; 2]>,
 }
 
 impl Left {
     /// From the residual: the derivative of the weighted squares by what is accumulated.
-    fn of(held: &Model, residual: &[f32], grid: &Grid) -> Left {
+    fn of(held: &Model, residual: &[f32], grid: &Grid, sum: usize) -> Left {
         let elements = held.elements.max(1) as f64;
         let weight: Vec<f64> = (0..held.bins).map(|b| held.bin_weight(b)).collect();
         let unit = elements / (2.0 * f64::from(held.scene(grid).render_scale));
-        let of_pair = |(r, m): (&[f32], &[f32])| {
-            let mut sums = [0.0; 2];
-            for ((r, m), w) in r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0) {
-                sums[0] += (f64::from(*r) * unit / w).powi(2);
-                sums[1] += f64::from(*m).powi(2);
-            }
-            sums
-        };
         let rows = held.bins_of(residual);
-        Left { pairs: rows.chunks(held.bins).zip(held.measured.chunks(held.bins)).map(of_pair).collect() }
+        let squares = |sum: usize| {
+            let of_pair = |(r, m): (&[f32], &[f32])| {
+                let bins: Vec<[f64; 2]> = (r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0))
+                    .map(|((r, m), w)| [f64::from(*r) * unit / w, f64::from(*m)])
+                    .collect();
+                let of_sum = |k: usize| -> f64 {
+                    bins.chunks_exact(sum).map(|bins| bins.iter().map(|b| b[k]).sum::<f64>().powi(2)).sum()
+                };
+                [of_sum(0), of_sum(1)]
+            };
+            rows.chunks(held.bins).zip(held.measured.chunks(held.bins)).map(of_pair).collect()
+        };
+        Left { pairs: squares(1), wide: squares(sum) }
+    }
+
+    /// The same in the wider bins of a volume.
+    pub fn in_wide_bins(&self) -> Left {
+        Left { pairs: self.wide.clone(), wide: self.wide.clone() }
     }
 
     /// The share of the squares that is left.
@@ -198,12 +258,12 @@ mod tests {
 
     /// What is left of each pair, of squares of 100.
     fn left(pairs: impl IntoIterator<Item = f64>) -> Left {
-        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect() }
+        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), wide: vec![] }
     }
 
     #[test]
     fn the_share_is_that_of_all_squares() {
-        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]] };
+        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]], wide: vec![] };
         assert_eq!(of.share(), 0.04);
     }
 
