@@ -4,6 +4,7 @@
 //! barriers that its hazards need and submits it. All `unsafe` of the crate is in this folder.
 
 mod device;
+mod executables;
 mod execute;
 mod faults;
 mod guard;
@@ -11,19 +12,23 @@ mod host;
 mod instance;
 mod memory;
 mod names;
+mod offered;
+mod pace;
 mod pipeline;
 mod record;
 mod recording;
+mod rounding;
 mod schedule;
 pub mod spirv;
 mod state;
 
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
+pub use executables::{Compiled, Executable};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use faults::{Faults, Point};
 pub use guard::{Guarded, Overrun};
 pub use instance::{DeviceInfo, DeviceKind, devices};
-pub use memory::{Arena, BufferPlan, Place, check};
+pub use memory::{Arena, BufferPlan, Memory, Place, check};
 pub use names::{Buffer, Constant, Kernel};
 pub use recording::{HostSpan, KernelMade, Ran, Recording};
 pub use schedule::{Command, Schedule, Size, Stage};

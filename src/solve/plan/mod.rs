@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind, KernelCode};
-use crate::transport::kernels::{buffer, constant};
+use crate::transport::kernels::{PAIR_CHUNK, buffer, constant};
 use crate::transport::{
     BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Rendered, cells,
 };
@@ -74,6 +74,11 @@ pub trait Needs {
     /// Its device buffers with their bytes. The plan adds those that all solvers have.
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
 
+    /// Decays of Adam's first and second moment, if it runs Adam on the volume.
+    fn betas(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+
     /// Two buffers for a number per voxel while the domain changes. The first has room for four numbers of every
     /// touched voxel, too.
     fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {
@@ -135,12 +140,16 @@ pub struct Plan {
     pub others: usize,
     /// Workgroup and chunk sizes.
     pub tuning: Tuning,
+    /// Voxel-pair evaluations of a dispatch at most: see [`crate::gpu::Limits::work`].
+    pub work: u64,
     /// Voxels that may be active at once.
     pub capacity: usize,
     /// Voxels that may be touched at once: active ones and, where they have state, their neighbours.
     pub touched_capacity: usize,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
+    /// Decays of Adam's first and second moment.
+    pub betas: [f64; 2],
     /// Two buffers for a number per voxel while the domain changes.
     pub volumes: [Buffer; 2],
     /// Values of the constants that passes share.
@@ -162,6 +171,9 @@ const LOOP_LIMIT: u32 = 65_535;
 
 /// The most bins of a histogram and voxels of a column: a kernel may pass over them twice.
 const LONGEST_LOOP: usize = 32_767;
+
+/// Fewer pairs than this are no dispatch of a gather, however many voxels there are.
+const LEAST_GATHERED: u32 = 64;
 
 /// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/stability.md).
 const VOXELS_PER_BIN: usize = 16_384;
@@ -230,9 +242,11 @@ impl Plan {
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
             tuning,
+            work: device.limits.work,
             capacity,
             touched_capacity,
             taps: crate::transport::twin::taps(demand.smooth[0], demand.smooth[1]),
+            betas: needs.betas(),
             volumes: [SMOOTH, SMOOTH_SPARE],
             constants: BTreeMap::new(),
             passes: vec![],
@@ -297,8 +311,8 @@ impl Plan {
             (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
             (constant::SHARED, u32::from(t.share_arms)),
             (constant::OTHERS, t.others_backward),
-            (constant::OWNED, u32::from(self.accumulation == Accumulation::Owned)),
-            (constant::FORWARD_SETS, self.forward_sets(self.finest())),
+            (constant::SET_CELLS, self.set_cells()),
+            (constant::FORWARD_SETS, self.most_sets()),
         ])
     }
 
@@ -357,10 +371,40 @@ impl Plan {
 
     /// Dispatches that one forward pass takes at `level`.
     pub fn forward_sets(&self, level: &Level) -> u32 {
-        if self.accumulation != Accumulation::Owned {
-            return 1;
+        let chunks = self.voxels_at(level).div_ceil(self.tuning.chunk as usize);
+        chunks.div_ceil(self.set_chunks(level) as usize) as u32
+    }
+
+    /// Chunks of voxels in one dispatch of a forward pass at `level`: one where every histogram belongs to an invocation,
+    /// else as many as a dispatch may have work for.
+    pub fn set_chunks(&self, level: &Level) -> u32 {
+        (self.set_cells() / level.rendered.count.max(1) as u32).max(1)
+    }
+
+    /// Chunks times pairs of one dispatch, as [`Plan::set_chunks`] and `arguments.comp` divide them.
+    fn set_cells(&self) -> u32 {
+        match self.accumulation {
+            Accumulation::Owned => 0,
+            _ => u32::try_from(self.work / u64::from(self.tuning.chunk)).unwrap_or(u32::MAX),
         }
-        level.grid.storage().min(self.capacity).div_ceil(self.tuning.chunk as usize) as u32
+    }
+
+    /// The most dispatches that a forward pass takes at any level.
+    pub(super) fn most_sets(&self) -> u32 {
+        let all = self.levels.iter().chain(&self.pixel_levels);
+        all.map(|l| self.forward_sets(l)).max().unwrap_or(1)
+    }
+
+    /// Voxels or points that may be active at `level`.
+    pub fn voxels_at(&self, level: &Level) -> usize {
+        level.grid.storage().min(self.capacity)
+    }
+
+    /// Pairs of one dispatch that gathers them for `voxels` voxels.
+    pub fn gathered_pairs(&self, voxels: usize) -> u32 {
+        // Lanes that share a voxel take every few pairs.
+        let most = (self.work / voxels.max(1) as u64).min(u64::from(PAIR_CHUNK)) as u32;
+        (most / LEAST_GATHERED * LEAST_GATHERED).max(LEAST_GATHERED)
     }
 
     /// Whether the forward kernel's private columns would be too narrow at `level`.
@@ -445,6 +489,8 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
     Ok(match wanted {
         Accumulation::Auto if kind == DeviceKind::Cpu => Accumulation::Owned,
         Accumulation::Auto if offered.float => Accumulation::Float,
+        // Lanes that meet at one bin cost an integer atomic once each; compare-and-swap turns again for each of them.
+        Accumulation::Auto if offered.int64 => Accumulation::Fixed,
         Accumulation::Auto => Accumulation::Cas,
         Accumulation::Fixed if !offered.int64 => Accumulation::Fixed32,
         Accumulation::Float if !offered.float => {
@@ -455,4 +501,20 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
         }
         other => other,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_adds_as_it_can() {
+        let gpu =
+            |float, int64| choose(Accumulation::Auto, DeviceKind::Discrete, Accumulations { float, int64 });
+        assert_eq!(gpu(true, true).unwrap(), Accumulation::Float);
+        assert_eq!(gpu(false, true).unwrap(), Accumulation::Fixed);
+        assert_eq!(gpu(false, false).unwrap(), Accumulation::Cas);
+        let cpu = choose(Accumulation::Auto, DeviceKind::Cpu, Accumulations { float: true, int64: true });
+        assert_eq!(cpu.unwrap(), Accumulation::Owned);
+    }
 }
