@@ -120,6 +120,8 @@ pub struct Plan {
     pub reflectance: Reflectance,
     /// Bin positions are computed in parts: paths span more bins than fp32 resolves.
     pub fine: bool,
+    /// Distances take a step of Newton: the device's inverse roots may be too rough for so many bins.
+    pub polished: bool,
     /// Voxels are summed in runs before they are added to a bin: more of them go into one bin than an fp32 sum bears.
     pub runs: bool,
     /// A sample may be so near to a wall point that the pair gives nothing.
@@ -232,6 +234,7 @@ impl Plan {
             geometry: model.wall.geometry,
             reflectance: model.reflectance,
             fine: model.is_fine(&grid),
+            polished: device.kind != DeviceKind::Cpu && model.is_polished(&grid),
             runs,
             pulse,
             pulse_deviation: model.pulse.as_ref().map_or(0.0, |p| p.deviation() * model.bin_width),
@@ -297,6 +300,7 @@ impl Plan {
             (constant::REFLECTANCE, self.reflectance.number()),
             (constant::CURVED, u32::from(self.curved)),
             (constant::FINE, u32::from(self.fine)),
+            (constant::POLISHED, u32::from(self.polished)),
             (constant::TOUCHING, u32::from(self.touching)),
             (constant::RUNS, u32::from(self.runs)),
             (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
