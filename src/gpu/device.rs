@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use ash::{ext, khr, vk};
 
+use super::budget::Kinds;
 use super::faults::{Faults, Struck};
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
-use super::memory::Kinds;
 use super::offered::Offered;
 use super::pace::dispatch_of;
 use super::recording::Recorder;

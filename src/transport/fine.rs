@@ -10,9 +10,9 @@ use super::{Binning, Grid, Model};
 const MOST_BINS: f64 = 700.0;
 
 /// Distances in paths of more bins than this are polished on GPUs. Vulkan allows an inverse root to be off by two units of
-/// the last place, so a place may be off 1.7 times as far as with the CPU's root that [`MOST_BINS`] was found with: what
-/// is 1.3e-4 bins there at 700 is reached at 410 (the test below).
-const MOST_BINS_OF_ROOT: f64 = 400.0;
+/// the last place, so a place may be off 1.7 times as far as with the CPU's root that [`MOST_BINS`] was found with: at 700
+/// bins by 2.2e-4 of a bin instead of 1.3e-4, at 500 by 1.6e-4. The step costs three of some 45 instructions.
+const MOST_BINS_OF_ROOT: f64 = 500.0;
 
 /// The constants of places computed in parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -118,6 +118,6 @@ mod tests {
         assert!(root > 1.4 * accepted, "two units: {root}, none: {accepted}");
         assert!(polished < accepted, "{polished}");
         let below = worst(MOST_BINS_OF_ROOT, 2, false);
-        assert!(below < 1.1 * accepted, "{below}");
+        assert!(below < 1.3 * accepted, "{below}");
     }
 }

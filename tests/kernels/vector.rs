@@ -242,7 +242,7 @@ fn step_in_slices_and_groups() {
 #[test]
 fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
     let gpu = gpu();
-    for (bins, polished, fine) in [(300, false, false), (400, true, false), (700, false, true)] {
+    for (bins, polished, fine) in [(300, false, false), (500, true, false), (700, false, true)] {
         let (model, grid) = (scene(5, bins, 9), grid());
         for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
             let device = Abilities { kind, ..gpu.abilities() };
