@@ -151,9 +151,9 @@ impl<'g> Executor<'g> {
         for part in self.pace.parts(&schedule.commands) {
             let commands = &schedule.commands[part];
             last = self.submit_part(commands, open)?;
-            let stages =
+            let mut stages =
                 commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
-            open = stages.last().or(open);
+            open = stages.next_back().or(open);
         }
         Ok(last)
     }

@@ -104,10 +104,10 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
-    if let (Some(gpu), Some(plan)) = (&device, &plan) {
-        if let Err(e) = check(&plan.buffers, &gpu.memory(), request.memory) {
-            problems.push(problem(advice::advise(e, request, loaded, gpu)));
-        }
+    if let (Some(gpu), Some(plan)) = (&device, &plan)
+        && let Err(e) = check(&plan.buffers, &gpu.memory(), request.memory)
+    {
+        problems.push(problem(advice::advise(e, request, loaded, gpu)));
     }
     Ok(Inspection {
         capture: loaded.summary(),

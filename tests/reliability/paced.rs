@@ -141,7 +141,7 @@ fn a_device_that_hangs_is_an_error_and_not_the_end() {
     for hang in [0, 3, 20] {
         let faults = Faults { hang: Some(hang), ..Faults::default() };
         let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
-        let error = solve(&gpu, options, &loaded().capture, None).err().expect("the device hangs");
+        let error = solve(&gpu, options, &loaded().capture, None).expect_err("the device hangs");
         assert_eq!(error.kind, Kind::Device);
         assert!(error.what.contains("did not finish its work within 600 s"), "{error}");
         assert!(error.mend.to_string().contains("hangs"), "{error}");
