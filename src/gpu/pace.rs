@@ -24,6 +24,10 @@ const PATIENCE_OF_CPU: f64 = 600.0;
 /// A device hangs if it takes so many times longer than its kind's rate lets expect.
 const SLOWER: f64 = 100.0;
 
+/// No device counts as more than so many times faster than its kind: where bounds of the work are far above it, the rate
+/// would grow without end, and the next level would be one long submission.
+const FASTER: f64 = 16.0;
+
 /// Turns a second that a device of this kind reaches, or may be expected to.
 pub(super) fn rate_of(kind: DeviceKind) -> f64 {
     match kind {
@@ -77,7 +81,8 @@ impl Pace {
     pub fn learn(&mut self, work: u64, seconds: f64) {
         // A short one says more of its overhead.
         if work > 0 && seconds > 1e-3 {
-            self.rate = (work as f64 / seconds).clamp(1e-3 * rate_of(self.kind), 2.0 * self.rate);
+            let usual = rate_of(self.kind);
+            self.rate = (work as f64 / seconds).clamp(1e-3 * usual, (2.0 * self.rate).min(FASTER * usual));
         }
     }
 
@@ -150,6 +155,8 @@ mod tests {
         let mut fast = Pace::new(DeviceKind::Discrete, None);
         fast.learn(1 << 40, 0.01);
         assert_eq!(fast.rate, 2.0 * rate_of(DeviceKind::Discrete), "it rises step by step");
+        (0..20).for_each(|_| fast.learn(1 << 50, 0.01));
+        assert_eq!(fast.rate, FASTER * rate_of(DeviceKind::Discrete), "and not without end");
     }
 
     #[test]
