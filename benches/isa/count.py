@@ -147,7 +147,9 @@ def report(folder, out):
         told = ptxas(folder / "nvidia.ptxas")
         loops = {name: {**told[name], "loop": count(part)} for name, part in sections(listing.read_text()).items()}
         result["nvidia"] = {"tools": (folder / "nvidia.versions").read_text().splitlines(), "kernels": loops}
-    out.write_text(json.dumps(result, indent=1) + "\n")
+    # A line for each kernel, so that a change of one shows as one.
+    text = json.dumps(result)
+    out.write_text(re.sub(r'(\{"(?:plan|kernel)":)', r"\n\1", text) + "\n")
     print(table(result))
 
 
