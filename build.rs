@@ -65,6 +65,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
     ("rim", "rim.comp", &[]),
     ("room", "room.comp", &[]),
+    ("rounding", "rounding.comp", &[]),
     ("sample", "sample.comp", &[]),
     ("settle", "settle.comp", &[]),
     ("spot", "spot.comp", &[]),

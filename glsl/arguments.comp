@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 layout(local_size_x = 1) in;
-layout(constant_id = 10) const uint OWNED = 0u;    // forward: 1 one dispatch per chunk of voxels, 0 one for all
+layout(constant_id = 10) const uint SET_CELLS = 0u; // forward: chunks of a dispatch times pairs, at most
 layout(constant_id = 11) const uint LANES = 64u;   // forward: pairs of a workgroup
 layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels of a workgroup
 layout(constant_id = 13) const uint VOXELS = 64u;  // backward: voxels of a workgroup
@@ -32,13 +32,12 @@ void main() {
     write_groups(ARGUMENTS_UPDATE, parts(counts[COUNT_TOUCHED], WORKGROUP));
     uint tiles = FORWARD_OTHERS == 0u ? parts(scene.pairs, LANES)
                               : parts(scene.scanned, LANES) * parts(scene.others, FORWARD_OTHERS);
-    if (OWNED == 0u) {
-        uint chunks = parts(voxels, CHUNK);
-        write(ARGUMENTS_FORWARD, chunks == 0u ? 0u : tiles, chunks);
-    } else {
-        for (uint i = 0u; i < FORWARD_SETS; ++i) {
-            uint here = i * CHUNK < voxels ? tiles : 0u;
-            write(ARGUMENTS_FORWARD + i, here, here == 0u ? 0u : 1u);
-        }
+    // As Plan::set_chunks.
+    uint chunks = parts(voxels, CHUNK);
+    uint of_set = max(SET_CELLS / max(scene.pairs, 1u), 1u);
+    for (uint i = 0u; i < FORWARD_SETS; ++i) {
+        uint before = i * of_set;
+        uint here = before < chunks ? min(chunks - before, of_set) : 0u;
+        write(ARGUMENTS_FORWARD + i, here == 0u ? 0u : tiles, here);
     }
 }

@@ -20,10 +20,9 @@ void learn(uint at, float gradient_of_sum) {
     float gradient = gradient_of_sum / scene.render_scale * scene.noise_span * s * (1.0 - s);
     float m = mix(gradient, noise_state[at + 1u], scene.beta1);
     float v = mix(gradient * gradient, noise_state[at + 2u], scene.beta2);
-    // Counts from the solve's start: the noise term does not restart with the volume's optimiser.
-    float step = float(push.iteration + 1u);
-    float m_hat = m / (1.0 - pow(scene.beta1, step));
-    float v_hat = v / (1.0 - pow(scene.beta2, step));
+    // Counted from the solve's start: the noise term does not restart with the volume's optimiser.
+    float m_hat = m * push.unbias_first;
+    float v_hat = v * push.unbias_second;
     noise_state[at] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);
     watch(finite(noise_state[at]), FAULT_NOISE);
     noise_state[at + 1u] = m;

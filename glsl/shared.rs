@@ -84,6 +84,8 @@ const PUSH: &[(&str, &str, &str)] = &[
     ),
     ("last", "uint", "one past the last pair of a split dispatch; of some kernels the number of pixels"),
     ("flags", "uint", "flags or bits of a float, kernel by kernel"),
+    ("unbias_first", "float", "Adam: 1 / (1 - beta1^age), which takes the bias off a first moment"),
+    ("unbias_second", "float", "Adam: 1 / (1 - beta2^age), which takes the bias off a second moment"),
 ];
 
 /// Numbers that both sides use.
@@ -136,7 +138,7 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     (
         "ARGUMENTS_FORWARD",
         3,
-        "index in `arguments`, in triples: first of forward; there is one, or one per owned chunk",
+        "index in `arguments`, in triples: first of forward; there is one for each of its dispatches",
     ),
     ("TRACE_DATA", 0, "index in a row of `trace`: data loss"),
     ("TRACE_L1", 1, "index in a row of `trace`: sum of |albedo|"),

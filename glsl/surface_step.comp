@@ -17,7 +17,7 @@ layout(std430, set = 0, binding = 7) buffer Counts { uint counts[]; };
 #include "heights.glsl"
 #include "faults.glsl"
 
-const float BETA_1 = 0.9;
+const float BETA_1 = 0.9; // both as in solve/surface/schedule.rs
 const float BETA_2 = 0.99;
 const float LAST_RATE = 0.02; // share of the first rate
 const float QUIET = 1e-3;     // share of the largest gradient: a smaller one may be rounding and makes no full step
@@ -49,10 +49,9 @@ void main() {
     vec2 second = mix(g * g, moments.zw, BETA_2);
     height_moments[pixel] = vec4(first, second);
     float rate = 0.5 * (1.0 + cos(3.14159265 * float(push.step - 1u) / iterations)) + LAST_RATE;
-    float age = float(push.step);
     vec2 largest = vec2(surface_weights[SURFACE_LARGEST], surface_weights[SURFACE_LARGEST + 1u]);
-    vec2 scale = sqrt(second / (1.0 - pow(BETA_2, age)));
-    vec2 step = first / (1.0 - pow(BETA_1, age)) / max(scale, max(QUIET * largest, vec2(LEAST)));
+    vec2 scale = sqrt(second * push.unbias_second);
+    vec2 step = first * push.unbias_first / max(scale, max(QUIET * largest, vec2(LEAST)));
     vec2 height = heights[pixel] - rate * vec2(surface_weights[SURFACE_DEPTH_RATE], surface_weights[SURFACE_ALBEDO_RATE]) * step;
     vec2 limits = depth_limits();
     watch(finite(height.x + height.y), FAULT_UPDATE);

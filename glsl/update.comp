@@ -1,6 +1,6 @@
 // Adjoint of the interpolation and Adam in one pass. One invocation owns one touched voxel (active or in the rim). It
 // gathers from the samples of the 27 voxels around it and draws their points anew from their counters, so nothing is
-// scattered and no atomics are needed. Adam: Kingma & Ba 2015, with bias correction counted from the last restart; its
+// scattered and no atomics are needed. Adam: Kingma & Ba 2015, with bias corrections, from the host, counted from the last restart; its
 // rate may fall as half a cosine over the whole solve.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -49,9 +49,8 @@ void main() {
     vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(active_voxels[at])) : gradient[at];
     vec4 m = mix(g, moment_first[at], scene.beta1);
     vec4 v = mix(g * g, moment_second[at], scene.beta2);
-    float step = float(push.step);
-    vec4 m_hat = m / (1.0 - pow(scene.beta1, step));
-    vec4 v_hat = v / (1.0 - pow(scene.beta2, step));
+    vec4 m_hat = m * push.unbias_first;
+    vec4 v_hat = v * push.unbias_second;
     float rate = scene.learning_rate;
     if (scene.decay_over > 0.0) rate *= 0.5 + 0.5 * cos(PI * min(float(push.iteration) / scene.decay_over, 1.0));
     vec4 next = raw[at] - rate * m_hat / (sqrt(v_hat) + scene.epsilon);

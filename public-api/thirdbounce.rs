@@ -814,6 +814,26 @@ pub mod files {
     }
 }
 pub mod gpu {
+    mod budget {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[private_fields]
+        pub struct Memory {
+            pub storage_range: u64,
+            pub free: [u64; 2],
+            pub shared: bool,
+        }
+        impl Memory {
+            pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {}
+        }
+        impl Gpu {
+            pub fn memory(&self) -> Memory {}
+        }
+        pub fn check(
+            plan: &[BufferPlan],
+            memory: &Memory,
+            budget: Option<u64>,
+        ) -> Result<()> {}
+    }
     mod device {
         #[derive(Debug, Clone, Default)]
         pub struct GpuOptions {
@@ -822,6 +842,8 @@ pub mod gpu {
             pub instrumented: bool,
             pub robust: bool,
             pub timings: bool,
+            pub statistics: bool,
+            pub work: Option<u64>,
             pub faults: Faults,
         }
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -837,6 +859,7 @@ pub mod gpu {
             pub shared_memory: u32,
             pub groups: [u32; 3],
             pub subgroup: u32,
+            pub work: u64,
         }
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct Abilities {
@@ -854,7 +877,29 @@ pub mod gpu {
             pub fn open(options: &GpuOptions) -> Result<Gpu> {}
             pub fn abilities(&self) -> Abilities {}
             pub fn validation_messages(&self) -> Vec<String> {}
-            pub fn free_memory(&self) -> u64 {}
+        }
+    }
+    mod executables {
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Compiled {
+            pub seconds: f64,
+            pub executables: Vec<Executable>,
+        }
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Executable {
+            pub name: String,
+            pub subgroup: u32,
+            pub statistics: Vec<(String, f64)>,
+            pub listings: Vec<(String, String)>,
+        }
+        impl Gpu {
+            pub fn compile(
+                &self,
+                kernel: impl Into<Kernel>,
+                code: &KernelCode,
+                constants: &[(Constant, u32)],
+            ) -> Result<Compiled> {}
+            pub fn tells_of_kernels(&self) -> bool {}
         }
     }
     mod execute {
@@ -863,8 +908,8 @@ pub mod gpu {
             pub calls: u64,
             pub seconds: f64,
         }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-        pub struct Ticket(u64);
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+        pub struct Ticket(pub(super) u64);
         #[private_fields]
         pub struct Executor<'g> {}
         impl<'g> Executor<'g> {
@@ -903,6 +948,7 @@ pub mod gpu {
         #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
         pub struct Faults {
             pub fail: Option<(Point, u64)>,
+            pub hang: Option<u64>,
             pub poison: Option<u32>,
             pub shuffle: Option<u64>,
             pub guard: bool,
@@ -991,12 +1037,6 @@ pub mod gpu {
             pub fn size(&self, buffer: Buffer) -> u64 {}
         }
         impl Drop for Arena<'_> {}
-        pub fn check(
-            plan: &[BufferPlan],
-            storage_range: u64,
-            budget: u64,
-            by_user: bool,
-        ) -> Result<()> {}
     }
     mod names {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -1070,6 +1110,7 @@ pub mod gpu {
                 size: Size,
                 bind: Vec<(Buffer, Buffer)>,
                 push: [u32; PUSH_WORDS],
+                work: u64,
             },
             Copy {
                 from: Buffer,
@@ -1115,6 +1156,8 @@ pub mod gpu {
         impl Command {
             pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
             pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
+            pub fn taking(&mut self, turns: u64) -> &mut Command {}
+            pub fn work(&self) -> u64 {}
             pub fn name(&self) -> &'static str {}
         }
         impl fmt::Display for Schedule {}
@@ -1145,12 +1188,14 @@ pub mod gpu {
             constants: &[(N, u32)],
         ) -> Option<[Counts; 2]> {}
     }
+    pub use budget::{Memory, check};
     pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
+    pub use executables::{Compiled, Executable};
     pub use execute::{Executor, KernelTime, Ticket};
     pub use faults::{Faults, Point};
     pub use guard::{Guarded, Overrun};
     pub use instance::{DeviceInfo, DeviceKind, devices};
-    pub use memory::{Arena, BufferPlan, Place, check};
+    pub use memory::{Arena, BufferPlan, Place};
     pub use names::{Buffer, Constant, Kernel};
     pub use recording::{HostSpan, KernelMade, Ran, Recording};
     pub use schedule::{Command, Schedule, Size, Stage};
@@ -1389,6 +1434,43 @@ pub mod job {
             }
             pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {}
             pub fn worst(all: &[Checked]) -> BTreeMap<(String, String), f64> {}
+        }
+        pub mod compile {
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct CompileProfile {
+                pub version: String,
+                pub device: report::Device,
+                pub tells: bool,
+                pub solver: String,
+                pub pairs: usize,
+                pub voxels: [usize; 3],
+                pub accumulation: Accumulation,
+                pub kernels: Vec<CompiledKernel>,
+                pub validation: Vec<String>,
+            }
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct CompiledKernel {
+                pub kernel: String,
+                pub code: String,
+                pub constants: BTreeMap<String, u32>,
+                pub seconds: f64,
+                pub slots: Option<f64>,
+                pub counts: Option<Counts>,
+                pub shared: Option<(Counts, u32)>,
+                pub executables: Vec<Executable>,
+            }
+            #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+            pub struct Executable {
+                pub name: String,
+                pub subgroup: u32,
+                pub statistics: BTreeMap<String, f64>,
+            }
+            pub fn usual_capture() -> Result<Capture> {}
+            pub fn compile(
+                request: &Request,
+                capture: &Capture,
+                listings: Option<&Path>,
+            ) -> Result<CompileProfile> {}
         }
         mod kernels {
             #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -2489,6 +2571,7 @@ pub mod solve {
             fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
             fn passes(&self) -> Vec<&'static Pass>;
             fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
+            fn betas(&self) -> [f64; 2] {}
             fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {}
             fn left_out(&self, plan: &Plan, out: &mut LeftOut);
         }
@@ -2508,6 +2591,7 @@ pub mod solve {
             pub geometry: Geometry,
             pub reflectance: Reflectance,
             pub fine: bool,
+            pub polished: bool,
             pub runs: bool,
             pub touching: bool,
             pub pulse: usize,
@@ -2518,9 +2602,11 @@ pub mod solve {
             pub scanned: usize,
             pub others: usize,
             pub tuning: Tuning,
+            pub work: u64,
             pub capacity: usize,
             pub touched_capacity: usize,
             pub taps: Vec<f64>,
+            pub betas: [f64; 2],
             pub volumes: [Buffer; 2],
             pub constants: BTreeMap<Constant, u32>,
             pub passes: Vec<&'static Pass>,
@@ -2553,7 +2639,6 @@ pub mod solve {
                 texels: &'static KernelCode,
             ) -> &'static KernelCode {}
             pub fn summed(&self) -> impl Iterator<Item = &Level> {}
-            pub fn forward_sets(&self, level: &Level) -> u32 {}
             pub fn forward_direct(&self, level: &Level) -> bool {}
             pub fn factor(&self) -> usize {}
             pub fn bytes_of(&self, buffer: Buffer) -> u64 {}

@@ -12,6 +12,7 @@ layout(constant_id = 20) const uint GEOMETRY = 0u;
 layout(constant_id = 22) const uint CURVED = 0u; // 0: the wall's normal is (0, 0, 1) everywhere
 layout(constant_id = 24) const uint FINE = 0u;   // 1: paths have more bins than fp32 resolves (place.glsl)
 layout(constant_id = 26) const uint TOUCHING = 1u; // 0: no sample can be within `nearest` of a wall point
+layout(constant_id = 27) const uint POLISHED = 0u; // 1: a step of Newton takes off the error of a device's inverse root
 
 // An arm leads from a sample to a wall point. `way` is not normalised: the inverse length goes into the one factor that
 // a pair has anyway, not into three components.
@@ -52,6 +53,9 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     // A sample on a wall point has no direction; its kernel is defined as zero.
     if (TOUCHING != 0u && (d2 < scene.nearest * scene.nearest || d2 == 0.0)) arm.inverse = 0.0;
     arm.distance = d2 * arm.inverse;
+    if (POLISHED != 0u) {
+        arm.distance = fma(fma(-arm.distance, arm.distance, d2), 0.5 * arm.inverse, arm.distance);
+    }
     arm.rest = 0.0;
     if (FINE != 0u) refine(arm, point, x, arm.way, arm.inverse);
     float scaled = reference * arm.inverse;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use thirdbounce::capture::{Bounce, Gate, Given, Pulse, Turn};
+use thirdbounce::capture::{Bounce, Capture, Gate, Given, Pulse, Turn};
 use thirdbounce::job::{self, Bins, GivenPulse, Loaded, Request, SolverOptions};
 use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
@@ -271,25 +271,41 @@ pub fn load(
 ) -> Result<(Loaded, Request)> {
     solver.check(None)?;
     solver.check_fit()?;
-    let (input, memory) = (capture.input(solver)?, device.memory()?);
-    let (volume, volume_file) = grid.volume()?;
+    let input = capture.input(solver)?;
+    // Options are wrong before a file is read.
+    device.memory()?;
+    grid.volume()?;
     let mut loaded = job::load(&input)?;
-    let Resolved { preset, notes, solver, models } = solver.resolve(None, &loaded.capture);
+    let (mut request, notes) = request(&loaded.capture, solver, grid, device)?;
     loaded.notes.extend(notes);
+    if let Some(preset) = request.preset {
+        request.find_pulse = capture.finds_pulse(preset, &request.solver);
+    }
+    Ok((loaded, request))
+}
+
+/// The request for a capture that no arguments change, and notes on what was chosen.
+pub fn request(
+    capture: &Capture,
+    solver: &SolverArgs,
+    grid: &VolumeArgs,
+    device: &DeviceArgs,
+) -> Result<(Request, Vec<String>)> {
+    let (volume, volume_file) = grid.volume()?;
+    let Resolved { preset, notes, solver, models } = solver.resolve(None, capture);
     let request = Request {
         preset: Some(preset),
         bins: grid.bins()?,
         depth_pitch: grid.depth_pitch,
         volume,
         volume_file,
-        memory,
+        memory: device.memory()?,
         device: device.device.clone(),
         validation: device.validation,
         tuned: true,
-        find_pulse: capture.finds_pulse(preset, &solver),
         mask_fraction: job::usual_mask(&solver),
         models,
         ..Request::new(solver, "")
     };
-    Ok((loaded, request))
+    Ok((request, notes))
 }

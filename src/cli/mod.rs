@@ -3,6 +3,7 @@
 mod advice;
 mod calibrate;
 mod compare;
+mod compiled;
 mod convert;
 mod demo;
 mod devices;
@@ -132,7 +133,7 @@ fn run() -> Result<()> {
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.
 pub fn command() -> clap::Command {
     let all = Cli::command().mut_subcommand("profile", |verb| {
-        verb.mut_arg("capture", |arg| arg.required(false).required_unless_present("check"))
+        verb.mut_arg("capture", |arg| arg.required(false).required_unless_present_any(["check", "compile"]))
     });
     all.mut_subcommands(|verb| {
         verb.mut_args(|arg| {

@@ -11,11 +11,11 @@ use thirdbounce::job::profile::{
 use thirdbounce::job::{Loaded, Request, write_json};
 use thirdbounce::{Error, Kind, Result};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load, request};
 use super::progress::{Meter, say};
 use super::solver::SolverArgs;
 use super::tables::{bytes, number, seconds};
-use super::{interrupt, print};
+use super::{compiled, interrupt, print};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -38,6 +38,13 @@ pub struct Args {
     /// with the same device, solver, kind of pairs and model
     #[arg(long, conflicts_with_all = ["trace", "out", "check", "sizes"])]
     tune: bool,
+    /// Compile the kernels of the solve and print what the driver says of each: registers, shared memory, spills,
+    /// instructions, occupancy. Nothing runs and no buffer is made. Without a capture, for a scan of 32 x 32 points
+    #[arg(long, conflicts_with_all = ["trace", "out", "check", "tune"])]
+    pub compile: bool,
+    /// Folder for the driver's listings of the compiled kernels, down to machine code
+    #[arg(long, value_name = "DIR", requires = "compile")]
+    listings: Option<PathBuf>,
     /// No progress and no notes, errors only
     #[arg(long, short)]
     quiet: bool,
@@ -50,6 +57,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    if args.compile {
+        return compile(args);
+    }
     let Some(capture) = &args.capture else { return check_device(args) };
     let (loaded, request) = load(capture, &args.solver, &args.grid, &args.device)?;
     if !args.quiet {
@@ -98,6 +108,35 @@ fn tune(args: &Args, loaded: &Loaded, request: &Request, tell: &mut dyn FnMut(&s
     print(&text);
     match &args.json {
         Some(file) => write_json(file, &tuned, true),
+        None => Ok(()),
+    }
+}
+
+fn compile(args: &Args) -> Result<()> {
+    if let Some(file) = &args.json {
+        thirdbounce::job::check_file(file)?;
+    }
+    let (capture, request, notes) = match &args.capture {
+        Some(given) => {
+            let (loaded, request) = load(given, &args.solver, &args.grid, &args.device)?;
+            (loaded.capture, request, loaded.notes)
+        }
+        None => {
+            args.solver.check(None)?;
+            args.solver.check_fit()?;
+            let usual = profile::compile::usual_capture()?;
+            let (request, notes) = request(&usual, &args.solver, &args.grid, &args.device)?;
+            (usual, request, notes)
+        }
+    };
+    if !args.quiet {
+        notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    let done = profile::compile::compile(&request, &capture, args.listings.as_deref())?;
+    done.validation.iter().for_each(|message| say(&format!("validation: {message}")));
+    print(&compiled::table(&done));
+    match &args.json {
+        Some(file) => write_json(file, &done, true),
         None => Ok(()),
     }
 }

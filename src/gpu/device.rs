@@ -1,12 +1,16 @@
 //! Choosing and opening a device.
 
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use ash::{ext, khr, vk};
 
+use super::budget::Kinds;
 use super::faults::{Faults, Struck};
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
+use super::offered::Offered;
+use super::pace::dispatch_of;
 use super::recording::Recorder;
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
@@ -25,6 +29,11 @@ pub struct GpuOptions {
     pub robust: bool,
     /// Time every command by itself and record the timeline of host and device: [`Gpu::take_recording`].
     pub timings: bool,
+    /// Ask the driver for statistics and listings of the kernels that it compiles: [`Gpu::compile`].
+    pub statistics: bool,
+    /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
+    /// time limit than others; otherwise by its kind, and submissions by how fast it is.
+    pub work: Option<u64>,
     /// Faults to produce, for tests.
     pub faults: Faults,
 }
@@ -53,6 +62,9 @@ pub struct Limits {
     pub groups: [u32; 3],
     /// Invocations in a subgroup.
     pub subgroup: u32,
+    /// Turns of a kernel's main loop in a dispatch at most, over all invocations, so that it ends well before a driver
+    /// takes the device for hung.
+    pub work: u64,
 }
 
 /// What a plan must know of a device.
@@ -78,6 +90,10 @@ pub struct Gpu {
     pub(super) recorder: Option<Recorder>,
     /// Reads statistics of pipelines, if they were asked for and the device has them.
     pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
+    /// Reads listings of pipelines, too.
+    pub(super) has_listings: bool,
+    /// The driver rounds fp32 to nearest where a kernel asks for it.
+    pub(super) has_rounding: bool,
     /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
     pub(super) tick: f64,
     // Vulkan lets one thread at a time use a queue: only `queue()` gives access.
@@ -85,9 +101,11 @@ pub struct Gpu {
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
+    /// Turns of a submission at most, if they were given.
+    pub(super) work: Option<u64>,
     pub(super) struck: Option<Struck>,
-    /// Device memory is the host's, as on CPUs and some integrated GPUs.
-    pub(super) one_memory: bool,
+    /// Where buffers lie.
+    pub(super) kinds: Kinds,
     /// Bytes that arenas hold.
     pub(super) allocated: AtomicU64,
     names: Option<ext::debug_utils::Device>,
@@ -98,122 +116,32 @@ pub struct Gpu {
 /// A logical device that destroys itself, after everything made from it.
 pub(super) struct OwnedDevice {
     pub raw: ash::Device,
+    /// It did not come back from work in time, and may still be at it.
+    hung: AtomicBool,
     // The instance must outlive its device.
-    _instance: Arc<Instance>,
+    instance: Arc<Instance>,
 }
 
 impl Drop for OwnedDevice {
     fn drop(&mut self) {
-        // SAFETY: the last owner is gone, so nothing made from this device is left.
-        unsafe {
-            let _ = self.raw.device_wait_idle();
-            self.raw.destroy_device(None);
+        if self.hung.load(Relaxed) {
+            // Executors and arenas have left their objects behind, which keep the device and its instance.
+            std::mem::forget(self.instance.clone());
+            return;
         }
+        // SAFETY: the last owner is gone, so nothing made from this device is left. Every executor has waited for its own
+        // work, so the queue is idle. `vkDeviceWaitIdle` would add nothing, and RADV's null device (Mesa 22.3), which
+        // only compiles, calls through a null pointer there.
+        unsafe { self.raw.destroy_device(None) };
     }
 }
 
-/// The features and extensions of a device that are used.
-struct Offered {
-    float: bool,
-    int64: bool,
-    robust: bool,
-    has_budget: bool,
-    has_statistics: bool,
-}
-
-impl Offered {
-    /// # Errors
-    /// A device without timeline semaphores.
-    fn by(
-        instance: &Instance,
-        physical: vk::PhysicalDevice,
-        info: &DeviceInfo,
-        options: &GpuOptions,
-    ) -> Result<Offered> {
-        // SAFETY: the physical device is the instance's.
-        let extensions =
-            unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-        let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
-        let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
-        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
-        let has_atomic_float = offers(ext::shader_atomic_float::NAME);
-        if has_atomic_float {
-            features = features.push_next(&mut atomic_float);
-        }
-        // SAFETY: the chained structs outlive the call.
-        unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
-        let features = features.features;
-        if v12.timeline_semaphore != vk::TRUE {
-            return Err(Error::device(
-                format!("{} has no timeline semaphores, which are needed", info.name),
-                advice!["update its driver, or choose another device with " Device],
-            ));
-        }
-        let has_statistics = options.timings
-            && offers(khr::pipeline_executable_properties::NAME)
-            && offers_statistics(instance, physical);
-        Ok(Offered {
-            float: has_atomic_float && atomic_float.shader_buffer_float32_atomic_add == vk::TRUE,
-            int64: features.shader_int64 == vk::TRUE && v12.shader_buffer_int64_atomics == vk::TRUE,
-            robust: options.robust && features.robust_buffer_access == vk::TRUE,
-            has_budget: offers(ext::memory_budget::NAME),
-            has_statistics,
-        })
-    }
-
-    /// Opens the device with all of this.
-    ///
-    /// # Errors
-    /// A device that does not open.
-    fn create(
-        &self,
-        instance: &Instance,
-        physical: vk::PhysicalDevice,
-        info: &DeviceInfo,
-        family: u32,
-    ) -> Result<ash::Device> {
-        let named = [
-            (self.float, ext::shader_atomic_float::NAME),
-            (self.has_budget, ext::memory_budget::NAME),
-            (self.has_statistics, khr::pipeline_executable_properties::NAME),
-        ];
-        let wanted: Vec<_> = named.iter().filter(|n| n.0).map(|n| n.1.as_ptr()).collect();
-        let mut use_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
-            .pipeline_executable_info(true);
-        let mut use_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
-            .shader_buffer_float32_atomics(true)
-            .shader_buffer_float32_atomic_add(true);
-        let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
-            .timeline_semaphore(true)
-            .shader_buffer_int64_atomics(self.int64);
-        let use_features =
-            vk::PhysicalDeviceFeatures::default().shader_int64(self.int64).robust_buffer_access(self.robust);
-        let priorities = [1.0];
-        let queues =
-            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let mut create = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&wanted)
-            .enabled_features(&use_features)
-            .push_next(&mut use_v12);
-        if self.float {
-            create = create.push_next(&mut use_float);
-        }
-        if self.has_statistics {
-            create = create.push_next(&mut use_statistics);
-        }
-        // SAFETY: the physical device is the instance's; the chained structs outlive the call.
-        unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
-            Error::device(
-                format!("{} does not open ({e})", info.name),
-                advice!["another program may hold it, or its driver is broken; try another with " Device],
-            )
-        })
-    }
-}
-
-fn limits_of(instance: &Instance, physical: vk::PhysicalDevice, l: &vk::PhysicalDeviceLimits) -> Limits {
+fn limits_of(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    l: &vk::PhysicalDeviceLimits,
+    work: u64,
+) -> Limits {
     let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
     // SAFETY: the physical device is the instance's; the chained struct outlives the call.
@@ -225,6 +153,7 @@ fn limits_of(instance: &Instance, physical: vk::PhysicalDevice, l: &vk::Physical
         shared_memory: l.max_compute_shared_memory_size,
         groups: l.max_compute_work_group_count,
         subgroup: subgroup.subgroup_size,
+        work,
     }
 }
 
@@ -259,11 +188,15 @@ impl Gpu {
         let statistics = offered
             .has_statistics
             .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
+        let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
         let gpu = Gpu {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
-            limits: limits_of(&instance, physical, &properties.limits),
+            limits: limits_of(&instance, physical, &properties.limits, work),
+            work: options.work,
             recorder: options.timings.then(Recorder::new),
+            has_listings: options.statistics && statistics.is_some(),
+            has_rounding: offered.rounding,
             statistics,
             tick: if has_timestamps { f64::from(properties.limits.timestamp_period) } else { 0.0 },
             queue: Mutex::new(queue),
@@ -271,10 +204,10 @@ impl Gpu {
             physical,
             has_budget: offered.has_budget,
             struck: options.faults.any().then(|| Struck::new(options.faults)),
-            one_memory: one_memory(&instance, physical),
+            kinds: Kinds::of(&instance, physical),
             allocated: AtomicU64::new(0),
             names,
-            device: Arc::new(OwnedDevice { raw, _instance: instance.clone() }),
+            device: Arc::new(OwnedDevice { raw, hung: AtomicBool::new(false), instance: instance.clone() }),
             instance,
         };
         gpu.name(queue, "compute queue");
@@ -295,23 +228,6 @@ impl Gpu {
     pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
         // A handle cannot be left half-changed, so a thread that panicked has damaged nothing.
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Bytes still free for this process on the device's largest heap, as the driver reports.
-    pub fn free_memory(&self) -> u64 {
-        if !self.has_budget {
-            return self.info.memory;
-        }
-        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
-        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
-        // SAFETY: the extension is enabled on this device.
-        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
-        let heaps = memory.memory_properties;
-        (0..heaps.memory_heap_count as usize)
-            .filter(|i| heaps.memory_heaps[*i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
-            .map(|i| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]))
-            .max()
-            .unwrap_or(self.info.memory)
     }
 
     /// Gives a Vulkan object the name that the plan uses, for validation messages, RenderDoc and Nsight.
@@ -344,6 +260,20 @@ impl Gpu {
         &self.device.raw
     }
 
+    /// The error of a device that did not come back in time. Nothing that it may still use is destroyed after this.
+    pub(super) fn hangs(&self, waited: Duration) -> Error {
+        self.device.hung.store(true, Relaxed);
+        Error::device(
+            format!("{} did not finish its work within {} s", self.info.name, waited.as_secs()),
+            advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
+        )
+    }
+
+    /// Whether the device did not come back from work in time.
+    pub(super) fn has_hung(&self) -> bool {
+        self.device.hung.load(Relaxed)
+    }
+
     /// The error of a failed call: device lost, out of memory, or the Vulkan result.
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
@@ -362,24 +292,6 @@ impl Gpu {
             ),
         }
     }
-}
-
-/// Whether the memory of device buffers is the host's too.
-fn one_memory(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
-    // SAFETY: the handle comes from this instance.
-    let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
-    let mut types = memory.memory_types_as_slice().iter().map(|t| t.property_flags);
-    let first = types.find(|t| t.contains(vk::MemoryPropertyFlags::DEVICE_LOCAL));
-    first.is_some_and(|t| t.contains(vk::MemoryPropertyFlags::HOST_VISIBLE))
-}
-
-/// Whether a device that has the extension for pipeline statistics has its feature too.
-fn offers_statistics(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
-    let mut feature = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
-    let mut offered = vk::PhysicalDeviceFeatures2::default().push_next(&mut feature);
-    // SAFETY: the handle comes from this instance, and the device has the extension that the struct belongs to.
-    unsafe { instance.raw.get_physical_device_features2(physical, &mut offered) };
-    feature.pipeline_executable_info == vk::TRUE
 }
 
 fn choose(

@@ -1,9 +1,11 @@
 //! Submits schedules, waits for them and keeps the times.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
+use std::time::Duration;
 
 use ash::vk;
 
+use super::pace::Pace;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::stamps;
 use super::recording::{KernelMade, Mark};
@@ -20,9 +22,10 @@ pub struct KernelTime {
 }
 
 /// A submission; [`Executor::wait`] waits for it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Ticket(u64);
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Ticket(pub(super) u64);
 
+#[derive(Default)]
 pub(super) struct Flight {
     pub ticket: Ticket,
     pub commands: vk::CommandBuffer,
@@ -32,6 +35,10 @@ pub(super) struct Flight {
     /// Timed commands, and the stages they belong to; empty where they are not timed.
     pub marks: Vec<Mark>,
     pub stages: Vec<Stage>,
+    /// Whether the first stage goes on from the submission before.
+    pub goes_on: bool,
+    /// Turns of kernels' main loops at most.
+    pub work: u64,
     /// Host-visible buffers that it reads, and that it writes.
     pub shared: [BTreeSet<Buffer>; 2],
 }
@@ -51,6 +58,7 @@ pub struct Executor<'g> {
     pub(super) guarded: bool,
     times: BTreeMap<&'static str, KernelTime>,
     gpu_seconds: f64,
+    pace: Pace,
 }
 
 impl<'g> Executor<'g> {
@@ -87,6 +95,7 @@ impl<'g> Executor<'g> {
             guarded: false,
             times: BTreeMap::new(),
             gpu_seconds: 0.0,
+            pace: Pace::new(gpu.info.kind, gpu.work),
         };
         executor.poison()?;
         executor.set_canaries()?;
@@ -113,7 +122,8 @@ impl<'g> Executor<'g> {
         let made = Pipeline::new(self.gpu, kernel.name(), code, constants)?;
         if let Some(recorder) = &self.gpu.recorder {
             let constants = constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
-            let statistics = made.statistics(self.gpu);
+            let executables = self.gpu.executables(made.handle);
+            let statistics = executables.into_iter().flat_map(|e| e.statistics).collect();
             recorder.made(kernel.name(), KernelMade { code: *code, constants, statistics });
         }
         if let Some(old) = self.pipelines.insert(kernel, made) {
@@ -122,7 +132,8 @@ impl<'g> Executor<'g> {
         Ok(())
     }
 
-    /// Submits `schedule` after earlier submissions, and returns without waiting for it.
+    /// Submits `schedule` after earlier submissions, and returns without waiting for it. A long one is divided, so that
+    /// no part of it takes as long as a driver's time limit; the ticket is that of the last part.
     ///
     /// # Errors
     /// The device fails.
@@ -135,8 +146,22 @@ impl<'g> Executor<'g> {
     }
 
     pub(super) fn submit_as_it_is(&mut self, schedule: &Schedule) -> Result<Ticket> {
+        let mut open = None;
+        let mut last = Ticket(self.submitted);
+        for part in self.pace.parts(&schedule.commands) {
+            let commands = &schedule.commands[part];
+            last = self.submit_part(commands, open)?;
+            let mut stages =
+                commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
+            open = stages.next_back().or(open);
+        }
+        Ok(last)
+    }
+
+    /// Submits a part of a schedule. `open`: the stage that goes on from the part before.
+    fn submit_part(&mut self, part: &[Command], open: Option<&Stage>) -> Result<Ticket> {
         let commands = self.command_buffer()?;
-        let queries = match self.query_pool(schedule) {
+        let queries = match self.query_pool(part) {
             Ok(queries) => queries,
             Err(e) => {
                 self.spare.push(commands);
@@ -144,10 +169,12 @@ impl<'g> Executor<'g> {
             }
         };
         let mut flight = self.flight(commands, queries);
+        flight.goes_on = open.is_some();
+        flight.work = part.iter().map(Command::work).fold(0, u64::saturating_add);
         let gpu = self.gpu;
         let recorded = {
             let _span = gpu.span("record");
-            self.record(schedule, &mut flight)
+            self.record(part, open, &mut flight)
         };
         match recorded {
             Ok(()) => self.launch(flight),
@@ -161,15 +188,7 @@ impl<'g> Executor<'g> {
     /// A submission that is not launched yet.
     pub(super) fn flight(&self, commands: vk::CommandBuffer, queries: vk::QueryPool) -> Flight {
         let ticket = Ticket(self.submitted + 1);
-        Flight {
-            ticket,
-            commands,
-            queries,
-            stamps: 0,
-            marks: vec![],
-            stages: vec![],
-            shared: Default::default(),
-        }
+        Flight { ticket, commands, queries, ..Flight::default() }
     }
 
     /// Submits what is recorded.
@@ -209,17 +228,22 @@ impl<'g> Executor<'g> {
     /// Waits until `ticket` and all submissions before it are done.
     ///
     /// # Errors
-    /// The device fails.
+    /// The device fails, or takes far longer than the work in flight can take: it hangs.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
         let gpu = self.gpu;
         let _span = gpu.span("wait");
         let semaphores = [self.timeline];
         let values = [ticket.0];
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let due = self.flights.iter().take_while(|f| f.ticket <= ticket);
+        let work = due.map(|f| f.work).fold(0, u64::saturating_add);
+        let patience = self.pace.patience(work);
         gpu.strike(Point::Wait)
             // SAFETY: the semaphore is alive.
-            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, u64::MAX) })
-            .map_err(|e| gpu.failed("computing", e))?;
+            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(patience)) })
+            .map_err(|e| {
+                if e == vk::Result::TIMEOUT { gpu.hangs(patience) } else { gpu.failed("computing", e) }
+            })?;
         // Some drivers wait only here, for the time stamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
@@ -267,11 +291,11 @@ impl<'g> Executor<'g> {
         Ok(made)
     }
 
-    fn query_pool(&self, schedule: &Schedule) -> Result<vk::QueryPool> {
+    fn query_pool(&self, commands: &[Command]) -> Result<vk::QueryPool> {
         if self.gpu.tick == 0.0 {
             return Ok(vk::QueryPool::null());
         }
-        let count = stamps(schedule, self.gpu.recorder.is_some());
+        let count = stamps(commands, self.gpu.recorder.is_some());
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
         // SAFETY: the device is alive; destroyed when the flight is over.
         let made = self
@@ -293,29 +317,45 @@ impl<'g> Executor<'g> {
         unsafe { self.gpu.raw().get_query_pool_results(flight.queries, 0, &mut stamps, flags) }
             .map_err(|e| self.gpu.failed("reading timestamps", e))?;
         let seconds = |a: u64, b: u64| b.saturating_sub(a) as f64 * self.gpu.tick * 1e-9;
-        self.gpu_seconds += seconds(stamps[0], stamps[stamps.len() - 1]);
+        let whole = seconds(stamps[0], stamps[stamps.len() - 1]);
+        self.gpu_seconds += whole;
+        self.pace.learn(flight.work, whole);
         for m in &flight.marks {
             let t = self.times.entry(m.kernel).or_default();
             t.calls += 1;
             t.seconds += seconds(stamps[m.from as usize], stamps[m.to as usize]);
         }
         if let Some(recorder) = &self.gpu.recorder {
-            recorder.ran(flight.ticket.0, &flight.marks, &flight.stages, &stamps, self.gpu.tick * 1e-9);
+            recorder.ran(flight, &stamps, self.gpu.tick * 1e-9);
         }
         Ok(())
     }
 }
 
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}
+
 impl Drop for Executor<'_> {
     fn drop(&mut self) {
+        if self.gpu.has_hung() {
+            // The device may still use what this holds: it stays until the process ends.
+            return;
+        }
         self.look_at_canaries();
         let device = self.gpu.raw();
         let (semaphores, values) = ([self.timeline], [self.submitted]);
         let all = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let patience = self.pace.patience(self.flights.iter().map(|f| f.work).fold(0, u64::saturating_add));
+        // SAFETY: the semaphore is alive.
+        let waited = unsafe { device.wait_semaphores(&all, nanoseconds(patience)) };
+        if self.gpu.has_hung() || waited == Err(vk::Result::TIMEOUT) {
+            let _ = self.gpu.hangs(patience);
+            return;
+        }
         // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle), whatever others do
         // on the queue; all was made by this.
         unsafe {
-            let _ = device.wait_semaphores(&all, u64::MAX);
             for f in self.flights.drain(..) {
                 device.destroy_query_pool(f.queries, None);
             }

@@ -35,6 +35,8 @@ pub struct Faults {
     /// Fail call number N (from 0) of a kind since the device was opened. A number that is never reached only counts
     /// the calls ([`Gpu::reached`]).
     pub fail: Option<(Point, u64)>,
+    /// Wait number N (from 0) since the device was opened runs out of time at once: the device hangs.
+    pub hang: Option<u64>,
     /// Fill fresh buffers with this word.
     pub poison: Option<u32>,
     /// Run the workgroups of every dispatch in another order, drawn from this seed, and wait between dispatches: slow.
@@ -73,6 +75,9 @@ impl Struck {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
         let number = self.reached[point as usize].fetch_add(1, Relaxed);
+        if point == Point::Wait && self.faults.hang == Some(number) {
+            return Err(vk::Result::TIMEOUT);
+        }
         if self.faults.fail != Some((point, number)) {
             return Ok(());
         }

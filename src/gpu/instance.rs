@@ -3,7 +3,7 @@
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
@@ -92,8 +92,10 @@ impl Instance {
             ));
         }
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
-        let debug_names =
-            extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
+        let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let debug_names = offers(ext::debug_utils::NAME);
+        // Without it the loader hides devices that are a layer over another interface, such as MoltenVK.
+        let with_subsets = offers(khr::portability_enumeration::NAME);
         let mut layers = Vec::new();
         if validation {
             let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
@@ -105,7 +107,9 @@ impl Instance {
             }
             layers.push(VALIDATION_LAYER.as_ptr());
         }
-        let names: Vec<_> = if debug_names { vec![ext::debug_utils::NAME.as_ptr()] } else { vec![] };
+        let names =
+            [(debug_names, ext::debug_utils::NAME), (with_subsets, khr::portability_enumeration::NAME)];
+        let names: Vec<_> = names.iter().filter(|n| n.0).map(|n| n.1.as_ptr()).collect();
         let application = vk::ApplicationInfo::default()
             .application_name(c"thirdbounce")
             .engine_name(c"thirdbounce")
@@ -121,6 +125,9 @@ impl Instance {
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&names);
+        if with_subsets {
+            info = info.flags(vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR);
+        }
         if validation {
             info = info.push_next(&mut features);
         }

@@ -10,10 +10,11 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
+use super::budget::{Layout, Whose, check, over, size};
 use super::guard::{CANARY_BACK, CANARY_PART, LEAST_CANARY};
 use super::state::SIZE_BACK;
 use super::{Buffer, Gpu, Point};
-use crate::advice::{Advice, Remedy, advice};
+use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
 /// Where a buffer lives.
@@ -70,15 +71,16 @@ pub struct Arena<'g> {
 }
 
 impl<'g> Arena<'g> {
-    /// Allocates every buffer of `plan`. `budget` is in bytes; without one, it is what the driver reports as free.
+    /// Allocates every buffer of `plan`. `budget` is in bytes of all buffers; without one, it is what the driver reports
+    /// as free on each heap.
     ///
     /// # Errors
     /// A buffer is larger than the device can bind, the plan is over budget (the error names the largest buffers), or
     /// the driver refuses an allocation. Nothing stays allocated then.
     pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
         let _span = gpu.span("allocate");
-        check(plan, gpu.limits.storage_range, budget.unwrap_or_else(|| gpu.free_memory()), budget.is_some())?;
-        let layout = Layout::both(&guarded(gpu, plan), gpu.one_memory);
+        check(plan, &gpu.memory(), budget)?;
+        let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
         let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
@@ -107,7 +109,7 @@ impl<'g> Arena<'g> {
         }
         match budget.filter(|b| !gpu.guards() && arena.taken() > *b) {
             None => Ok(arena),
-            Some(budget) => Err(over(plan, arena.taken(), budget, true)),
+            Some(budget) => Err(over(plan.iter(), arena.taken(), budget, Whose::Users)),
         }
     }
 
@@ -144,8 +146,9 @@ impl<'g> Arena<'g> {
                 requirements,
                 location: match plan.place {
                     Place::Device => MemoryLocation::GpuOnly,
-                    Place::Upload => MemoryLocation::CpuToGpu,
-                    Place::Readback => MemoryLocation::GpuToCpu,
+                    // Uploads only pass through: they take the kind of memory that readbacks take, and share its block.
+                    // The part of a card's own memory that the host sees is often as small as 256 MiB.
+                    Place::Upload | Place::Readback => MemoryLocation::GpuToCpu,
                 },
                 linear: true,
                 allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
@@ -212,6 +215,11 @@ impl<'g> Arena<'g> {
 
 impl Drop for Arena<'_> {
     fn drop(&mut self) {
+        if self.gpu.has_hung() {
+            // The device may still use them: they stay until the process ends.
+            std::mem::forget((std::mem::take(&mut self.buffers), self.allocator.take()));
+            return;
+        }
         // SAFETY: the executor that used these buffers waits for its work before it is dropped.
         for (_, (b, allocation)) in std::mem::take(&mut self.buffers) {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
@@ -236,140 +244,4 @@ fn canary_of(bytes: u64) -> u64 {
 fn guarded(gpu: &Gpu, plan: &[BufferPlan]) -> Vec<BufferPlan> {
     let canary = |b: &BufferPlan| if gpu.guards() { canary_of(b.bytes) } else { 0 };
     plan.iter().map(|b| BufferPlan { bytes: b.bytes + canary(b), ..b.clone() }).collect()
-}
-
-/// Buffers share memory blocks whose size is a multiple of [`BLOCK`] and at most [`LARGEST_BLOCK`], the bounds of
-/// gpu-allocator.
-const BLOCK: u64 = 4 << 20;
-const LARGEST_BLOCK: u64 = 256 << 20;
-
-/// How buffers in one kind of memory lie in it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Layout {
-    /// Buffers from this size on have memory of their own. If one block holds all buffers, they share it; else only
-    /// the small ones share a block.
-    own_from: u64,
-    block: u64,
-    /// Bytes in all.
-    taken: u64,
-}
-
-impl Layout {
-    fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> Layout {
-        // A little over the sum, for alignment: one block then holds them all.
-        let block = |below: u64| {
-            let small = buffers.clone().filter(|b| b.bytes < below);
-            small.map(|b| b.bytes.saturating_add(256)).fold(0, u64::saturating_add)
-        };
-        let rounded = |bytes: u64| bytes.checked_next_multiple_of(BLOCK).unwrap_or(u64::MAX);
-        let all = rounded(block(u64::MAX));
-        if all <= LARGEST_BLOCK {
-            return Layout { own_from: u64::MAX, block: all, taken: all };
-        }
-        let own = buffers.clone().filter(|b| b.bytes >= BLOCK).map(|b| b.bytes.saturating_add(1 << 16));
-        let small = rounded(block(BLOCK));
-        Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
-    }
-
-    /// Layouts of device memory and of host memory: the same one where the device has no memory of its own.
-    fn both(plan: &[BufferPlan], one: bool) -> [Layout; 2] {
-        if one {
-            return [Layout::of(plan.iter()); 2];
-        }
-        [true, false].map(|device| Layout::of(plan.iter().filter(|b| (b.place == Place::Device) == device)))
-    }
-}
-
-/// Checks a plan against a device that binds at most `storage_range` bytes and has `budget` bytes. Allocates nothing.
-/// `by_user`: the budget is an option, not the free part of the heap.
-///
-/// # Errors
-/// A buffer is larger than the device can bind, or the plan is over budget (the error names the largest buffers).
-pub fn check(plan: &[BufferPlan], storage_range: u64, budget: u64, by_user: bool) -> Result<()> {
-    if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > storage_range) {
-        return Err(Error::memory(
-            format!(
-                "buffer `{}` needs {}, this device binds at most {}",
-                b.buffer,
-                size(b.bytes),
-                size(storage_range)
-            ),
-            advice!["use " {smaller(b.bytes, storage_range)}],
-        ));
-    }
-    let [device, host] = Layout::both(plan, false);
-    let total = device.taken.saturating_add(host.taken);
-    if total <= budget {
-        return Ok(());
-    }
-    Err(over(plan, total, budget, by_user))
-}
-
-fn over(plan: &[BufferPlan], total: u64, budget: u64, by_user: bool) -> Error {
-    let mut largest: Vec<_> = plan.iter().collect();
-    largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
-    let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.buffer, size(b.bytes))).collect();
-    let whose = if by_user { "the memory budget is" } else { "the device has free" };
-    let mend = Advice::from(advice!["use " {smaller(total, budget)}]);
-    let mend = if by_user { mend.and(advice![", or allow more with " Memory]) } else { mend };
-    Error::memory(
-        format!(
-            "this job needs {} in whole blocks, {whose} {}; the largest buffers: {}",
-            size(total),
-            size(budget),
-            names.join(", ")
-        ),
-        mend,
-    )
-}
-
-fn smaller(asked: u64, available: u64) -> Remedy {
-    Remedy::SmallerJob { asked: Some(asked), available: Some(available) }
-}
-
-fn size(bytes: u64) -> String {
-    if bytes < 1 << 20 {
-        format!("{} KiB", bytes.div_ceil(1 << 10))
-    } else {
-        format!("{} MiB", bytes.div_ceil(1 << 20))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::advice::Setting;
-
-    #[test]
-    fn buffers_share_a_block_while_it_holds_them() {
-        let of = |bytes: &[u64]| {
-            Layout::of(
-                bytes
-                    .iter()
-                    .map(|b| BufferPlan::new(Buffer::named("b"), *b, Place::Device))
-                    .collect::<Vec<_>>()
-                    .iter(),
-            )
-        };
-        let mib = 1 << 20;
-        assert_eq!(of(&[]), Layout { own_from: u64::MAX, block: 0, taken: 0 });
-        assert_eq!(of(&[100, 5 * mib]), Layout { own_from: u64::MAX, block: 8 * mib, taken: 8 * mib });
-        let large = of(&[100, 300 * mib, 3 * mib]);
-        assert_eq!((large.own_from, large.block), (4 * mib, 4 * mib));
-        assert_eq!(large.taken, 304 * mib + (1 << 16));
-        assert_eq!(of(&[u64::MAX - 300, u64::MAX - 300]).taken, u64::MAX);
-    }
-
-    #[test]
-    fn a_plan_over_budget_names_its_largest_buffers() {
-        let plan = [("small", 100), ("raw", 5 << 20)]
-            .map(|(n, b)| BufferPlan::new(Buffer::named(n), b, Place::Device));
-        assert!(check(&plan, 1 << 30, 8 << 20, false).is_ok(), "two blocks of 4 MiB");
-        assert!(check(&plan, 1 << 30, 7 << 20, false).is_err());
-        let error = check(&plan, 1 << 30, 1 << 20, true).unwrap_err();
-        assert!(error.what.contains("`raw` 5 MiB") && error.mend.names(Setting::Memory), "{error}");
-        assert!(error.mend.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
-        let error = check(&plan, 1 << 20, 1 << 30, false).unwrap_err();
-        assert!(error.what.contains("binds at most 1 MiB"), "{error}");
-    }
 }

@@ -3,7 +3,9 @@
 //! A [`Schedule`] is plain data over named kernels and named buffers; an [`Executor`] records it with the
 //! barriers that its hazards need and submits it. All `unsafe` of the crate is in this folder.
 
+mod budget;
 mod device;
+mod executables;
 mod execute;
 mod faults;
 mod guard;
@@ -11,19 +13,24 @@ mod host;
 mod instance;
 mod memory;
 mod names;
+mod offered;
+mod pace;
 mod pipeline;
 mod record;
 mod recording;
+mod rounding;
 mod schedule;
 pub mod spirv;
 mod state;
 
+pub use budget::{Memory, check};
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
+pub use executables::{Compiled, Executable};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use faults::{Faults, Point};
 pub use guard::{Guarded, Overrun};
 pub use instance::{DeviceInfo, DeviceKind, devices};
-pub use memory::{Arena, BufferPlan, Place, check};
+pub use memory::{Arena, BufferPlan, Place};
 pub use names::{Buffer, Constant, Kernel};
 pub use recording::{HostSpan, KernelMade, Ran, Recording};
 pub use schedule::{Command, Schedule, Size, Stage};

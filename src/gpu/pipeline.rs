@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use ash::vk;
 
 use super::memory::Made;
+use super::rounding::to_nearest;
 use super::schedule::PUSH_WORDS;
 use super::{Arena, Binding, Buffer, Constant, Gpu, KernelCode, Point, View};
 use crate::{Error, Result};
@@ -64,9 +65,12 @@ impl Pipeline {
         let failed = |e| gpu.failed(&doing, e);
         let slots: Vec<_> = code.bindings.iter().map(slot).collect();
         let (entries, data) = specialization(code, constants);
-        let words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
+        let mut words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
             Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew")
         })?;
+        if gpu.has_rounding {
+            words = to_nearest(&words);
+        }
 
         let mut made = Pipeline {
             name,
@@ -102,6 +106,9 @@ impl Pipeline {
                 if gpu.statistics.is_some() {
                     flags |= vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
                 }
+                if gpu.has_listings {
+                    flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
+                }
                 if gpu.shuffle().is_some() {
                     flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
                 }
@@ -122,36 +129,6 @@ impl Pipeline {
         gpu.name(made.set_layout, name);
         gpu.name(made.module, code.name);
         Ok(made)
-    }
-
-    /// Statistics of the compiled kernel (registers, shared memory, spills) by the driver's own names; empty if it has
-    /// none or was not asked.
-    pub fn statistics(&self, gpu: &Gpu) -> Vec<(String, f64)> {
-        let Some(asked) = &gpu.statistics else { return vec![] };
-        let info = vk::PipelineInfoKHR::default().pipeline(self.handle);
-        // SAFETY: the pipeline is alive and was made with CAPTURE_STATISTICS, as the extension is on.
-        let executables = unsafe { asked.get_pipeline_executable_properties(&info) }.unwrap_or_default();
-        let mut all = vec![];
-        for index in 0..executables.len() as u32 {
-            let info = vk::PipelineExecutableInfoKHR::default().pipeline(self.handle).executable_index(index);
-            // SAFETY: as above; the index is below the number of executables.
-            let told = unsafe { asked.get_pipeline_executable_statistics(&info) }.unwrap_or_default();
-            for s in told {
-                type Format = vk::PipelineExecutableStatisticFormatKHR;
-                // SAFETY: `format` says which member of the union the driver wrote, and the name ends in a zero.
-                let (value, name) = unsafe {
-                    let value = match s.format {
-                        Format::BOOL32 => f64::from(s.value.b32),
-                        Format::INT64 => s.value.i64 as f64,
-                        Format::UINT64 => s.value.u64 as f64,
-                        _ => s.value.f64,
-                    };
-                    (value, std::ffi::CStr::from_ptr(s.name.as_ptr()).to_string_lossy().into_owned())
-                };
-                all.push((name, value));
-            }
-        }
-        all
     }
 
     pub fn destroy(&self, gpu: &Gpu) {

@@ -6,7 +6,7 @@ use super::execute::{Executor, Flight};
 use super::pipeline::Pipeline;
 use super::recording::Mark;
 use super::state::pieces;
-use super::{Buffer, Command, Kernel, Schedule, Size, Stage};
+use super::{Buffer, Command, Kernel, Size, Stage};
 use crate::Result;
 
 /// A step of the recording of a schedule: a command, or a label that is opened or closed.
@@ -21,11 +21,12 @@ enum Step<'s> {
     Run(&'s Command),
 }
 
-/// A label around every command, and one around the commands of every stage.
-fn steps(schedule: &Schedule) -> Vec<Step<'_>> {
-    let mut all = vec![];
-    let mut in_stage = false;
-    for command in &schedule.commands {
+/// A label around every command, and one around the commands of every stage. `open`: the stage that goes on from an
+/// earlier submission.
+fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> Vec<Step<'s>> {
+    let mut all: Vec<Step<'_>> = open.map(Step::Enter).into_iter().collect();
+    let mut in_stage = open.is_some();
+    for command in commands {
         if let Command::Stage(stage) = command {
             if in_stage {
                 all.push(Step::Close);
@@ -42,13 +43,19 @@ fn steps(schedule: &Schedule) -> Vec<Step<'_>> {
     all
 }
 
-/// The most time stamps that a submission of `schedule` takes.
-pub(super) fn stamps(schedule: &Schedule, timings: bool) -> u32 {
-    if timings { 2 * schedule.commands.len() as u32 + 2 } else { 2 }
+/// The most time stamps that a submission of `commands` takes.
+pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
+    if timings { 2 * commands.len() as u32 + 2 } else { 2 }
 }
 
 impl Executor<'_> {
-    pub(super) fn record(&mut self, schedule: &Schedule, flight: &mut Flight) -> Result<()> {
+    /// Records `commands`. `open`: the stage that goes on from an earlier submission.
+    pub(super) fn record(
+        &mut self,
+        commands: &[Command],
+        open: Option<&Stage>,
+        flight: &mut Flight,
+    ) -> Result<()> {
         let gpu = self.gpu;
         let device = gpu.raw();
         let c = flight.commands;
@@ -72,7 +79,7 @@ impl Executor<'_> {
         unsafe {
             device.begin_command_buffer(c, &begin).map_err(failed)?;
             if timed {
-                device.cmd_reset_query_pool(c, queries, 0, stamps(schedule, gpu.recorder.is_some()));
+                device.cmd_reset_query_pool(c, queries, 0, stamps(commands, gpu.recorder.is_some()));
             }
             // Makes visible what earlier submissions wrote.
             barrier(device, c);
@@ -80,7 +87,7 @@ impl Executor<'_> {
             let mut last = stamp();
             let mut pending = Pending::default();
             let mut labels = 0;
-            for step in steps(schedule) {
+            for step in steps(commands, open) {
                 match step {
                     Step::Enter(stage) => {
                         labels += 1;
@@ -152,7 +159,7 @@ impl Executor<'_> {
         // SAFETY: see `record`, the only caller; sizes are asserted against the buffers.
         unsafe {
             match command {
-                Command::Dispatch { kernel, size, bind, push } => {
+                Command::Dispatch { kernel, size, bind, push, .. } => {
                     let pipeline = self.pipelines.get(kernel);
                     let pipeline = pipeline.unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
                     let buffers: Vec<_> =
@@ -256,7 +263,7 @@ unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place};
+    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place, Schedule};
     use crate::transport::kernels::{buffer, kernel};
 
     const BACK: Buffer = Buffer::named("back");
@@ -286,7 +293,7 @@ mod tests {
         s.stage("domain", &[]);
         s.dispatch(Kernel::named("threshold"), [1, 1, 1]);
         let (mut open, mut seen) = (vec![], vec![]);
-        for step in steps(&s) {
+        for step in steps(&s.commands, None) {
             match step {
                 Step::Enter(stage) => open.push(stage.to_string()),
                 Step::Open(name) => open.push(name.to_string()),

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::Instant;
 
+use super::execute::Flight;
 use super::{Gpu, KernelCode, Stage};
 
 /// A span of the host's work. Seconds since the device was opened.
@@ -138,7 +139,7 @@ impl Recorder {
     }
 
     /// Adds a submission that was just seen to be finished. `tick` is in seconds.
-    pub fn ran(&self, submission: u64, marks: &[Mark], stages: &[Stage], stamps: &[u64], tick: f64) {
+    pub fn ran(&self, flight: &Flight, stamps: &[u64], tick: f64) {
         let seen = self.now();
         self.with(|held| {
             let first = *held.first_tick.get_or_insert(stamps[0]);
@@ -146,12 +147,15 @@ impl Recorder {
             let seconds = |stamp: u64| stamp.wrapping_sub(first) as i64 as f64 * tick;
             let last = stamps.iter().copied().map(seconds).fold(f64::NEG_INFINITY, f64::max);
             held.offset = Some(held.offset.map_or(seen - last, |o| o.min(seen - last)));
-            let before = held.recording.stages.len();
-            held.recording.stages.extend_from_slice(stages);
-            held.recording.device.extend(marks.iter().map(|m| Ran {
+            let known = held.recording.stages.len();
+            // The last one is the same that this submission begins with, unless it was taken in the meantime.
+            let again = usize::from(flight.goes_on && held.recording.stages.last() == flight.stages.first());
+            let before = known - again;
+            held.recording.stages.extend_from_slice(&flight.stages[again..]);
+            held.recording.device.extend(flight.marks.iter().map(|m| Ran {
                 kernel: m.kernel,
                 stage: m.stage.map(|s| before + s),
-                submission,
+                submission: flight.ticket.0,
                 from: seconds(stamps[m.from as usize]),
                 to: seconds(stamps[m.to as usize]),
             }));
@@ -181,15 +185,19 @@ mod tests {
     #[test]
     fn device_times_lie_on_the_hosts_clock_by_the_submission_that_was_seen_soonest() {
         let recorder = Recorder::new();
-        let mark = |kernel| [Mark { kernel, stage: Some(0), from: 0, to: 1 }];
-        let stage = [Stage { name: "s", values: vec![("i", 3)] }];
+        let flight = |kernel, goes_on| Flight {
+            marks: vec![Mark { kernel, stage: Some(0), from: 0, to: 1 }],
+            stages: vec![Stage { name: "s", values: vec![("i", 3)] }],
+            goes_on,
+            ..Flight::default()
+        };
         let tick = 1e-9;
         // The device's clock starts elsewhere. The first is seen late, the second soon.
         let at = |seconds: f64| 7_000_000_000 + (seconds * 1e9) as u64;
-        recorder.ran(1, &mark("a"), &stage, &[at(0.0), at(1e-6)], tick);
+        recorder.ran(&flight("a", false), &[at(0.0), at(1e-6)], tick);
         std::thread::sleep(std::time::Duration::from_millis(20));
         let soon = recorder.now();
-        recorder.ran(2, &mark("b"), &stage, &[at(0.5), at(1.0)], tick);
+        recorder.ran(&flight("b", false), &[at(0.5), at(1.0)], tick);
         let taken = recorder.take();
         let [a, b] = taken.device[..] else { panic!("{:?}", taken.device) };
         assert!((b.to - a.from - 1.0).abs() < 1e-9 && (a.to - a.from - 1e-6).abs() < 1e-12, "{a:?} {b:?}");
@@ -197,5 +205,10 @@ mod tests {
         assert!((b.to - soon).abs() < 1e-3, "{b:?} seen at {soon}");
         assert_eq!((a.stage, b.stage), (Some(0), Some(1)), "stages of their own");
         assert!(recorder.take().device.is_empty(), "taken is taken");
+        recorder.ran(&flight("c", true), &[at(1.0), at(1.1)], tick);
+        recorder.ran(&flight("d", true), &[at(1.1), at(1.2)], tick);
+        let taken = recorder.take();
+        let stages: Vec<_> = taken.device.iter().map(|r| r.stage).collect();
+        assert_eq!((stages, taken.stages.len()), (vec![Some(0), Some(0)], 1), "a stage of two submissions");
     }
 }

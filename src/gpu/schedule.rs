@@ -5,7 +5,7 @@ use std::fmt;
 use super::{Buffer, Kernel};
 
 /// Words of push constants, the same for every kernel.
-pub(super) const PUSH_WORDS: usize = 5;
+pub(super) const PUSH_WORDS: usize = 7;
 
 /// How many workgroups.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,6 +29,8 @@ pub enum Command {
         bind: Vec<(Buffer, Buffer)>,
         /// Push constants as words.
         push: [u32; PUSH_WORDS],
+        /// Turns of its main loop at most, over all invocations; 0 if they are few.
+        work: u64,
     },
     /// Copies between buffers.
     Copy {
@@ -98,6 +100,7 @@ impl Schedule {
             size: Size::Groups(groups),
             bind: vec![],
             push: [0; PUSH_WORDS],
+            work: 0,
         })
     }
 
@@ -108,6 +111,7 @@ impl Schedule {
             size: Size::Indirect(buffer, offset),
             bind: vec![],
             push: [0; PUSH_WORDS],
+            work: 0,
         })
     }
 
@@ -164,6 +168,20 @@ impl Command {
         self
     }
 
+    /// Says how many turns of its main loop a dispatch takes at most, over all invocations. The executor divides long
+    /// schedules by it, so that no submission meets a driver's time limit.
+    pub fn taking(&mut self, turns: u64) -> &mut Command {
+        if let Command::Dispatch { work, .. } = self {
+            *work = turns;
+        }
+        self
+    }
+
+    /// Turns of the main loop at most; 0 for all but long dispatches.
+    pub fn work(&self) -> u64 {
+        if let Command::Dispatch { work, .. } = self { *work } else { 0 }
+    }
+
     /// Kernel name, "copy", "fill", or the name of the stage.
     pub fn name(&self) -> &'static str {
         match self {
@@ -180,7 +198,7 @@ impl fmt::Display for Schedule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for c in &self.commands {
             match c {
-                Command::Dispatch { kernel, size, bind, push } => {
+                Command::Dispatch { kernel, size, bind, push, .. } => {
                     write!(f, "{kernel}")?;
                     match size {
                         Size::Groups([x, y, z]) => write!(f, " {x}x{y}x{z}")?,

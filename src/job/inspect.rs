@@ -104,11 +104,10 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
-    if let (Some(gpu), Some(plan)) = (&device, &plan) {
-        let budget = request.memory.unwrap_or_else(|| gpu.free_memory());
-        if let Err(e) = check(&plan.buffers, gpu.limits.storage_range, budget, request.memory.is_some()) {
-            problems.push(problem(advice::advise(e, request, loaded, gpu)));
-        }
+    if let (Some(gpu), Some(plan)) = (&device, &plan)
+        && let Err(e) = check(&plan.buffers, &gpu.memory(), request.memory)
+    {
+        problems.push(problem(advice::advise(e, request, loaded, gpu)));
     }
     Ok(Inspection {
         capture: loaded.summary(),
@@ -160,6 +159,7 @@ fn usual_gpu() -> Abilities {
         shared_memory: 48 << 10,
         groups: [i32::MAX as u32, 65_535, 65_535],
         subgroup: 32,
+        work: 1 << 30,
     };
     let accumulations = Accumulations { float: true, int64: true };
     Abilities { kind: DeviceKind::Discrete, accumulations, limits }

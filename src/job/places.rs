@@ -60,7 +60,7 @@ pub fn check_file(file: &Path) -> Result<()> {
 }
 
 /// Writes and removes an empty file in `folder`, or in the nearest folder above it that exists.
-fn check_folder(folder: &Path) -> Result<()> {
+pub fn check_folder(folder: &Path) -> Result<()> {
     // The last ancestor of a relative path is empty: the current folder.
     let here = |at: &Path| at.as_os_str().is_empty();
     let exists = |at: &&Path| here(at) || fs::symlink_metadata(at).is_ok();

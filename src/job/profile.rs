@@ -6,6 +6,7 @@
 //! results with the float64 twins.
 
 pub mod check;
+pub mod compile;
 mod kernels;
 pub mod limits;
 mod trace;

@@ -5,6 +5,7 @@
 //! start, of its iterations and of the changes between them. The rest is shared: a [`Plan`] is made before anything is
 //! allocated, [`OnDevice`] holds its buffers, and the driver submits schedules and reads the trace of finished blocks.
 
+mod adam;
 mod checkpoint;
 mod domain;
 mod drive;
@@ -17,6 +18,7 @@ mod over_pairs;
 pub mod paper;
 mod plan;
 mod result;
+mod rounding;
 mod solvers;
 pub mod surface;
 mod trace;

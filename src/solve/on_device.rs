@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
-use super::{Level, Plan};
+use super::{Level, Plan, rounding};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
@@ -27,8 +27,9 @@ impl<'g> OnDevice<'g> {
     /// Allocates and uploads. `memory` is a budget in bytes.
     ///
     /// # Errors
-    /// As [`Arena::new`], or the device fails.
+    /// As [`Arena::new`], the device fails, or it does not round to nearest.
     pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<OnDevice<'g>> {
+        rounding::check(gpu)?;
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
         for pass in &plan.passes {

@@ -12,11 +12,14 @@ use crate::transport::{Geometry, SpotTaps};
 pub(super) fn forward(plan: &Plan, level: &Level, pass: &Pass) -> Schedule {
     let mut s = Schedule::default();
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
+    let chunks = plan.set_chunks(level);
+    let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
     for set in 0..plan.forward_sets(level) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set))
             .bind(buffer::SCENE, level.rendered.scene)
             .bind(buffer::WALL, level.rendered.wall)
-            .with(Push { first: set, flags, ..Default::default() });
+            .with(Push { first: set * chunks, flags, ..Default::default() })
+            .taking(of_set * level.rendered.count as u64);
     }
     s
 }
@@ -150,12 +153,14 @@ pub(super) fn gather(
     from: Buffer,
 ) -> Schedule {
     let mut s = Schedule::default();
-    for chunk in pair_chunks(plan.geometry, &level.rendered) {
+    let voxels = plan.voxels_at(level);
+    for chunk in pair_chunks(plan, &level.rendered, voxels) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(sized))
             .bind(buffer::SCENE, level.rendered.scene)
             .bind(buffer::WALL, level.rendered.wall)
             .bind(buffer::RESIDUAL, from)
-            .with(Push { flags: chunk.flags | flags, ..chunk });
+            .with(Push { flags: chunk.flags | flags, ..chunk })
+            .taking(work_of(&chunk, voxels));
     }
     s
 }
@@ -166,11 +171,17 @@ fn runs(histograms: usize, bins: usize) -> [u32; 3] {
     groups((histograms + 1) * of_row, WORKGROUP)
 }
 
-/// Push constants of a gather over `all` pairs, in as many dispatches as the loop limit needs. A product is cut into
-/// whole rows of scanned points where they fit, else into parts of one row.
-pub(super) fn pair_chunks(geometry: Geometry, all: &Pairs) -> Vec<Push> {
-    let (pairs, most) = (all.count as u32, PAIR_CHUNK);
-    let several = geometry == Geometry::Product && all.others > 1;
+/// Evaluations of a part of a gather for `voxels` voxels.
+pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
+    u64::from(part.last - part.first) * voxels as u64
+}
+
+/// Push constants of a gather over `all` pairs for `voxels` voxels, in as many dispatches as the limits of loops and of
+/// the work of a dispatch need. A product is cut into whole rows of scanned points where they fit, else into parts of
+/// one row.
+pub(super) fn pair_chunks(plan: &Plan, all: &Pairs, voxels: usize) -> Vec<Push> {
+    let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));
+    let several = plan.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
     let mut chunks: Vec<Push> = vec![];

@@ -231,3 +231,58 @@ fn what_is_wrong_is_said() {
     fail(&["profile", &capture, "--device", "no such device"], 1, "no device is called");
     fail(&["profile", "--check", "--device", "no such device"], 1, "no device is called");
 }
+
+#[test]
+fn kernels_compile_without_a_device_to_run_them() {
+    let all = profiled();
+    let (file, capture) = (all.path("compiled.json"), all.path("z.npz"));
+    for given in [&[][..], &[capture.as_str(), "--lateral", "24"]] {
+        let text = succeed(&[&["profile", "--compile", "--quiet", "--json", &file], given].concat());
+        let told = json(Path::new(&file));
+        let kernels = told["kernels"].as_array().unwrap();
+        let of = |name: &str| kernels.iter().find(|k| k["kernel"] == name).expect("the plan has it");
+        for name in ["forward", "step", "surface_gather"] {
+            assert!(number(of(name), "slots") > 30.0 && text.contains(name), "{name}: {told}");
+        }
+        assert!(of("finish")["slots"].is_null() && number(of("finish"), "seconds") > 0.0);
+        assert_eq!(told["pairs"], if given.is_empty() { 1024 } else { 144 });
+        let silent = kernels.iter().all(|k| k["executables"].as_array().unwrap().is_empty());
+        assert_eq!((silent, text.contains("says nothing")), (told["tells"] == false, told["tells"] == false));
+    }
+    fail(&["profile", "--compile", "--tune"], 2, "cannot be used with");
+    fail(&["profile", &capture, "--listings", &file], 2, "--compile");
+    fail(&["profile", "--compile", "--listings", &file], 1, "no folder");
+}
+
+/// Mesa's driver for AMD compiles for a GPU that is not there, where it is installed.
+#[test]
+fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [file, listings] = ["k.json", "isa"].map(|name| folder.path().join(name).display().to_string());
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_thirdbounce"));
+        command.env("RADV_FORCE_FAMILY", "navi21").args(arguments).output().expect("the binary runs")
+    };
+    if !String::from_utf8_lossy(&run(&["devices"]).stdout).contains("Null hardware") {
+        return;
+    }
+    let null = ["--device", "Null hardware"];
+    let compiled =
+        run(&[&["profile", "--compile", "--quiet", "--json", &file, "--listings", &listings], &null[..]]
+            .concat());
+    assert_eq!(compiled.status.code(), Some(0), "{}", String::from_utf8_lossy(&compiled.stderr));
+    let told = json(Path::new(&file));
+    for kernel in told["kernels"].as_array().unwrap() {
+        let executable = &kernel["executables"][0];
+        let of = |name: &str| number(&executable["statistics"], name);
+        assert!(of("VGPRs") > 0.0 && of("Instructions") > 10.0 && of("Spilled VGPRs") == 0.0, "{kernel}");
+        assert!([32.0, 64.0].contains(&number(executable, "subgroup")), "{kernel}");
+    }
+    let listing =
+        std::fs::read_to_string(Path::new(&listings).join("step.0.assembly.txt")).expect("a listing");
+    assert!(listing.contains("v_rsq_f32"), "{listing}");
+    // It cannot compute: the checks end in an error, and the device closes.
+    let check = run(&[&["profile", "--check"], &null[..]].concat());
+    assert_eq!(check.status.code(), Some(1), "{}", String::from_utf8_lossy(&check.stderr));
+    assert!(!String::from_utf8_lossy(&check.stderr).contains("internal error"));
+}

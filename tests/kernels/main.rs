@@ -2,6 +2,7 @@
 
 mod domain;
 mod held;
+mod isa;
 mod paper;
 mod paper_gradient;
 mod surface;

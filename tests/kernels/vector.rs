@@ -4,8 +4,8 @@
 use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
-use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{OnDevice, vector};
+use thirdbounce::gpu::{Abilities, DeviceKind, Gpu, Schedule};
+use thirdbounce::solve::{OnDevice, Plan, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, Told, Twin};
 use thirdbounce::transport::{Grid, Model, Reflectance};
@@ -208,8 +208,9 @@ fn step_in_slices_and_groups() {
     let gpu = gpu();
     let case = StepCase::new(scene(5, 64, 9), grid(), 0.35);
     let mut job = job(&gpu, &case.model, &case.grid, &vector_options(&case.grid));
-    for (voxels, slices) in [(32, 4), (8, 8), (1, 64), (64, 2)] {
-        remake(&mut job, &[(constant::VOXELS, voxels), (constant::SLICES, slices)]);
+    for (voxels, slices, polished) in [(32, 4, 0), (8, 8, 1), (1, 64, 0), (64, 2, 0)] {
+        let sizes = [(constant::VOXELS, voxels), (constant::SLICES, slices), (constant::POLISHED, polished)];
+        remake(&mut job, &sizes);
         case.write(&mut job);
         let groups = (case.active.len() as u32).div_ceil(voxels);
         let mut s = Schedule::default();
@@ -236,6 +237,20 @@ fn step_in_slices_and_groups() {
     }
     assert!(seen.iter().all(|n| *n > 10), "{seen:?}");
     assert_valid(&gpu);
+}
+
+#[test]
+fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
+    let gpu = gpu();
+    for (bins, polished, fine) in [(300, false, false), (500, true, false), (700, false, true)] {
+        let (model, grid) = (scene(5, bins, 9), grid());
+        for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
+            let device = Abilities { kind, ..gpu.abilities() };
+            let plan = Plan::new(&model, grid, [5, 5], &vector_options(&grid), &device, false).unwrap();
+            assert_eq!((plan.polished, plan.fine), (asks, fine), "{bins} bins, {kind}");
+            assert_eq!(plan.constant(constant::POLISHED), Some(u32::from(asks)));
+        }
+    }
 }
 
 #[test]

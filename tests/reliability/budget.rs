@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::process::Command;
 
 use thirdbounce::gpu::{
-    Abilities, Accumulations, Buffer, BufferPlan, DeviceKind, Faults, Limits, Place, check,
+    Abilities, Accumulations, Buffer, BufferPlan, DeviceKind, Faults, Limits, Memory, Place, check,
 };
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
@@ -130,6 +130,7 @@ const USUAL: Limits = Limits {
     shared_memory: 48 << 10,
     groups: [i32::MAX as u32, 65_535, 65_535],
     subgroup: 32,
+    work: 1 << 30,
 };
 
 /// A model with that many pairs and bins, but without their histograms.
@@ -174,7 +175,9 @@ fn claimed() -> Row {
             let grid = grid(lateral, layers * 0.001)?;
             Plan::new(&model(pairs, bins), grid, [lateral, lateral], &options, &abilities(USUAL), false)
         };
-        let allowed = |range: u64| plan().and_then(|p| check(&p.buffers, range, u64::MAX / 2, false));
+        let allowed = |range: u64| {
+            plan().and_then(|p| check(&p.buffers, &Memory::of_card(range, [u64::MAX / 2; 2]), None))
+        };
         let steps = [plan().map(drop), allowed(USUAL.storage_range), allowed(128 << 20)];
         for (at, (step, want)) in steps.into_iter().zip([planned, usual, least]).enumerate() {
             let case = || -> Held {
@@ -230,7 +233,7 @@ fn bound() -> Row {
     row.add("a run afterwards", again.map(|_| None).map_err(|e| e.to_string()));
     row.add(
         "a plan that fits",
-        check(&many, range, 64 << 20, true).map(|()| None).map_err(|e| e.to_string()),
+        check(&many, &gpu.memory(), Some(64 << 20)).map(|()| None).map_err(|e| e.to_string()),
     );
     row
 }

@@ -10,6 +10,7 @@ mod killed;
 mod ledger;
 mod options;
 mod order;
+mod paced;
 mod resumed;
 mod small;
 mod stability;

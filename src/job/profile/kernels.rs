@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
 use crate::gpu::spirv::{Counts, count_loop};
-use crate::gpu::{Constant, Ran, Recording};
+use crate::gpu::{Constant, KernelCode, Ran, Recording};
 use crate::solve::{TracePoint, Voxels, pass_of};
 use crate::transport::kernels::constant;
 
@@ -153,12 +153,7 @@ pub fn times(
             }
             if let Some(made) = made.filter(|_| over_pairs) {
                 let float = made.code.name.ends_with("_float");
-                let at_once = [constant::OTHERS, constant::FORWARD_OTHERS].map(Constant::name);
-                let others =
-                    made.constants.iter().find(|c| at_once.contains(&c.0.as_str())).map_or(1, |c| c.1);
-                let counted = count_loop(&made.code, &made.constants);
-                k.counts = counted.map(|c| c[0]);
-                k.shared = counted.map(|c| (c[1], others)).filter(|s| s.0 != Counts::default());
+                (k.counts, k.shared) = counted(&made.code, &made.constants);
                 let of = |c: &Counts| Floor::new(c, limits, float);
                 let floor = k
                     .counts
@@ -172,6 +167,18 @@ pub fn times(
         .collect();
     list.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
     list
+}
+
+/// What a turn of a kernel's main loop counts in its SPIR-V, and what the loop around it counts for so many turns.
+pub(super) fn counted(
+    code: &KernelCode,
+    constants: &[(String, u32)],
+) -> (Option<Counts>, Option<(Counts, u32)>) {
+    let at_once = [constant::OTHERS, constant::FORWARD_OTHERS].map(Constant::name);
+    let others = constants.iter().find(|c| at_once.contains(&c.0.as_str())).map_or(1, |c| c.1);
+    let counted = count_loop(code, constants);
+    let shared = counted.map(|c| (c[1], others)).filter(|s| s.0 != Counts::default());
+    (counted.map(|c| c[0]), shared)
 }
 
 impl Floor {

@@ -136,7 +136,7 @@ impl<'g> Bench<'g> {
         let result = u64::from(GROUPS * LANES) * 4;
         // Larger than the caches of a GPU, but within free memory and the largest binding.
         let most = if gpu.info.kind == DeviceKind::Cpu { 32 << 20 } else { 512 << 20 };
-        let copied = (gpu.free_memory() / 8).min(most).min(gpu.limits.storage_range) / 4096 * 4096;
+        let copied = (gpu.memory().free[0] / 8).min(most).min(gpu.limits.storage_range) / 4096 * 4096;
         let copied = copied.max(4096);
         let plan = [
             BufferPlan::new(buffer::RESULT, result, Place::Device),

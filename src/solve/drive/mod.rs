@@ -8,7 +8,7 @@ use super::Pass;
 use super::checkpoint::{self, Checkpoint, Keep, Keeper};
 use super::on_device::{OnDevice, read_maps};
 use super::{Level, Plan, TracePoint};
-use crate::gpu::{DeviceKind, Gpu, Schedule, Ticket};
+use crate::gpu::{Gpu, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;
 use crate::{Error, Kind, Result};
@@ -415,9 +415,8 @@ pub(super) fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u
     [("iteration", iteration as u64), ("lateral", level.grid.n[0] as u64), ("pairs", level.pairs as u64)]
 }
 
-/// Iterations of a submission: about a fifth of a second of work. Progress moves, cancelling is quick, and the device
-/// never waits for the host.
+/// Iterations of a block: about a fifth of a second of work at the rate of the device's kind. Progress moves, cancelling is
+/// quick, and the device never waits for the host. The executor divides a block that takes longer.
 fn block_length(gpu: &Gpu, pairs_per_iteration: usize) -> usize {
-    let rate = if gpu.info.kind == DeviceKind::Cpu { 1e8 } else { 3e10 };
-    (0.2 * rate / pairs_per_iteration.max(1) as f64).clamp(1.0, 50.0) as usize
+    (0.2 * gpu.expected_rate() / pairs_per_iteration.max(1) as f64).clamp(1.0, 50.0) as usize
 }

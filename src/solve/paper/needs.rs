@@ -81,6 +81,10 @@ impl Needs for PaperOptions {
         all
     }
 
+    fn betas(&self) -> [f64; 2] {
+        [self.beta1, self.beta2]
+    }
+
     /// Buffers that hold nothing between iterations, where they are large enough.
     fn volumes(&self, plan: &Plan) -> [Buffer; 2] {
         let large = plan.capacity >= plan.touched_capacity.max(plan.finest().grid.storage() / 4);

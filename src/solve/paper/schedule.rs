@@ -3,6 +3,7 @@
 use super::PaperOptions;
 use super::passes::*;
 use crate::gpu::{Buffer, Schedule};
+use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{arguments, compare, forward, gather, groups};
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
@@ -20,12 +21,13 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     s.extend(forward(plan, level, &FORWARD));
     s.extend(compare(plan, level, &RESIDUAL, push, None));
     if plan.passes.contains(&&NOISE) {
+        let push = unbiased(push, plan.betas, iteration + 1);
         s.dispatch(&NOISE, groups(level.pairs, 1)).bind(buffer::SCENE, level.scene).with(push);
     }
     s.extend(gather(plan, level, &BACKWARD, ARGUMENTS_BACKWARD, 0, plan.residual()));
     s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE))
         .bind(buffer::SCENE, level.scene)
-        .with(push);
+        .with(unbiased(push, plan.betas, step));
     s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(push);
     s
 }

@@ -73,7 +73,7 @@ impl Plan {
         let cells = super::cells(self.pairs, self.bins) as u64;
         let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
         let rendered = self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells);
-        let sets = self.forward_sets(self.finest());
+        let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let mut all = vec![
             (buffer::WALL, self.wall_bytes(self.finest())),

@@ -13,6 +13,7 @@ use crate::transport::{
 use crate::{Error, Result};
 
 mod buffers;
+mod divide;
 mod left_out;
 mod levels;
 pub(in crate::solve) mod pass;
@@ -74,6 +75,11 @@ pub trait Needs {
     /// Its device buffers with their bytes. The plan adds those that all solvers have.
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
 
+    /// Decays of Adam's first and second moment, if it runs Adam on the volume.
+    fn betas(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+
     /// Two buffers for a number per voxel while the domain changes. The first has room for four numbers of every
     /// touched voxel, too.
     fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {
@@ -115,6 +121,8 @@ pub struct Plan {
     pub reflectance: Reflectance,
     /// Bin positions are computed in parts: paths span more bins than fp32 resolves.
     pub fine: bool,
+    /// Distances take a step of Newton: the device's inverse roots may be too rough for so many bins.
+    pub polished: bool,
     /// Voxels are summed in runs before they are added to a bin: more of them go into one bin than an fp32 sum bears.
     pub runs: bool,
     /// A sample may be so near to a wall point that the pair gives nothing.
@@ -135,12 +143,16 @@ pub struct Plan {
     pub others: usize,
     /// Workgroup and chunk sizes.
     pub tuning: Tuning,
+    /// Voxel-pair evaluations of a dispatch at most: see [`crate::gpu::Limits::work`].
+    pub work: u64,
     /// Voxels that may be active at once.
     pub capacity: usize,
     /// Voxels that may be touched at once: active ones and, where they have state, their neighbours.
     pub touched_capacity: usize,
     /// Weights of the reduction's Gaussian, 0..=radius.
     pub taps: Vec<f64>,
+    /// Decays of Adam's first and second moment.
+    pub betas: [f64; 2],
     /// Two buffers for a number per voxel while the domain changes.
     pub volumes: [Buffer; 2],
     /// Values of the constants that passes share.
@@ -220,6 +232,7 @@ impl Plan {
             geometry: model.wall.geometry,
             reflectance: model.reflectance,
             fine: model.is_fine(&grid),
+            polished: device.kind != DeviceKind::Cpu && model.is_polished(&grid),
             runs,
             pulse,
             pulse_deviation: model.pulse.as_ref().map_or(0.0, |p| p.deviation() * model.bin_width),
@@ -230,9 +243,11 @@ impl Plan {
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),
             tuning,
+            work: device.limits.work,
             capacity,
             touched_capacity,
             taps: crate::transport::twin::taps(demand.smooth[0], demand.smooth[1]),
+            betas: needs.betas(),
             volumes: [SMOOTH, SMOOTH_SPARE],
             constants: BTreeMap::new(),
             passes: vec![],
@@ -283,6 +298,7 @@ impl Plan {
             (constant::REFLECTANCE, self.reflectance.number()),
             (constant::CURVED, u32::from(self.curved)),
             (constant::FINE, u32::from(self.fine)),
+            (constant::POLISHED, u32::from(self.polished)),
             (constant::TOUCHING, u32::from(self.touching)),
             (constant::RUNS, u32::from(self.runs)),
             (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
@@ -297,8 +313,8 @@ impl Plan {
             (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
             (constant::SHARED, u32::from(t.share_arms)),
             (constant::OTHERS, t.others_backward),
-            (constant::OWNED, u32::from(self.accumulation == Accumulation::Owned)),
-            (constant::FORWARD_SETS, self.forward_sets(self.finest())),
+            (constant::SET_CELLS, self.set_cells()),
+            (constant::FORWARD_SETS, self.most_sets()),
         ])
     }
 
@@ -353,14 +369,6 @@ impl Plan {
         let first =
             |l: &Level| self.levels.iter().find(|o| o.sum == l.sum).is_some_and(|o| o.scene == l.scene);
         self.levels.iter().filter(move |l| l.sum > 1 && first(l))
-    }
-
-    /// Dispatches that one forward pass takes at `level`.
-    pub fn forward_sets(&self, level: &Level) -> u32 {
-        if self.accumulation != Accumulation::Owned {
-            return 1;
-        }
-        level.grid.storage().min(self.capacity).div_ceil(self.tuning.chunk as usize) as u32
     }
 
     /// Whether the forward kernel's private columns would be too narrow at `level`.
@@ -445,6 +453,8 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
     Ok(match wanted {
         Accumulation::Auto if kind == DeviceKind::Cpu => Accumulation::Owned,
         Accumulation::Auto if offered.float => Accumulation::Float,
+        // Lanes that meet at one bin cost an integer atomic once each; compare-and-swap turns again for each of them.
+        Accumulation::Auto if offered.int64 => Accumulation::Fixed,
         Accumulation::Auto => Accumulation::Cas,
         Accumulation::Fixed if !offered.int64 => Accumulation::Fixed32,
         Accumulation::Float if !offered.float => {
@@ -455,4 +465,20 @@ fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Res
         }
         other => other,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_adds_as_it_can() {
+        let gpu =
+            |float, int64| choose(Accumulation::Auto, DeviceKind::Discrete, Accumulations { float, int64 });
+        assert_eq!(gpu(true, true).unwrap(), Accumulation::Float);
+        assert_eq!(gpu(false, true).unwrap(), Accumulation::Fixed);
+        assert_eq!(gpu(false, false).unwrap(), Accumulation::Cas);
+        let cpu = choose(Accumulation::Auto, DeviceKind::Cpu, Accumulations { float: true, int64: true });
+        assert_eq!(cpu.unwrap(), Accumulation::Owned);
+    }
 }

@@ -2,12 +2,16 @@
 
 use super::passes::*;
 use crate::gpu::Schedule;
+use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{compare, forward, gather, gathered, groups};
 use crate::solve::passes::{ARGUMENTS, FORWARD, RESIDUAL};
 use crate::solve::plan::COLUMNS_HOST;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
+
+/// Decays of Adam's moments, as in `surface_step.comp`.
+const BETAS: [f64; 2] = [0.9, 0.99];
 
 fn push(count: usize) -> Push {
     Push { last: count as u32, ..Default::default() }
@@ -63,7 +67,9 @@ pub fn iteration(
     s.extend(gather(plan, level, &SURFACE_GATHER, ARGUMENTS_BACKWARD, 0, from));
     s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
-    s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP))
+        .bind(buffer::SCENE, scene)
+        .with(unbiased(push, BETAS, push.step));
     s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene).with(push);
     s
 }

@@ -3,7 +3,9 @@
 use super::VectorOptions;
 use super::passes::*;
 use crate::gpu::Schedule;
-use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, instrument_back, pair_chunks};
+use crate::solve::over_pairs::{
+    arguments, compare, forward, gather, groups, instrument_back, pair_chunks, work_of,
+};
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
@@ -15,12 +17,14 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
     s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP))
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::MEASURED, level.measured);
-    for push in pair_chunks(plan.geometry, &plan.measured(level)) {
+    let voxels = level.grid.storage();
+    for push in pair_chunks(plan, &plan.measured(level), voxels) {
         s.dispatch(&BACKPROJECT, groups(level.grid.storage(), WORKGROUP))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::WALL, level.wall)
             .bind(buffer::TARGET, plan.volumes[1])
-            .with(push);
+            .with(push)
+            .taking(work_of(&push, voxels));
     }
     s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME));
     s

@@ -1,0 +1,153 @@
+//! The features and extensions of a device that are used: each is asked for where it is offered, and only there.
+
+use std::ffi::CStr;
+
+use ash::{ext, khr, vk};
+
+use super::GpuOptions;
+use super::instance::{DeviceInfo, Instance};
+use crate::advice::advice;
+use crate::{Error, Result};
+
+/// What a device offers of that which is used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Offered {
+    /// fp32 atomic add on buffers.
+    pub float: bool,
+    /// 64-bit integer atomic add on buffers, with the integers themselves.
+    pub int64: bool,
+    /// Checks of buffers' bounds, if they were asked for.
+    pub robust: bool,
+    /// The free memory of every heap.
+    pub has_budget: bool,
+    /// Statistics of compiled kernels, if they were asked for.
+    pub has_statistics: bool,
+    /// The device is no complete Vulkan, but a layer over another interface. It must then be asked for as such.
+    pub is_subset: bool,
+    /// fp32 operations round to nearest where a kernel asks for it.
+    pub rounding: bool,
+}
+
+impl Offered {
+    /// # Errors
+    /// A device without timeline semaphores.
+    pub fn by(
+        instance: &Instance,
+        physical: vk::PhysicalDevice,
+        info: &DeviceInfo,
+        options: &GpuOptions,
+    ) -> Result<Offered> {
+        // SAFETY: the physical device is the instance's.
+        let extensions =
+            unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+        let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
+        // A struct may be asked about only where its extension is there; else it stays zero.
+        if offers(ext::shader_atomic_float::NAME) {
+            features = features.push_next(&mut atomic_float);
+        }
+        if offers(khr::pipeline_executable_properties::NAME) {
+            features = features.push_next(&mut statistics);
+        }
+        // SAFETY: the chained structs outlive the call.
+        unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
+        let features = features.features;
+        if v12.timeline_semaphore != vk::TRUE {
+            return Err(Error::device(
+                format!("{} has no timeline semaphores, which are needed", info.name),
+                advice!["update its driver, or choose another device with " Device],
+            ));
+        }
+        let mut controls = vk::PhysicalDeviceFloatControlsProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut controls);
+        // SAFETY: as above; the struct belongs to Vulkan 1.2.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+        Ok(Offered {
+            float: atomic_float.shader_buffer_float32_atomic_add == vk::TRUE,
+            int64: features.shader_int64 == vk::TRUE && v12.shader_buffer_int64_atomics == vk::TRUE,
+            robust: options.robust && features.robust_buffer_access == vk::TRUE,
+            has_budget: offers(ext::memory_budget::NAME),
+            has_statistics: (options.timings || options.statistics)
+                && statistics.pipeline_executable_info == vk::TRUE,
+            is_subset: offers(khr::portability_subset::NAME),
+            // Where the modes of all widths must be the same, fp32 alone cannot declare one.
+            rounding: controls.shader_rounding_mode_rte_float32 == vk::TRUE
+                && controls.rounding_mode_independence != vk::ShaderFloatControlsIndependence::NONE,
+        })
+    }
+
+    /// The extensions to open the device with.
+    fn extensions(&self) -> Vec<&'static CStr> {
+        let all = [
+            (self.float, ext::shader_atomic_float::NAME),
+            (self.has_budget, ext::memory_budget::NAME),
+            (self.has_statistics, khr::pipeline_executable_properties::NAME),
+            (self.is_subset, khr::portability_subset::NAME),
+        ];
+        all.into_iter().filter(|(offered, _)| *offered).map(|(_, name)| name).collect()
+    }
+
+    /// Opens the device with all of this.
+    ///
+    /// # Errors
+    /// A device that does not open.
+    pub fn create(
+        &self,
+        instance: &Instance,
+        physical: vk::PhysicalDevice,
+        info: &DeviceInfo,
+        family: u32,
+    ) -> Result<ash::Device> {
+        let wanted: Vec<_> = self.extensions().iter().map(|name| name.as_ptr()).collect();
+        let mut use_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
+        // Other atomics on floats are another feature, which a device may lack.
+        let mut use_float =
+            vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
+        let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
+            .timeline_semaphore(true)
+            .shader_buffer_int64_atomics(self.int64);
+        let use_features =
+            vk::PhysicalDeviceFeatures::default().shader_int64(self.int64).robust_buffer_access(self.robust);
+        let priorities = [1.0];
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let mut create = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&wanted)
+            .enabled_features(&use_features)
+            .push_next(&mut use_v12);
+        if self.float {
+            create = create.push_next(&mut use_float);
+        }
+        if self.has_statistics {
+            create = create.push_next(&mut use_statistics);
+        }
+        // SAFETY: the physical device is the instance's; the chained structs outlive the call.
+        unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
+            Error::device(
+                format!("{} does not open ({e})", info.name),
+                advice!["another program may hold it, or its driver is broken; try another with " Device],
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_extension_is_asked_for_where_it_is_offered_and_only_there() {
+        assert!(Offered::default().extensions().is_empty());
+        let layered = Offered { is_subset: true, rounding: true, int64: true, ..Offered::default() };
+        assert_eq!(layered.extensions(), [khr::portability_subset::NAME]);
+        let usual = Offered { float: true, has_budget: true, has_statistics: true, ..Offered::default() };
+        let names = usual.extensions();
+        assert_eq!(names.len(), 3);
+        assert!(names.contains(&ext::shader_atomic_float::NAME) && names.contains(&ext::memory_budget::NAME));
+    }
+}

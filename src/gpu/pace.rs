@@ -1,0 +1,170 @@
+//! How much work a device gets at once, and how long it may take: drivers reset a device that does not come back within
+//! some seconds (2 s on Windows, 5 to 10 s elsewhere).
+//!
+//! Work is counted in turns of kernels' main loops, over all invocations: a voxel seen by a laser-sensor pair is one.
+//! Schedules say how many turns a dispatch takes at most ([`super::Command::taking`]).
+
+use std::ops::Range;
+use std::time::Duration;
+
+use super::{Command, DeviceKind, Gpu};
+
+/// Seconds of work in a submission.
+const SUBMISSION: f64 = 0.1;
+
+/// A dispatch cannot be divided once it is recorded, so it takes no more than this share of a second at the kind's rate:
+/// it ends in time on a device that is ten times slower, too.
+const DISPATCH: f64 = 0.04;
+
+/// Seconds after which a device hangs, if it has nothing to do that counts as work: kernels are compiled, too.
+const PATIENCE: f64 = 120.0;
+/// The same for a CPU, where other programs take their share and validation may be on.
+const PATIENCE_OF_CPU: f64 = 600.0;
+
+/// A device hangs if it takes so many times longer than its kind's rate lets expect.
+const SLOWER: f64 = 100.0;
+
+/// No device counts as more than so many times faster than its kind: where bounds of the work are far above it, the rate
+/// would grow without end, and the next level would be one long submission.
+const FASTER: f64 = 16.0;
+
+/// Turns a second that a device of this kind reaches, or may be expected to.
+pub(super) fn rate_of(kind: DeviceKind) -> f64 {
+    match kind {
+        DeviceKind::Discrete | DeviceKind::Virtual => 3e10,
+        DeviceKind::Integrated | DeviceKind::Other => 2e9,
+        DeviceKind::Cpu => 1e8,
+    }
+}
+
+/// Turns of a dispatch at most. A CPU has no time limit, and dividing its work costs time.
+pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
+    match kind {
+        DeviceKind::Cpu => u64::MAX,
+        _ => (DISPATCH * rate_of(kind)) as u64,
+    }
+}
+
+impl Gpu {
+    /// Turns of kernels' main loops a second that a device of this kind may be expected to reach.
+    pub fn expected_rate(&self) -> f64 {
+        rate_of(self.info.kind)
+    }
+}
+
+/// The pace of a device: how fast it was so far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pace {
+    kind: DeviceKind,
+    /// Turns of a submission at most, if they are given.
+    given: Option<u64>,
+    /// Turns a second. Schedules tell upper bounds of their work, so this may be more than the device's own rate.
+    rate: f64,
+}
+
+impl Pace {
+    pub fn new(kind: DeviceKind, given: Option<u64>) -> Pace {
+        Pace { kind, given, rate: rate_of(kind) }
+    }
+
+    /// Turns of a submission at most.
+    fn submission(&self) -> u64 {
+        match (self.given, self.kind) {
+            (Some(given), _) => given,
+            (None, DeviceKind::Cpu) => u64::MAX,
+            _ => (SUBMISSION * self.rate) as u64,
+        }
+    }
+
+    /// Learns from a finished submission of at most `work` turns. The rate falls at once, and rises step by step: a new
+    /// level may have more to do than the bounds before let expect.
+    pub fn learn(&mut self, work: u64, seconds: f64) {
+        // A short one says more of its overhead.
+        if work > 0 && seconds > 1e-3 {
+            let usual = rate_of(self.kind);
+            self.rate = (work as f64 / seconds).clamp(1e-3 * usual, (2.0 * self.rate).min(FASTER * usual));
+        }
+    }
+
+    /// How long `work` turns may take before the device counts as hung.
+    pub fn patience(&self, work: u64) -> Duration {
+        let base = if self.kind == DeviceKind::Cpu { PATIENCE_OF_CPU } else { PATIENCE };
+        Duration::from_secs_f64(base + SLOWER * work as f64 / rate_of(self.kind))
+    }
+
+    /// The parts of a schedule that are submitted one by one: each has as much work as a submission may, or a single
+    /// dispatch that has more. One empty part for an empty schedule.
+    pub fn parts(&self, commands: &[Command]) -> Vec<Range<usize>> {
+        let most = self.submission();
+        let (mut parts, mut from, mut sum) = (vec![], 0, 0u64);
+        for (i, command) in commands.iter().enumerate() {
+            let work = command.work();
+            if sum > 0 && work > 0 && sum.saturating_add(work) > most {
+                parts.push(from..i);
+                (from, sum) = (i, 0);
+            }
+            sum = sum.saturating_add(work);
+        }
+        parts.push(from..commands.len());
+        parts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Kernel, Schedule};
+
+    fn of(works: &[u64]) -> Vec<Command> {
+        let mut s = Schedule::default();
+        for work in works {
+            s.dispatch(Kernel::named("k"), [1, 1, 1]).taking(*work);
+        }
+        s.commands
+    }
+
+    #[test]
+    fn a_submission_holds_as_much_work_as_it_may() {
+        let pace = Pace::new(DeviceKind::Discrete, Some(10));
+        assert_eq!(pace.parts(&of(&[])), vec![Range { start: 0, end: 0 }]);
+        assert_eq!(pace.parts(&of(&[0, 4, 6, 0, 1, 0])), [0..4, 4..6]);
+        assert_eq!(pace.parts(&of(&[30, 0, 30])), [0..2, 2..3], "a dispatch is not divided here");
+        let whole = Pace::new(DeviceKind::Cpu, None);
+        assert_eq!(whole.parts(&of(&[u64::MAX, u64::MAX])), vec![Range { start: 0, end: 2 }]);
+    }
+
+    #[test]
+    fn submissions_stay_well_below_half_a_second_on_a_device_that_is_slower_than_its_kind() {
+        let mut pace = Pace::new(DeviceKind::Discrete, None);
+        let slow = rate_of(DeviceKind::Discrete) / 10.0;
+        let all = of(&[dispatch_of(DeviceKind::Discrete); 100]);
+        let mut longest = 0.0f64;
+        let mut at = 0;
+        while at < all.len() {
+            let part = pace.parts(&all[at..])[0].clone();
+            let work: u64 = all[at..][part.clone()].iter().map(Command::work).sum();
+            let seconds = work as f64 / slow;
+            if at > 0 {
+                longest = longest.max(seconds);
+            }
+            pace.learn(work, seconds);
+            at += part.len();
+        }
+        // One dispatch of 0.4 s is what is left at a tenth of the kind's rate.
+        assert!(longest < 0.45, "{longest} s");
+        let mut fast = Pace::new(DeviceKind::Discrete, None);
+        fast.learn(1 << 40, 0.01);
+        assert_eq!(fast.rate, 2.0 * rate_of(DeviceKind::Discrete), "it rises step by step");
+        (0..20).for_each(|_| fast.learn(1 << 50, 0.01));
+        assert_eq!(fast.rate, FASTER * rate_of(DeviceKind::Discrete), "and not without end");
+    }
+
+    #[test]
+    fn patience_grows_with_the_work() {
+        let pace = Pace::new(DeviceKind::Discrete, None);
+        let of = |work: f64| pace.patience(work as u64).as_secs_f64();
+        assert_eq!(of(0.0), PATIENCE);
+        assert!((of(3e12) - PATIENCE - 1e4).abs() < 1.0);
+        assert!(Pace::new(DeviceKind::Cpu, None).patience(u64::MAX).as_secs_f64() > 1e9);
+    }
+}

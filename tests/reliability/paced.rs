@@ -1,0 +1,151 @@
+//! Work is divided so that no dispatch and no submission meets a driver's time limit, and a device that hangs is found.
+
+use std::collections::BTreeSet;
+
+use thirdbounce::Kind;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::{
+    Abilities, Accumulations, Command, DeviceKind, Faults, Gpu, GpuOptions, Limits, Schedule,
+};
+use thirdbounce::job::SolverOptions;
+use thirdbounce::solve::{Accumulation, Plan, Reconstruction, paper, vector};
+use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
+
+use super::small::{kinds, loaded, solve, solvers, vector as small_vector};
+
+/// Turns of a dispatch that a discrete card gets at most.
+const MOST: u64 = 1_200_000_000;
+
+fn card() -> Abilities {
+    let limits = Limits {
+        storage_range: u64::from(u32::MAX),
+        texels: 1 << 27,
+        workgroup_invocations: 1024,
+        shared_memory: 48 << 10,
+        groups: [i32::MAX as u32, 65_535, 65_535],
+        subgroup: 32,
+        work: MOST,
+    };
+    let accumulations = Accumulations { float: true, int64: true };
+    Abilities { kind: DeviceKind::Discrete, accumulations, limits }
+}
+
+/// A confocal scan of 256 x 256 points, or as many pairs of a product, without their histograms.
+fn large(geometry: Geometry) -> Model {
+    let at = |i: usize, n: usize| {
+        glam::dvec3((i / n) as f64 / n as f64 - 0.5, (i % n) as f64 / n as f64 - 0.5, 0.0)
+    };
+    let mut wall = Wall::confocal((0..1 << 16).map(|i| at(i, 256)).collect());
+    if geometry == Geometry::Product {
+        wall = Wall::confocal((0..1 << 14).map(|i| at(i, 128)).collect());
+        wall.geometry = Geometry::Product;
+        wall.others = (0..4).map(|i| at(i, 2)).collect();
+    }
+    Model {
+        elements: wall.pairs() * 1024,
+        wall,
+        bins: 1024,
+        bin_width: 0.003,
+        t_start: 0.3,
+        measured: vec![],
+        ..Model::new(&loaded().capture, Reflectance::Cosine, 10.0, true)
+    }
+}
+
+fn grid() -> Grid {
+    let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.3), max: glam::dvec3(0.5, 0.5, 1.3) };
+    Grid::new(volume, 128, 0.003).expect("a grid")
+}
+
+/// Turns of a kernel's dispatches in a schedule: the most of one, all, and how many there are.
+fn of(s: &Schedule, kernel: &str) -> [u64; 3] {
+    let works: Vec<u64> = s.commands.iter().filter(|c| c.name() == kernel).map(Command::work).collect();
+    [works.iter().copied().max().unwrap_or(0), works.iter().sum(), works.len() as u64]
+}
+
+#[test]
+fn a_dense_start_of_a_large_scan_is_many_dispatches() {
+    for geometry in [Geometry::Confocal, Geometry::Product] {
+        let model = large(geometry);
+        let options = super::small::paper(Accumulation::Auto).with(|o| {
+            o.domain.coarse_to_fine = false;
+            o.domain.reduce = false;
+        });
+        let plan = Plan::new(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
+        let level = plan.finest();
+        let all = (level.grid.storage() * model.pairs()) as u64;
+        assert!(all > 200 * MOST, "{all}");
+        let s = paper::iteration(&plan, level, 0, 1);
+        for kernel in ["forward", "backward"] {
+            let [most, sum, count] = of(&s, kernel);
+            assert!(most <= MOST, "{geometry:?} {kernel}: {most} turns at once");
+            assert!(sum >= all && sum < all + all / 8, "{geometry:?} {kernel}: {sum} of {all} turns");
+            assert!(count > 200, "{geometry:?} {kernel}: {count}");
+        }
+        let options = small_vector(Accumulation::Auto);
+        let plan = Plan::new(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
+        for s in [vector::start(&plan, &plan.levels[0], &options), vector::iteration(&plan, plan.finest(), 0)]
+        {
+            let long = s.commands.iter().filter(|c| c.work() > MOST);
+            assert_eq!(long.map(Command::name).collect::<Vec<_>>(), Vec::<&str>::new());
+        }
+    }
+    // What fits stays whole.
+    let mut model = large(Geometry::Confocal);
+    model.wall.scanned.truncate(1024);
+    model.elements = 1024 * model.bins;
+    let plan = Plan::new(&model, grid(), [32, 32], &small_vector(Accumulation::Auto), &card(), false)
+        .expect("a plan");
+    let s = vector::iteration(&plan, plan.finest(), 0);
+    assert_eq!(["forward", "step"].map(|kernel| of(&s, kernel)[2]), [1, 1]);
+}
+
+/// A solve in parts of at most `work` turns; how many submissions it took.
+fn solved(capture: &Capture, solver: &SolverOptions, work: Option<u64>) -> (Reconstruction, usize) {
+    let gpu = Gpu::open(&GpuOptions { work, timings: true, ..GpuOptions::default() }).expect("a device");
+    let result = solve(&gpu, &solver.without_search(), capture, None).expect("it solves");
+    let ran = gpu.take_recording();
+    let submissions: BTreeSet<u64> = ran.device.iter().map(|r| r.submission).collect();
+    let iterations = ran.stages.iter().filter(|s| s.name == "iteration").count();
+    assert_eq!(
+        iterations,
+        result.trace.last().expect("a point").iteration,
+        "a divided iteration is one stage"
+    );
+    (result, submissions.len())
+}
+
+#[test]
+fn a_divided_solve_gives_the_same() {
+    for (name, capture) in kinds().into_iter().filter(|(name, _)| ["confocal", "exhaustive"].contains(name)) {
+        for (solver, options) in solvers(Accumulation::Fixed) {
+            let (whole, few) = solved(&capture, &options, None);
+            let (parts, many) = solved(&capture, &options, Some(20_000));
+            let of =
+                |r: &Reconstruction| (r.plan.forward_sets(r.plan.finest()), r.trace.last().map(|p| p.loss));
+            let ((one, loss), (several, divided)) = (of(&whole), of(&parts));
+            assert!(
+                one == 1 && several > 1 && many > 2 * few,
+                "{name} {solver}: {several}, {few} and {many}"
+            );
+            // Gathers add up in another order.
+            let (loss, divided) = (loss.expect("a loss"), divided.expect("a loss"));
+            assert!((divided / loss - 1.0).abs() < 1e-3, "{name} {solver}: {loss} and {divided}");
+        }
+    }
+}
+
+#[test]
+fn a_device_that_hangs_is_an_error_and_not_the_end() {
+    let (_, options) = &solvers(Accumulation::Owned)[1];
+    for hang in [0, 3, 20] {
+        let faults = Faults { hang: Some(hang), ..Faults::default() };
+        let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
+        let error = solve(&gpu, options, &loaded().capture, None).expect_err("the device hangs");
+        assert_eq!(error.kind, Kind::Device);
+        assert!(error.what.contains("did not finish its work within 600 s"), "{error}");
+        assert!(error.mend.to_string().contains("hangs"), "{error}");
+    }
+    let gpu = Gpu::open(&GpuOptions::default()).expect("another device");
+    solve(&gpu, options, &loaded().capture, None).expect("it solves");
+}
