@@ -19,8 +19,8 @@ use crate::{Error, Kind, Result};
 mod model;
 mod pulse;
 
-pub use model::{FoundModel, MODELS, Refuted};
 use model::WITHOUT_NORMALS;
+pub use model::{FoundModel, MODELS, Refuted};
 pub use pulse::FoundPulse;
 
 /// Fewer pairs that judge cannot tell a difference from chance.
