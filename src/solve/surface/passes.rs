@@ -11,7 +11,7 @@ use crate::transport::kernels::*;
 const REFLECTS: (Constant, Value) = (constant::REFLECTANCE, Value::Of(|p| p.reflectance.number()));
 
 /// The pass that renders the surface: the volume's, if both reflect alike.
-pub fn forward_of(plan: &Plan) -> &'static Pass {
+pub(super) fn forward_of(plan: &Plan) -> &'static Pass {
     if plan.reflectance == plan.volume_reflectance { &FORWARD } else { &SURFACE_FORWARD }
 }
 
