@@ -7,16 +7,17 @@ use crate::transport::Geometry;
 /// Share of the map's white that a pixel's albedo must have.
 pub const SUPPORT: f32 = 0.1;
 
-/// The same for a Lambertian surface in the maps of a volume with one cosine, confocal or not. Such a volume shows rims
-/// dim, and what is dimmer is the haze around them.
+/// The same for a Lambertian surface in the maps of a volume with one cosine. Such a volume shows rims dim, and what is
+/// dimmer is the haze around them. The second is for every laser point with every sensor point: depths are less certain
+/// there, and a surface needs more of the haze (benches/NOTES.md).
 const AFTER_COSINE: [f32; 2] = [0.15, 0.12];
 
 /// The share of white above which a plan's surface takes pixels.
 pub fn support(plan: &Plan) -> f32 {
     match plan.geometry {
         _ if plan.reflectance == plan.volume_reflectance => SUPPORT,
-        Geometry::Confocal => AFTER_COSINE[0],
-        Geometry::TwoPoints | Geometry::Product => AFTER_COSINE[1],
+        Geometry::Confocal | Geometry::TwoPoints => AFTER_COSINE[0],
+        Geometry::Product => AFTER_COSINE[1],
     }
 }
 
