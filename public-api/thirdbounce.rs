@@ -2564,6 +2564,7 @@ pub mod solve {
             pub smooth: [f64; 2],
             pub refined: Option<usize>,
             pub more_taps: [usize; 2],
+            pub cosine_volume: bool,
         }
         pub trait Needs {
             fn demand(&self) -> Demand;
@@ -2590,6 +2591,7 @@ pub mod solve {
             pub gradient: Gradient,
             pub geometry: Geometry,
             pub reflectance: Reflectance,
+            pub volume_reflectance: Reflectance,
             pub fine: bool,
             pub polished: bool,
             pub runs: bool,
@@ -2726,6 +2728,7 @@ pub mod solve {
             pub fn left_out(plan: &Plan, out: &mut LeftOut) {}
         }
         mod pixels {
+            pub const SUPPORT: f32 = 0.1;
             #[derive(Debug, Clone, Default, PartialEq)]
             pub struct Pixels {
                 pub columns: Vec<u32>,
@@ -2733,7 +2736,7 @@ pub mod solve {
                 pub depth: Vec<f32>,
             }
             impl Pixels {
-                pub fn of(layers: &[Maps], most: usize) -> Pixels {}
+                pub fn of(layers: &[Maps], support: f32, most: usize) -> Pixels {}
                 pub fn of_layers(&self, maps: usize) -> [usize; 2] {}
                 pub fn len(&self) -> usize {}
                 pub fn is_empty(&self) -> bool {}
@@ -2786,7 +2789,7 @@ pub mod solve {
             points_per_pixel,
         };
         pub use options::SurfaceOptions;
-        pub use pixels::Pixels;
+        pub use pixels::{Pixels, SUPPORT};
         pub use schedule::{extract, extract_behind, iteration, points, render, start};
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}

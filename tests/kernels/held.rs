@@ -64,7 +64,7 @@ static HELD: &[Held] = held! {
     SURFACE_GATHER => surface_gather::gather_of_every_model_pair_and_wall;
     SURFACE_COMBINE => surface::combine;
     SURFACE_PULL, SURFACE_STEP => surface::several_steps;
-    SURFACE_FINISH => surface::iterations_in_a_row;
+    SURFACE_FINISH, SURFACE_FORWARD => surface::iterations_in_a_row;
     SURFACE_EXTRACT => surface::extract;
 };
 

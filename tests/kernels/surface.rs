@@ -334,8 +334,12 @@ fn check_iterations(
         o.accumulation = accumulation;
         o.surface.blur = 0.5;
         o.surface.sparsity = 0.05;
+        // Then the surface is rendered by a pass of its own.
+        o.cosine_volume = true;
     });
     let mut job = job(gpu, &model, &grid, &o);
+    let own = job.plan.passes.contains(&&surface::passes::SURFACE_FORWARD);
+    assert_eq!(own, reflectance == Reflectance::Lambertian);
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };
     let mut words = surface::weights(&model, &grid, job.plan.finest(), placed, &o.surface);
     words[SURFACE_SPREAD as usize] = 1.25;

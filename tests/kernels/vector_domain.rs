@@ -195,7 +195,7 @@ pub fn bounds_weigh_voxels_by_how_bright_they_are() {
     for power in [0.0, 0.5, 1.5] {
         let o = vector_options(&grid).with(|o| {
             o.domain.keep_above = 0.3;
-            o.bound_power = power;
+            o.bound_power = Some(power);
         });
         let mut job = job(&gpu, &model, &grid, &o);
         let domain = state(&model, &grid, 0.6, 32).1;
@@ -239,7 +239,7 @@ fn check_doubling(fine: &Grid, all_bins: bool, from: usize, parts: [usize; 2]) {
     let o = vector_options(fine).with(|o| {
         o.domain.coarse_to_fine = true;
         o.domain.keep_above = 0.5;
-        o.bound_power = 1.5;
+        o.bound_power = Some(1.5);
         o.all_bins = all_bins;
     });
     let mut job = job(&gpu, &model, fine, &o);

@@ -104,7 +104,7 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         o.domain.coarse_iterations = 2;
         o.domain.reduce_every = 1;
         o.bound_every = 3;
-        o.bound_power = 0.5;
+        o.bound_power = Some(0.5);
         // So that there is room for some voxels only.
         o.domain.room = Some(0.4);
     });

@@ -8,10 +8,10 @@ use glam::{DVec3, dvec3};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
-use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate, truth};
-use thirdbounce::solve::surface::{self, Pixels};
-use thirdbounce::solve::{Accumulation, Reconstruction, VectorOptions, Watch, default_volume, vector};
-use thirdbounce::transport::{Grid, Volume};
+use thirdbounce::simulate::{Object, RenderOptions, Scene, WallShape, rectangle, simulate, truth};
+use thirdbounce::solve::surface::{self, Pixels, SUPPORT};
+use thirdbounce::solve::{Accumulation, Plan, Reconstruction, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::transport::{Grid, Reflectance, Volume};
 
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
     let count = albedo.len();
@@ -35,20 +35,24 @@ fn pixels_are_the_bright_ones_with_a_depth() {
         maps(vec![1.0, 0.05, 0.9, 0.0, 0.11, 2.0, 0.8], vec![0.5, 0.6, f32::NAN, f32::NAN, 0.7, 0.8, 0.9]);
     let few = Maps { albedo: all.albedo.iter().map(|a| a / 2.0).collect(), ..all.clone() };
     // White is next to the largest, 2: its tenth is 0.2.
-    let pixels = Pixels::of(std::slice::from_ref(&all), 7);
+    let pixels = Pixels::of(std::slice::from_ref(&all), SUPPORT, 7);
     assert_eq!(pixels.columns, [0, 5, 6]);
     assert_eq!(pixels.depth, [0.5, 0.8, 0.9]);
     assert_eq!(pixels.albedo, [1.0, 2.0, 0.8]);
-    assert_eq!(Pixels::of(std::slice::from_ref(&few), 7).columns, pixels.columns, "whatever the scale");
+    assert_eq!(
+        Pixels::of(std::slice::from_ref(&few), SUPPORT, 7).columns,
+        pixels.columns,
+        "whatever the scale"
+    );
     // Room for two: the brightest two, in the order of the maps.
-    let two = Pixels::of(std::slice::from_ref(&all), 2);
+    let two = Pixels::of(std::slice::from_ref(&all), SUPPORT, 2);
     assert_eq!((two.columns.as_slice(), two.len()), ([0, 5].as_slice(), 2));
     assert_eq!(two.albedo, [1.0, 2.0]);
-    let last = Pixels::of(&[maps(vec![1.0, 3.0, 2.0], vec![0.5; 3])], 2);
+    let last = Pixels::of(&[maps(vec![1.0, 3.0, 2.0], vec![0.5; 3])], SUPPORT, 2);
     assert_eq!((last.columns, last.albedo), (vec![1, 2], vec![3.0, 2.0]));
-    assert!(Pixels::of(std::slice::from_ref(&all), 0).is_empty());
-    assert!(Pixels::of(&[maps(vec![0.0; 5], vec![f32::NAN; 5])], 5).is_empty());
-    assert!(Pixels::of(&[maps(vec![1.0; 5], vec![f32::NAN; 5])], 5).is_empty());
+    assert!(Pixels::of(std::slice::from_ref(&all), SUPPORT, 0).is_empty());
+    assert!(Pixels::of(&[maps(vec![0.0; 5], vec![f32::NAN; 5])], SUPPORT, 5).is_empty());
+    assert!(Pixels::of(&[maps(vec![1.0; 5], vec![f32::NAN; 5])], SUPPORT, 5).is_empty());
 }
 
 #[test]
@@ -201,6 +205,45 @@ fn a_right_model_gains_by_blurred_residuals_and_few_pixels() {
     assert_valid(&gpu);
 }
 
+/// The volume of a Lambertian surface has one cosine, also where the wall is curved; that of no surface has both.
+#[test]
+fn a_lambertian_surface_begins_with_a_volume_of_one_cosine() {
+    let gpu = gpu();
+    for wall_shape in [WallShape::Flat, WallShape::Bump] {
+        let scene = Scene { scan: 8, bin_width: 0.02, wall_shape, ..Scene::named("torus").unwrap() };
+        let scene = Scene { reflectance: Reflectance::Lambertian, ..scene };
+        let capture = simulate(&scene, &RenderOptions::default()).unwrap().capture;
+        // The losses of the volume and of the surface.
+        let solved = |reflectance, cosine_volume, surface_iterations| {
+            let options = short(surface_iterations).with(|o| {
+                (o.reflectance, o.cosine_volume) = (reflectance, cosine_volume);
+            });
+            let Reconstruction { trace, plan, .. } = run(&gpu, &capture, &options);
+            let losses = |of: &dyn Fn(usize) -> bool| -> Vec<u64> {
+                trace.iter().filter(|p| of(p.iteration)).map(|p| p.loss.to_bits()).collect()
+            };
+            (losses(&|i| i <= options.iterations), losses(&|i| i > options.iterations), plan)
+        };
+        let own_pass = |plan: &Plan| {
+            let of_surface = |v: &String| v.starts_with("surface_forward") && v.contains("REFLECTANCE=1");
+            plan.variants().iter().any(of_surface)
+        };
+        let (cosine, of_cosine, _) = solved(Reflectance::Cosine, true, 2);
+        let (volume, surface, plan) = solved(Reflectance::Lambertian, true, 2);
+        assert!(!volume.is_empty() && !surface.is_empty());
+        assert_eq!(volume, cosine, "the same volume");
+        assert_ne!(surface, of_cosine, "another surface");
+        assert!(own_pass(&plan));
+        let (same, _, plan) = solved(Reflectance::Lambertian, false, 2);
+        assert_ne!(same, volume);
+        assert!(!own_pass(&plan), "one pass renders both");
+        let (alone, _, plan) = solved(Reflectance::Lambertian, true, 0);
+        assert_eq!(alone, same);
+        assert_eq!(plan.volume_reflectance, Reflectance::Lambertian);
+    }
+    assert_valid(&gpu);
+}
+
 fn short(surface_iterations: usize) -> VectorOptions {
     options(surface_iterations).with(|o| {
         o.lateral = 16;
@@ -257,7 +300,7 @@ fn without_iterations_the_maps_are_those_that_the_stage_begins_with() {
     assert_ne!(bits(&seen), bits(&after.maps));
     assert_eq!(after.volume, before.volume, "the volume is not the stage's");
     // Pixels that the stage does not take stay the same, bit by bit.
-    let pixels = Pixels::of(std::slice::from_ref(&seen), usize::MAX).columns;
+    let pixels = Pixels::of(std::slice::from_ref(&seen), SUPPORT, usize::MAX).columns;
     assert!(pixels.len() > 20 && pixels.len() < seen.albedo.len());
     for c in (0..seen.albedo.len()).filter(|c| !pixels.contains(&(*c as u32))) {
         let of = |m: &Maps| [m.albedo[c], m.depth[c], m.normal[c][0], m.normal[c][2]].map(f32::to_bits);
@@ -281,7 +324,7 @@ fn surfaces_on_walls_of_any_size() {
         run(&gpu, &capture, &o).maps
     };
     let metre = solved(1.0);
-    let pixels = Pixels::of(std::slice::from_ref(&metre), usize::MAX).columns;
+    let pixels = Pixels::of(std::slice::from_ref(&metre), SUPPORT, usize::MAX).columns;
     assert!(pixels.len() > 20);
     for scale in [1e-3, 100.0] {
         let other = solved(scale);

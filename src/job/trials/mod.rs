@@ -324,6 +324,8 @@ impl<'t> Trials<'t> {
 fn quick(options: VectorOptions) -> VectorOptions {
     let fine = options.lateral >= LATERAL;
     options.with(|o| {
+        // A pulse is told by rims, which a short volume with one cosine loses.
+        o.cosine_volume = false;
         o.lateral = o.lateral.min(LATERAL);
         o.iterations = ITERATIONS;
         o.domain.coarse_iterations = COARSE_ITERATIONS;

@@ -25,6 +25,7 @@ impl Needs for PaperOptions {
             has_rim: self.sampling == Sampling::Continuous,
             refined: None,
             smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
+            cosine_volume: false,
             more_taps: [0, 0],
         }
     }

@@ -56,6 +56,8 @@ pub struct Demand {
     pub refined: Option<usize>,
     /// Sets of taps for residuals beside the pulse's own, and bins that they add to it.
     pub more_taps: [usize; 2],
+    /// Solve the volume of a Lambertian scene with one cosine.
+    pub cosine_volume: bool,
 }
 
 /// What a solver needs of a plan. Its options implement this.
@@ -119,6 +121,8 @@ pub struct Plan {
     pub geometry: Geometry,
     /// How surfaces reflect.
     pub reflectance: Reflectance,
+    /// How they reflect in the volume, if a surface follows it.
+    pub volume_reflectance: Reflectance,
     /// Bin positions are computed in parts: paths span more bins than fp32 resolves.
     pub fine: bool,
     /// Distances take a step of Newton: the device's inverse roots may be too rough for so many bins.
@@ -231,6 +235,10 @@ impl Plan {
             gradient: demand.gradient,
             geometry: model.wall.geometry,
             reflectance: model.reflectance,
+            volume_reflectance: match model.reflectance {
+                Reflectance::Lambertian if demand.cosine_volume => Reflectance::Cosine,
+                other => other,
+            },
             fine: model.is_fine(&grid),
             polished: device.kind != DeviceKind::Cpu && model.is_polished(&grid),
             runs,
@@ -289,13 +297,14 @@ impl Plan {
         self.constants.get(&constant).copied()
     }
 
-    /// Constants that describe the scene and how the work is cut, for all passes.
+    /// Constants that describe the scene and how the work is cut, for all passes. How surfaces reflect is as in the
+    /// volume.
     fn shared_constants(&self, binning: Binning) -> BTreeMap<Constant, u32> {
         let t = self.tuning;
         let product = self.geometry == Geometry::Product;
         BTreeMap::from([
             (constant::GEOMETRY, self.geometry as u32),
-            (constant::REFLECTANCE, self.reflectance.number()),
+            (constant::REFLECTANCE, self.volume_reflectance.number()),
             (constant::CURVED, u32::from(self.curved)),
             (constant::FINE, u32::from(self.fine)),
             (constant::POLISHED, u32::from(self.polished)),

@@ -35,7 +35,8 @@ mod weights;
 
 pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
 pub use options::SurfaceOptions;
-pub use pixels::Pixels;
+use pixels::support;
+pub use pixels::{Pixels, SUPPORT};
 use schedule::{bonds, widen};
 pub use schedule::{extract, extract_behind, iteration, points, render, start};
 pub use weights::{Placed, weights};
@@ -70,7 +71,7 @@ pub(super) fn refine(
     let (volume, iterations) = (driven.level, options.iterations);
     let (levels, beginnings) = stages(&job.plan.pixel_levels, volume.pairs, iterations);
     let layers = begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?;
-    let pixels = Pixels::of(&layers, pixels(&job.plan));
+    let pixels = Pixels::of(&layers, support(&job.plan), pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
     let first = levels[0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };

@@ -1,8 +1,19 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
 use crate::advice::advice;
+use crate::gpu::Constant;
+use crate::solve::Plan;
+use crate::solve::passes::{FORWARD, forward};
 use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
+
+/// The surface's own model of reflectance. All other constants are the volume's.
+const REFLECTS: (Constant, Value) = (constant::REFLECTANCE, Value::Of(|p| p.reflectance.number()));
+
+/// The pass that renders the surface: the volume's, if both reflect alike.
+pub(super) fn forward_of(plan: &Plan) -> &'static Pass {
+    if plan.reflectance == plan.volume_reflectance { &FORWARD } else { &SURFACE_FORWARD }
+}
 
 passes! {
     /// All passes that only the surface has.
@@ -28,9 +39,21 @@ passes! {
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
 
+    /// Renders the points of a surface that does not reflect as the volume does.
+    SURFACE_FORWARD = Pass {
+        report: "forward_surface",
+        when: |p| p.reflectance != p.volume_reflectance,
+        constants: &[REFLECTS],
+        pairs: FORWARD.pairs,
+        faults: FORWARD.faults,
+        twin: FORWARD.twin,
+        ..Pass::of("surface_forward", forward)
+    };
+
     /// Gathers the gradient of every point.
     SURFACE_GATHER = Pass {
         report: "backward_surface",
+        constants: &[REFLECTS],
         pairs: Some(Voxels::Active),
         faults: &[Fault {
             bit: FAULT_BACKWARD,

@@ -4,7 +4,7 @@ use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{compare, forward, gather, gathered, groups};
-use crate::solve::passes::{ARGUMENTS, FORWARD, RESIDUAL};
+use crate::solve::passes::{ARGUMENTS, RESIDUAL};
 use crate::solve::plan::COLUMNS_HOST;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan};
@@ -44,7 +44,7 @@ pub fn points(level: &Level, count: usize) -> Schedule {
 /// Renders the current surface and compares it by the pass `residual`.
 pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through: Option<u32>) -> Schedule {
     let mut s = points(level, count);
-    s.extend(forward(plan, level, &FORWARD));
+    s.extend(forward(plan, level, forward_of(plan)));
     s.extend(compare(plan, level, residual, Push::default(), through));
     s
 }

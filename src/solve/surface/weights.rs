@@ -5,7 +5,7 @@ use crate::solve::Level;
 use crate::solve::estimate::expected_noise;
 use crate::solve::plan::AMPLE;
 use crate::transport::kernels::*;
-use crate::transport::{Grid, Model};
+use crate::transport::{Grid, Model, Reflectance};
 
 /// How far a pixel may be off its neighbours' planes, in pixels, and how much its albedo may differ, as a share of the
 /// largest.
@@ -24,9 +24,11 @@ const ALBEDO: f64 = 0.06;
 const FAINT: f64 = 0.1;
 
 /// Gaussian that smooths albedos as the maps show them. Its sigma is in pixels of the first grid, which has the
-/// resolution of the scan, or of a grid with 32 pixels a side if that is coarser. The limits are in the map's own
-/// pixels. The kernel walks (4 sigma)² of them, and lavapipe stops after 65,535.
+/// resolution of the scan, or of a grid with 32 pixels a side if that is coarser. A surface with two cosines has
+/// sharper edges. The limits are in the map's own pixels. The kernel walks (4 sigma)² of them, and lavapipe stops after
+/// 65,535.
 const SMOOTH: f64 = 0.5;
+const SMOOTH_LAMBERTIAN: f64 = 0.4;
 const LEAST_SMOOTH: f64 = 0.7;
 const MOST_SMOOTH: f64 = 60.0;
 
@@ -72,6 +74,8 @@ pub fn weights(
     let sparse = options.sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
     let coarser = coarser(first, &level.grid);
+    let lambertian = model.reflectance == Reflectance::Lambertian;
+    let smooth = if lambertian { SMOOTH_LAMBERTIAN } else { SMOOTH };
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
     for (index, value) in [
         (SURFACE_BEND, unit / (BEND * BEND)),
@@ -79,7 +83,7 @@ pub fn weights(
         (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
         (SURFACE_ALBEDO_RATE, ALBEDO * most),
         (SURFACE_ITERATIONS, options.iterations as f64),
-        (SURFACE_SMOOTH, (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
+        (SURFACE_SMOOTH, (smooth * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
         (SURFACE_SPREAD, (SPREAD * coarser).min(MOST_SPREAD)),
         (SURFACE_SPARSE, sparse),
         (SURFACE_FAINT, FAINT * most),

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::solve::option::{Options, options, refused};
 use crate::solve::plan::AMPLE;
 use crate::solve::surface::SurfaceOptions;
-use crate::solve::{Accumulation, Sizes};
+use crate::solve::{Accumulation, Plan, Sizes};
 use crate::transport::Reflectance;
 
 options! {
@@ -56,10 +56,15 @@ options! {
             /// shrinks
             bound_every: usize = 15, Range::Count(1, 1_000_000);
             /// Power of a voxel's expected brightness in the weights of its bound: 0 weights all voxels equally, larger
-            /// values give bright voxels longer steps
-            // With the cosine model of a confocal scan, longer steps would fit the model's error on matt surfaces
-            // sooner, and normals would get worse.
-            bound_power: f64 = if !suit.confocal || suit.lambertian() { 0.5 } else { 0.0 }, Range::NotNegative;
+            /// values give bright voxels longer steps [default: 0.5 where laser and sensor point differ or the volume
+            /// has two cosines, else 0]
+            // With one cosine in a confocal scan, longer steps would fit the model's error on matt surfaces sooner:
+            // normals would get worse and rims darker.
+            bound_power: Option<f64> = match (suit.confocal, suit.lambertian()) {
+                (false, _) => Some(0.5),
+                (true, false) => Some(0.0),
+                (true, true) => None,
+            }, Range::NotNegative;
             /// The first step is divided by this share of the bound. 1 cannot overshoot. A smaller share is faster, and
             /// it grows when the objective rises
             step_share: f64 = 0.25, Range::Share;
@@ -69,6 +74,11 @@ options! {
             roughness: f64 = 30.0, Range::NotNegative;
             /// Steepest surface: largest |v_xy| / |v_z|
             cone: f64 = 2.0, Range::Positive;
+            /// How surfaces reflect in the volume before the surface, if the model is lambertian: as in the surface
+            /// (same), or with one cosine
+            // Two cosines fit a skirt of steep, dim voxels around everything, which the surface does not leave
+            // (benches/NOTES.md).
+            cosine_volume as "volume_model": bool = suit.lambertian(), Range::Words(&["same", "cosine"]);
             /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;
             /// Look for light from beyond the box, and take it off the measurement if there is any
@@ -119,6 +129,12 @@ impl VectorOptions {
             Some(given) => given,
             None => 1 + usize::from(halved),
         }
+    }
+
+    /// The power of a voxel's expected brightness in its bound, in a plan made for these options.
+    pub fn bound_power_in(&self, plan: &Plan) -> f64 {
+        let two_cosines = plan.volume_reflectance == Reflectance::Lambertian;
+        self.bound_power.unwrap_or(if two_cosines { 0.5 } else { 0.0 })
     }
 
     /// Checks the options.

@@ -75,7 +75,8 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
     let left = options.growth_iterations / 3usize.pow(grown - 1);
     let growths = plan.levels.len() - 1 - *level;
     let grows_from = options.iterations.saturating_sub(left.max(growths));
-    let expected = |pass: &'static Pass| (options.bound_power > 0.0).then_some((pass, options.bound_power));
+    let power = options.bound_power_in(plan);
+    let expected = |pass: &'static Pass| (power > 0.0).then_some((pass, power));
     let widens = next.filter(|l| l.grid == here.grid && done >= grows_from);
     if let Some(fine) = doubles {
         // A voxel becomes several: there must be room for them.
