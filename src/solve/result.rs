@@ -20,6 +20,8 @@ pub struct TakenOff {
     pub left: f64,
     /// What a volume of the box alone leaves.
     pub left_without: f64,
+    /// How many times the light that the wider box's volume has beyond the box is taken off.
+    pub strength: f64,
 }
 
 /// What a solve yields.

@@ -4,6 +4,10 @@
 //! A coarse volume of a wider box is fitted to a few pairs, and so is one of the box alone. If the wider one predicts
 //! other pairs better, what its voxels beyond the box send is rendered for all pairs and taken off the measurement. The
 //! solve itself then has nothing to explain but what is inside.
+//!
+//! A floor sends light without edges in time. Voxels of the box explain a part of it as well as those beyond, and they
+//! get it first, because they are nearer. So the light of the voxels beyond is too dim. How many times it is taken off,
+//! held-back pairs tell, too: those of which the box alone, fitted to what remains, leaves the least.
 
 use rayon::prelude::*;
 
@@ -28,6 +32,19 @@ const BESIDE: usize = 16;
 /// Iterations of a coarse volume, and of each grid before its last.
 const ITERATIONS: usize = 80;
 const COARSE_ITERATIONS: usize = 10;
+
+/// Depth of a coarse voxel over its width.
+const DEPTH: f64 = 0.25;
+
+/// Power of the expected brightness in the bounds: shells that meet a wide grid meet so many dim voxels that all bounds
+/// are large without it, and steps short.
+const BOUND_POWER: f64 = 0.5;
+
+/// Least brightness of an active voxel over that of the brightest one. Floors are spread over many dim voxels.
+const KEEP_ABOVE: f64 = 0.02;
+
+/// How many times the light found beyond the box is taken off, in trials: equally spaced.
+const STRENGTHS: [f64; 3] = [1.0, 1.25, 1.5];
 
 /// A bin is at most this share of a coarse voxel's width: over the voxel, paths differ by more.
 const OF_VOXEL: f64 = 0.4;
@@ -69,17 +86,37 @@ pub fn find(
     let thin = Capture { laser_spot: None, sensor_spot: None, ..capture.subset(count, 1)? };
     let sum = (OF_VOXEL * wide.pitch.x / thin.bin_width).max(1.0) as usize;
     let thin = thin.binned(sum.min(thin.bins))?;
+    let search = Search { gpu, options: coarse(options), memory, thin, wide };
     let alone = Grid::new(box_of(inner, 0.0), INSIDE, wide.pitch.z)?;
-    let Some(own) = fit(gpu, &thin, alone, options, memory, watch)? else { return Ok(None) };
-    let Some(more) = fit(gpu, &thin, wide, options, memory, watch)? else { return Ok(None) };
+    let Some(own) = search.fit(&search.sides(), alone, watch)? else { return Ok(None) };
+    let Some(more) = search.fit(&search.sides(), wide, watch)? else { return Ok(None) };
     if !more.left.is_less(&own.left) {
         return Ok(None);
     }
     let [x0, x1, y0, y1] = inner.extent();
     let is_beyond = |s: &Sample| s.point.x < x0 || s.point.x > x1 || s.point.y < y0 || s.point.y > y1;
     let samples: Vec<Sample> = more.samples.into_iter().filter(is_beyond).collect();
-    let told = TakenOff { left: more.left.share(), left_without: own.left.share() };
-    Ok((!samples.is_empty()).then_some(Beyond { samples, model: more.model, grid: wide, told }))
+    if samples.is_empty() {
+        return Ok(None);
+    }
+    let told = TakenOff { left: more.left.share(), left_without: own.left.share(), strength: 1.0 };
+    let mut beyond = Beyond { samples, model: more.model, grid: wide, told };
+    beyond.told.strength = search.strength(&beyond, alone, watch)?;
+    Ok(Some(beyond))
+}
+
+/// The options of a coarse volume.
+fn coarse(options: &VectorOptions) -> VectorOptions {
+    options.clone().with(|o| {
+        o.iterations = ITERATIONS;
+        o.growth_iterations = 1;
+        o.bound_power = BOUND_POWER;
+        o.domain.coarse_iterations = COARSE_ITERATIONS;
+        o.domain.keep_above = KEEP_ABOVE;
+        o.domain.room = None;
+        o.surface.iterations = 0;
+        o.stop = false;
+    })
 }
 
 /// The lateral extent of `inner` with this many metres around it, and its depths.
@@ -99,7 +136,7 @@ fn wider(capture: &Capture, inner: &Grid) -> Option<Grid> {
     let beside = (((aside / pitch) as usize).min(BESIDE) / 4) * 4;
     // Voxels are as many along y as along x.
     (beside > 0 && (height / width - 1.0).abs() < 0.5).then_some(())?;
-    Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, 0.5 * pitch).ok()
+    Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, DEPTH * pitch).ok()
 }
 
 /// A coarse volume, and what it leaves of pairs that it has not seen.
@@ -109,50 +146,90 @@ struct Fitted {
     model: Model,
 }
 
-fn fit(
-    gpu: &Gpu,
-    thin: &Capture,
-    grid: Grid,
-    options: &VectorOptions,
+/// What all fits of a search share.
+struct Search<'g> {
+    gpu: &'g Gpu,
+    options: VectorOptions,
     memory: Option<u64>,
-    watch: &mut Watch<'_>,
-) -> Result<Option<Fitted>> {
-    let options = options.clone().with(|o| {
-        o.lateral = grid.n[0];
-        o.iterations = ITERATIONS;
-        o.growth_iterations = 1;
-        o.domain.coarse_iterations = COARSE_ITERATIONS;
-        o.domain.room = None;
-        o.surface.iterations = 0;
-        o.stop = false;
-    });
-    let sides = Sides::of(thin, &grid, &options);
-    let [plan, plan_of_held] = sides.plans(gpu, grid, &options, true)?;
-    let level = *plan_of_held.finest();
-    let has_normals = plan.reflectance.has_normals();
-    let mut job = OnDevice::new(gpu, sides.seen.clone(), plan, memory)?;
-    let driven = solve_volume(gpu, &mut job, &options, watch, None)?;
-    let active = driven.trace.last().map_or(0, |p| p.active).min(job.plan.capacity);
-    if active == 0 || driven.level.grid != grid {
-        return Ok(None);
+    /// A few pairs, in wide bins.
+    thin: Capture,
+    wide: Grid,
+}
+
+impl Search<'_> {
+    /// The pairs to fit and those that judge, in the bins that the wider box reaches: every fit is judged by the same
+    /// bins.
+    fn sides(&self) -> Sides {
+        Sides::of(&self.thin, &self.wide, &self.options)
     }
-    let mut s = Schedule::default();
-    s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
-    s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
-    s.extend(render_volume(&plan_of_held, &level));
-    let left = sides.judge(&mut job, plan_of_held, &level, s, 1)?;
-    let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {
-        let vector = glam::dvec3(f64::from(x), f64::from(y), f64::from(z));
-        let albedo = if has_normals { 1.0 } else { -vector.z };
-        Sample { point: grid.position(c.map(|c| c as f64).into()), albedo, normal: vector, length: 1.0 }
-    });
-    let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
-    Ok(Some(Fitted { left, samples, model: sides.seen }))
+
+    /// Fits a volume of `grid`; `None` if nothing is found.
+    fn fit(&self, sides: &Sides, grid: Grid, watch: &mut Watch<'_>) -> Result<Option<Fitted>> {
+        let options = self.options.clone().with(|o| o.lateral = grid.n[0]);
+        let [plan, plan_of_held] = sides.plans(self.gpu, grid, &options, true)?;
+        let level = *plan_of_held.finest();
+        let has_normals = plan.reflectance.has_normals();
+        let mut job = OnDevice::new(self.gpu, sides.seen.clone(), plan, self.memory)?;
+        let driven = solve_volume(self.gpu, &mut job, &options, watch, None)?;
+        let active = driven.trace.last().map_or(0, |p| p.active).min(job.plan.capacity);
+        if active == 0 || driven.level.grid != grid {
+            return Ok(None);
+        }
+        let mut s = Schedule::default();
+        s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
+        s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
+        s.extend(render_volume(&plan_of_held, &level));
+        let left = sides.judge(&mut job, plan_of_held, &level, s, 1)?;
+        let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {
+            let vector = glam::dvec3(f64::from(x), f64::from(y), f64::from(z));
+            let albedo = if has_normals { 1.0 } else { -vector.z };
+            Sample { point: grid.position(c.map(|c| c as f64).into()), albedo, normal: vector, length: 1.0 }
+        });
+        let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
+        Ok(Some(Fitted { left, samples, model: sides.seen.clone() }))
+    }
+
+    /// How many times the light of `beyond` is to be taken off: as often as lets a volume of the box alone predict the
+    /// pairs that judge best.
+    fn strength(&self, beyond: &Beyond, alone: Grid, watch: &mut Watch<'_>) -> Result<f64> {
+        let whole = self.sides();
+        let light = [&whole.seen, &whole.held].map(|model| beyond.light(model));
+        let mut left = [0.0; 3];
+        for (left, times) in left.iter_mut().zip(STRENGTHS) {
+            let mut less = self.sides();
+            take(&mut less.seen, &light[0], times);
+            take(&mut less.held, &light[1], times);
+            let Some(fitted) = self.fit(&less, alone, watch)? else { return Ok(1.0) };
+            *left = fitted.left.pairs.iter().map(|p| p[0]).sum();
+        }
+        Ok(least_of(STRENGTHS, left))
+    }
+}
+
+/// Where the parabola through three equally spaced points is least, up to a step beyond them; the least point if it has
+/// no minimum.
+fn least_of(at: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
+    let (step, bend) = (at[1] - at[0], a - 2.0 * b + c);
+    if bend > 0.0 {
+        return (at[1] + 0.5 * step * (a - c) / bend).clamp(at[0] - step, at[2] + step);
+    }
+    if a <= c { at[0] } else { at[2] }
+}
+
+/// Takes `times` this light, `[pair * bins + bin]`, off the measured values of `model`.
+fn take(model: &mut Model, light: &[f32], times: f64) {
+    model.measured.iter_mut().zip(light).for_each(|(m, l)| *m -= times as f32 * l);
 }
 
 impl Beyond {
     /// Takes its light off the measured values of `model`.
     pub fn take_off(&self, model: &mut Model) {
+        let light = self.light(model);
+        take(model, &light, self.told.strength);
+    }
+
+    /// The light that its samples send to the pairs of `model`, in units of the measured values, `[pair * bins + bin]`.
+    fn light(&self, model: &Model) -> Vec<f32> {
         // The light as `model` counts it, with the falloff's reference and the area of the coarse voxels.
         let to = Model { reference: self.model.reference, measured: vec![], rendered: None, ..model.clone() };
         let unit = f64::from(self.model.scene(&self.grid).render_scale) * self.model.counts_per_unit
@@ -160,16 +237,30 @@ impl Beyond {
         let pulse = model.pulse.clone().unwrap_or_else(PulseTaps::identity);
         let taps = pulse.blurred(SPREAD * self.grid.pitch.x / model.bin_width, REACH);
         let twin = Twin { model: &to, grid: &self.grid };
-        model.measured.par_chunks_mut(to.bins).enumerate().for_each(|(pair, measured)| {
+        let of_pair = |pair| {
             let light = taps.through(&twin::forward_pair(&twin, pair, &self.samples), Way::Spread);
-            measured.iter_mut().zip(&light).for_each(|(m, l)| *m -= (unit * l) as f32);
-        });
+            light.into_iter().map(|l| (unit * l) as f32)
+        };
+        (0..to.pairs()).into_par_iter().flat_map_iter(of_pair).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_least_of_a_parabola_is_found() {
+        let parabola = |least: f64| STRENGTHS.map(|s| 3.0 + 7.0 * (s - least).powi(2));
+        for least in [0.8, 1.0, 1.13, 1.5, 1.7] {
+            assert!((least_of(STRENGTHS, parabola(least)) - least).abs() < 1e-12);
+        }
+        // Not far beyond what was tried, and the best that was tried where there is no minimum.
+        assert_eq!(least_of(STRENGTHS, parabola(9.0)), 1.75);
+        assert_eq!(least_of(STRENGTHS, parabola(-9.0)), 0.75);
+        assert_eq!(least_of(STRENGTHS, [2.0, 3.0, 1.0]), 1.5);
+        assert_eq!(least_of(STRENGTHS, [1.0, 1.0, 1.0]), 1.0);
+    }
 
     #[test]
     fn taps_keep_the_light_and_spread_it() {

@@ -134,7 +134,7 @@ pub(super) struct Sides {
     /// The pairs that are fitted.
     pub seen: Model,
     /// The pairs that judge.
-    held: Model,
+    pub held: Model,
     /// Points to a side of a scan as dense as half of the pairs.
     scan: [usize; 2],
 }
