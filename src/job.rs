@@ -154,7 +154,9 @@ pub fn load(input: &Input) -> Result<Loaded> {
     let start = Instant::now();
     let mut normals_estimated = false;
     // Before the scan is thinned: near neighbours give better normals, and the outermost points tell the wall's size.
+    // Before bins are gated: pile-up comes from all earlier counts.
     let mut prepare = |capture: &mut Capture, notes: &mut Vec<String>| {
+        notes.extend(capture.take_pile_up_out()?);
         match capture.set_normals() {
             Ok(note) => {
                 normals_estimated = note.is_some();

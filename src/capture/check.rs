@@ -57,6 +57,12 @@ impl Capture {
                 ));
             }
         }
+        if let Some(cycles) = self.cycles.filter(|n| !(n.is_finite() && *n > 0.0)) {
+            return Err(Error::input(
+                format!("there were {cycles} laser pulses (cycles)"),
+                "give the number of laser pulses of a pair, or leave it out",
+            ));
+        }
         check_points("laser", &self.laser)?;
         check_points("sensor", &self.sensor)?;
         check_normals("laser", self.laser_normal.as_deref())?;

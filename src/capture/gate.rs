@@ -70,7 +70,9 @@ impl Capture {
         let Range { start, end } = self.bins_of(gate)?;
         let histograms = self.histograms.chunks_exact(self.bins).flat_map(|h| &h[start..end]);
         let histograms = histograms.copied().collect();
-        Ok(self.with_bins(end - start, self.bin_width, self.edge(start), histograms))
+        let gated = self.with_bins(end - start, self.bin_width, self.edge(start), histograms);
+        // Pile-up comes from all earlier counts.
+        Ok(Capture { cycles: self.cycles.filter(|_| start == 0), ..gated })
     }
 
     /// Crops the capture as [`Capture::gated`] does, in place, because histograms may be large.
@@ -86,6 +88,7 @@ impl Capture {
         }
         self.histograms.truncate(rows * kept);
         self.histograms.shrink_to_fit();
+        self.cycles = self.cycles.filter(|_| start == 0);
         (self.t_start, self.bins) = (self.edge(start), kept);
         Ok(())
     }

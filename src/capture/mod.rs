@@ -18,6 +18,7 @@ pub(crate) mod nearest;
 pub mod negative;
 mod normals;
 pub mod pairs;
+mod pile_up;
 pub mod pulse;
 pub mod scan;
 mod seen;
@@ -67,7 +68,7 @@ pub struct Capture {
     pub t_start: f64,
     /// Counts, `[pair * bins + bin]`, P * T of them. Negative ones are counts less a background.
     pub histograms: Vec<f32>,
-    /// Whether all counts are whole numbers and none is negative: photon counts.
+    /// Whether all counts are whole numbers and none is negative: photon counts. They remain so when pile-up is taken out.
     pub integer_counts: bool,
     /// The instrument's pulse, if known.
     pub pulse: Option<Pulse>,
@@ -75,6 +76,8 @@ pub struct Capture {
     pub laser_spot: Option<f64>,
     /// Full width at half maximum of what the sensor sees of the wall, a Gaussian, metres; `None` or 0: a point.
     pub sensor_spot: Option<f64>,
+    /// Laser pulses of every pair, if known, and if the detector records only the first photon of each.
+    pub cycles: Option<f64>,
 }
 
 impl Capture {
@@ -108,6 +111,7 @@ impl Capture {
             pulse: None,
             laser_spot: None,
             sensor_spot: None,
+            cycles: None,
         }
     }
 

@@ -78,6 +78,7 @@ impl Capture {
             histograms,
             name: self.name.clone(),
             pulse: self.pulse.clone(),
+            cycles: self.cycles.map(|cycles| cycles * (n * n) as f64),
             ..*self
         })
     }

@@ -61,6 +61,7 @@ pub fn photon_noise(
     let pulses = pile_up.map(|mean| pile_up::laser_pulses(rows().map(expected), mean));
     let mut noisy = capture.clone();
     noisy.integer_counts = true;
+    noisy.cycles = pulses;
     noisy.histograms.par_chunks_mut(capture.bins).enumerate().for_each(|(pair, histogram)| {
         let stream = (pair as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mut rng = Pcg64::seed_from_u64(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ stream);

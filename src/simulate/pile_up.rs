@@ -10,7 +10,8 @@ const MOST: f64 = 20.0;
 
 /// Expected counts of a detector that records only the first photon of every laser pulse. The capture holds what it
 /// would count if it recorded all. `mean` photons of a laser pulse are detected on average of the pair with the most
-/// counts, and fewer of others. Photons before the first bin are left out.
+/// counts, and fewer of others. Photons before the first bin are left out. The capture then holds the number of laser
+/// pulses.
 ///
 /// With r_b = counts of bin b / laser pulses, a laser pulse is counted in bin b with the probability
 /// exp(-Σ_{a<b} r_a) (1 - exp(-r_b)) (Coates 1968).
@@ -21,6 +22,8 @@ pub fn pile_up(capture: &mut Capture, mean: f64) -> Result<()> {
     check(Some(mean))?;
     let of = |histogram: &[f32]| -> Vec<f64> { histogram.iter().map(|v| f64::from(*v)).collect() };
     let pulses = laser_pulses(capture.histograms.chunks_exact(capture.bins).map(of), mean);
+    // Without light there are none.
+    capture.cycles = Some(pulses).filter(|pulses| *pulses > 0.0);
     capture.histograms.par_chunks_mut(capture.bins).for_each(|histogram| {
         let mut counts = of(histogram);
         keep_first(&mut counts, pulses);

@@ -130,6 +130,10 @@ fn a_tail_and_pile_up_are_simulated_and_the_pulse_may_be_hidden() {
     let total = |c: &Capture| c.histograms.iter().map(|v| f64::from(*v)).sum::<f64>();
     let piled = simulated(&["--pulse", "0.06:0.1", "--pile-up", "1"]);
     assert!(total(&piled) < 0.9 * total(&tailed));
+    // The number of laser pulses goes with it.
+    assert!(piled.cycles.is_some_and(|n| n > 0.0) && tailed.cycles.is_none());
+    let notes = write(&piled, &path.with_file_name("piled.hdf5")).unwrap();
+    assert!(notes.iter().any(|note| note.contains("laser pulses")));
     // A solve takes the same pulse from an option.
     let told = |more: &[&str]| -> Value {
         serde_json::from_str(&succeed(&[&["info", &text, "--json"], more].concat())).unwrap()

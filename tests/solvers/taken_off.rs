@@ -1,4 +1,5 @@
-//! Captures whose background others took off: negative counts, and noise without the counts that it came with.
+//! Captures whose background others took off: negative counts, and noise without the counts that it came with. Captures
+//! whose pile-up is taken out.
 
 use std::ops::ControlFlow;
 
@@ -66,6 +67,38 @@ fn results_are_no_worse_than_with_the_background() {
         let no_worse = times[0] > 1.0 - most && times[1] < 1.0 + most && times[2] < 1.0 + most;
         assert!(no_worse, "{solver}: {with:?}, {without:?}");
     }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn results_are_as_without_pile_up_where_the_laser_pulses_are_known() {
+    let gpu = gpu();
+    let scene = |pile_up| Scene {
+        scan: 16,
+        bin_width: 0.015,
+        photons: Some(1000.0),
+        dark: Dark::Counts(DARK),
+        pile_up,
+        ..Scene::named("figure").unwrap()
+    };
+    let [all, first] = [None, Some(0.5)].map(|pile_up| {
+        simulate(&scene(pile_up), &RenderOptions { noise: 0.05, ..Default::default() }).unwrap().capture
+    });
+    assert!(all.cycles.is_none() && first.cycles.is_some());
+    let mut out = first.clone();
+    assert!(out.take_pile_up_out().unwrap().is_some());
+    assert!(out.integer_counts && preset_for(&out) == Preset::Captured);
+    let total = |c: &Capture| c.histograms.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let [lost, kept] = [&first, &out].map(|c| total(c) / total(&all));
+    assert!(lost < 0.95 && (kept - 1.0).abs() < 0.005, "{lost} {kept}");
+    let truth = truth(&scene(None), LATERAL).unwrap();
+    let [without, with] = [&all, &out].map(|c| {
+        let m = solved(&gpu, "vector", c, &truth);
+        let best = m.at_best.unwrap();
+        [1.0 - m.best_iou.unwrap(), best.depth_mae.unwrap(), best.normal_error_deg.unwrap()]
+    });
+    assert!(without[0] < 0.3, "{without:?}");
+    assert!((0..3).all(|k| with[k] < 1.1 * without[k]), "{without:?}, {with:?}");
     assert_valid(&gpu);
 }
 

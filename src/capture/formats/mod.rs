@@ -252,6 +252,9 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     if capture.laser_spot.or(capture.sensor_spot).is_some() {
         notes.push("this format cannot hold the spots: write npz, or give them when the file is read".into());
     }
+    if capture.cycles.is_some() {
+        notes.push("this format cannot hold the number of laser pulses (cycles): write npz".into());
+    }
     Ok(notes)
 }
 

@@ -5,7 +5,8 @@
 //! metres of path) and `t_start` (leading edge of bin 0, metres; 0 if missing). Optional `pulse` \[n\], samples of the
 //! instrument's pulse, with the scalars `pulse_delta_t` (width of a sample, metres of path) and `pulse_t_start`
 //! (leading edge of the first sample behind the path, metres; 0 if missing). Optional scalars `laser_spot` and `sensor_spot`:
-//! full widths at half maximum on the wall, metres.
+//! full widths at half maximum on the wall, metres. Optional scalar `cycles`: laser pulses of a pair, if the detector
+//! records only the first photon of each.
 //!
 //! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
 //! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3]. The points of either side may be a list instead: `H` [T, L, S]
@@ -23,7 +24,7 @@ use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
 use crate::files::atomic;
 
-const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot; other arrays are ignored";
+const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, cycles; other arrays are ignored";
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -68,6 +69,7 @@ pub fn read(path: &Path) -> Result<Capture> {
         pulse: Pulse::read_from(&mut npz)?,
         laser_spot: npz.scalar("laser_spot")?,
         sensor_spot: npz.scalar("sensor_spot")?,
+        cycles: npz.scalar("cycles")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
 }
@@ -159,9 +161,13 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
         arrays.push(("pulse_delta_t", Array::from_f64(&[], &[pulse.width])));
         arrays.push(("pulse_t_start", Array::from_f64(&[], &[pulse.start])));
     }
-    let spots = [("laser_spot", capture.laser_spot), ("sensor_spot", capture.sensor_spot)];
-    for (name, width) in spots.into_iter().filter_map(|(name, spot)| Some((name, spot?))) {
-        arrays.push((name, Array::from_f64(&[], &[width])));
+    let scalars = [
+        ("laser_spot", capture.laser_spot),
+        ("sensor_spot", capture.sensor_spot),
+        ("cycles", capture.cycles),
+    ];
+    for (name, value) in scalars.into_iter().filter_map(|(name, value)| Some((name, value?))) {
+        arrays.push((name, Array::from_f64(&[], &[value])));
     }
     atomic::write(path, &npz_bytes(&arrays)?)
 }
