@@ -29,12 +29,9 @@ use crate::transport::{Grid, Model, Volume};
 const INSIDE: usize = 16;
 const BESIDE: usize = 16;
 
-/// Iterations of a coarse volume, and of each grid before its last.
+/// Iterations of a coarse volume, and of each grid before its last: these are cheap.
 const ITERATIONS: usize = 80;
-const COARSE_ITERATIONS: usize = 10;
-
-/// Depth of a coarse voxel over its width.
-const DEPTH: f64 = 0.25;
+const COARSE_ITERATIONS: usize = 30;
 
 /// Power of the expected brightness in the bounds: shells that meet a wide grid meet so many dim voxels that all bounds
 /// are large without it, and steps short.
@@ -136,7 +133,7 @@ fn wider(capture: &Capture, inner: &Grid) -> Option<Grid> {
     let beside = (((aside / pitch) as usize).min(BESIDE) / 4) * 4;
     // Voxels are as many along y as along x.
     (beside > 0 && (height / width - 1.0).abs() < 0.5).then_some(())?;
-    Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, DEPTH * pitch).ok()
+    Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, 0.5 * pitch).ok()
 }
 
 /// A coarse volume, and what it leaves of pairs that it has not seen.
