@@ -8,7 +8,7 @@ use super::{Loaded, Request};
 use crate::capture::{Gate, Pulse};
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::solve::{Level, surface};
+use crate::solve::{Level, SolverOptions, background, surface};
 use crate::transport::Grid;
 
 /// The report, without the time of the export.
@@ -64,6 +64,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "pulse_found": done.found.pulse,
         "model_found": done.found.model,
         "beyond_taken_off": result.beyond,
+        "background_taken_off": background_of(loaded, done),
         "trials_s": done.found.seconds,
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "bins": request.bins,
@@ -91,6 +92,14 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         all.extend(options);
     }
     all
+}
+
+/// Counts per bin of every histogram that the solver took off as background; `None` if it takes none off.
+fn background_of(loaded: &Loaded, done: &Finished) -> Option<f64> {
+    match &done.solver {
+        SolverOptions::Vector(o) if o.background => Some(background(&loaded.capture)),
+        _ => None,
+    }
 }
 
 /// A level of the volume. Bins are those of the solver, after [`Finished::sum`].

@@ -29,7 +29,7 @@ use crate::transport::{Grid, Model, Volume};
 const INSIDE: usize = 16;
 const BESIDE: usize = 16;
 
-/// Iterations of a coarse volume, and of each grid before its last: these are cheap.
+/// Iterations of a coarse volume, and of all grids before its last together: these are cheap.
 const ITERATIONS: usize = 80;
 const COARSE_ITERATIONS: usize = 30;
 
@@ -164,6 +164,9 @@ impl Search<'_> {
     fn fit(&self, sides: &Sides, grid: Grid, watch: &mut Watch<'_>) -> Result<Option<Fitted>> {
         let options = self.options.clone().with(|o| o.lateral = grid.n[0]);
         let [plan, plan_of_held] = sides.plans(self.gpu, grid, &options, true)?;
+        // Small scans begin with a coarser grid.
+        let before = plan.levels.len().saturating_sub(1).max(1);
+        let options = options.with(|o| o.domain.coarse_iterations = COARSE_ITERATIONS / before);
         let level = *plan_of_held.finest();
         let has_normals = plan.reflectance.has_normals();
         let mut job = OnDevice::new(self.gpu, sides.seen.clone(), plan, self.memory)?;
