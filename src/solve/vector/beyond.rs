@@ -107,7 +107,7 @@ fn coarse(options: &VectorOptions) -> VectorOptions {
     options.clone().with(|o| {
         o.iterations = ITERATIONS;
         o.growth_iterations = 1;
-        o.bound_power = BOUND_POWER;
+        o.bound_power = Some(BOUND_POWER);
         o.domain.coarse_iterations = COARSE_ITERATIONS;
         o.domain.keep_above = KEEP_ABOVE;
         o.domain.room = None;
