@@ -32,11 +32,9 @@ const ITERATIONS: usize = 20;
 const COARSE_ITERATIONS: usize = 8;
 const SURFACE_ITERATIONS: usize = 40;
 
-/// Iterations of a volume that a surface is compared with: at first, and if it then leaves at most `CLOSE` times as much as
-/// the surface. After as many as these it must leave less than `BETTER` times as much.
-const VOLUME_ITERATIONS: [usize; 2] = [40, 80];
-const CLOSE: f64 = 1.15;
-const BETTER: f64 = 0.9;
+/// A volume that is compared with a surface: its iterations, and how many times as much as the surface it may leave. A
+/// volume with more iterations follows only if this one comes as close; the last one refutes the surface's model.
+const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, 0.9)];
 
 /// What the trials of a run found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -265,18 +263,21 @@ impl<'t> Trials<'t> {
         }
         let Some(surface) = self.left(reflectance, fwhm)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
-        for (iterations, enough) in VOLUME_ITERATIONS.into_iter().zip([CLOSE, BETTER]) {
+        let mut refuted = None;
+        for (iterations, close) in VOLUMES {
             let volume = self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
                 trial.fit_volume(pulse, iterations, watch)
             })?;
-            let Some(volume) = volume.filter(|v| v.share() <= enough * surface.share()) else {
+            let Some(volume) = volume.filter(|v| v.share() <= close * surface.share()) else {
                 return Ok(None);
             };
-            if enough == BETTER && volume.is_less(&surface) {
-                return Ok(Some(Refuted { reflectance, surface: surface.share(), volume: volume.share() }));
-            }
+            refuted = volume.is_less(&surface).then(|| Refuted {
+                reflectance,
+                surface: surface.share(),
+                volume: volume.share(),
+            });
         }
-        Ok(None)
+        Ok(refuted)
     }
 
     /// Runs the trial of a model with this width of the pulse.
