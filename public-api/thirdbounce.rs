@@ -437,6 +437,7 @@ pub mod capture {
         pub pulse: Option<Pulse>,
         pub laser_spot: Option<f64>,
         pub sensor_spot: Option<f64>,
+        pub cycles: Option<f64>,
     }
     impl Capture {
         pub fn new(
@@ -1677,9 +1678,16 @@ pub mod job {
                 Reflectance::Retroreflective,
             ];
             #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+            pub struct Refuted {
+                pub reflectance: Reflectance,
+                pub surface: f64,
+                pub volume: f64,
+            }
+            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
             pub struct FoundModel {
                 pub reflectance: Reflectance,
                 pub trials: Vec<(Reflectance, f64, Option<f64>)>,
+                pub refuted: Option<Refuted>,
                 pub failed: Option<String>,
             }
             impl FoundModel {
@@ -1699,7 +1707,7 @@ pub mod job {
                 pub fn note(&self) -> String {}
             }
         }
-        pub use model::{FoundModel, MODELS};
+        pub use model::{FoundModel, MODELS, Refuted};
         pub use pulse::FoundPulse;
         #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
         pub struct Found {
@@ -2428,6 +2436,7 @@ pub mod solve {
                 pub reachable: Buffer,
             }
             pub const AMPLE: usize = 32;
+            pub fn sum_of(model: &Model, grid: &Grid) -> usize {}
         }
         pub(in crate::solve) mod pass {
             pub struct Pass {
@@ -2652,6 +2661,7 @@ pub mod solve {
         pub struct TakenOff {
             pub left: f64,
             pub left_without: f64,
+            pub strength: f64,
         }
         #[derive(Debug, Clone)]
         pub struct Reconstruction {
@@ -2854,12 +2864,20 @@ pub mod solve {
                     pulse: Option<&Pulse>,
                     watch: &mut Watch<'_>,
                 ) -> Result<Option<Left>> {}
+                pub fn fit_volume(
+                    &mut self,
+                    pulse: Option<&Pulse>,
+                    iterations: usize,
+                    watch: &mut Watch<'_>,
+                ) -> Result<Option<Left>> {}
             }
             #[derive(Debug, Clone, PartialEq)]
             pub struct Left {
                 pub pairs: Vec<[f64; 2]>,
+                pub wide: Vec<[f64; 2]>,
             }
             impl Left {
+                pub fn in_wide_bins(&self) -> Left {}
                 pub fn share(&self) -> f64 {}
                 pub fn is_less(&self, other: &Left) -> bool {}
             }
