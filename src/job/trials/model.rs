@@ -7,7 +7,7 @@ use crate::job::words::plain;
 use crate::solve::vector::Left;
 use crate::transport::Reflectance;
 
-/// The models that trials choose among, the usual one first.
+/// The models that trials choose among; the first stands where there are no trials.
 pub const MODELS: [Reflectance; 3] =
     [Reflectance::Cosine, Reflectance::Lambertian, Reflectance::Retroreflective];
 
@@ -90,12 +90,18 @@ impl FoundModel {
     }
 }
 
-/// The model that leaves the least; the first if no other leaves less beyond chance. `None` if no trial found a surface.
+/// What stands where trials cannot tell: most things are matt, and where photons are few the maps of the Lambertian model
+/// are the better ones even if the cosine model is the true one (benches/NOTES.md).
+const FIRST: [Reflectance; 4] =
+    [Reflectance::Lambertian, Reflectance::Cosine, Reflectance::Retroreflective, Reflectance::Isotropic];
+
+/// Of the models that leave as little as any other, but for chance, the one that comes first. `None` if no trial found a
+/// surface.
 pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
     let found: Vec<(Reflectance, &Left)> = left.iter().filter_map(|(m, l)| Some((*m, l.as_ref()?))).collect();
-    let best = found.iter().min_by(|a, b| a.1.share().total_cmp(&b.1.share()))?;
-    let usual = found.first()?;
-    Some(if best.1.is_less(usual.1) { best.0 } else { usual.0 })
+    let least = found.iter().min_by(|a, b| a.1.share().total_cmp(&b.1.share()))?.1;
+    let is_beaten = |model: &Reflectance| found.iter().all(|f| f.0 != *model || least.is_less(f.1));
+    FIRST.into_iter().find(|model| !is_beaten(model))
 }
 
 #[cfg(test)]
@@ -110,20 +116,23 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_model_stands_unless_another_is_better_beyond_chance() {
+    fn the_lambertian_model_stands_unless_another_is_better_beyond_chance() {
         let of = |noise: f64| {
             choose(&[
-                (Cosine, left(5.0, 0.0)),
-                (Lambertian, left(4.9, noise)),
+                (Cosine, left(4.9, noise)),
+                (Lambertian, left(5.0, 0.0)),
                 (Retroreflective, left(9.0, 0.0)),
             ])
         };
         // The standard error is an eighth of the noise.
-        assert_eq!(of(0.2), Some(Lambertian));
-        assert_eq!(of(2.0), Some(Cosine), "a tenth is less than two standard errors of a quarter");
+        assert_eq!(of(0.2), Some(Cosine));
+        assert_eq!(of(2.0), Some(Lambertian), "a tenth is less than two standard errors of a quarter");
         // The best of those that are better.
         let all = [(Cosine, left(5.0, 0.1)), (Lambertian, left(4.0, 0.1)), (Retroreflective, left(3.0, 0.1))];
         assert_eq!(choose(&all), Some(Retroreflective));
+        // Lambertian is beaten, cosine is within chance.
+        let all = [(Cosine, left(4.0, 2.0)), (Lambertian, left(5.0, 0.0)), (Retroreflective, left(3.9, 0.0))];
+        assert_eq!(choose(&all), Some(Cosine));
     }
 
     #[test]
