@@ -2858,7 +2858,7 @@ pub mod solve {
                     memory: Option<u64>,
                 ) -> Trial<'g> {}
                 pub fn begun(&self) -> Option<&Maps> {}
-                pub fn begin_with(&mut self, maps: Maps) {}
+                pub fn begin_with(&mut self, maps: Option<Maps>) {}
                 pub fn fit(
                     &mut self,
                     pulse: Option<&Pulse>,

@@ -200,6 +200,8 @@ struct Trials<'t> {
     known: Option<Pulse>,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     tried: Vec<Tried>,
+    /// Models that begin with a volume of their own.
+    on_its_own: Vec<Reflectance>,
 }
 
 impl<'t> Trials<'t> {
@@ -235,6 +237,7 @@ impl<'t> Trials<'t> {
             known: capture.pulse.clone(),
             hear,
             tried: vec![],
+            on_its_own: vec![],
         })
     }
 
@@ -244,9 +247,10 @@ impl<'t> Trials<'t> {
             return Ok(same.left.clone());
         }
         let begun = self.models.iter().find_map(|m| m.1.begun().cloned());
+        let on_its_own = self.on_its_own.contains(&reflectance);
         let left = self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
-            if let (None, Some(maps)) = (trial.begun(), begun) {
-                trial.begin_with(maps);
+            if trial.begun().is_none() && !on_its_own {
+                trial.begin_with(begun);
             }
             trial.fit(pulse, watch)
         })?;
@@ -258,7 +262,7 @@ impl<'t> Trials<'t> {
     /// voxels have normals of their own, predicts other pairs better.
     fn refuted(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Refuted>> {
         let knows_another = self.models.iter().any(|m| m.0 == WITHOUT_NORMALS);
-        if !reflectance.has_normals() || !knows_another {
+        if !reflectance.has_normals() || !knows_another || self.left(WITHOUT_NORMALS, fwhm)?.is_none() {
             return Ok(None);
         }
         let Some(surface) = self.left(reflectance, fwhm)? else { return Ok(None) };
@@ -295,8 +299,22 @@ impl<'t> Trials<'t> {
         run(trial, pulse.as_ref(), &mut watch)
     }
 
+    /// Lets a model begin with a volume of its own from now on. A pulse shows at rims, where volumes of different models
+    /// differ: with another's, a pulse is found where there is none.
+    fn let_begin_on_its_own(&mut self, reflectance: Reflectance) {
+        let shares = self.models.iter().position(|m| m.0 == reflectance) > Some(0);
+        if !shares || self.on_its_own.contains(&reflectance) {
+            return;
+        }
+        self.on_its_own.push(reflectance);
+        self.tried.retain(|t| t.reflectance != reflectance);
+        let of_model = self.models.iter_mut().filter(|m| m.0 == reflectance);
+        of_model.for_each(|m| m.1.begin_with(None));
+    }
+
     /// The width of the pulse, metres, with this model.
     fn best_width(&mut self, reflectance: Reflectance) -> Result<f64> {
+        self.let_begin_on_its_own(reflectance);
         let bin_width = self.bin_width;
         let bins = pulse::best_width(self.narrowest, &mut |bins| {
             Ok(self.left(reflectance, bins * bin_width)?.map(|left| left.share()))

@@ -52,9 +52,9 @@ impl<'g> Trial<'g> {
         self.begun.as_ref()
     }
 
-    /// Begins surfaces with these maps, not with those of a volume of its own.
-    pub fn begin_with(&mut self, maps: Maps) {
-        self.begun = Some(maps);
+    /// Begins surfaces with these maps, or with those of a volume of its own.
+    pub fn begin_with(&mut self, maps: Option<Maps>) {
+        self.begun = maps;
     }
 
     /// Fits a surface, with paths spread by `pulse`; `None` if no surface is found.
