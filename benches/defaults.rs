@@ -9,7 +9,6 @@
 use std::path::{Path, PathBuf};
 
 use fixtures::command::{measured, succeed};
-use serde_json::Value;
 use thirdbounce::export::report;
 use thirdbounce::measure::Metrics;
 
@@ -97,15 +96,13 @@ fn main() {
 /// Simulates one case after the other into `folder`.
 fn simulated<'a>(folder: &'a Path, word: &'a str) -> impl Iterator<Item = Case> + 'a {
     let all = SCENES.iter().flat_map(|scene| MODELS.map(|model| (scene, model)));
-    let all = all.chain(OTHERS.iter().map(|scene| (scene, MODELS[0])));
-    all.map(|((name, options), (plain, model))| (format!("{name}, {plain}"), *options, model))
-        .filter(move |(name, ..)| name.contains(word))
-        .map(|(name, options, model)| {
+    all.chain(OTHERS.iter().map(|scene| (scene, MODELS[0])))
+        .filter(move |((name, _), (plain, _))| format!("{name}, {plain}").contains(word))
+        .map(|((name, options), (_, model))| {
             let files = ["capture.npz", "truth.npz"].map(|name| folder.join(name));
             let out = ["--out", text(&files[0]), "--truth", text(&files[1]), "--noise", "0.015", "-q"];
-            succeed(&[&["simulate"], options, &["--reflectance", model], &out[..]].concat());
-            let name = name.rsplit_once(", ").map_or(name.clone(), |(scene, _)| scene.to_string());
-            Case { name, model, files }
+            succeed(&[&["simulate"], *options, &["--reflectance", model], &out[..]].concat());
+            Case { name: (*name).to_string(), model, files }
         })
 }
 
@@ -136,7 +133,7 @@ fn solve(case: &Case, options: &[&str]) -> Run {
     Run {
         model: report.settings["model"].as_str().expect("a model").to_string(),
         seconds: report.totals.solve_s,
-        trials: Value::as_f64(&report.settings["trials_s"]).expect("seconds of trials"),
+        trials: report.settings["trials_s"].as_f64().expect("seconds of trials"),
         metrics: report.metrics.expect("figures"),
     }
 }

@@ -262,7 +262,7 @@ impl<'t> Trials<'t> {
     /// voxels have normals of their own, predicts other pairs better.
     fn refuted(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Refuted>> {
         let knows_another = self.models.iter().any(|m| m.0 == WITHOUT_NORMALS);
-        if !reflectance.has_normals() || !knows_another || self.left(WITHOUT_NORMALS, fwhm)?.is_none() {
+        if !reflectance.has_normals() || !knows_another {
             return Ok(None);
         }
         let Some(surface) = self.left(reflectance, fwhm)? else { return Ok(None) };
@@ -281,7 +281,9 @@ impl<'t> Trials<'t> {
                 volume: volume.share(),
             });
         }
-        Ok(refuted)
+        // It gives way to a model that finds a surface.
+        let another = if refuted.is_some() { self.left(WITHOUT_NORMALS, fwhm)? } else { None };
+        Ok(refuted.filter(|_| another.is_some()))
     }
 
     /// Runs the trial of a model with this width of the pulse.

@@ -140,6 +140,13 @@ pub(super) struct Sides {
 }
 
 impl Sides {
+    pub fn of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Sides {
+        let whole = model(capture, grid, options);
+        let [seen, held] = [0, 1].map(|side| whole.half(side));
+        let scan = capture.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
+        Sides { seen, held, scan }
+    }
+
     /// Paths spread by `pulse`, or sharp.
     fn spread_by(&mut self, pulse: Option<&Pulse>) -> Result<()> {
         for side in [&mut self.seen, &mut self.held] {
@@ -147,13 +154,6 @@ impl Sides {
             side.pulse_shape = pulse.cloned();
         }
         Ok(())
-    }
-
-    pub fn of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Sides {
-        let whole = model(capture, grid, options);
-        let [seen, held] = [0, 1].map(|side| whole.half(side));
-        let scan = capture.resolution().map(|n| ((n as f64 / 2f64.sqrt()) as usize).max(1));
-        Sides { seen, held, scan }
     }
 
     /// The plan of a fit, with room for all that judges it, and that of the pairs that judge.
