@@ -41,6 +41,7 @@ fn main() -> ExitCode {
         real::real_captures_go_from_any_form_to_any,
         real::real_captures_raise_no_false_doubt,
         real::captures_of_scenes_tell_no_time_zero,
+        real::trials_tell_how_captured_things_reflect,
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);

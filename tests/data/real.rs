@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fixtures::captures::{angles, assert_error, assert_no_target, changed, place, total};
+use fixtures::command::succeed;
 use thirdbounce::Kind;
 use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::capture::{Capture, Given, auto_gate, read, read_given, write};
@@ -142,4 +143,23 @@ pub fn captures_of_scenes_tell_no_time_zero(data: &Path) {
     }
     let apart = read(&data.join("sim_U_nonconfocal_64.npz")).unwrap();
     assert_error(time_zero(&apart, 40), Kind::Input, &["not a confocal scan"]);
+}
+
+/// The model that trials choose, of captures that reflect in a known way.
+pub fn trials_tell_how_captured_things_reflect(data: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, model) in [
+        ("native/lct_data_exit_sign.mat", "retroreflective"),
+        ("native/lct_data_s_u.mat", "retroreflective"),
+        ("z_captured_confocal_64.npz", "lambertian"),
+        ("spheres_confocal_32.npz", "lambertian"),
+    ] {
+        let [capture, out] = [data.join(name), folder.path().join(model)].map(|p| p.display().to_string());
+        // The trials are whole, the solve after them is not.
+        let short = ["--iterations", "1", "--surface-iterations", "1", "--lateral", "64", "--quiet"];
+        succeed(&[&["reconstruct", &capture, "--out", &out][..], &short].concat());
+        let report = std::fs::read(Path::new(&out).join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        assert_eq!(report["settings"]["model"], model, "{name}");
+    }
 }

@@ -221,13 +221,14 @@ impl<'t> Trials<'t> {
             ));
         }
         let thin = capture.subset((2 * PAIRS).min(capture.pair_count()), 0)?;
-        let options = quick(all[0].as_vector(capture.is_confocal()));
+        let confocal = capture.is_confocal();
+        let options = quick(all[0].as_vector(confocal), confocal);
         let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
         let trial = Request { volume: Some(volume), bins: request.bins, ..Request::new(options, "") };
         let Ready { capture: thin, grid, .. } = trial.ready(Cow::Owned(thin))?;
         let of_solve = request.sum(&capture.outline()) as f64 * capture.bin_width;
         let of_model = |options: &SolverOptions| {
-            let options = quick(options.as_vector(capture.is_confocal()));
+            let options = quick(options.as_vector(confocal), confocal);
             (options.reflectance, Trial::new(gpu, &thin, grid, options, request.memory))
         };
         Ok(Trials {
@@ -342,18 +343,19 @@ impl<'t> Trials<'t> {
 }
 
 /// The options of a trial.
-fn quick(options: VectorOptions) -> VectorOptions {
+fn quick(options: VectorOptions, confocal: bool) -> VectorOptions {
     let fine = options.lateral >= LATERAL;
     options.with(|o| {
-        // A pulse is told by rims, which a short volume with one cosine loses.
-        o.cosine_volume = false;
         o.lateral = o.lateral.min(LATERAL);
         o.iterations = ITERATIONS;
         o.domain.coarse_iterations = COARSE_ITERATIONS;
         o.surface.iterations = SURFACE_ITERATIONS;
         o.surface.pixels_per_voxel = fine.then_some(2);
         o.surface.points = None;
-        o.surface.blur = 0.0;
+        if !confocal {
+            // With a blur, the cosine model of one laser point explains retroreflectors as well (benches/NOTES.md).
+            o.surface.blur = 0.0;
+        }
         o.surface.sparsity = 0.0;
         o.domain.room = None;
     })

@@ -31,6 +31,8 @@ pub struct Trial<'g> {
     memory: Option<u64>,
     /// The maps of a volume. Surfaces of all pulses begin with them.
     begun: Option<Maps>,
+    /// They are another model's. They have one cosine, as the volume before a Lambertian surface has.
+    foreign: bool,
 }
 
 impl<'g> Trial<'g> {
@@ -44,7 +46,7 @@ impl<'g> Trial<'g> {
         memory: Option<u64>,
     ) -> Trial<'g> {
         let sides = Sides::of(capture, &grid, &options);
-        Trial { gpu, sides, grid, options, memory, begun: None }
+        Trial { gpu, sides, grid, options, memory, begun: None, foreign: false }
     }
 
     /// The maps that surfaces begin with, once there are any.
@@ -54,6 +56,7 @@ impl<'g> Trial<'g> {
 
     /// Begins surfaces with these maps, or with those of a volume of its own.
     pub fn begin_with(&mut self, maps: Option<Maps>) {
+        self.foreign = maps.is_some();
         self.begun = maps;
     }
 
@@ -63,7 +66,15 @@ impl<'g> Trial<'g> {
     /// Those of [`super::reconstruct`], and a pulse without taps.
     pub fn fit(&mut self, pulse: Option<&Pulse>, watch: &mut Watch<'_>) -> Result<Option<Left>> {
         self.sides.spread_by(pulse)?;
-        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &self.options, false)?;
+        let options = self.options.clone().with(|o| {
+            // A pulse shows at rims, which a short volume with one cosine loses, and in residuals that no blur averages.
+            // Models are compared as their solves begin (benches/NOTES.md).
+            o.cosine_volume = self.foreign;
+            if !self.foreign {
+                o.surface.blur = 0.0;
+            }
+        });
+        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
         let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         let driven = match &self.begun {
@@ -77,10 +88,10 @@ impl<'g> Trial<'g> {
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
                 Driven::begun(maps.clone(), *level.unwrap_or(job.plan.finest()))
             }
-            None => solve_volume(self.gpu, &mut job, &self.options, watch, None)?,
+            None => solve_volume(self.gpu, &mut job, &options, watch, None)?,
         };
         self.begun.get_or_insert_with(|| driven.maps.clone());
-        let refined = surface::refine(self.gpu, &mut job, &self.options.surface, watch, driven)?;
+        let refined = surface::refine(self.gpu, &mut job, &options.surface, watch, driven)?;
         if refined.pixels == 0 {
             return Ok(None);
         }
