@@ -11,7 +11,7 @@ use std::{collections::HashMap, fs::File, io::BufReader, path::Path};
 const CREASE: f64 = 0.766;
 
 /// Loads the triangles of a `.obj` or `.ply` file, in the file's units and axes. Polygons are cut into fans, missing
-/// normals become smooth except across creases, and a mesh that is wound inside out is turned.
+/// normals become smooth except across creases, and a closed mesh that is wound inside out is turned.
 ///
 /// # Errors
 /// A file that is missing, has another format or no triangles, coordinates that are not finite, or indices out of
@@ -241,14 +241,20 @@ fn smooth(mesh: &mut Mesh, missing: &[(usize, [usize; 3])], points: &[DVec3]) {
     }
 }
 
-/// Turns a mesh that encloses a negative volume inside out.
+/// The vector areas of a closed mesh sum to zero; up to this share of its area, a mesh counts as closed.
+const CLOSED: f64 = 0.05;
+
+/// Turns a closed mesh that encloses a negative volume inside out. An open one stays as its faces are wound.
 fn turn_outside(mesh: &mut Mesh) {
     let Some((lo, hi)) = mesh.bounds() else { return };
     let middle = 0.5 * (lo + hi);
     let volume: f64 =
         mesh.triangles.iter().map(|&[a, b, c]| (a - middle).dot((b - middle).cross(c - middle))).sum();
-    // Open or flat meshes enclose almost no volume and stay as they are.
-    if volume < -1e-3 * (hi - lo).max_element().powi(3) {
+    let twice = |&[a, b, c]: &[DVec3; 3]| (b - a).cross(c - a);
+    let area: f64 = mesh.triangles.iter().map(|t| twice(t).length()).sum();
+    let open = mesh.triangles.iter().map(twice).sum::<DVec3>().length();
+    // Flat meshes enclose almost no volume.
+    if open < CLOSED * area && volume < -1e-3 * (hi - lo).max_element().powi(3) {
         mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         for n in &mut mesh.normals {
             *n = [-n[0], -n[2], -n[1]];

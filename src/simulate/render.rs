@@ -44,9 +44,16 @@ pub struct Rendering {
 /// has them.
 ///
 /// # Errors
-/// Those of [`render`], [`pile_up`] and [`photon_noise`].
+/// Those of [`render`], [`pile_up`] and [`photon_noise`], and a scene that sends no light to the wall.
 pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     let mut rendering = render(scene, options)?;
+    if rendering.capture.histograms.iter().all(|v| *v == 0.0) {
+        return Err(Error::input(
+            format!("no light of {} comes back to the wall within the bins", scene.name),
+            "let surfaces face the wall: the side that faces are wound to reflects, and the +z side of a mesh file \
+             is turned to the wall; or give more bins",
+        ));
+    }
     if let Some(pulse) = &scene.pulse {
         let capture = &mut rendering.capture;
         pulse.taps_of_bins(capture.bin_width)?.spread(&mut capture.histograms, capture.bins);

@@ -200,6 +200,13 @@ fn obj_and_ply_meshes_load_and_place() {
         assert!(normals.iter().all(|m| m.distance(n) < 1e-9));
         assert!(n.dot(mesh.triangles[i][0] - DVec3::splat(0.5)) > 0.0);
     }
+    // A folded sheet is open: it faces where its faces are wound to, whichever side its fold encloses.
+    for fold in [-0.3, 0.3] {
+        let sheet =
+            format!("v 0 0 0\nv 0 1 0\nv 1 0 {fold}\nv 1 1 {fold}\nv 2 0 0\nv 2 1 0\nf 1 3 4 2\nf 3 5 6 4\n");
+        let mesh = load_mesh(&write("sheet.obj", &sheet)).unwrap();
+        assert!((0..4).all(|i| mesh.geometric_normal(i).z > 0.9), "{fold}");
+    }
     for (name, text, says) in [
         ("empty.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangle"),
         ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
@@ -253,7 +260,17 @@ fn errors_say_what_is_wrong_and_how_to_mend_it() {
     assert!(truth(&good, 0).is_err());
     let mut dark = good.clone();
     (dark.photons, dark.t_start) = (Some(10.0), 90.0);
-    assert!(simulate(&dark, &options).unwrap_err().what.contains("all zero"));
+    assert!(simulate(&dark, &options).unwrap_err().what.contains("no light"));
     let short = Pairs { sensor: Vec::new(), ..Pairs::confocal(2, 1.0) };
     assert!(render_pairs(&good, &short, &options).is_err());
+}
+
+#[test]
+fn a_scene_that_faces_away_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("away.obj");
+    std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 2 1 0\nf 1 3 2\n").unwrap();
+    let scene = Scene::named(path.to_str().unwrap()).unwrap();
+    let error = simulate(&scene, &RenderOptions::default()).unwrap_err();
+    assert!(error.what.contains("away") && error.mend.to_string().contains("face the wall"), "{error}");
 }
