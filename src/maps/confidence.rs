@@ -5,7 +5,7 @@
 //! a scan. The expected error is a product of powers of these, in pixels. The powers are a quantile regression over
 //! reconstructions with truth (benches/NOTES.md). docs/confidence.md compares the values with real errors.
 
-use super::mask::smoothed;
+use super::mask::{slope, smoothed};
 use super::{Layer, Maps};
 
 /// The error, in pixels, where all factors are 1.
@@ -66,8 +66,7 @@ impl Maps {
 
     /// The expected errors of one layer.
     fn expected_errors(&self, known: &Conditions) -> Vec<f32> {
-        let [x0, x1, y0, y1] = self.extent;
-        let pixel = ((x1 - x0) / self.nx as f64 * (y1 - y0) / self.ny as f64).sqrt();
+        let pixel = self.pixel();
         let usual = self.usual_albedo();
         let depth: Vec<f64> = self.depth.iter().map(|z| f64::from(*z) / pixel).collect();
         let shown: Vec<bool> = depth.iter().zip(&self.mask).map(|(z, m)| *m && z.is_finite()).collect();
@@ -88,6 +87,12 @@ impl Maps {
         (0..depth.len()).map(of).collect()
     }
 
+    /// Metres of a pixel's side.
+    pub(super) fn pixel(&self) -> f64 {
+        let [x0, x1, y0, y1] = self.extent;
+        ((x1 - x0) / self.nx as f64 * (y1 - y0) / self.ny as f64).sqrt()
+    }
+
     /// The median albedo of the mask; 1 without a mask.
     fn usual_albedo(&self) -> f64 {
         let lit = self.albedo.iter().zip(&self.mask).filter(|(a, m)| **m && **a > 0.0);
@@ -97,14 +102,8 @@ impl Maps {
 
     /// The cosine between the wall's normal and that of the surface through a pixel's neighbours.
     fn facing(&self, depth: &[f64], shown: &[bool], i: usize) -> f64 {
-        let slope = |at: usize, count: usize, stride: usize| {
-            let low = at.checked_sub(1).map(|_| i - stride).filter(|j| shown[*j]).unwrap_or(i);
-            let high = Some(i + stride).filter(|j| at + 1 < count && shown[*j]).unwrap_or(i);
-            let steps = (high - low) / stride;
-            if steps == 0 || depth[i].is_nan() { 0.0 } else { (depth[high] - depth[low]) / steps as f64 }
-        };
-        let along_x = slope(i / self.ny, self.nx, self.ny);
-        1.0 / (1.0 + along_x.powi(2) + slope(i % self.ny, self.ny, 1).powi(2)).sqrt()
+        let [x, y] = slope([self.nx, self.ny], depth, shown, i);
+        1.0 / (1.0 + x * x + y * y).sqrt()
     }
 
     /// Root mean square of how far the depths around each pixel are off the smoothed depth.

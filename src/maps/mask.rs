@@ -1,9 +1,9 @@
 //! Tells from the albedo which pixels are surface, if no share of the brightest is given.
 //!
-//! Edges of a reconstruction are blurred by about the step of a usual scan, so an albedo falls over several pixels from
-//! its plateau to the haze around it. The edge is where it falls fastest. How bright it is there differs from scene to
-//! scene: half of the plateau for plates, a tenth of the brightest for spheres, whose rims are dim. So the albedo is
-//! sharpened, and the threshold is the one whose contour is steepest in the mean, drawn toward a usual one.
+//! Edges of a reconstruction are blurred by half a pixel or more, so an albedo falls over several pixels from its plateau to
+//! the haze around it. Where a surface ends with a sharp edge, as a plate does, the edge is where about half of the
+//! plateau is left. Where it bends away, as a sphere does, its rims are dim, and more of the fall belongs to it. So the
+//! threshold is a share of the usual brightness, and the smaller the steeper the surface is where its albedo falls.
 //! Figures: benches/NOTES.md.
 
 use super::{Maps, percentile};
@@ -12,21 +12,18 @@ use super::{Maps, percentile};
 const SCAN: f64 = 32.0;
 
 /// Sigma of the Gaussian before edges are found, and what the Laplacian takes off, in steps of the scan (squared).
-const SMOOTH: f64 = 0.25;
-const SHARPEN: f64 = 0.125;
+const SMOOTH: f64 = 0.1;
+const SHARPEN: f64 = 0.03;
 
-/// Thresholds that are tried, as shares of the usual brightness, their distance, and the half width of a contour.
-const LEAST: f64 = 0.2;
-const MOST: f64 = 0.6;
-const STEP: f64 = 0.02;
-const WIDE: f64 = 0.05;
+/// The threshold for edges that face the wall, as a share of the usual brightness, and what it loses per unit of the
+/// cosine between the surface and the wall.
+const LEVEL: f64 = 0.58;
+const STEEP: f64 = 0.2;
 
-/// Dim contours are as good as brighter ones that are steeper by this power of their threshold.
-const DIMMER: f64 = 0.2;
-
-/// The usual threshold, and its share in the one that is taken.
-const USUAL: f64 = 0.43;
-const PULL: f64 = 0.7;
+/// Edges are where the albedo, as a share of the usual brightness, is between these. Slopes are told from pixels above the
+/// last.
+const EDGE: [f64; 2] = [0.3, 0.7];
+const LIT: f64 = 0.1;
 
 /// What a pixel needs to count as surface.
 pub(super) struct Rule {
@@ -43,8 +40,7 @@ impl Rule {
         let sharp = rule.sharpened(&maps.albedo);
         let brightness = usual_brightness(&sharp)?;
         let shares: Vec<f64> = sharp.iter().map(|v| v / brightness).collect();
-        let own = rule.steepest(&shares);
-        rule.threshold = brightness * (PULL * USUAL + (1.0 - PULL) * own);
+        rule.threshold = brightness * (LEVEL - STEEP * (1.0 - rule.facing(maps, &shares)));
         Some(rule)
     }
 
@@ -72,38 +68,35 @@ impl Rule {
         (0..clean.len()).map(of).collect()
     }
 
-    /// The threshold whose contour is steepest.
-    fn steepest(&self, shares: &[f64]) -> f64 {
-        let slope = |i: usize| {
-            let (x, y) = (i / self.ny, i % self.ny);
-            let rise = |low: usize, high: usize, between: usize| {
-                if between == 0 { 0.0 } else { (shares[high] - shares[low]) / between as f64 }
-            };
-            let [left, right] = [x.saturating_sub(1), (x + 1).min(self.nx - 1)];
-            let [low, high] = [y.saturating_sub(1), (y + 1).min(self.ny - 1)];
-            let along_x = rise(left * self.ny + y, right * self.ny + y, right - left);
-            along_x.hypot(rise(x * self.ny + low, x * self.ny + high, high - low))
-        };
-        let count = ((MOST - LEAST) / STEP).round() as usize + 1;
-        let at = |k: usize| LEAST + k as f64 * STEP;
-        let (mut sums, mut pixels) = (vec![0.0; count], vec![0usize; count]);
-        for (i, share) in shares.iter().enumerate().filter(|(_, s)| (LEAST - WIDE..=MOST + WIDE).contains(*s))
-        {
-            let steep = slope(i);
-            for k in (0..count).filter(|k| (share - at(*k)).abs() < WIDE) {
-                sums[k] += steep;
-                pixels[k] += 1;
-            }
+    /// The mean cosine between the surface and the wall where the albedo falls, each pixel weighted by how fast it falls
+    /// there; 1 without an edge.
+    fn facing(&self, maps: &Maps, shares: &[f64]) -> f64 {
+        let pixel = maps.pixel();
+        let depth: Vec<f64> = maps.depth.iter().map(|z| f64::from(*z) / pixel).collect();
+        let lit: Vec<bool> = depth.iter().zip(shares).map(|(z, s)| *s > LIT && z.is_finite()).collect();
+        let everywhere = vec![true; shares.len()];
+        let sides = [self.nx, self.ny];
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for i in (0..shares.len()).filter(|i| lit[*i] && (EDGE[0]..EDGE[1]).contains(&shares[*i])) {
+            let [x, y] = slope(sides, shares, &everywhere, i);
+            let fall = x.hypot(y);
+            let [x, y] = slope(sides, &depth, &lit, i);
+            sum += fall / (1.0 + x * x + y * y).sqrt();
+            weights += fall;
         }
-        let mean = |k: usize| sums[k] / pixels[k].max(1) as f64;
-        // A mean over five thresholds, so that single pixels do not decide.
-        let around = |k: usize| (0..5).map(|d| mean((k + d).saturating_sub(2).min(count - 1))).sum::<f64>();
-        let best = (0..count).max_by(|a, b| {
-            let worth = |k: usize| around(k) / at(k).powf(DIMMER);
-            worth(*a).total_cmp(&worth(*b))
-        });
-        best.map_or(USUAL, at)
+        if weights > 0.0 { sum / weights } else { 1.0 }
     }
+}
+
+/// The slope of values along x and y at a pixel, by the pixels beside it that are `shown`; 0 where there are none.
+pub(super) fn slope([nx, ny]: [usize; 2], values: &[f64], shown: &[bool], i: usize) -> [f64; 2] {
+    let along = |at: usize, count: usize, stride: usize| {
+        let low = at.checked_sub(1).map(|_| i - stride).filter(|j| shown[*j]).unwrap_or(i);
+        let high = Some(i + stride).filter(|j| at + 1 < count && shown[*j]).unwrap_or(i);
+        let steps = (high - low) / stride;
+        if steps == 0 || values[i].is_nan() { 0.0 } else { (values[high] - values[low]) / steps as f64 }
+    };
+    [along(i / ny, nx, ny), along(i % ny, ny, 1)]
 }
 
 /// Gaussian of `sigma` pixels; pixels beyond the edge are as those at the edge.
@@ -139,6 +132,8 @@ fn usual_brightness(sharp: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     /// Maps of 64 x 64 pixels with this albedo at (x, y) in [-1, 1].
@@ -199,6 +194,27 @@ mod tests {
         plain.set_mask(None);
         let changed = plain.mask.iter().zip(&spotted.mask).filter(|(a, b)| a != b).count();
         assert!(changed < 20, "{changed} pixels of the mask changed");
+    }
+
+    #[test]
+    fn a_surface_that_bends_away_keeps_more_of_its_rim() {
+        let dome = |x: f64, y: f64| (0.25 - x * x - y * y).max(0.0).sqrt();
+        let flat = maps(|x, y| 2.0 * dome(x, y));
+        let mut ball = flat.clone();
+        for i in 0..64 * 64 {
+            let [x, y] = ball.centre(i / 64, i % 64);
+            ball.depth[i] = (1.0 - dome(x, y)) as f32;
+        }
+        let [flat, ball] = [flat, ball].map(|mut maps| {
+            maps.set_mask(None);
+            maps.mask.iter().filter(|m| **m).count() as f64
+        });
+        // Within the contour of brightness t lies 1 - t² of the area; .74 is usual: the median above .3. The cosine of the
+        // ball is t too, .37 in the mean where shares are .3 to .7.
+        let area = |t: f64| PI * 0.25 * (1.0 - t * t) * 32.0 * 32.0;
+        assert!((flat / area(0.58 * 0.74) - 1.0).abs() < 0.03, "{flat}");
+        assert!((ball / area(0.454 * 0.74) - 1.0).abs() < 0.03, "{ball}");
+        assert!(ball > 1.05 * flat);
     }
 
     #[test]
