@@ -11,6 +11,7 @@ mod faults;
 mod guard;
 mod host;
 mod instance;
+mod kept;
 mod memory;
 mod names;
 mod offered;
