@@ -319,6 +319,7 @@ impl Plan {
             (constant::WINDOW, t.window),
             (constant::VOXELS, t.voxels),
             (constant::SLICES, t.slices),
+            (constant::FILL, t.fill),
             (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
             (constant::SHARED, u32::from(t.share_arms)),
             (constant::OTHERS, t.others_backward),

@@ -38,10 +38,12 @@ pub struct Tuning {
     pub lanes: u32,
     /// Forward: voxels of a workgroup.
     pub chunk: u32,
-    /// Backward: voxels of a workgroup.
+    /// Gathers: voxels of a workgroup where as many lanes as possible share one.
     pub voxels: u32,
-    /// Backward: lanes that share a voxel.
+    /// Gathers: lanes that share a voxel at most.
     pub slices: u32,
+    /// Gathers: fewer lanes share a voxel as long as the device still gets so many lanes.
+    pub fill: u32,
     /// Other points that a product's forward kernel takes at once; 1 for other pairs.
     pub others_forward: u32,
     /// Other points that a product's backward kernel takes at once; 1 for other pairs.
@@ -134,6 +136,22 @@ impl FromStr for Sizes {
     }
 }
 
+/// Lanes of a workgroup that gathers, on a GPU.
+const GATHERERS: u32 = 256;
+
+/// Lanes that share a voxel at most there.
+const SLICES: u32 = 32;
+
+/// Lanes that hide the latencies of a gather on a device of a kind: about 32 warps on each of the 132 multiprocessors of an
+/// H200 (docs/gpu.md), and an eighth of that where a GPU shares the host's memory.
+fn fill_of(kind: DeviceKind) -> u32 {
+    match kind {
+        DeviceKind::Discrete | DeviceKind::Virtual => 1 << 17,
+        DeviceKind::Integrated | DeviceKind::Other => 1 << 14,
+        DeviceKind::Cpu => 0,
+    }
+}
+
 /// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels spans about as
 /// many.
 const WINDOW: u32 = 64;
@@ -157,7 +175,9 @@ impl Tuning {
         let at_once = |most: u32| if product { others.min(most) } else { 1 };
         let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
-        let (lanes, chunk, voxels, slices) = if cpu { (8, 4096, 64, 1) } else { (64, 256, 32, 4) };
+        let (lanes, chunk) = if cpu { (8, 4096) } else { (64, 256) };
+        let slices = sizes.slices.unwrap_or(if cpu { 1 } else { SLICES });
+        let voxels = if cpu { 64 } else { (GATHERERS / slices.max(1)).max(1) };
         // A product's lane also loops over the other points, and fills shared memory.
         let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
         let chunk = if owned { owned_chunk } else { chunk };
@@ -167,7 +187,9 @@ impl Tuning {
             lanes: sizes.lanes.unwrap_or(lanes),
             chunk: sizes.chunk.unwrap_or(chunk),
             voxels: sizes.voxels.unwrap_or(voxels),
-            slices: sizes.slices.unwrap_or(slices),
+            slices,
+            // Asked for: exactly as many.
+            fill: if sizes.slices.is_some() { u32::MAX } else { fill_of(device.kind) },
             others_forward,
             others_backward,
             window: sizes.window.unwrap_or(window),
@@ -189,9 +211,26 @@ impl Tuning {
                 "use a smaller chunk or window",
             ));
         }
-        let turns = [PAIR_CHUNK / t.slices * 2, 2 * LONGEST_LOOP as u32];
+        let turns = [PAIR_CHUNK * 2, 2 * LONGEST_LOOP as u32];
         assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
         Ok(t)
+    }
+
+    /// Samples of a workgroup of a gather, as `slices.glsl` divides `samples`.
+    pub fn samples_of_group(&self, samples: usize) -> u32 {
+        let mut slices = self.slices;
+        while slices.is_multiple_of(2) && samples >= (self.fill / (slices / 2)) as usize {
+            slices /= 2;
+        }
+        self.voxels * self.slices / slices
+    }
+
+    /// Workgroups of a gather at most, for up to `samples` samples.
+    pub(super) fn most_groups(&self, samples: usize) -> usize {
+        // Where not all lanes share a sample, those of the samples are fewer than twice as many as fill the device.
+        let whole = samples.div_ceil(self.voxels as usize);
+        let lanes = (self.voxels * self.slices) as usize;
+        whole.min(samples.div_ceil(lanes).max((2 * self.fill as usize).div_ceil(lanes) + 1))
     }
 
     /// Checks that one dispatch holds all tiles of pairs.
