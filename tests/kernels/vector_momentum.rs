@@ -15,8 +15,11 @@ pub fn finish_decides_on_the_momentum() {
     for (sizes, of_group) in [([64, 1, 0], 64), ([8, 32, 4 * ACTIVE as u32], 64), ([8, 32, u32::MAX], 8)] {
         let (model, grid) = (scene(4, 50, 20), grid());
         let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
+        let grouped = sizes[1] > 1;
+        job.plan.tune(|t| t.group_losses = grouped);
         assert_eq!(resize(&mut job, sizes, ACTIVE), of_group);
-        decides_on_the_momentum(&model, &mut job, of_group);
+        let partials = if grouped { grouped_losses(&model) } else { losses(&model) };
+        decides_on_the_momentum(&model, &mut job, of_group, partials);
     }
     assert_valid(&gpu);
 }
@@ -24,7 +27,8 @@ pub fn finish_decides_on_the_momentum() {
 /// Voxels whose partial sums are summed.
 const ACTIVE: usize = 777;
 
-fn decides_on_the_momentum(model: &Model, job: &mut OnDevice<'_>, voxels: usize) {
+/// `voxels`: of a partial sum. `losses`: how many partial losses there are.
+fn decides_on_the_momentum(model: &Model, job: &mut OnDevice<'_>, voxels: usize, losses: usize) {
     let (active, elements) = (ACTIVE, model.pairs() * model.bins);
     let mut random = Random::new(21);
     let mut want = Momentum { share: 0.5, ..REST };
@@ -39,7 +43,7 @@ fn decides_on_the_momentum(model: &Model, job: &mut OnDevice<'_>, voxels: usize)
             for (more, rose) in [(1.0 + 3e-6, false), (1.0 - 3e-6, false), (1.0 + 5e-5, true)] {
                 let share = want.share;
                 let risen = want.objective * more;
-                write(job, buffer::LOSS_PARTIALS, &vec![0.0f32; 2 * losses(model)]);
+                write(job, buffer::LOSS_PARTIALS, &vec![0.0f32; 2 * losses]);
                 let mut l1 = vec![0.0f32; active.div_ceil(voxels)];
                 write(job, buffer::AGAINST_PARTIALS, &l1);
                 l1[0] = risen as f32;
@@ -52,8 +56,7 @@ fn decides_on_the_momentum(model: &Model, job: &mut OnDevice<'_>, voxels: usize)
             }
         }
         let sign = if i % 5 == 4 { 1.0 } else { -1.0 };
-        let loss: Vec<f32> =
-            (0..2 * losses(model)).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
+        let loss: Vec<f32> = (0..2 * losses).map(|_| (level * random.uniform(50.0, 51.0)) as f32).collect();
         let l1: Vec<f32> = (0..active.div_ceil(voxels)).map(|_| (level * 0.01) as f32).collect();
         let against: Vec<f32> = l1.iter().map(|_| (sign * random.uniform(0.1, 1.0)) as f32).collect();
         write(job, buffer::LOSS_PARTIALS, &loss);

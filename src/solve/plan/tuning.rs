@@ -38,6 +38,10 @@ pub struct Tuning {
     pub lanes: u32,
     /// Forward: voxels of a workgroup.
     pub chunk: u32,
+    /// Forward: workgroups take smaller chunks as long as the device does not get so many lanes.
+    pub forward_fill: u32,
+    /// One lane of a workgroup leaves the partial losses of all.
+    pub group_losses: bool,
     /// Gathers: voxels of a workgroup where as many lanes as possible share one.
     pub voxels: u32,
     /// Gathers: lanes that share a voxel at most.
@@ -152,6 +156,11 @@ fn fill_of(kind: DeviceKind) -> u32 {
     }
 }
 
+/// The same for the forward pass, whose private columns leave room for fewer lanes.
+fn forward_fill_of(kind: DeviceKind) -> u32 {
+    fill_of(kind) / 2
+}
+
 /// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels spans about as
 /// many.
 const WINDOW: u32 = 64;
@@ -190,6 +199,9 @@ impl Tuning {
             slices,
             // Asked for: exactly as many.
             fill: if sizes.slices.is_some() { u32::MAX } else { fill_of(device.kind) },
+            // Asked for: exactly as long.
+            forward_fill: if sizes.chunk.is_some() { 0 } else { forward_fill_of(device.kind) },
+            group_losses: !cpu,
             others_forward,
             others_backward,
             window: sizes.window.unwrap_or(window),
