@@ -4,13 +4,12 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::time::Duration;
 
 use ash::vk;
-use rayon::prelude::*;
 
 use super::pace::Pace;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::stamps;
-use super::recording::{KernelMade, Mark};
-use super::{Arena, Buffer, Command, Constant, Gpu, Kernel, KernelCode, Place, Point, Schedule, Stage};
+use super::recording::Mark;
+use super::{Arena, Buffer, Command, Gpu, Kernel, Place, Point, Schedule, Stage};
 use crate::Result;
 
 /// Calls and device seconds of one kernel.
@@ -106,60 +105,6 @@ impl<'g> Executor<'g> {
     /// The buffers it works on.
     pub fn arena(&self) -> &Arena<'g> {
         &self.arena
-    }
-
-    /// Makes kernels, each from its code with its specialization constants, on all cores of the host. Replaces kernels of
-    /// the same names.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn add_kernels(&mut self, wanted: &[(Kernel, &KernelCode, Vec<(Constant, u32)>)]) -> Result<()> {
-        let gpu = self.gpu;
-        let _span = gpu.span("make kernels");
-        let make = |(kernel, code, constants): &(Kernel, &KernelCode, Vec<_>)| {
-            Pipeline::new(gpu, kernel.name(), code, constants)
-        };
-        let made: Vec<Result<Pipeline>> = wanted.par_iter().map(make).collect();
-        let mut all = Ok(());
-        for ((kernel, code, constants), made) in wanted.iter().zip(made) {
-            match made {
-                // It is destroyed with the executor, whatever becomes of the others.
-                Ok(made) => self.keep_kernel(*kernel, code, constants, made),
-                Err(e) => all = all.and(Err(e)),
-            }
-        }
-        all
-    }
-
-    /// Makes one kernel, as [`Executor::add_kernels`].
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn add_kernel(
-        &mut self,
-        kernel: impl Into<Kernel>,
-        code: &KernelCode,
-        constants: &[(Constant, u32)],
-    ) -> Result<()> {
-        self.add_kernels(&[(kernel.into(), code, constants.to_vec())])
-    }
-
-    fn keep_kernel(
-        &mut self,
-        kernel: Kernel,
-        code: &KernelCode,
-        constants: &[(Constant, u32)],
-        made: Pipeline,
-    ) {
-        if let Some(recorder) = &self.gpu.recorder {
-            let constants = constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
-            let executables = self.gpu.executables(made.handle);
-            let statistics = executables.into_iter().flat_map(|e| e.statistics).collect();
-            recorder.made(kernel.name(), KernelMade { code: *code, constants, statistics });
-        }
-        if let Some(old) = self.pipelines.insert(kernel, made) {
-            old.destroy(self.gpu);
-        }
     }
 
     /// Submits `schedule` after earlier submissions, and returns without waiting for it. A long one is divided, so that

@@ -186,7 +186,8 @@ impl Tuning {
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
         let (lanes, chunk) = if cpu { (8, 4096) } else { (64, 256) };
         let slices = sizes.slices.unwrap_or(if cpu { 1 } else { SLICES });
-        let voxels = if cpu { 64 } else { (GATHERERS / slices.max(1)).max(1) };
+        let gatherers = GATHERERS.min(device.limits.workgroup_invocations);
+        let voxels = if cpu { 64 } else { (gatherers / slices.max(1)).max(1) };
         // A product's lane also loops over the other points, and fills shared memory.
         let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
         let chunk = if owned { owned_chunk } else { chunk };
@@ -315,6 +316,46 @@ impl Tuning {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn workgroups_leave_room_for_every_count() {
+        let sizes = [
+            (8, 32, 1 << 17),
+            (8, 32, 1 << 14),
+            (4, 32, 1000),
+            (64, 1, 0),
+            (32, 4, u32::MAX),
+            (24, 3, u32::MAX),
+        ];
+        for (voxels, slices, fill) in sizes {
+            let t = Tuning {
+                lanes: 64,
+                chunk: 256,
+                forward_fill: 0,
+                group_losses: true,
+                voxels,
+                slices,
+                fill,
+                others_forward: 1,
+                others_backward: 1,
+                window: 0,
+                window_span: 0,
+                share_arms: true,
+                texels: false,
+            };
+            let groups = |samples: usize| samples.div_ceil(t.samples_of_group(samples) as usize);
+            for capacity in [1usize, 999, 8191, 70_001, 300_000, 2_000_000] {
+                let most = (0..=capacity).step_by(capacity / 900 + 1).chain([capacity]).map(groups).max();
+                assert!(most <= Some(t.most_groups(capacity)), "{voxels} {slices} {fill}: {capacity}");
+            }
+            // As few lanes for a sample as fill the device.
+            for samples in [1usize, 500, 5000, 40_000, 200_000] {
+                let lanes = samples * (voxels * slices / t.samples_of_group(samples)) as usize;
+                let all = lanes == samples * slices as usize;
+                assert!(all || (fill as usize..2 * fill as usize).contains(&lanes) || lanes == samples);
+            }
+        }
+    }
 
     #[test]
     fn sizes_are_written_as_they_are_read() {
