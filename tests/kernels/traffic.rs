@@ -97,14 +97,14 @@ impl Solved {
             let h = Histograms::of(&self.model, &level);
             let (columns, own) = (h.columns(&samples, CHUNK, WINDOW), h.own(&samples, OWN_CHUNK));
             // As `Plan::forward_direct` on a GPU.
-            let direct = 16.0 * level.grid.pitch.length() / level.bin_width > WINDOW as f64;
+            let direct = 16.0 * level.grid.pitch.length() / level.bin_width > 4.0 * WINDOW as f64;
             println!(
                 "| {name}, {text}{} | {} | {:.1} % | {:.1} % | {:.0} | {:.2} | {:.1} | {:.3} | {:.4} | {:.1} | {:.1} |",
                 if direct { " (*)" } else { "" },
                 samples.len(),
                 100.0 * columns.outside,
                 100.0 * columns.flush,
-                columns.slots(),
+                columns.slots(WINDOW),
                 columns.global,
                 own.turns,
                 own.global,
@@ -150,6 +150,9 @@ fn lists_keep_neighbours_together() {
         let h = Histograms::of(&solved.model, level);
         let [columns, rows] = [samples, others].map(|s| h.columns(s, CHUNK, WINDOW));
         assert!(columns.flush < 0.5 * rows.flush, "{what}: {columns:?} by rows {rows:?}");
+        // Columns of half the width, as products have, are still far from the two additions of a pair without columns.
+        let half = h.columns(samples, CHUNK, WINDOW / 2);
+        assert!(half.global < 0.7 && half.slots(WINDOW / 2) < 100.0, "{what}: {half:?}");
         assert!(columns.outside < 0.5 * rows.outside && columns.global < rows.global, "{what}");
         let [gather, rows] = [samples, others].map(|s| h.gather(s, WARP));
         assert!(gather < rows, "{what}: {gather} sectors of a gather, {rows} by rows");

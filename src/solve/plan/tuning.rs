@@ -55,7 +55,7 @@ pub struct Tuning {
     /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
     pub window: u32,
     /// Forward: the columns are used at levels where a brick of voxels spans at most this many bins. Wider bricks
-    /// would move the columns all the time, at several times the cost of atomics.
+    /// would move the columns all the time, at more than the cost of atomics.
     pub window_span: u32,
     /// A product's forward kernel finds the other points' arms together, through shared memory.
     pub share_arms: bool,
@@ -161,6 +161,14 @@ fn forward_fill_of(kind: DeviceKind) -> u32 {
     fill_of(kind) / 2
 }
 
+/// Other points that a product's forward kernel takes at once on a GPU. With two, columns are 32 bins wide, which move
+/// seldom; with four, they would be 16 wide (docs/gpu.md).
+const OTHERS_WITH_COLUMNS: u32 = 2;
+
+/// Columns are used up to bricks so many times as wide. Counted on lists of solves: a lane of a warp then moves its
+/// column in a sixth of the turns at most (docs/gpu.md).
+const SPANS: u32 = 4;
+
 /// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels spans about as
 /// many.
 const WINDOW: u32 = 64;
@@ -182,7 +190,8 @@ impl Tuning {
         let others = model.rendered_wall().others.len() as u32;
         let product = model.wall.geometry == Geometry::Product;
         let at_once = |most: u32| if product { others.min(most) } else { 1 };
-        let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
+        let of_forward = if cpu { OTHERS_FORWARD } else { OTHERS_WITH_COLUMNS };
+        let [others_forward, others_backward] = [of_forward, OTHERS_BACKWARD].map(at_once);
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
         let (lanes, chunk) = if cpu { (8, 4096) } else { (64, 256) };
         let slices = sizes.slices.unwrap_or(if cpu { 1 } else { SLICES });
@@ -206,7 +215,7 @@ impl Tuning {
             others_forward,
             others_backward,
             window: sizes.window.unwrap_or(window),
-            window_span: sizes.window.unwrap_or(window),
+            window_span: sizes.window.unwrap_or(window).saturating_mul(SPANS),
             share_arms: !cpu,
             texels: cpu,
         };
