@@ -1,14 +1,15 @@
 // Back-projects the filtered histograms into every voxel of the grid, with the cosine toward a surface that faces the
-// wall; negative sums become zero. The result shows where a surface can be. One invocation owns one voxel.
+// wall; negative sums become zero. The result shows where a surface can be. One lane or several own
+// a voxel (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"
-layout(local_size_x = 64) in;
 const uint SPLIT = 1u;
 layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
+#include "seats.glsl"
 #include "gather.glsl"
 
 float sum = 0.0;
@@ -17,10 +18,13 @@ float sum = 0.0;
 void meet(Arm a, Arm b, vec2 r) { sum += r.x * (NORMALS ? max(-a.way.z, 0.0) * a.inverse : 1.0); }
 
 void main() {
-    uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (index >= brick_count() * 512u) return;
+    uint all = brick_count() * 512u;
+    Seat seat = seat_of(all);
+    uint index = seat.slot;
     uvec3 c = voxel_at(index);
-    if (in_grid(c) && c.z >= scene.near_z) gather(position(vec3(c)), 0u, 1u);
+    if (index < all && in_grid(c) && c.z >= scene.near_z) gather(position(vec3(c)), seat.slice, seat.slices);
+    sum = together(seat, vec4(sum, 0.0, 0.0, 0.0)).x;
+    if (seat.slice != 0u || index >= all) return;
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += projected[index];
     projected[index] = (push.flags & BACKWARD_FINISH) != 0u ? max(sum, 0.0) : sum;
 }

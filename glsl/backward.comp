@@ -1,7 +1,7 @@
 // The gradient of the paper's solver, by gathering. A lane owns one active voxel and walks the pairs, reading the one
-// or two bins of each that the voxel reaches: no atomics, the sums stay in registers. The VOXELS lanes of a workgroup
-// are neighbours in brick order, so they read neighbouring bins of the same histogram. Where voxels are too few to fill
-// the device, SLICES lanes share a voxel; their sums are added in a fixed order at the end.
+// or two bins of each that the voxel reaches: no atomics, the sums stay in registers. Neighbouring
+// lanes own neighbours in brick order, so they read neighbouring bins of the same histogram. Where voxels are too few to
+// fill the device, several lanes share one (slices.glsl).
 // Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize ends here,
 // update.comp applies the adjoint of the interpolation.
 // EXACT = 0 leaves the falloff out of the gradient, as the paper does: the exact gradient of the objective
@@ -12,9 +12,6 @@
 #include "grid.glsl"
 #include "surface.glsl"
 #include "transport.glsl"
-layout(local_size_x_id = 10, local_size_y_id = 11) in;
-layout(constant_id = 10) const uint VOXELS = 64u;
-layout(constant_id = 11) const uint SLICES = 1u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 0u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
@@ -22,27 +19,18 @@ layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_
 layout(std430, set = 0, binding = 6) readonly buffer SampleNormals { vec4 sample_normals[]; };
 layout(std430, set = 0, binding = 5) buffer Gradient { vec4 gradient[]; };
 
-shared vec4 parts[VOXELS * SLICES];
-
+#include "seats.glsl"
 #include "slope.glsl"
 #include "faults.glsl"
 
 void main() {
-    uint lane = gl_LocalInvocationID.x;
-    uint slice = gl_LocalInvocationID.y;
-    uint slot = group_index() * VOXELS + lane;
+    Seat seat = seat_of(counts[COUNT_ACTIVE]);
+    uint slot = seat.slot;
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 s = owned ? sample_points[slot] : vec4(0.0);
     vec4 n = owned && NORMALS ? sample_normals[slot] : vec4(0.0, 0.0, -1.0, 1.0);
-    vec4 sum = owned ? gather_slope(s.xyz, n.xyz, slice, SLICES) : vec4(0.0);
-    if (SLICES > 1u) {
-        parts[slice * VOXELS + lane] = sum;
-        barrier();
-        if (slice == 0u) {
-            for (uint i = 1u; i < SLICES; ++i) sum += parts[i * VOXELS + lane];
-        }
-    }
-    if (slice != 0u || !owned) return;
+    vec4 sum = together(seat, owned ? gather_slope(s.xyz, n.xyz, seat.slice, seat.slices) : vec4(0.0));
+    if (seat.slice != 0u || !owned) return;
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += gradient[slot];
     if ((push.flags & BACKWARD_FINISH) != 0u) {
         float albedo = s.w;

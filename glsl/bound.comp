@@ -4,19 +4,19 @@
 //             operator (De Pierro 1995): 1 / D is a safe step for each voxel on its own.
 //   WHAT = 1: lambda = kappa * standard deviation that photon noise gives this voxel's gradient: the residual
 //             holds the weighted variances, and the kernel enters squared.
-// One invocation owns one active voxel.
+// One lane or several own an active voxel (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"
-layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint SPLIT = 1u;
 layout(constant_id = 11) const uint WHAT = 0u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 5) buffer Bounds { vec2 bounds[]; };
 
+#include "seats.glsl"
 #include "gather.glsl"
 #include "faults.glsl"
 
@@ -28,10 +28,12 @@ void meet(Arm a, Arm b, vec2 r) {
 }
 
 void main() {
-    uint slot = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (slot >= counts[COUNT_ACTIVE]) return;
-    vec3 x = sample_points[slot].xyz;
-    gather(x, 0u, 1u);
+    Seat seat = seat_of(counts[COUNT_ACTIVE]);
+    uint slot = seat.slot;
+    bool owned = slot < counts[COUNT_ACTIVE];
+    if (owned) gather(sample_points[slot].xyz, seat.slice, seat.slices);
+    sum = together(seat, vec4(sum, 0.0, 0.0, 0.0)).x;
+    if (seat.slice != 0u || !owned) return;
     // Split dispatches add up; the last one takes the square root.
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += bounds[slot][WHAT];
     if ((push.flags & BACKWARD_FINISH) != 0u) sum = WHAT == 0u ? sum / sample_points[slot].w : scene.noise_factor * sqrt(sum);

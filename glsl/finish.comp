@@ -10,7 +10,9 @@
 #include "sums.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
-layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels of one partial sum
+layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels of one partial sum; 0: those of a workgroup of step.comp
+layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss of a workgroup of residual.comp
+#include "slices.glsl"
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_partials[]; };
@@ -24,11 +26,12 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
-    uint losses = (cell_count() + tile - 1u) / tile * WORKGROUP;
+    uint losses = (cell_count() + tile - 1u) / tile * (GROUPED != 0u ? 1u : WORKGROUP);
     // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
-    uint voxel_groups = (counts[COUNT_ACTIVE] + SUMMED - 1u) / SUMMED;
+    uint summed = SUMMED == 0u ? samples_of_group(slices_of(counts[COUNT_ACTIVE])) : SUMMED;
+    uint voxel_groups = (counts[COUNT_ACTIVE] + summed - 1u) / summed;
     for (uint i = lane; i < losses; i += 32u * WORKGROUP) {
         ADD_4(0u) ADD_4(4u) ADD_4(8u) ADD_4(12u) ADD_4(16u) ADD_4(20u) ADD_4(24u) ADD_4(28u)
     }

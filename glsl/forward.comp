@@ -22,6 +22,7 @@ layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint BOUND = 0u; // 1: no surface cosines, for a bound of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+#include "chunks.glsl"
 #include "samples.glsl"
 layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 
@@ -39,8 +40,9 @@ void main() {
     if (pair >= scene.pairs) return;
     uint voxels = counts[COUNT_ACTIVE];
     read_scene();
-    uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
-    uint end = min(begin + CHUNK, voxels);
+    uint chunk = chunk_of(voxels, parts(scene.pairs, LANES));
+    uint begin = (push.first + gl_WorkGroupID.y) * chunk;
+    uint end = min(begin + chunk, voxels);
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif

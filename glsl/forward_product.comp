@@ -26,6 +26,7 @@ layout(constant_id = 13) const uint BOUND = 0u; // as in forward.comp
 layout(constant_id = 14) const uint FORWARD_OTHERS = 1u;
 layout(constant_id = 15) const uint SHARED = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+#include "chunks.glsl"
 #include "samples.glsl"
 layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 
@@ -80,8 +81,9 @@ void main() {
     bool owned = point < scene.scanned;
     uint voxels = counts[COUNT_ACTIVE];
     read_scene();
-    uint begin = (push.first + gl_WorkGroupID.y) * CHUNK;
-    uint end = min(begin + CHUNK, voxels);
+    uint chunk = chunk_of(voxels, tiles * parts(scene.others, FORWARD_OTHERS));
+    uint begin = (push.first + gl_WorkGroupID.y) * chunk;
+    uint end = min(begin + chunk, voxels);
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif

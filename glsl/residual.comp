@@ -2,8 +2,8 @@
 // value, adds the noise term, compares with the measurement and writes dLoss / d(accumulated value), which the backward
 // kernel gathers. It then clears the sum for the next iteration, so no extra pass clears the histograms. Padding
 // (place.glsl) adds no loss and becomes zero in both.
-// Squared differences are summed in a fixed order: here per invocation, in finish.comp over invocations. There is no
-// barrier: on a CPU a tree over a workgroup cost twenty times as much as its bins.
+// Squared differences are summed in a fixed order: here per invocation or, with GROUPED, per workgroup; in finish.comp
+// over these. A CPU has no GROUPED: there a tree over a workgroup cost twenty times as much as its bins.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -14,6 +14,7 @@ layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences 
 layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with zero, for bounds of the operator
 layout(constant_id = 13) const uint SEEN = 0u;     // 1: compare the output of pulse.comp or spot.comp
 layout(constant_id = 14) const uint SPOT = 0u;     // 1: rendered pairs are others than measured ones: clear nothing
+layout(constant_id = 15) const uint GROUPED = 0u;  // 1: one partial sum of a workgroup
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
@@ -26,6 +27,7 @@ layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { vec2 loss_p
 layout(std430, set = 0, binding = 6) readonly buffer NoiseState { float noise_state[]; };
 layout(std430, set = 0, binding = 7) readonly buffer Spread { float spread[]; };
 
+#include "sums.glsl"
 #include "weight.glsl"
 #include "faults.glsl"
 
@@ -71,7 +73,12 @@ void main() {
             ++pair;
         }
     }
-    loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
+    if (GROUPED != 0u) {
+        vec4 all = sum_over_group(vec4(squared.xy, 0.0, 0.0));
+        if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy;
+    } else {
+        loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
+    }
     bool rendered = finite(squared.z);
     watch(rendered, FAULT_FORWARD);
     watch(!rendered || finite(squared.x + squared.y), FAULT_RESIDUAL);

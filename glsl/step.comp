@@ -14,9 +14,6 @@
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"
-layout(local_size_x_id = 10, local_size_y_id = 11) in;
-layout(constant_id = 10) const uint VOXELS = 64u;
-layout(constant_id = 11) const uint SLICES = 1u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 13) const uint EXACT = 1u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
@@ -30,8 +27,7 @@ layout(std430, set = 0, binding = 13) readonly buffer Momentum { float momentum[
 layout(std430, set = 0, binding = 11) writeonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 12) writeonly buffer AgainstPartials { float against_partials[]; };
 
-shared vec4 parts[VOXELS * SLICES];
-
+#include "seats.glsl"
 #include "slope.glsl"
 #include "faults.glsl"
 
@@ -50,29 +46,40 @@ vec3 shrink(vec3 v, float by) {
     return size <= by ? vec3(0.0) : v * (1.0 - by / size);
 }
 
+// The sum over the samples of a workgroup in a fixed order, for its first lane.
+vec2 sum_of_samples(Seat seat, vec2 told) {
+    // The lanes may still read the gradient's parts.
+    if (SLICES > 1u) barrier();
+    if (seat.slice == 0u) parts[seat.own] = vec4(told, 0.0, 0.0);
+    barrier();
+    vec2 all = vec2(0.0);
+    if (SLICES == 1u) {
+        // Barriers cost a CPU more than a loop.
+        if (seat.own != 0u) return all;
+        for (uint i = 0u; i < VOXELS; ++i) all += parts[i].xy;
+        return all;
+    }
+    for (uint n = seat.wide; n > 1u; n = (n + 1u) / 2u) {
+        if (gl_LocalInvocationIndex < n / 2u) parts[gl_LocalInvocationIndex] += parts[gl_LocalInvocationIndex + (n + 1u) / 2u];
+        barrier();
+    }
+    return parts[0].xy;
+}
+
 void main() {
-    uint lane = gl_LocalInvocationID.x;
-    uint slice = gl_LocalInvocationID.y;
+    Seat seat = seat_of(counts[COUNT_ACTIVE]);
     uint group = group_index();
     // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sums. All lanes leave together.
-    if (group * VOXELS >= counts[COUNT_ACTIVE]) return;
-    uint slot = group * VOXELS + lane;
+    if (group * seat.wide >= counts[COUNT_ACTIVE]) return;
+    uint slot = seat.slot;
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
     vec3 y = NORMALS ? (owned ? sample_normals[slot].xyz : vec3(0.0)) : vec3(0.0, 0.0, -point.w);
     // A zero vector has no direction: it may grow toward the wall.
     vec3 seen = y == vec3(0.0) ? vec3(0.0, 0.0, -1.0) : y;
-    vec4 sum = owned ? gather_slope(point.xyz, seen, slice, SLICES) : vec4(0.0);
-    if (SLICES > 1u) {
-        parts[slice * VOXELS + lane] = sum;
-        barrier();
-        if (slice == 0u) {
-            for (uint i = 1u; i < SLICES; ++i) sum += parts[i * VOXELS + lane];
-        }
-        barrier();
-    }
+    vec4 sum = together(seat, owned ? gather_slope(point.xyz, seen, seat.slice, seat.slices) : vec4(0.0));
     vec2 told = vec2(0.0);
-    if (slice == 0u && owned) {
+    if (seat.slice == 0u && owned) {
         if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += gradient[slot];
         if ((push.flags & BACKWARD_FINISH) == 0u) {
             gradient[slot] = sum;
@@ -91,11 +98,8 @@ void main() {
         }
     }
     if ((push.flags & BACKWARD_FINISH) == 0u) return;
-    if (slice == 0u) parts[lane] = vec4(told, 0.0, 0.0);
-    barrier();
-    if (lane != 0u || slice != 0u) return;
-    vec2 all = vec2(0.0);
-    for (uint i = 0u; i < VOXELS; ++i) all += parts[i].xy;
+    vec2 all = sum_of_samples(seat, told);
+    if (gl_LocalInvocationIndex != 0u) return;
     l1_partials[group] = all.x;
     against_partials[group] = all.y;
 }

@@ -1,15 +1,12 @@
 // The gradient at a point of the surface, gathered over pairs as in step.comp: by its vector (or albedo) and by its
 // depth. Depth moves the point's path along the residual's rise from bin to bin, and changes the point's value.
 // Writes (d/d vector, d/d depth), or (d/d albedo, d/d depth, 0, 0) for surfaces without normals.
-// A lane owns one point, as in backward.comp.
+// One lane or several own a point (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"
-layout(local_size_x_id = 10, local_size_y_id = 11) in;
-layout(constant_id = 10) const uint VOXELS = 64u;
-layout(constant_id = 11) const uint SLICES = 1u;
 const uint SPLIT = 1u;
 const uint EXACT = 1u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
@@ -17,8 +14,7 @@ layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
 layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
 
-shared vec4 parts[VOXELS * SLICES];
-
+#include "seats.glsl"
 #define OWN_MEET
 #include "slope.glsl"
 #include "faults.glsl"
@@ -62,23 +58,15 @@ void meet(Arm a, Arm b, vec2 r) {
 }
 
 void main() {
-    uint lane = gl_LocalInvocationID.x;
-    uint slice = gl_LocalInvocationID.y;
-    uint slot = group_index() * VOXELS + lane;
+    Seat seat = seat_of(counts[COUNT_ACTIVE]);
+    uint slot = seat.slot;
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
     shown = NORMALS && owned ? sample_normals[slot].xyz : vec3(0.0, 0.0, -1.0);
-    vec4 sum = owned ? gather_slope(point.xyz, shown, slice, SLICES) : vec4(0.0);
+    vec4 sum = owned ? gather_slope(point.xyz, shown, seat.slice, seat.slices) : vec4(0.0);
     deeper = point.w * (deeper + scene.bins_per_metre * longer);
-    sum = NORMALS ? vec4(sum.yzw, deeper) : vec4(sum.x, deeper, 0.0, 0.0);
-    if (SLICES > 1u) {
-        parts[slice * VOXELS + lane] = sum;
-        barrier();
-        if (slice == 0u) {
-            for (uint i = 1u; i < SLICES; ++i) sum += parts[i * VOXELS + lane];
-        }
-    }
-    if (slice != 0u || !owned) return;
+    sum = together(seat, NORMALS ? vec4(sum.yzw, deeper) : vec4(sum.x, deeper, 0.0, 0.0));
+    if (seat.slice != 0u || !owned) return;
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += gradient[slot];
     watch(finite(sum.x + sum.y + sum.z + sum.w), FAULT_BACKWARD);
     gradient[slot] = sum;

@@ -844,7 +844,9 @@ pub mod gpu {
             pub robust: bool,
             pub timings: bool,
             pub statistics: bool,
+            pub listings: bool,
             pub work: Option<u64>,
+            pub pipeline_cache: Option<PathBuf>,
             pub faults: Faults,
         }
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -916,12 +918,6 @@ pub mod gpu {
         impl<'g> Executor<'g> {
             pub fn new(gpu: &'g Gpu, arena: Arena<'g>) -> Result<Executor<'g>> {}
             pub fn arena(&self) -> &Arena<'g> {}
-            pub fn add_kernel(
-                &mut self,
-                kernel: impl Into<Kernel>,
-                code: &KernelCode,
-                constants: &[(Constant, u32)],
-            ) -> Result<()> {}
             pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {}
             pub fn wait(&mut self, ticket: Ticket) -> Result<()> {}
             pub fn run(&mut self, schedule: &Schedule) -> Result<()> {}
@@ -1006,6 +1002,23 @@ pub mod gpu {
             pub memory: u64,
         }
         pub fn devices() -> Result<Vec<DeviceInfo>> {}
+    }
+    mod make {
+        #[derive(Debug, Clone)]
+        pub struct Wanted<'c> {
+            pub kernel: Kernel,
+            pub code: &'c KernelCode,
+            pub constants: Vec<(Constant, u32)>,
+        }
+        impl Executor<'_> {
+            pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {}
+            pub fn add_kernel(
+                &mut self,
+                kernel: impl Into<Kernel>,
+                code: &KernelCode,
+                constants: &[(Constant, u32)],
+            ) -> Result<()> {}
+        }
     }
     mod memory {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -1196,6 +1209,7 @@ pub mod gpu {
     pub use faults::{Faults, Point};
     pub use guard::{Guarded, Overrun};
     pub use instance::{DeviceInfo, DeviceKind, devices};
+    pub use make::Wanted;
     pub use memory::{Arena, BufferPlan, Place};
     pub use names::{Buffer, Constant, Kernel};
     pub use recording::{HostSpan, KernelMade, Ran, Recording};
@@ -1608,6 +1622,7 @@ pub mod job {
             pub volume: Option<Volume>,
             pub memory: Option<u64>,
             pub device: Option<String>,
+            pub pipeline_cache: Option<PathBuf>,
             pub validation: bool,
             pub timings: bool,
             pub tuned: bool,
@@ -1658,6 +1673,9 @@ pub mod job {
             what: &Simulation,
             before_writing: &mut dyn FnMut(),
         ) -> Result<Simulated> {}
+    }
+    mod sizes {
+        pub fn usual_pipeline_cache() -> Option<PathBuf> {}
     }
     pub mod state_file {
         #[derive(Debug, Clone, PartialEq)]
@@ -1737,6 +1755,7 @@ pub mod job {
     pub use places::{PREVIEW, check_file};
     pub use request::{Request, memory_bytes};
     pub use simulated::{Simulated, Simulation, simulate};
+    pub use sizes::usual_pipeline_cache;
     pub use trials::MODELS;
     pub use words::{plain, write_json};
     #[derive(Debug, Clone, Default, PartialEq)]
@@ -2388,6 +2407,9 @@ pub mod solve {
             pub const RESIDUAL_HOST: Buffer = Buffer::named("residual_host");
             pub const SMOOTH: Buffer = Buffer::named("smooth");
             pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
+            impl Plan {
+                pub fn partials(&self) -> u64 {}
+            }
         }
         mod left_out {
             #[derive(Debug, Default)]
@@ -2476,6 +2498,7 @@ pub mod solve {
                     code: fn(&Plan) -> &'static KernelCode,
                 ) -> Pass {}
                 pub fn values(&self, plan: &Plan) -> Vec<(Constant, u32)> {}
+                pub fn wanted(&self, plan: &Plan) -> Wanted<'static> {}
                 pub fn reads(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
                 pub fn writes(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
             }
@@ -2520,8 +2543,11 @@ pub mod solve {
             pub struct Tuning {
                 pub lanes: u32,
                 pub chunk: u32,
+                pub forward_fill: u32,
+                pub group_losses: bool,
                 pub voxels: u32,
                 pub slices: u32,
+                pub fill: u32,
                 pub others_forward: u32,
                 pub others_backward: u32,
                 pub window: u32,
@@ -2552,6 +2578,7 @@ pub mod solve {
                     device: &Abilities,
                     sizes: &Sizes,
                 ) -> Result<Tuning> {}
+                pub fn samples_of_group(&self, samples: usize) -> u32 {}
                 pub fn check_tiles(
                     &self,
                     model: &Model,
@@ -2637,7 +2664,6 @@ pub mod solve {
             ) -> Result<Plan> {}
             pub fn of_other_pairs(&self, model: &Model, needs: &dyn Needs) -> Plan {}
             pub fn make_room(&mut self, other: &Plan) {}
-            pub fn constant(&self, constant: Constant) -> Option<u32> {}
             pub fn variants(&self) -> Vec<String> {}
             pub fn cells_at(&self, level: &Level) -> usize {}
             pub fn measured(&self, level: &Level) -> Pairs {}

@@ -49,6 +49,7 @@ pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file};
 pub use request::{Request, memory_bytes};
 pub use simulated::{Simulated, Simulation, simulate};
+pub use sizes::usual_pipeline_cache;
 pub use trials::MODELS;
 pub use words::{plain, write_json};
 

@@ -24,7 +24,7 @@ missing() { printf 'left out: %s\n' "$1" >&2; }
 compile() { # NAME DEVICE OPTIONS...
     name=$1 device=$2
     shift 2
-    "$binary" profile --compile --quiet --device "$device" --model cosine --listings "$work/$name" \
+    "$binary" profile --compile --quiet --device "$device" --pipeline-cache off --model cosine --listings "$work/$name" \
         --json "$work/$name.json" "$@" >/dev/null
 }
 

@@ -54,7 +54,7 @@ pub fn job(
     // The scan is as fine as the grid: one level.
     let grid = grid(active);
     let mut plan = Plan::new(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;
-    tune(&mut plan.tuning);
+    plan.tune(tune);
     OnDevice::new(gpu, model, plan, None)
 }
 

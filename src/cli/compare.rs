@@ -74,6 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
             volume,
             memory,
             device: args.device.device.clone(),
+            pipeline_cache: args.device.pipeline_cache(),
             validation: args.device.validation,
             truth: Some(args.truth.clone()),
             mask_fraction: args.mask_fraction.or(job::usual_mask(&solver)),

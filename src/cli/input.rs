@@ -250,6 +250,10 @@ pub struct DeviceArgs {
     /// Most device memory to use: a number in MiB, or with K, M or G after it [default: all free memory]
     #[arg(long, value_name = "SIZE", help_heading = "Device")]
     pub memory: Option<String>,
+    /// Folder in which compiled kernels are kept between runs, or off [default: thirdbounce/kernels in the user's
+    /// cache folder]
+    #[arg(long, value_name = "FOLDER|off", help_heading = "Device")]
+    pub pipeline_cache: Option<PathBuf>,
     /// Turn on the Vulkan validation layer
     #[arg(long, help_heading = "Device")]
     pub validation: bool,
@@ -258,6 +262,13 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     pub fn memory(&self) -> Result<Option<u64>> {
         self.memory.as_deref().map(job::memory_bytes).transpose()
+    }
+
+    pub fn pipeline_cache(&self) -> Option<PathBuf> {
+        match &self.pipeline_cache {
+            Some(given) => Some(given.clone()).filter(|folder| folder.as_os_str() != "off"),
+            None => job::usual_pipeline_cache(),
+        }
     }
 }
 
@@ -301,6 +312,7 @@ pub fn request(
         volume_file,
         memory: device.memory()?,
         device: device.device.clone(),
+        pipeline_cache: device.pipeline_cache(),
         validation: device.validation,
         tuned: true,
         mask_fraction: job::usual_mask(&solver),

@@ -155,8 +155,13 @@ fn check_device(args: &Args) -> Result<()> {
     }
     let DeviceArgs { device, validation, .. } = &args.device;
     let open = |robust| {
-        let options =
-            GpuOptions { device: device.clone(), validation: *validation, robust, ..GpuOptions::default() };
+        let options = GpuOptions {
+            device: device.clone(),
+            validation: *validation,
+            robust,
+            pipeline_cache: args.device.pipeline_cache(),
+            ..GpuOptions::default()
+        };
         Gpu::open(&options)
     };
     let checked = open(true)?;

@@ -1,5 +1,6 @@
 //! Choosing and opening a device.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -9,6 +10,7 @@ use ash::{ext, khr, vk};
 use super::budget::Kinds;
 use super::faults::{Faults, Struck};
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
+use super::kept::Cache;
 use super::offered::Offered;
 use super::pace::dispatch_of;
 use super::recording::Recorder;
@@ -29,11 +31,15 @@ pub struct GpuOptions {
     pub robust: bool,
     /// Time every command by itself and record the timeline of host and device: [`Gpu::take_recording`].
     pub timings: bool,
-    /// Ask the driver for statistics and listings of the kernels that it compiles: [`Gpu::compile`].
+    /// Ask the driver for statistics of the kernels that it compiles: [`Gpu::compile`].
     pub statistics: bool,
+    /// Ask it for their listings, too. Some drivers then compile every kernel anew, whatever a cache holds.
+    pub listings: bool,
     /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
     /// time limit than others; otherwise by its kind, and submissions by how fast it is.
     pub work: Option<u64>,
+    /// Keep compiled kernels in this folder, in a file for each device and driver, and begin with those of earlier runs.
+    pub pipeline_cache: Option<PathBuf>,
     /// Faults to produce, for tests.
     pub faults: Faults,
 }
@@ -109,6 +115,8 @@ pub struct Gpu {
     /// Bytes that arenas hold.
     pub(super) allocated: AtomicU64,
     names: Option<ext::debug_utils::Device>,
+    /// Compiled kernels.
+    pub(super) cache: Cache,
     pub(super) device: Arc<OwnedDevice>,
     pub(super) instance: Arc<Instance>,
 }
@@ -122,9 +130,16 @@ pub(super) struct OwnedDevice {
     instance: Arc<Instance>,
 }
 
+impl OwnedDevice {
+    /// Whether the device did not come back from work in time.
+    pub fn has_hung(&self) -> bool {
+        self.hung.load(Relaxed)
+    }
+}
+
 impl Drop for OwnedDevice {
     fn drop(&mut self) {
-        if self.hung.load(Relaxed) {
+        if self.has_hung() {
             // Executors and arenas have left their objects behind, which keep the device and its instance.
             std::mem::forget(self.instance.clone());
             return;
@@ -188,6 +203,7 @@ impl Gpu {
         let statistics = offered
             .has_statistics
             .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
+        let device = Arc::new(OwnedDevice { raw, hung: AtomicBool::new(false), instance: instance.clone() });
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
         let gpu = Gpu {
             info,
@@ -195,7 +211,7 @@ impl Gpu {
             limits: limits_of(&instance, physical, &properties.limits, work),
             work: options.work,
             recorder: options.timings.then(Recorder::new),
-            has_listings: options.statistics && statistics.is_some(),
+            has_listings: options.listings && statistics.is_some(),
             has_rounding: offered.rounding,
             statistics,
             tick: if has_timestamps { f64::from(properties.limits.timestamp_period) } else { 0.0 },
@@ -207,7 +223,8 @@ impl Gpu {
             kinds: Kinds::of(&instance, physical),
             allocated: AtomicU64::new(0),
             names,
-            device: Arc::new(OwnedDevice { raw, hung: AtomicBool::new(false), instance: instance.clone() }),
+            cache: Cache::open(device.clone(), options.pipeline_cache.as_deref(), &properties),
+            device,
             instance,
         };
         gpu.name(queue, "compute queue");
@@ -271,7 +288,7 @@ impl Gpu {
 
     /// Whether the device did not come back from work in time.
     pub(super) fn has_hung(&self) -> bool {
-        self.device.hung.load(Relaxed)
+        self.device.has_hung()
     }
 
     /// The error of a failed call: device lost, out of memory, or the Vulkan result.

@@ -27,7 +27,7 @@ pub struct Executable {
     /// Registers, shared memory, spills and so on by the driver's own names.
     pub statistics: Vec<(String, f64)>,
     /// Listings by the driver's own names, from its intermediate code to machine code; empty unless the device was
-    /// opened with [`super::GpuOptions::statistics`].
+    /// opened with [`super::GpuOptions::listings`].
     pub listings: Vec<(String, String)>,
 }
 

@@ -8,8 +8,8 @@ use ash::vk;
 use super::pace::Pace;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::stamps;
-use super::recording::{KernelMade, Mark};
-use super::{Arena, Buffer, Command, Constant, Gpu, Kernel, KernelCode, Place, Point, Schedule, Stage};
+use super::recording::Mark;
+use super::{Arena, Buffer, Command, Gpu, Kernel, Place, Point, Schedule, Stage};
 use crate::Result;
 
 /// Calls and device seconds of one kernel.
@@ -105,31 +105,6 @@ impl<'g> Executor<'g> {
     /// The buffers it works on.
     pub fn arena(&self) -> &Arena<'g> {
         &self.arena
-    }
-
-    /// Makes `kernel` from `code` with these specialization constants. Replaces a kernel of the same name.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn add_kernel(
-        &mut self,
-        kernel: impl Into<Kernel>,
-        code: &KernelCode,
-        constants: &[(Constant, u32)],
-    ) -> Result<()> {
-        let _span = self.gpu.span("make kernel");
-        let kernel = kernel.into();
-        let made = Pipeline::new(self.gpu, kernel.name(), code, constants)?;
-        if let Some(recorder) = &self.gpu.recorder {
-            let constants = constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
-            let executables = self.gpu.executables(made.handle);
-            let statistics = executables.into_iter().flat_map(|e| e.statistics).collect();
-            recorder.made(kernel.name(), KernelMade { code: *code, constants, statistics });
-        }
-        if let Some(old) = self.pipelines.insert(kernel, made) {
-            old.destroy(self.gpu);
-        }
-        Ok(())
     }
 
     /// Submits `schedule` after earlier submissions, and returns without waiting for it. A long one is divided, so that

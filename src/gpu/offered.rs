@@ -70,7 +70,7 @@ impl Offered {
             int64: features.shader_int64 == vk::TRUE && v12.shader_buffer_int64_atomics == vk::TRUE,
             robust: options.robust && features.robust_buffer_access == vk::TRUE,
             has_budget: offers(ext::memory_budget::NAME),
-            has_statistics: (options.timings || options.statistics)
+            has_statistics: (options.timings || options.statistics || options.listings)
                 && statistics.pipeline_executable_info == vk::TRUE,
             is_subset: offers(khr::portability_subset::NAME),
             // Where the modes of all widths must be the same, fp32 alone cannot declare one.

@@ -115,7 +115,7 @@ impl Pipeline {
                 let info =
                     [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout).flags(flags)];
                 gpu.strike(Point::Object)?;
-                let made_pipelines = device.create_compute_pipelines(vk::PipelineCache::null(), &info, None);
+                let made_pipelines = device.create_compute_pipelines(gpu.cache.handle, &info, None);
                 made.handle = made_pipelines.map_err(|(_, e)| e)?[0];
                 Ok(())
             })()

@@ -29,6 +29,8 @@ pub struct Request {
     pub memory: Option<u64>,
     /// Index or part of the name of the device.
     pub device: Option<String>,
+    /// Folder in which compiled kernels are kept between runs, see [`super::usual_pipeline_cache`].
+    pub pipeline_cache: Option<PathBuf>,
     /// Turn on the Vulkan validation layer.
     pub validation: bool,
     /// Time every kernel, and record what host and device do when.
@@ -97,6 +99,7 @@ impl Request {
             volume: None,
             memory: None,
             device: None,
+            pipeline_cache: None,
             validation: false,
             timings: false,
             tuned: false,
@@ -208,6 +211,7 @@ impl Request {
     pub(super) fn open(&self) -> Result<Gpu> {
         Gpu::open(&GpuOptions {
             device: self.device.clone(),
+            pipeline_cache: self.pipeline_cache.clone(),
             validation: self.validation,
             timings: self.timings,
             faults: self.faults,

@@ -32,22 +32,31 @@ pub fn with_kept(request: &Request, gpu: &Gpu, capture: &Capture) -> SolverOptio
     }
 }
 
-/// `thirdbounce/sizes.json` in the user's cache folder.
+/// `thirdbounce` in the user's cache folder.
 fn cache() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let folder = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
-    Some(folder.join("thirdbounce").join("sizes.json"))
+    Some(folder.join("thirdbounce"))
+}
+
+/// The folder in which the command keeps compiled kernels; `None` if no cache folder is known.
+pub fn usual_pipeline_cache() -> Option<PathBuf> {
+    Some(cache()?.join("kernels"))
+}
+
+fn file() -> Option<PathBuf> {
+    Some(cache()?.join("sizes.json"))
 }
 
 /// All sizes that are kept. A file that cannot be read counts as empty: it is only a cache.
 fn kept() -> BTreeMap<String, Sizes> {
-    let text = cache().and_then(|file| std::fs::read_to_string(file).ok());
+    let text = file().and_then(|file| std::fs::read_to_string(file).ok());
     text.and_then(|t| serde_json::from_str(&t).ok()).unwrap_or_default()
 }
 
 /// Keeps the sizes for later runs. Returns the file; `None` if no cache folder is known.
 pub fn keep(class: &str, sizes: Sizes) -> Result<Option<PathBuf>> {
-    let Some(file) = cache() else { return Ok(None) };
+    let Some(file) = file() else { return Ok(None) };
     let mut all = kept();
     all.insert(class.into(), sizes);
     if let Some(folder) = file.parent() {

@@ -32,9 +32,8 @@ impl<'g> OnDevice<'g> {
         rounding::check(gpu)?;
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
-        for pass in &plan.passes {
-            executor.add_kernel(*pass, (pass.code)(&plan), &pass.values(&plan))?;
-        }
+        let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
+        executor.add_kernels(&kernels)?;
         let summed = plan.summed().map(|level| model.summed(level.sum)).collect();
         let mut made = OnDevice { plan, model, summed, executor };
         made.upload()?;

@@ -142,20 +142,12 @@ pub fn sum_bins(plan: &Plan) -> Schedule {
     s
 }
 
-/// Gathers the buffer `from` over all rendered pairs of `level` by `pass`. The triple `sized` of the arguments gives its size;
-/// `flags` are added to those of the parts.
-pub(super) fn gather(
-    plan: &Plan,
-    level: &Level,
-    pass: &Pass,
-    sized: u32,
-    flags: u32,
-    from: Buffer,
-) -> Schedule {
+/// Gathers the buffer `from` over all rendered pairs of `level` by `pass`. `flags` are added to those of the parts.
+pub(super) fn gather(plan: &Plan, level: &Level, pass: &Pass, flags: u32, from: Buffer) -> Schedule {
     let mut s = Schedule::default();
     let voxels = plan.voxels_at(level);
     for chunk in pair_chunks(plan, &level.rendered, voxels) {
-        s.indirect(pass, buffer::ARGUMENTS, arguments(sized))
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD))
             .bind(buffer::SCENE, level.rendered.scene)
             .bind(buffer::WALL, level.rendered.wall)
             .bind(buffer::RESIDUAL, from)

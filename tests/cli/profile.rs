@@ -154,7 +154,7 @@ fn the_timeline_has_two_lanes_whose_events_nest() {
         };
         let (host, device) = (slices(1), slices(2));
         for what in
-            ["load", "plan", "allocate", "make kernel", "upload", "record", "submit", "wait", "export"]
+            ["load", "plan", "allocate", "make kernels", "upload", "record", "submit", "wait", "export"]
         {
             assert!(host.iter().any(|e| e["name"] == what), "{solver}: no {what} on the host");
         }
@@ -285,4 +285,67 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
     let check = run(&[&["profile", "--check"], &null[..]].concat());
     assert_eq!(check.status.code(), Some(1), "{}", String::from_utf8_lossy(&check.stderr));
     assert!(!String::from_utf8_lossy(&check.stderr).contains("internal error"));
+}
+
+/// Files of compiled kernels: written by the first run, read by the second, and made anew where they are damaged. With
+/// Mesa's driver for AMD, where it is installed: lavapipe keeps no kernels.
+#[test]
+fn kernels_are_kept_between_runs() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [file, cache] = ["k.json", "cache"].map(|name| folder.path().join(name));
+    let command = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_thirdbounce"));
+        // Without the driver's own cache.
+        command.env("RADV_FORCE_FAMILY", "navi21").env("MESA_SHADER_CACHE_DISABLE", "true");
+        command.env("XDG_CACHE_HOME", &cache).args(arguments);
+        command
+    };
+    let run = |arguments: &[&str]| command(arguments).output().expect("the binary runs");
+    if !String::from_utf8_lossy(&run(&["devices"]).stdout).contains("Null hardware") {
+        return;
+    }
+    let compile = ["profile", "--compile", "--quiet", "--device", "Null hardware"];
+    // Seconds of making all kernels.
+    let made = |more: &[&str]| {
+        let output = run(&[&compile[..], &["--json", &file.display().to_string()], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let told = json(&file);
+        told["kernels"].as_array().unwrap().iter().map(|k| number(k, "seconds")).sum::<f64>()
+    };
+    let kept = |folder: &Path| -> Vec<std::path::PathBuf> {
+        std::fs::read_dir(folder).map(|all| all.map(|e| e.unwrap().path()).collect()).unwrap_or_default()
+    };
+    let usual = cache.join("thirdbounce/kernels");
+    let off = made(&["--pipeline-cache", "off"]);
+    assert!(kept(&usual).is_empty());
+    let (first, second) = (made(&[]), made(&[]));
+    assert!(second < 0.25 * first.min(off), "{first} s, then {second} s; {off} s without");
+    let [only] = &kept(&usual)[..] else { panic!("one file for a device: {:?}", kept(&usual)) };
+    let whole = std::fs::read(only).expect("the file");
+    assert!(whole.len() > 10_000, "{}", whole.len());
+
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 4;
+    for wrong in [&damaged[..], &whole[..99], b"another program's"] {
+        std::fs::write(only, wrong).expect("it is ours");
+        let again = made(&[]);
+        assert!(again > 4.0 * second, "{again} s from a damaged file");
+        assert!(made(&[]) < 0.25 * again, "it is mended");
+    }
+
+    // Two at once, with different kernels: what is left is whole, and each has what it needs.
+    let there = folder.path().join("there");
+    let at = ["--pipeline-cache", &there.display().to_string()];
+    let paper = [&at[..], &["--solver", "paper", "--lateral", "64"]].concat();
+    let both = [&[&compile[..], &at[..]].concat()[..], &[&compile[..], &paper].concat()[..]];
+    let children = both.map(|arguments| {
+        command(arguments).stdout(std::process::Stdio::null()).spawn().expect("the binary runs")
+    });
+    for mut child in children {
+        assert!(child.wait().expect("it ends").success());
+    }
+    made(&at);
+    made(&paper);
+    assert!(made(&at) < 0.25 * first && made(&paper) < 0.25 * first);
+    assert_eq!(kept(&there).len(), 1, "{:?}", kept(&there));
 }

@@ -33,7 +33,10 @@ fn assert_lists(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], continuous
     };
     let t = job.plan.tuning;
     assert_eq!(arguments[ARGUMENTS_SAMPLE as usize], groups(active.len(), WORKGROUP));
-    assert_eq!(arguments[ARGUMENTS_BACKWARD as usize], groups(active.len(), t.voxels));
+    assert_eq!(
+        arguments[ARGUMENTS_BACKWARD as usize],
+        groups(active.len(), t.samples_of_group(active.len()))
+    );
     assert_eq!(arguments[ARGUMENTS_UPDATE as usize], groups(touched.len(), WORKGROUP));
     let tiles = job.plan.pairs.div_ceil(t.lanes as usize) as u32;
     for set in 0..sets as usize {

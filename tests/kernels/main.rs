@@ -8,6 +8,7 @@ mod paper_gradient;
 mod surface;
 mod surface_gather;
 mod surface_gradient;
+mod traffic;
 mod vector;
 mod vector_domain;
 mod vector_forward;

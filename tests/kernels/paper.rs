@@ -286,12 +286,12 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_samples(&mut job, &samples);
     write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
-    for (voxels, slices) in [(32, 4), (8, 8), (1, 64)] {
-        let sizes = [(constant::VOXELS, voxels), (constant::SLICES, slices)];
-        remake(&mut job, &sizes);
+    let all = samples.len() as u32;
+    for sizes in [[32, 4, u32::MAX], [8, 8, u32::MAX], [1, 64, u32::MAX], [8, 32, 3 * all], [8, 32, all]] {
+        let of_group = resize(&mut job, sizes, samples.len());
         let mut s = Schedule::default();
         // Two dispatches, as for many pairs: the second adds to the sums of the first.
-        let groups = (samples.len() as u32).div_ceil(voxels);
+        let groups = samples.len().div_ceil(of_group) as u32;
         let scene = job.plan.finest().scene;
         s.fill(buffer::COUNTS, 4, samples.len() as u32);
         s.dispatch(&paper::passes::BACKWARD, [groups, 1, 1]).bind(buffer::SCENE, scene).with(Push {
@@ -301,7 +301,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
         });
         job.executor.run(&s).unwrap();
         let got = read_raw(&mut job, buffer::GRADIENT, samples.len()).concat();
-        assert!(error(got, want.iter().copied()) < 2e-5, "{voxels} x {slices}");
+        assert!(error(got, want.iter().copied()) < 2e-5, "{sizes:?}");
     }
     assert_valid(&gpu);
 }

@@ -125,18 +125,17 @@ fn gather_in_slices_and_groups() {
     let case = GatherCase::new(scene(5, 64, 9), oblong(), 22);
     let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
     let pairs = case.model.pairs() as u32;
-    for (voxels, slices) in [(32, 4), (8, 8), (1, 64), (64, 2)] {
-        remake(&mut job, &[(constant::VOXELS, voxels), (constant::SLICES, slices)]);
+    let all = case.samples.len();
+    let [most, fill] = [u32::MAX, 3 * all as u32];
+    for sizes in [[32, 4, most], [8, 8, most], [1, 64, most], [64, 2, most], [8, 32, fill], [8, 32, 1]] {
+        let of_group = resize(&mut job, sizes, all);
         case.write(&mut job);
         let mut s = Schedule::default();
         // Two dispatches: the second adds to the first.
         for (first, last, flags) in [(0, 10, 0), (10, pairs, BACKWARD_CONTINUE)] {
-            s.dispatch(
-                &surface::passes::SURFACE_GATHER,
-                [(case.samples.len() as u32).div_ceil(voxels), 1, 1],
-            )
-            .bind(buffer::SCENE, job.plan.finest().scene)
-            .with(Push { first, last, flags, ..Default::default() });
+            s.dispatch(&surface::passes::SURFACE_GATHER, [all.div_ceil(of_group) as u32, 1, 1])
+                .bind(buffer::SCENE, job.plan.finest().scene)
+                .with(Push { first, last, flags, ..Default::default() });
         }
         job.executor.run(&s).unwrap();
         case.check(&mut job, 3e-5);

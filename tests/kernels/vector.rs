@@ -208,18 +208,20 @@ fn step_in_slices_and_groups() {
     let gpu = gpu();
     let case = StepCase::new(scene(5, 64, 9), grid(), 0.35);
     let mut job = job(&gpu, &case.model, &case.grid, &vector_options(&case.grid));
-    for (voxels, slices, polished) in [(32, 4, 0), (8, 8, 1), (1, 64, 0), (64, 2, 0)] {
-        let sizes = [(constant::VOXELS, voxels), (constant::SLICES, slices), (constant::POLISHED, polished)];
-        remake(&mut job, &sizes);
+    for (sizes, polished) in
+        [([32, 4, u32::MAX], 0), ([8, 8, u32::MAX], 1), ([1, 64, u32::MAX], 0), ([64, 2, u32::MAX], 0)]
+    {
+        job.plan.constants.insert(constant::POLISHED, polished);
+        let of_group = resize(&mut job, sizes, case.active.len());
         case.write(&mut job);
-        let groups = (case.active.len() as u32).div_ceil(voxels);
+        let groups = case.active.len().div_ceil(of_group) as u32;
         let mut s = Schedule::default();
         let pairs = case.model.pairs() as u32;
         s.dispatch(&vector::passes::STEP, [groups, 1, 1])
             .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: pairs, flags: BACKWARD_CONTINUE | BACKWARD_FINISH, ..Default::default() });
         job.executor.run(&s).unwrap();
-        case.check(&mut job, voxels as usize);
+        case.check(&mut job, of_group);
     }
     // The case contains every situation that a step can meet.
     let y = case.samples();
@@ -266,6 +268,21 @@ pub fn step_bounds_and_backprojection_of_every_model_pair_and_wall() {
     assert_valid(&gpu);
 }
 
+/// As on a GPU: lanes share a voxel, the fewer the more voxels there are.
+#[test]
+fn gathers_share_voxels_by_how_many_there_are() {
+    let gpu = gpu();
+    let case = StepCase::new(scene(5, 64, 9), grid(), 0.35);
+    let all = case.active.len() as u32;
+    for (fill, slices) in [(u32::MAX, 32), (9 * all, 16), (4 * all, 4), (2 * all - 1, 2), (all, 1), (1, 1)] {
+        let mut job = job(&gpu, &case.model, &case.grid, &vector_options(&case.grid));
+        let of_group = resize(&mut job, [8, 32, fill], case.active.len());
+        assert_eq!(of_group, 256 / slices, "{fill} lanes for {all} voxels");
+        check_gathers_of(job, &case, 1);
+    }
+    assert_valid(&gpu);
+}
+
 /// The second dispatch continues the sums of the first.
 #[test]
 fn gathers_over_more_pairs_than_a_dispatch_takes() {
@@ -280,11 +297,14 @@ fn gathers_over_more_pairs_than_a_dispatch_takes() {
 /// Compares the kernels that gather over pairs with their twins. Each must run in `dispatches` dispatches.
 /// `texels`: buffers are seen as texels where the device is for it.
 fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize, texels: bool) {
+    let job = job_tuned(gpu, &case.model, &case.grid, &vector_options(&case.grid), |t| t.texels &= texels);
+    check_gathers_of(job, case, dispatches);
+}
+
+fn check_gathers_of(mut job: OnDevice<'_>, case: &StepCase, dispatches: usize) {
     let twin = case.twin();
-    let mut job =
-        job_tuned(gpu, &case.model, &case.grid, &vector_options(&case.grid), |t| t.texels &= texels);
     case.write(&mut job);
-    let voxels = job.plan.tuning.voxels as usize;
+    let voxels = job.plan.tuning.samples_of_group(case.active.len()) as usize;
     let s = vector::iteration(&job.plan, job.plan.finest(), 0);
     assert_eq!(s.commands.iter().filter(|c| c.name() == "step").count(), dispatches);
     run(&mut job, s, &["step"]);

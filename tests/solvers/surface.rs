@@ -56,6 +56,20 @@ fn pixels_are_the_bright_ones_with_a_depth() {
 }
 
 #[test]
+fn pixels_lie_along_a_morton_curve_layer_by_layer() {
+    let square = Maps { nx: 4, ny: 4, ..maps(vec![1.0; 16], vec![0.5; 16]) };
+    let pixels = Pixels::of(&[square.clone(), square], SUPPORT, usize::MAX);
+    let first = [0, 1, 4, 5, 2, 3, 6, 7, 8, 9, 12, 13, 10, 11, 14, 15];
+    let both: Vec<u32> = first.into_iter().chain(first.map(|c| c + 16)).collect();
+    assert_eq!((pixels.of_layers(16), &pixels.columns), ([16, 16], &both));
+    let places = pixels.places(16);
+    assert!((0..32).all(|pixel| places[pixels.columns[pixel] as usize] == pixel as u32), "{places:?}");
+    // A side that is no power of two: the same order among those that there are.
+    let narrow = Maps { nx: 2, ny: 3, ..maps(vec![1.0; 6], vec![0.5; 6]) };
+    assert_eq!(Pixels::of(&[narrow], SUPPORT, usize::MAX).columns, [0, 1, 3, 4, 2, 5]);
+}
+
+#[test]
 fn finer_maps_bridge_no_edges() {
     let mut coarse = Maps { nx: 2, ny: 3, extent: [0.0, 2.0, 0.0, 3.0], ..maps(vec![1.0; 6], vec![0.5; 6]) };
     assert_eq!(coarse.finer(1), coarse);

@@ -100,6 +100,8 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
         device: request.device.clone(),
         validation: request.validation,
         statistics: true,
+        listings: listings.is_some(),
+        pipeline_cache: request.pipeline_cache.clone(),
         ..GpuOptions::default()
     })?;
     let Ready { capture, grid, .. } = trials::to_plan(request, capture)?;

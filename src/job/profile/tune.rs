@@ -119,7 +119,7 @@ fn steps(kind: DeviceKind) -> [Step; 5] {
         (true, |s, v| s.chunk = Some(v), of(&[4096, 8192, 16384, 32768], &[64, 128, 512, 1024])),
         (true, |s, v| s.lanes = Some(v), of(&[4, 8, 16, 32], &[32, 64, 128, 256])),
         (true, |s, v| s.window = Some(v), of(&[], &[0, 16, 32, 64, 128])),
-        (false, |s, v| s.voxels = Some(v), of(&[8, 16, 32, 128], &[16, 32, 64, 128])),
-        (false, |s, v| s.slices = Some(v), of(&[], &[1, 2, 4, 8])),
+        (false, |s, v| s.voxels = Some(v), of(&[8, 16, 32, 128], &[4, 16, 32])),
+        (false, |s, v| s.slices = Some(v), of(&[], &[4, 8, 16])),
     ]
 }

@@ -24,7 +24,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
         let push = unbiased(push, plan.betas, iteration + 1);
         s.dispatch(&NOISE, groups(level.pairs, 1)).bind(buffer::SCENE, level.scene).with(push);
     }
-    s.extend(gather(plan, level, &BACKWARD, ARGUMENTS_BACKWARD, 0, plan.residual()));
+    s.extend(gather(plan, level, &BACKWARD, 0, plan.residual()));
     s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE))
         .bind(buffer::SCENE, level.scene)
         .with(unbiased(push, plan.betas, step));

@@ -64,6 +64,11 @@ impl Plan {
         all
     }
 
+    /// Partial sums that the workgroups of a gather leave at most.
+    pub fn partials(&self) -> u64 {
+        self.tuning.most_groups(self.capacity) as u64
+    }
+
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
         let voxels = self.finest().grid.storage() as u64;
         // Slots of active voxels, and of touched ones.
@@ -95,7 +100,7 @@ impl Plan {
             (buffer::TAPS, (self.taps.len() + 1) as u64 * 4),
             (buffer::COUNTS, u64::from(COUNTS) * 4),
             (buffer::ARGUMENTS, u64::from(ARGUMENTS_FORWARD + sets) * 12),
-            (buffer::L1_PARTIALS, slots.div_ceil(u64::from(WORKGROUP.min(self.tuning.voxels))) * 4),
+            (buffer::L1_PARTIALS, self.partials().max(slots.div_ceil(u64::from(WORKGROUP))) * 4),
             (buffer::LOSS_PARTIALS, losses * 8),
             (buffer::COLUMNS, columns),
         ];

@@ -6,13 +6,14 @@ use std::collections::BTreeMap;
 
 use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind, KernelCode};
-use crate::transport::kernels::{buffer, constant};
+use crate::transport::kernels::buffer;
 use crate::transport::{
     BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Rendered, cells,
 };
 use crate::{Error, Result};
 
 mod buffers;
+mod constants;
 mod divide;
 mod left_out;
 mod levels;
@@ -290,41 +291,6 @@ impl Plan {
             let same = other.buffers.iter().find(|b| b.buffer == own.buffer);
             own.bytes = same.map_or(own.bytes, |b| b.bytes.max(own.bytes));
         }
-    }
-
-    /// The value that the plan gives a constant, if it gives one.
-    pub fn constant(&self, constant: Constant) -> Option<u32> {
-        self.constants.get(&constant).copied()
-    }
-
-    /// Constants that describe the scene and how the work is cut, for all passes. How surfaces reflect is as in the
-    /// volume.
-    fn shared_constants(&self, binning: Binning) -> BTreeMap<Constant, u32> {
-        let t = self.tuning;
-        let product = self.geometry == Geometry::Product;
-        BTreeMap::from([
-            (constant::GEOMETRY, self.geometry as u32),
-            (constant::REFLECTANCE, self.volume_reflectance.number()),
-            (constant::CURVED, u32::from(self.curved)),
-            (constant::FINE, u32::from(self.fine)),
-            (constant::POLISHED, u32::from(self.polished)),
-            (constant::TOUCHING, u32::from(self.touching)),
-            (constant::RUNS, u32::from(self.runs)),
-            (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
-            (constant::SPOT, u32::from(self.has_spots())),
-            (constant::SPLIT, u32::from(binning == Binning::Linear)),
-            (constant::EXACT, u32::from(self.gradient == Gradient::Exact)),
-            (constant::LANES, t.lanes),
-            (constant::CHUNK, t.chunk),
-            (constant::WINDOW, t.window),
-            (constant::VOXELS, t.voxels),
-            (constant::SLICES, t.slices),
-            (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
-            (constant::SHARED, u32::from(t.share_arms)),
-            (constant::OTHERS, t.others_backward),
-            (constant::SET_CELLS, self.set_cells()),
-            (constant::FORWARD_SETS, self.most_sets()),
-        ])
     }
 
     /// The passes with their modules and constants, for reports.

@@ -8,7 +8,7 @@ use std::fmt;
 
 use super::Plan;
 use crate::advice::Part;
-use crate::gpu::{Buffer, Constant, Kernel, KernelCode};
+use crate::gpu::{Buffer, Constant, Kernel, KernelCode, Wanted};
 
 /// A pass, declared as one row.
 pub struct Pass {
@@ -129,6 +129,11 @@ impl Pass {
             }
         }
         all
+    }
+
+    /// Its kernel as an executor makes it.
+    pub fn wanted(&self, plan: &Plan) -> Wanted<'static> {
+        Wanted { kernel: self.kernel, code: (self.code)(plan), constants: self.values(plan) }
     }
 
     /// Blocks that it reads.

@@ -38,10 +38,16 @@ pub struct Tuning {
     pub lanes: u32,
     /// Forward: voxels of a workgroup.
     pub chunk: u32,
-    /// Backward: voxels of a workgroup.
+    /// Forward: workgroups take smaller chunks as long as the device does not get so many lanes.
+    pub forward_fill: u32,
+    /// One lane of a workgroup leaves the partial losses of all.
+    pub group_losses: bool,
+    /// Gathers: voxels of a workgroup where as many lanes as possible share one.
     pub voxels: u32,
-    /// Backward: lanes that share a voxel.
+    /// Gathers: lanes that share a voxel at most.
     pub slices: u32,
+    /// Gathers: fewer lanes share a voxel as long as the device still gets so many lanes.
+    pub fill: u32,
     /// Other points that a product's forward kernel takes at once; 1 for other pairs.
     pub others_forward: u32,
     /// Other points that a product's backward kernel takes at once; 1 for other pairs.
@@ -49,7 +55,7 @@ pub struct Tuning {
     /// Forward: bins of a lane's private columns in shared memory; 0 to add straight to the histograms.
     pub window: u32,
     /// Forward: the columns are used at levels where a brick of voxels spans at most this many bins. Wider bricks
-    /// would move the columns all the time, at several times the cost of atomics.
+    /// would move the columns all the time, at more than the cost of atomics.
     pub window_span: u32,
     /// A product's forward kernel finds the other points' arms together, through shared memory.
     pub share_arms: bool,
@@ -134,6 +140,35 @@ impl FromStr for Sizes {
     }
 }
 
+/// Lanes of a workgroup that gathers, on a GPU.
+const GATHERERS: u32 = 256;
+
+/// Lanes that share a voxel at most there.
+const SLICES: u32 = 32;
+
+/// Lanes that hide the latencies of a gather on a device of a kind: about 32 warps on each of the 132 multiprocessors of an
+/// H200 (docs/gpu.md), and an eighth of that where a GPU shares the host's memory.
+fn fill_of(kind: DeviceKind) -> u32 {
+    match kind {
+        DeviceKind::Discrete | DeviceKind::Virtual => 1 << 17,
+        DeviceKind::Integrated | DeviceKind::Other => 1 << 14,
+        DeviceKind::Cpu => 0,
+    }
+}
+
+/// The same for the forward pass, whose private columns leave room for fewer lanes.
+fn forward_fill_of(kind: DeviceKind) -> u32 {
+    fill_of(kind) / 2
+}
+
+/// Other points that a product's forward kernel takes at once on a GPU. With two, columns are 32 bins wide, which move
+/// seldom; with four, they would be 16 wide (docs/gpu.md).
+const OTHERS_WITH_COLUMNS: u32 = 2;
+
+/// Columns are used up to bricks so many times as wide. Counted on lists of solves: a lane of a warp then moves its
+/// column in a sixth of the turns at most (docs/gpu.md).
+const SPANS: u32 = 4;
+
 /// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels spans about as
 /// many.
 const WINDOW: u32 = 64;
@@ -155,9 +190,13 @@ impl Tuning {
         let others = model.rendered_wall().others.len() as u32;
         let product = model.wall.geometry == Geometry::Product;
         let at_once = |most: u32| if product { others.min(most) } else { 1 };
-        let [others_forward, others_backward] = [OTHERS_FORWARD, OTHERS_BACKWARD].map(at_once);
+        let of_forward = if cpu { OTHERS_FORWARD } else { OTHERS_WITH_COLUMNS };
+        let [others_forward, others_backward] = [of_forward, OTHERS_BACKWARD].map(at_once);
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
-        let (lanes, chunk, voxels, slices) = if cpu { (8, 4096, 64, 1) } else { (64, 256, 32, 4) };
+        let (lanes, chunk) = if cpu { (8, 4096) } else { (64, 256) };
+        let slices = sizes.slices.unwrap_or(if cpu { 1 } else { SLICES });
+        let gatherers = GATHERERS.min(device.limits.workgroup_invocations);
+        let voxels = if cpu { 64 } else { (gatherers / slices.max(1)).max(1) };
         // A product's lane also loops over the other points, and fills shared memory.
         let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
         let chunk = if owned { owned_chunk } else { chunk };
@@ -167,11 +206,16 @@ impl Tuning {
             lanes: sizes.lanes.unwrap_or(lanes),
             chunk: sizes.chunk.unwrap_or(chunk),
             voxels: sizes.voxels.unwrap_or(voxels),
-            slices: sizes.slices.unwrap_or(slices),
+            slices,
+            // Asked for: exactly as many.
+            fill: if sizes.slices.is_some() { u32::MAX } else { fill_of(device.kind) },
+            // Asked for: exactly as long.
+            forward_fill: if sizes.chunk.is_some() { 0 } else { forward_fill_of(device.kind) },
+            group_losses: !cpu,
             others_forward,
             others_backward,
             window: sizes.window.unwrap_or(window),
-            window_span: sizes.window.unwrap_or(window),
+            window_span: sizes.window.unwrap_or(window).saturating_mul(SPANS),
             share_arms: !cpu,
             texels: cpu,
         };
@@ -189,9 +233,26 @@ impl Tuning {
                 "use a smaller chunk or window",
             ));
         }
-        let turns = [PAIR_CHUNK / t.slices * 2, 2 * LONGEST_LOOP as u32];
+        let turns = [PAIR_CHUNK * 2, 2 * LONGEST_LOOP as u32];
         assert!(turns.iter().all(|t| *t <= LOOP_LIMIT), "a kernel would loop longer than drivers allow");
         Ok(t)
+    }
+
+    /// Samples of a workgroup of a gather, as `slices.glsl` divides `samples`.
+    pub fn samples_of_group(&self, samples: usize) -> u32 {
+        let mut slices = self.slices;
+        while slices.is_multiple_of(2) && samples >= (self.fill / (slices / 2)) as usize {
+            slices /= 2;
+        }
+        self.voxels * self.slices / slices
+    }
+
+    /// Workgroups of a gather at most, for up to `samples` samples.
+    pub(super) fn most_groups(&self, samples: usize) -> usize {
+        // Where not all lanes share a sample, those of the samples are fewer than twice as many as fill the device.
+        let whole = samples.div_ceil(self.voxels as usize);
+        let lanes = (self.voxels * self.slices) as usize;
+        whole.min(samples.div_ceil(lanes).max((2 * self.fill as usize).div_ceil(lanes) + 1))
     }
 
     /// Checks that one dispatch holds all tiles of pairs.
@@ -264,6 +325,46 @@ impl Tuning {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn workgroups_leave_room_for_every_count() {
+        let sizes = [
+            (8, 32, 1 << 17),
+            (8, 32, 1 << 14),
+            (4, 32, 1000),
+            (64, 1, 0),
+            (32, 4, u32::MAX),
+            (24, 3, u32::MAX),
+        ];
+        for (voxels, slices, fill) in sizes {
+            let t = Tuning {
+                lanes: 64,
+                chunk: 256,
+                forward_fill: 0,
+                group_losses: true,
+                voxels,
+                slices,
+                fill,
+                others_forward: 1,
+                others_backward: 1,
+                window: 0,
+                window_span: 0,
+                share_arms: true,
+                texels: false,
+            };
+            let groups = |samples: usize| samples.div_ceil(t.samples_of_group(samples) as usize);
+            for capacity in [1usize, 999, 8191, 70_001, 300_000, 2_000_000] {
+                let most = (0..=capacity).step_by(capacity / 900 + 1).chain([capacity]).map(groups).max();
+                assert!(most <= Some(t.most_groups(capacity)), "{voxels} {slices} {fill}: {capacity}");
+            }
+            // As few lanes for a sample as fill the device.
+            for samples in [1usize, 500, 5000, 40_000, 200_000] {
+                let lanes = samples * (voxels * slices / t.samples_of_group(samples)) as usize;
+                let all = lanes == samples * slices as usize;
+                assert!(all || (fill as usize..2 * fill as usize).contains(&lanes) || lanes == samples);
+            }
+        }
+    }
 
     #[test]
     fn sizes_are_written_as_they_are_read() {

@@ -26,10 +26,17 @@ pub fn white(layers: &[Maps]) -> f32 {
     layers.iter().map(|m| Maps::white(&m.albedo)).fold(0.0, f32::max)
 }
 
+/// Place of a lateral position along a Morton curve: the bits of both numbers in turns.
+fn along_curve(x: u32, y: u32) -> u64 {
+    (0..32).map(|bit| u64::from(x >> bit & 1) << (2 * bit + 1) | u64::from(y >> bit & 1) << (2 * bit)).sum()
+}
+
 /// Pixels of a surface.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pixels {
-    /// Index of each among the maps' pixels, ascending; those of the second layer follow after all of the maps'.
+    /// Index of each among the maps' pixels, along a Morton curve: pixels that lie near each other in the list lie near
+    /// each other in the maps, so their paths fall into the same bins (docs/gpu.md). Indices of the second layer, and its
+    /// pixels in the list, follow after all of the first.
     pub columns: Vec<u32>,
     /// Albedo of each.
     pub albedo: Vec<f32>,
@@ -49,8 +56,12 @@ impl Pixels {
         if columns.len() > most {
             columns.sort_by(|a, b| albedo[*b as usize].total_cmp(&albedo[*a as usize]));
             columns.truncate(most);
-            columns.sort_unstable();
         }
+        columns.sort_unstable_by_key(|c| {
+            let (nx, ny) = (layers[0].nx as u32, layers[0].ny as u32);
+            let of_layer = c % (nx * ny);
+            (c / (nx * ny), along_curve(of_layer / ny, of_layer % ny))
+        });
         let of = |from: &[f32]| columns.iter().map(|c| from[*c as usize]).collect();
         Pixels { albedo: of(&albedo), depth: of(&depth), columns }
     }

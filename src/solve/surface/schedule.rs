@@ -64,7 +64,7 @@ pub fn iteration(
     let mut s = render(plan, level, count, &RESIDUAL, through);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
-    s.extend(gather(plan, level, &SURFACE_GATHER, ARGUMENTS_BACKWARD, 0, from));
+    s.extend(gather(plan, level, &SURFACE_GATHER, 0, from));
     s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP))

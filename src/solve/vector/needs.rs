@@ -49,7 +49,7 @@ impl Needs for VectorOptions {
             (constant::WEIGHTED, 1),
             (constant::ACCELERATED, 1),
             (constant::VECTORS, 1),
-            (constant::SUMMED, plan.tuning.voxels),
+            (constant::SUMMED, 0),
             (constant::POINTS, surface::points_per_pixel(&self.surface, plan) as u32),
         ]
     }
@@ -65,7 +65,7 @@ impl Needs for VectorOptions {
             (buffer::BEFORE, slots * 16),
             (buffer::BOUNDS, slots * 8),
             (buffer::HAT_TAPS, plan.bins as u64 * 4 + 4),
-            (buffer::AGAINST_PARTIALS, slots.div_ceil(u64::from(plan.tuning.voxels)) * 4),
+            (buffer::AGAINST_PARTIALS, plan.partials() * 4),
         ];
         all.extend(surface::buffers(plan));
         all

@@ -19,7 +19,7 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
         .bind(buffer::MEASURED, level.measured);
     let voxels = level.grid.storage();
     for push in pair_chunks(plan, &plan.measured(level), voxels) {
-        s.dispatch(&BACKPROJECT, groups(level.grid.storage(), WORKGROUP))
+        s.dispatch(&BACKPROJECT, groups(voxels, plan.tuning.samples_of_group(voxels)))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::WALL, level.wall)
             .bind(buffer::TARGET, plan.volumes[1])
@@ -57,7 +57,7 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     s.extend(forward(plan, level, &FORWARD));
     s.extend(compare(plan, level, &RESIDUAL, push, None));
     // The sums begin with the roughness.
-    s.extend(gather(plan, level, &STEP, ARGUMENTS_BACKWARD, BACKWARD_CONTINUE, plan.residual()));
+    s.extend(gather(plan, level, &STEP, BACKWARD_CONTINUE, plan.residual()));
     s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(push);
     s
 }
@@ -136,12 +136,12 @@ fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedul
     s.extend(forward(plan, level, &FORWARD_BOUND));
     s.extend(compare(plan, level, &RESIDUAL_BOUND, Push::default(), None));
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    s.extend(gather(plan, level, &BOUND_STEP, ARGUMENTS_SAMPLE, 0, plan.residual()));
+    s.extend(gather(plan, level, &BOUND_STEP, 0, plan.residual()));
     s.dispatch(&VARIANCE, groups(plan.cells_at(level), WORKGROUP))
         .bind(buffer::SCENE, scene)
         .bind(buffer::MEASURED, level.measured);
     s.extend(instrument_back(plan, level, [&PULSE_NOISE, &SPOT_NOISE], None));
-    s.extend(gather(plan, level, &BOUND_NOISE, ARGUMENTS_SAMPLE, 0, plan.residual()));
+    s.extend(gather(plan, level, &BOUND_NOISE, 0, plan.residual()));
     if expected.is_some() {
         s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);
     }

@@ -1,0 +1,21 @@
+// How many lanes gather for one sample. Where samples are too few to fill a device, several lanes share one: of n lanes
+// each takes every nth pair, and their sums are added in a fixed order. A workgroup has VOXELS * SLICES lanes. A sample
+// has SLICES of them, or half as many, a quarter and so on, as long as the device still gets FILL lanes. Lanes of one
+// slice are neighbours and own neighbouring samples. With up to VOXELS * SLICES / 32 slices all lanes of a warp of 32
+// have one slice: they read one wall point, and neighbouring bins. The number depends on the count of samples alone, so
+// the bits are the same in every run.
+
+layout(constant_id = 30) const uint VOXELS = 64u;
+layout(constant_id = 31) const uint SLICES = 1u;
+layout(constant_id = 32) const uint FILL = 0xffffffffu;
+
+uint slices_of(uint samples) {
+    uint slices = SLICES;
+    if (SLICES > 1u) {
+        while (slices % 2u == 0u && samples >= FILL / (slices / 2u)) slices /= 2u;
+    }
+    return slices;
+}
+
+// Samples of a workgroup.
+uint samples_of_group(uint slices) { return VOXELS * SLICES / slices; }

@@ -1,0 +1,67 @@
+//! The kernels of an executor, made on all cores of the host.
+
+use rayon::prelude::*;
+
+use super::execute::Executor;
+use super::pipeline::Pipeline;
+use super::recording::KernelMade;
+use super::{Constant, Kernel, KernelCode};
+use crate::Result;
+
+/// A kernel to make.
+#[derive(Debug, Clone)]
+pub struct Wanted<'c> {
+    /// What schedules call it.
+    pub kernel: Kernel,
+    /// The module that it is made from.
+    pub code: &'c KernelCode,
+    /// Specialization constants with their values.
+    pub constants: Vec<(Constant, u32)>,
+}
+
+impl Executor<'_> {
+    /// Makes kernels, several at once. Replaces kernels of the same names.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {
+        let gpu = self.gpu;
+        let _span = gpu.span("make kernels");
+        let make = |w: &Wanted<'_>| Pipeline::new(gpu, w.kernel.name(), w.code, &w.constants);
+        let made: Vec<Result<Pipeline>> = wanted.par_iter().map(make).collect();
+        let mut all = Ok(());
+        for (wanted, made) in wanted.iter().zip(made) {
+            match made {
+                // It is destroyed with the executor, whatever becomes of the others.
+                Ok(made) => self.keep_kernel(wanted, made),
+                Err(e) => all = all.and(Err(e)),
+            }
+        }
+        all
+    }
+
+    /// Makes `kernel` from `code` with these specialization constants. Replaces a kernel of the same name.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn add_kernel(
+        &mut self,
+        kernel: impl Into<Kernel>,
+        code: &KernelCode,
+        constants: &[(Constant, u32)],
+    ) -> Result<()> {
+        self.add_kernels(&[Wanted { kernel: kernel.into(), code, constants: constants.to_vec() }])
+    }
+
+    fn keep_kernel(&mut self, wanted: &Wanted<'_>, made: Pipeline) {
+        if let Some(recorder) = &self.gpu.recorder {
+            let constants = wanted.constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
+            let executables = self.gpu.executables(made.handle);
+            let statistics = executables.into_iter().flat_map(|e| e.statistics).collect();
+            recorder.made(wanted.kernel.name(), KernelMade { code: *wanted.code, constants, statistics });
+        }
+        if let Some(old) = self.pipelines.insert(wanted.kernel, made) {
+            old.destroy(self.gpu);
+        }
+    }
+}

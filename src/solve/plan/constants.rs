@@ -1,0 +1,62 @@
+//! Specialization constants that a plan gives its passes.
+
+use std::collections::BTreeMap;
+
+use super::{Plan, Tuning};
+use crate::gpu::Constant;
+use crate::transport::kernels::constant;
+use crate::transport::{Binning, Geometry, Gradient};
+
+impl Plan {
+    /// The value that the plan gives a constant, if it gives one.
+    pub fn constant(&self, constant: Constant) -> Option<u32> {
+        self.constants.get(&constant).copied()
+    }
+
+    /// Changes the sizes, and the constants that follow from them. Buffers stay as they are.
+    pub fn tune(&mut self, change: impl FnOnce(&mut Tuning)) {
+        change(&mut self.tuning);
+        self.runs &= self.tuning.window == 0;
+        self.constants.extend(self.sizes());
+    }
+
+    /// Constants that describe the scene and how the work is cut, for all passes. How surfaces reflect is as in the
+    /// volume.
+    pub(super) fn shared_constants(&self, binning: Binning) -> BTreeMap<Constant, u32> {
+        let scene = [
+            (constant::GEOMETRY, self.geometry as u32),
+            (constant::REFLECTANCE, self.volume_reflectance.number()),
+            (constant::CURVED, u32::from(self.curved)),
+            (constant::FINE, u32::from(self.fine)),
+            (constant::POLISHED, u32::from(self.polished)),
+            (constant::TOUCHING, u32::from(self.touching)),
+            (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
+            (constant::SPOT, u32::from(self.has_spots())),
+            (constant::SPLIT, u32::from(binning == Binning::Linear)),
+            (constant::EXACT, u32::from(self.gradient == Gradient::Exact)),
+        ];
+        scene.into_iter().chain(self.sizes()).collect()
+    }
+
+    /// Constants that say how the work is cut.
+    fn sizes(&self) -> Vec<(Constant, u32)> {
+        let t = self.tuning;
+        let product = self.geometry == Geometry::Product;
+        vec![
+            (constant::RUNS, u32::from(self.runs)),
+            (constant::LANES, t.lanes),
+            (constant::CHUNK, t.chunk),
+            (constant::WINDOW, t.window),
+            (constant::VOXELS, t.voxels),
+            (constant::SLICES, t.slices),
+            (constant::FILL, t.fill),
+            (constant::FORWARD_FILL, t.forward_fill),
+            (constant::GROUPED, u32::from(t.group_losses)),
+            (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
+            (constant::SHARED, u32::from(t.share_arms)),
+            (constant::OTHERS, t.others_backward),
+            (constant::SET_CELLS, self.set_cells()),
+            (constant::FORWARD_SETS, self.most_sets()),
+        ]
+    }
+}
