@@ -8,7 +8,7 @@ use std::ops::{Bound, RangeBounds};
 use super::execute::{Executor, Flight};
 use super::{Buffer, Place, Ticket};
 
-impl Executor<'_> {
+impl Executor {
     /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
     ///
     /// # Panics

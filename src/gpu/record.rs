@@ -48,7 +48,7 @@ pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
     if timings { 2 * commands.len() as u32 + 2 } else { 2 }
 }
 
-impl Executor<'_> {
+impl Executor {
     /// Records `commands`. `open`: the stage that goes on from an earlier submission.
     pub(super) fn record(
         &mut self,
@@ -56,7 +56,7 @@ impl Executor<'_> {
         open: Option<&Stage>,
         flight: &mut Flight,
     ) -> Result<()> {
-        let gpu = self.gpu;
+        let gpu = self.gpu.clone();
         let device = gpu.raw();
         let c = flight.commands;
         let failed = |e| gpu.failed("recording", e);
@@ -155,7 +155,8 @@ impl Executor<'_> {
     }
 
     unsafe fn record_one(&mut self, c: vk::CommandBuffer, command: &Command) -> Result<()> {
-        let device = self.gpu.raw();
+        let gpu = self.gpu.clone();
+        let device = gpu.raw();
         // SAFETY: see `record`, the only caller; sizes are asserted against the buffers.
         unsafe {
             match command {
@@ -164,7 +165,7 @@ impl Executor<'_> {
                     let pipeline = pipeline.unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
                     let buffers: Vec<_> =
                         pipeline.bindings.iter().map(|b| buffer_of(bind, b.block)).collect();
-                    let set = self.sets.get(self.gpu, &self.arena, pipeline, &buffers)?;
+                    let set = self.sets.get(&self.gpu, &self.arena, pipeline, &buffers)?;
                     let point = vk::PipelineBindPoint::COMPUTE;
                     device.cmd_bind_pipeline(c, point, pipeline.handle);
                     device.cmd_bind_descriptor_sets(c, point, pipeline.layout, 0, &[set], &[]);

@@ -12,7 +12,7 @@ use crate::transport::kernels::{SceneData, TRACE_ROW, buffer};
 use crate::transport::{Grid, Model};
 
 /// A planned solve on the device: buffers allocated and filled, kernels made.
-pub struct OnDevice<'g> {
+pub struct OnDevice {
     /// Levels, passes and buffers.
     pub plan: Plan,
     /// The capture as kernels see it.
@@ -20,15 +20,15 @@ pub struct OnDevice<'g> {
     /// The same in the wider bins of levels of the volume.
     pub summed: Vec<Model>,
     /// Runs schedules over the buffers.
-    pub executor: Executor<'g>,
+    pub executor: Executor,
 }
 
-impl<'g> OnDevice<'g> {
+impl OnDevice {
     /// Allocates and uploads. `memory` is a budget in bytes.
     ///
     /// # Errors
     /// As [`Arena::new`], the device fails, or it does not round to nearest.
-    pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<OnDevice<'g>> {
+    pub fn new(gpu: &Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<OnDevice> {
         rounding::check(gpu)?;
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
@@ -110,7 +110,7 @@ pub struct VolumeMap {
 ///
 /// # Errors
 /// The device fails.
-pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Result<()> {
+pub fn upload(executor: &mut Executor, buffer: Buffer, bytes: &[u8]) -> Result<()> {
     let size = executor.arena().size(UPLOAD) as usize;
     for (i, part) in bytes.chunks(size).enumerate() {
         executor.write(UPLOAD, part);
@@ -128,7 +128,7 @@ pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Resu
 }
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.
-pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool) -> Maps {
+pub(super) fn read_maps(executor: &Executor, grid: &Grid, has_normals: bool) -> Maps {
     let columns: Vec<[f32; 8]> = executor.read(COLUMNS_HOST, ..grid.n[0] * grid.n[1]);
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
     let albedo: Vec<f32> = columns.iter().map(|c| c[0]).collect();
@@ -150,12 +150,12 @@ pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool)
 }
 
 /// Rows of the trace. No submission may be in flight.
-pub(super) fn trace_rows(device: &OnDevice<'_>, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
+pub(super) fn trace_rows(device: &OnDevice, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
     device.executor.read(buffer::TRACE, rows)
 }
 
 /// The active voxels with their state, after mask and state were copied to the host.
-pub(super) fn active_state(executor: &Executor<'_>, grid: &Grid) -> Vec<([usize; 3], [f32; 4])> {
+pub(super) fn active_state(executor: &Executor, grid: &Grid) -> Vec<([usize; 3], [f32; 4])> {
     let raw: Vec<[f32; 4]> = executor.read(RAW_HOST, ..);
     let mask: Vec<u32> = executor.read(MASK_HOST, ..);
     let active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
@@ -165,7 +165,7 @@ pub(super) fn active_state(executor: &Executor<'_>, grid: &Grid) -> Vec<([usize;
 
 /// The volume whose mask and active voxels' state were copied to the host. `albedo` computes the albedo of a voxel
 /// from its state.
-pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
+pub(super) fn read_volume(executor: &Executor, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
     let mut all = vec![0.0; grid.voxels()];
     for ([x, y, z], state) in active_state(executor, grid) {
         all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(state);

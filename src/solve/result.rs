@@ -64,7 +64,7 @@ pub struct Reconstruction {
 /// # Errors
 /// The device fails.
 pub(super) fn finish(
-    mut job: OnDevice<'_>,
+    mut job: OnDevice,
     driven: Driven,
     volume: Option<fn([f32; 4]) -> f32>,
 ) -> Result<Reconstruction> {

@@ -144,7 +144,7 @@ impl StepCase {
         data.into_iter().zip(self.rough()).map(|(d, r)| d + r).collect()
     }
 
-    fn write(&self, job: &mut OnDevice<'_>) {
+    fn write(&self, job: &mut OnDevice) {
         write_vectors(job, buffer::RAW, &self.active, &self.v);
         write_vectors(job, buffer::BEFORE, &self.active, &self.before);
         write(job, buffer::ACTIVE_VOXELS, &self.active);
@@ -168,7 +168,7 @@ impl StepCase {
     }
 
     /// Compares the state after a step, in groups of `group` voxels, with the twin.
-    fn check(&self, job: &mut OnDevice<'_>, group: usize) {
+    fn check(&self, job: &mut OnDevice, group: usize) {
         let samples = self.samples();
         let gradient = self.gradient(&samples);
         let (mut v, mut before) = (self.v.clone(), self.before.clone());
@@ -303,7 +303,7 @@ fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize, texels: bool) {
 }
 
 /// Both bounds of the active voxels from random residuals.
-fn check_bounds(job: &mut OnDevice<'_>, twin: &Twin, active: &[u32], seed: u64) {
+fn check_bounds(job: &mut OnDevice, twin: &Twin, active: &[u32], seed: u64) {
     let mut random = Random::new(seed);
     let residual: Vec<f64> =
         (0..twin.model.pairs() * twin.model.bins).map(|_| random.uniform(0.0, 1e-3)).collect();

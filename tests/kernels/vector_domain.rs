@@ -11,7 +11,7 @@ use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
 
 /// Checks the state after the domain has changed to `mask`: zero outside, momentum at rest, lists, points.
-fn check_settled(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
+fn check_settled(job: &mut OnDevice, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
     let count = twin.grid.storage();
     let (mut want, mut before) = (v.to_vec(), vec![DVec3::NAN; count]);
     let mut rest = momentum;
@@ -135,7 +135,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
 
 /// Writes the vectors of a domain as an iteration leaves them, without light and with the momentum at rest. Returns the
 /// active voxels.
-fn hold(job: &mut OnDevice<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
+fn hold(job: &mut OnDevice, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
     let active = write_domain(job, domain);
     write_vectors(job, buffer::RAW, &active, v);
     set_counts(job, active.len(), 0.0);
@@ -158,7 +158,7 @@ fn bounds_of(twin: &Twin, mask: &[bool], expected: &[f64]) -> Vec<[f64; 2]> {
     all
 }
 
-fn check_bounds_of(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], expected: &[f64]) {
+fn check_bounds_of(job: &mut OnDevice, twin: &Twin, mask: &[bool], expected: &[f64]) {
     let got = read_bounds(job, &twin::compact(mask), mask.len());
     let want = bounds_of(twin, mask, expected);
     for k in 0..2 {
@@ -174,7 +174,7 @@ fn expected(smooth: &[f64], power: f64) -> Vec<f64> {
 }
 
 /// An iteration starts with samples of unit weight, whatever weights the bounds used.
-fn check_points(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool]) {
+fn check_points(job: &mut OnDevice, twin: &Twin, mask: &[bool]) {
     let want = twin::points(twin, &twin::compact(mask));
     let got: Vec<[f32; 4]> = read(job, buffer::SAMPLE_POINTS, want.len());
     for (g, w) in got.iter().zip(&want) {

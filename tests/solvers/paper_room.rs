@@ -80,7 +80,7 @@ fn a_solve_beyond_its_room_stays_within_it() {
 }
 
 /// A job with all of its coarse level touched: there is not room for all children.
-fn crowded<'g>(gpu: &'g Gpu, model: &Model, fine: &Grid) -> (OnDevice<'g>, PaperOptions) {
+fn crowded(gpu: &Gpu, model: &Model, fine: &Grid) -> (OnDevice, PaperOptions) {
     let o = options(model, fine).with(|o| {
         o.domain.coarse_to_fine = true;
         o.domain.room = Some(0.25);

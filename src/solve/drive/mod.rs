@@ -133,7 +133,7 @@ const IN_FLIGHT: usize = 2;
 /// The device fails, the watch cancels ([`Kind::Cancelled`]), or a loss is not finite.
 pub(super) fn drive(
     gpu: &Gpu,
-    device: &mut OnDevice<'_>,
+    device: &mut OnDevice,
     iterations: usize,
     steps: Steps<'_>,
     watch: &mut Watch<'_>,
@@ -154,9 +154,9 @@ pub(super) fn drive(
 }
 
 /// A solve that is running.
-struct Run<'r, 'w, 'k, 'g> {
+struct Run<'r, 'w, 'k> {
     gpu: &'r Gpu,
-    device: &'r mut OnDevice<'g>,
+    device: &'r mut OnDevice,
     steps: Steps<'r>,
     watch: &'r mut Watch<'w>,
     keeper: Option<Keeper<'k>>,
@@ -188,15 +188,15 @@ struct Flight {
     level: Level,
 }
 
-impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
+impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
     fn begin(
         gpu: &'r Gpu,
-        device: &'r mut OnDevice<'g>,
+        device: &'r mut OnDevice,
         steps: Steps<'r>,
         watch: &'r mut Watch<'w>,
         keeper: Option<Keeper<'k>>,
         before: Option<Driven>,
-    ) -> Result<Run<'r, 'w, 'k, 'g>> {
+    ) -> Result<Run<'r, 'w, 'k>> {
         let first_level = steps.levels[0];
         let mut run = Run {
             clock: Clock::start(device.executor.gpu_seconds()),

@@ -62,7 +62,7 @@ pub(super) struct Refined {
 /// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels.
 pub(super) fn refine(
     gpu: &Gpu,
-    job: &mut OnDevice<'_>,
+    job: &mut OnDevice,
     options: &SurfaceOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
@@ -127,7 +127,7 @@ pub(super) fn refine(
 
 /// The maps that the surface begins with, one for each layer, with each pixel of the volume's divided into `factor` ×
 /// `factor`. A second layer is there only if the volume shows it.
-fn begun(job: &mut OnDevice<'_>, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
+fn begun(job: &mut OnDevice, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
     let level = driven.level;
     job.executor.run(&extract_behind(&level))?;
     let second = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
@@ -143,7 +143,7 @@ fn least(plan: &Plan, grid: &Grid) -> f64 {
 }
 
 /// The maps of both refined layers. Those of the first are in `driven`; the second layer began with `behind`.
-fn with_both(job: &mut OnDevice<'_>, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
+fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
     let level = driven.level;
     upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
     job.executor.run(&extract(&level, of_layers, 1))?;
@@ -249,7 +249,7 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
 
 /// Uploads the pixels with the albedos that explain most of the data; `None` if none do. Overwrites row `row` of the
 /// trace.
-fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
+fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
@@ -282,7 +282,7 @@ fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> 
 }
 
 /// The data term in row `row` of the trace.
-fn objective_of(job: &OnDevice<'_>, row: usize) -> f64 {
+fn objective_of(job: &OnDevice, row: usize) -> f64 {
     f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
 }
 

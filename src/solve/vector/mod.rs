@@ -113,7 +113,7 @@ fn light_beyond(
 /// Solves the volume.
 fn solve_volume(
     gpu: &Gpu,
-    job: &mut OnDevice<'_>,
+    job: &mut OnDevice,
     options: &VectorOptions,
     watch: &mut Watch<'_>,
     keeper: Option<Keeper<'_>>,
@@ -128,7 +128,7 @@ fn solve_volume(
 }
 
 /// Uploads the Mexican hat that filters the measurement for a back-projection at `level`.
-fn upload_hat(job: &mut OnDevice<'_>, level: &Level) -> Result<()> {
+fn upload_hat(job: &mut OnDevice, level: &Level) -> Result<()> {
     let hat = hat(HAT_SIGMA * level.grid.pitch.x / level.bin_width, level.bins);
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))
 }

@@ -23,8 +23,8 @@ pub const PAIRS: usize = 256;
 const BEYOND_CHANCE: f64 = 2.0;
 
 /// Trials of one capture on one grid.
-pub struct Trial<'g> {
-    gpu: &'g Gpu,
+pub struct Trial {
+    gpu: Gpu,
     sides: Sides,
     grid: Grid,
     options: VectorOptions,
@@ -35,18 +35,18 @@ pub struct Trial<'g> {
     foreign: bool,
 }
 
-impl<'g> Trial<'g> {
+impl Trial {
     /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, and
     /// half of them judge, so there must be two at least; a few do not tell a difference from chance.
     pub fn new(
-        gpu: &'g Gpu,
+        gpu: &Gpu,
         capture: &Capture,
         grid: Grid,
         options: VectorOptions,
         memory: Option<u64>,
-    ) -> Trial<'g> {
+    ) -> Trial {
         let sides = Sides::of(capture, &grid, &options);
-        Trial { gpu, sides, grid, options, memory, begun: None, foreign: false }
+        Trial { gpu: gpu.clone(), sides, grid, options, memory, begun: None, foreign: false }
     }
 
     /// The maps that surfaces begin with, once there are any.
@@ -74,9 +74,9 @@ impl<'g> Trial<'g> {
                 o.surface.blur = 0.0;
             }
         });
-        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &options, false)?;
+        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
-        let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         let driven = match &self.begun {
             Some(maps) => {
                 // As the start of a volume does.
@@ -88,10 +88,10 @@ impl<'g> Trial<'g> {
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
                 Driven::begun(maps.clone(), *level.unwrap_or(job.plan.finest()))
             }
-            None => solve_volume(self.gpu, &mut job, &options, watch, None)?,
+            None => solve_volume(&self.gpu, &mut job, &options, watch, None)?,
         };
         self.begun.get_or_insert_with(|| driven.maps.clone());
-        let refined = surface::refine(self.gpu, &mut job, &options.surface, watch, driven)?;
+        let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven)?;
         if refined.pixels == 0 {
             return Ok(None);
         }
@@ -117,9 +117,9 @@ impl<'g> Trial<'g> {
             o.iterations = iterations;
             o.surface.iterations = 0;
         });
-        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &options, true)?;
-        let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
-        let driven = solve_volume(self.gpu, &mut job, &options, watch, None)?;
+        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None)?;
         if driven.trace.last().is_none_or(|p| p.active == 0) {
             return Ok(None);
         }
@@ -193,7 +193,7 @@ impl Sides {
     /// The device fails.
     pub fn judge(
         &self,
-        job: &mut OnDevice<'_>,
+        job: &mut OnDevice,
         plan_of_held: Plan,
         level: &Level,
         mut compared: Schedule,
