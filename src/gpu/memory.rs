@@ -82,7 +82,8 @@ impl Arena {
         check(plan, &gpu.memory(), budget)?;
         let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
-        let mut arena = Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
+        let mut arena =
+            Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),

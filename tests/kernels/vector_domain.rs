@@ -1,5 +1,7 @@
 //! The vector solver's domain on the device against the float64 twins: reduction, doubling, the start, maps, room.
 
+use std::sync::Arc;
+
 use fixtures::device::surfaces::surface_options;
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -82,13 +84,13 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     for room in [count(&all) + 1, count(&all) / 2, 40, 1] {
         // The voxels that are active already must fit.
-        job.plan.capacity = count(&domain).max(room);
+        Arc::make_mut(&mut job.plan).capacity = count(&domain).max(room);
         job.upload().unwrap();
         let active = write_domain(&mut job, &domain);
         write_vectors(&mut job, buffer::RAW, &active, &v);
         set_counts(&mut job, active.len(), 0.0);
         write_momentum(&mut job, REST);
-        job.plan.capacity = room;
+        Arc::make_mut(&mut job.plan).capacity = room;
         let s = vector::due(&job.plan, &o, &mut 0, o.domain.reduce_every);
         let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
         let [before, after] =
