@@ -13,19 +13,31 @@ impl Capture {
     /// # Errors
     /// `Kind::Input`, naming the first wrong field with its pair, bin and value.
     pub fn check(&self) -> Result<()> {
-        self.check_outline()?;
+        self.check_scan()?;
+        self.check_counts(&self.histograms)
+    }
+
+    /// Checks counts for the pairs and bins of this capture: how many there are, that all are finite, and that there is
+    /// any signal at all.
+    ///
+    /// # Errors
+    /// As [`Capture::check`].
+    pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {
         let pairs = self.pair_count();
-        if pairs.checked_mul(self.bins) != Some(self.histograms.len()) {
+        if pairs.checked_mul(self.bins) != Some(histograms.len()) {
             return Err(Error::input(
-                format!("{} counts for {pairs} pairs of {} bins", self.histograms.len(), self.bins),
+                format!("{} counts for {pairs} pairs of {} bins", histograms.len(), self.bins),
                 "give pairs x bins counts, bin by bin within a pair",
             ));
         }
-        self.check_counts(self.histograms.chunks_exact(self.bins).map(Seen::of))
+        self.check_seen(histograms.chunks_exact(self.bins).map(Seen::of))
     }
 
     /// Checks everything but the counts.
-    pub(super) fn check_outline(&self) -> Result<()> {
+    ///
+    /// # Errors
+    /// As [`Capture::check`].
+    pub fn check_scan(&self) -> Result<()> {
         self.check_lengths()?;
         if !(self.bin_width.is_finite() && self.bin_width > 0.0) {
             return Err(Error::input(
@@ -126,7 +138,7 @@ impl Capture {
     }
 
     /// Checks the counts by what each pair's histogram holds.
-    pub(super) fn check_counts(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
+    pub(super) fn check_seen(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
         let (mut total, mut dark) = (0.0, true);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
+use super::on_device::OnDevice;
 use super::outline::{self, Part};
 use super::prepared::{Planned, Prepared};
 use super::result::{Reconstruction, finish};
 use super::{Plan, domain};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Schedule};
 use crate::transport::{Grid, Model, Rows};
 
 mod needs;
@@ -114,7 +115,10 @@ impl Prepared for PreparedPaper {
     }
 
     fn allocate(&mut self) -> Result<()> {
-        self.planned.made(|_| Ok(())).map(|_| ())
+        let PreparedPaper { planned, options, .. } = self;
+        let OnDevice { plan, executor, .. } = planned.made(|_| Ok(()))?;
+        let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
+        outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)
     }
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {

@@ -202,20 +202,43 @@ fn steps(
 /// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; empty without a
 /// surface.
 pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
-    let (Some(reached), iterations) = (plan.levels.last(), options.iterations) else { return vec![] };
+    let begin = plan.iterations[0];
+    let parts = |steps| outline::of("surface", plan, &steps, begin..begin + options.iterations);
+    whole(plan, options).map_or_else(Vec::new, parts)
+}
+
+/// Every schedule that [`refine`] may run.
+///
+/// # Errors
+/// Those of `take`.
+pub(super) fn each(
+    plan: &Plan,
+    options: &SurfaceOptions,
+    take: &mut dyn FnMut(&Schedule) -> Result<()>,
+) -> Result<()> {
+    let Some(steps) = whole(plan, options) else { return Ok(()) };
+    let begin = plan.iterations[0];
+    outline::each(plan, &steps, begin..begin + options.iterations, take)?;
+    plan.levels.iter().try_for_each(|level| take(&extract_behind(level)))?;
+    let residuals = [&super::passes::RESIDUAL_BOUND, &super::passes::RESIDUAL];
+    residuals.into_iter().try_for_each(|residual| take(&compared(plan, &steps.levels[0], 1, residual, begin)))
+}
+
+/// The steps of [`outline`].
+fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
+    let (reached, iterations) = (plan.levels.last()?, options.iterations);
     if iterations == 0 {
-        return vec![];
+        return None;
     }
     let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
     let weights = vec![[0.0; SURFACE_WEIGHTS as usize]; levels.len()];
     let (count, begin, first) = (pixels(plan), plan.iterations[0], levels[0]);
     let taps = is_blurred(plan).then_some(plan.tap_room);
     let stages = Stages { levels, beginnings, weights };
-    let steps = Steps {
+    Some(Steps {
         start: start(&first, count, points_of(plan)),
         ..steps(stages, [count, 0], begin, iterations, taps)
-    };
-    outline::of("surface", plan, &steps, begin..begin + iterations)
+    })
 }
 
 /// What a volume's run tells of the surface after it: [`Steps::after`].
@@ -261,10 +284,7 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
         let mut s = Schedule::default();
         s.stage("surface", &stage_values(level, row));
         s.extend(before);
-        s.extend(render(&job.plan, level, pixels.len(), residual, None));
-        s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
-            .bind(buffer::SCENE, level.scene)
-            .with(Push { iteration: row as u32, ..Default::default() });
+        s.extend(compared(&job.plan, level, pixels.len(), residual, row));
         job.executor.run(&s)?;
         Ok(objective_of(job, row))
     };
@@ -279,6 +299,15 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
     Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
+}
+
+/// Renders so many pixels, and leaves what the pass `residual` makes of it in row `row` of the trace.
+fn compared(plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) -> Schedule {
+    let mut s = render(plan, level, pixels, residual, None);
+    s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
+        .bind(buffer::SCENE, level.scene)
+        .with(Push { iteration: row as u32, ..Default::default() });
+    s
 }
 
 /// The data term in row `row` of the trace.

@@ -4,14 +4,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::beyond::{Beyond, Search};
-use super::{VectorOptions, albedo_of, outline_of, solve_volume, take, upload_hat};
+use super::{VectorOptions, albedo_of, outline_of, solve_volume, steps, take, upload_hat};
 use crate::capture::Capture;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Schedule};
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::Watch;
 use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
-use crate::solve::{Beside, OnDevice, Plan, Prepared, Reconstruction, surface};
+use crate::solve::{Beside, OnDevice, Plan, Prepared, Reconstruction, outline, surface};
 use crate::transport::{Grid, Rows};
 use crate::{Error, Kind, Result};
 
@@ -53,7 +53,11 @@ impl Prepared for PreparedVector {
     }
 
     fn allocate(&mut self) -> Result<()> {
-        self.planned.made(first)?;
+        let PreparedVector { planned, options, .. } = self;
+        let OnDevice { plan, executor, .. } = planned.made(first)?;
+        let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
+        outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)?;
+        surface::each(plan, &options.surface, &mut reserve)?;
         if let Some(search) = &mut self.search {
             going_on(search.allocate().map(Some))?;
         }
