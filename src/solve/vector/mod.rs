@@ -75,7 +75,7 @@ fn solve_volume(
     keeper: Option<Keeper<'_>>,
 ) -> Result<Driven> {
     let steps = Steps {
-        stop_below: options.stop.then(|| expected_noise(job.model_of(job.plan.finest()))),
+        stop_below: options.stop.then_some(|job| expected_noise(job.model_of(job.plan.finest()))),
         ..steps(&job.plan, options)
     };
     drive(gpu, job, options.iterations, steps, watch, keeper, None)
