@@ -1,5 +1,6 @@
 //! The model of a capture: what kernels and their twins need to know of it.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
@@ -121,7 +122,7 @@ impl Model {
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
         let (mut model, rows) = Model::outline(capture, reflectance, peak, general);
         if !capture.histograms.is_empty() {
-            rows.take(capture, 0.0, &mut model);
+            model.take(&rows, capture, 0.0);
         }
         model
     }
@@ -168,6 +169,15 @@ impl Model {
             roughness: 0.0,
         };
         (model, Rows::of(pair_of, capture.bins))
+    }
+
+    /// Takes the counts of `capture`: scaled so that the largest of all becomes the peak, less `background` counts per bin.
+    pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {
+        let largest = capture.histograms.par_iter().copied().reduce(|| 0.0f32, f32::max);
+        let scale = self.peak / f64::from(largest);
+        self.counts_per_unit = 1.0 / scale;
+        let below = (background * (1.0 / self.counts_per_unit)) as f32;
+        rows.fill(&mut self.measured, capture, scale, below);
     }
 
     /// The same model with every `sum` neighbouring bins as one. Bins at the end that do not fill one are left out.

@@ -25,7 +25,7 @@ pub use schedule::{double, due, initialise, iteration, reduce, restart};
 /// The model that `options` make of a capture for `grid`.
 pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
     let (mut model, rows) = outline_of(capture, grid, options);
-    rows.take(capture, 0.0, &mut model);
+    model.take(&rows, capture, 0.0);
     model
 }
 
@@ -57,7 +57,7 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model,
         ..model
     };
     if !options.general {
-        rows.trim(&mut model, grid);
+        rows.crop(model.trim(grid));
     }
     (model, rows)
 }
@@ -125,7 +125,7 @@ impl Prepared for PreparedPaper {
         let PreparedPaper { planned, rows, options, with_volume } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(|_| Ok(()))?;
-        rows.take(capture, 0.0, &mut job.model);
+        job.model.take(rows, capture, 0.0);
         job.upload_counts()?;
         let plan = job.plan.clone();
         let keeper = Keeper::new(beside.keep, job, options)?;

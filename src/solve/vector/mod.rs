@@ -133,10 +133,10 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model
         ..model
     };
     if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
-        rows.spread(&mut model);
+        rows.reorder(&model.spread());
     }
     if !options.general {
-        rows.trim(&mut model, grid);
+        rows.crop(model.trim(grid));
     }
     (model, rows)
 }
@@ -145,7 +145,7 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model
 fn take(capture: &Capture, options: &VectorOptions, rows: &Rows, model: &mut Model) {
     let level = if options.background { background(capture) } else { 0.0 };
     let [per_count, empty] = variances(capture, level);
-    rows.take(capture, level, model);
+    model.take(rows, capture, level);
     let scale = 1.0 / model.counts_per_unit;
     model.variance = [per_count * scale, empty * scale * scale];
 }
