@@ -12,7 +12,7 @@ use thirdbounce::session::{Session, SessionOptions};
 use thirdbounce::solve::VectorOptions;
 
 const SIDE: usize = 16;
-const BINS: usize = 160;
+const BINS: usize = 200;
 /// Metres of path.
 const BIN_WIDTH: f64 = 0.0125;
 

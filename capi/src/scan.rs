@@ -1,5 +1,7 @@
 //! The scan that a session is made for.
 
+use std::mem::offset_of;
+
 use engine::Result;
 use engine::capture::{Capture, Pulse};
 use glam::DVec3;
@@ -41,7 +43,7 @@ pub struct TbScan {
 // SAFETY: it is `repr(C)` and begins with its size; zero is valid for all fields.
 unsafe impl Versioned for TbScan {
     const NAME: &'static str = "tb_scan";
-    const FIRST: usize = size_of::<TbScan>();
+    const FIRST: usize = offset_of!(TbScan, sensor_spot) + size_of::<f64>();
 }
 
 impl TbScan {

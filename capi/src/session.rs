@@ -1,6 +1,7 @@
 //! Sessions: frames of counts in, maps out.
 
 use std::ffi::{c_char, c_void};
+use std::mem::offset_of;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -89,13 +90,13 @@ pub struct TbFrame {
 // SAFETY: both are `repr(C)` and begin with their size; zero is valid for all fields.
 unsafe impl Versioned for TbSettings {
     const NAME: &'static str = "tb_settings";
-    const FIRST: usize = size_of::<TbSettings>();
+    const FIRST: usize = offset_of!(TbSettings, user) + size_of::<*mut c_void>();
 }
 
 // SAFETY: as above.
 unsafe impl Versioned for TbFrame {
     const NAME: &'static str = "tb_frame";
-    const FIRST: usize = size_of::<TbFrame>();
+    const FIRST: usize = offset_of!(TbFrame, seconds) + size_of::<f64>();
 }
 
 /// A solver with everything that it needs for frames of one scan.

@@ -4,15 +4,29 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Once;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The folder where cargo put the library beside this test.
+/// The folder with the library. No test can depend on a library for C, so it is built here, once: with the features that the
+/// tests of thirdbounce have, of which most is compiled then.
 fn library() -> PathBuf {
+    static BUILT: Once = Once::new();
     let test = std::env::current_exe().expect("a test has a path");
-    test.parent().expect("a test is in a folder").to_path_buf()
+    let folder = test.ancestors().nth(2).expect("a test is in `deps`").to_path_buf();
+    BUILT.call_once(|| {
+        let mut build = Command::new(env!("CARGO"));
+        // With `--test`, dependencies have the features that they have in tests.
+        build.args(["build", "--locked", "--quiet", "--lib", "--test", "c"]);
+        build.args(["-p", "thirdbounce", "-p", "thirdbounce-capi"]);
+        if folder.ends_with("release") {
+            build.arg("--release");
+        }
+        run(build.arg("--target-dir").arg(folder.join("..")).current_dir(root()));
+    });
+    folder
 }
 
 fn run(command: &mut Command) -> String {

@@ -12,7 +12,7 @@
 #include <thirdbounce.h>
 #include <time.h>
 
-enum { SIDE = 16, PAIRS = SIDE * SIDE, BINS = 160, FRAMES = 4 };
+enum { SIDE = 16, PAIRS = SIDE * SIDE, BINS = 224, FRAMES = 4 };
 static const double BIN_WIDTH = 0.0125; /* metres of path */
 
 struct camera {
