@@ -59,13 +59,14 @@ header:
 PREFIX ?= /usr/local
 VERSION := $(shell sed -n '/^version/{s/[^0-9.]//gp;q}' capi/Cargo.toml)
 SONAME := libthirdbounce.so.$(basename $(VERSION))
+RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 install: setup
 	cargo build --release --locked --package thirdbounce-capi
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include
-	install -m 755 target/release/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
+	install -m 755 $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
 	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so
-	install -m 644 target/release/libthirdbounce.a $(DESTDIR)$(PREFIX)/lib
+	install -m 644 $(RELEASE)/libthirdbounce.a $(DESTDIR)$(PREFIX)/lib
 	install -m 644 include/thirdbounce.h include/thirdbounce.hpp $(DESTDIR)$(PREFIX)/include
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' capi/thirdbounce.pc.in \
 		> $(DESTDIR)$(PREFIX)/lib/pkgconfig/thirdbounce.pc

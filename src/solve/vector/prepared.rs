@@ -68,6 +68,7 @@ impl Prepared for PreparedVector {
         let Beside { watch, keep } = beside;
         let begun = Instant::now();
         let beyond = self.light_beyond(capture, watch)?;
+        let before = begun.elapsed().as_secs_f64();
         let PreparedVector { planned, rows, options, with_volume, .. } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(first)?;
@@ -75,7 +76,6 @@ impl Prepared for PreparedVector {
         if let Some(beyond) = &beyond {
             beyond.take_off(&mut job.model);
         }
-        let before = begun.elapsed().as_secs_f64();
         job.upload_counts()?;
         let keeper = Keeper::new(keep, job, options)?;
         let mut driven = solve_volume(&gpu, job, options, watch, keeper)?;
