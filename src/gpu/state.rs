@@ -77,7 +77,8 @@ impl Executor {
         Ok(all)
     }
 
-    /// Writes `content` to the beginning of a device buffer, through the upload buffer `through`.
+    /// Writes `content` to the beginning of a device buffer, through the upload buffer `through`. Waits for all earlier
+    /// submissions, which may use that.
     ///
     /// # Errors
     /// The device fails.
@@ -86,6 +87,7 @@ impl Executor {
     /// `content` is longer than the buffer, or the arena has no such buffers.
     pub fn restore(&mut self, buffer: Buffer, content: &[u8], through: Buffer) -> Result<()> {
         assert!(content.len() as u64 <= self.arena.get(buffer).bytes, "restoring beyond `{buffer}`");
+        self.settle()?;
         let (from, to) = (self.arena.get(through).handle, self.arena.get(buffer).handle);
         let part = self.arena.size(through) as usize;
         for (i, piece) in content.chunks(part).enumerate() {

@@ -25,7 +25,9 @@ pub use schedule::{double, due, initialise, iteration, reduce, restart};
 /// The model that `options` make of a capture for `grid`.
 pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
     let (mut model, rows) = outline_of(capture, grid, options);
-    model.take(&rows, capture, 0.0);
+    if !capture.histograms.is_empty() {
+        model.take(&rows, capture, 0.0);
+    }
     model
 }
 
