@@ -42,7 +42,6 @@ lint: setup
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
 	cargo run --locked --quiet --package public-api src/lib.rs | diff -u public-api/thirdbounce.rs - || \
 		{ echo "the public interface changed: \`make api\`, and look at what changed"; exit 1; }
-
 	@if command -v cbindgen >/dev/null; then \
 		cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi capi | diff -u include/thirdbounce.h - || \
 			{ echo "the C interface changed: \`make header\`, and look at what changed"; exit 1; }; \

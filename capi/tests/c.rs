@@ -1,5 +1,6 @@
 //! The programs in `examples/c` and `examples/cpp`: compiled with warnings as errors, linked to the library, run. The header
 //! states what the library exports.
+#![cfg(target_os = "linux")]
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
