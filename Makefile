@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build demo test instrumented soak lint api bench clean
+.PHONY: all setup build demo test instrumented sanitize soak lint api header install bench clean
 all: build
 
 setup:
@@ -15,11 +15,15 @@ demo: build
 	target/release/thirdbounce demo --out out/demo
 
 test: setup
-	cargo test --locked
+	cargo test --locked --package thirdbounce --package thirdbounce-capi
 
 # Kernels and solvers under GPU-assisted validation: the layer checks every access inside the kernels.
 instrumented: setup
 	THIRDBOUNCE_UNOPTIMISED=1 THIRDBOUNCE_TEST_INSTRUMENTED=1 cargo test --locked --test kernels --test solvers
+
+# The C and C++ programs under the address, undefined-behaviour and thread sanitizers.
+sanitize: setup
+	cargo test --locked --package thirdbounce-capi -- --ignored
 
 # The long tests: long runs, every injected fault. They write docs/reliability.md.
 soak: setup
@@ -38,9 +42,33 @@ lint: setup
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
 	cargo run --locked --quiet --package public-api src/lib.rs | diff -u public-api/thirdbounce.rs - || \
 		{ echo "the public interface changed: \`make api\`, and look at what changed"; exit 1; }
+	@if command -v cbindgen >/dev/null; then \
+		cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi capi | diff -u include/thirdbounce.h - || \
+			{ echo "the C interface changed: \`make header\`, and look at what changed"; exit 1; }; \
+	else echo "skipped: the C header is not compared, as cbindgen is not installed"; fi
 
 api: setup
 	cargo run --locked --quiet --package public-api src/lib.rs > public-api/thirdbounce.rs
+
+# Writes the C header anew. Needs `cargo install cbindgen`.
+header:
+	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
+
+# Installs the C library, its headers and its pkg-config file below PREFIX. DESTDIR goes before it, for packages.
+PREFIX ?= /usr/local
+VERSION := $(shell sed -n '/^version/{s/[^0-9.]//gp;q}' capi/Cargo.toml)
+SONAME := libthirdbounce.so.$(basename $(VERSION))
+RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
+install: setup
+	cargo build --release --locked --package thirdbounce-capi
+	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include
+	install -m 755 $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
+	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
+	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so
+	install -m 644 $(RELEASE)/libthirdbounce.a $(DESTDIR)$(PREFIX)/lib
+	install -m 644 include/thirdbounce.h include/thirdbounce.hpp $(DESTDIR)$(PREFIX)/include
+	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' capi/thirdbounce.pc.in \
+		> $(DESTDIR)$(PREFIX)/lib/pkgconfig/thirdbounce.pc
 
 bench: setup
 	cargo bench --locked

@@ -56,7 +56,7 @@ fn empty_on(gpu: &Gpu) {
     }
 }
 
-fn report(solver: &str, mut job: OnDevice<'_>, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
+fn report(solver: &str, mut job: OnDevice, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
     const COUNT: u32 = 32;
     let level = *job.plan.finest();
     start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), 0);

@@ -22,8 +22,8 @@ const RUNS: usize = 7;
 const COUNT: u32 = 4;
 
 /// One side of a comparison: a job, and its iteration.
-struct Side<'g> {
-    job: OnDevice<'g>,
+struct Side {
+    job: OnDevice,
     each: Schedule,
 }
 
@@ -152,13 +152,13 @@ fn tilted(base: &Capture) -> Capture {
     made
 }
 
-fn vector_side<'g>(
-    gpu: &'g Gpu,
+fn vector_side(
+    gpu: &Gpu,
     capture: &Capture,
     grid: Grid,
     options: VectorOptions,
     change: impl FnOnce(&mut Plan),
-) -> Side<'g> {
+) -> Side {
     let model = vector::model(capture, &grid, &options);
     let mut plan = plan(&model, grid, &options, gpu);
     change(&mut plan);
@@ -172,7 +172,7 @@ fn vector_side<'g>(
     Side { job, each }
 }
 
-fn paper_side<'g>(gpu: &'g Gpu, capture: &Capture, grid: Grid, options: &PaperOptions) -> Side<'g> {
+fn paper_side(gpu: &Gpu, capture: &Capture, grid: Grid, options: &PaperOptions) -> Side {
     let model = paper::model(capture, &grid, options);
     let plan = plan(&model, grid, options, gpu);
     let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
@@ -188,7 +188,7 @@ fn plan(model: &Model, grid: Grid, options: &dyn Needs, gpu: &Gpu) -> Plan {
 }
 
 /// Activates all voxels of the storage, so both sides of a comparison walk the same list.
-fn everything(job: &OnDevice<'_>, start: &mut Schedule) {
+fn everything(job: &OnDevice, start: &mut Schedule) {
     start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), u32::MAX);
     start.extend(compact(&job.plan, job.plan.finest()));
     start
@@ -196,7 +196,7 @@ fn everything(job: &OnDevice<'_>, start: &mut Schedule) {
         .bind(buffer::SCENE, job.plan.finest().scene);
 }
 
-fn compare<'g>(what: &str, of: &str, mut without: Side<'g>, mut with: Side<'g>) {
+fn compare(what: &str, of: &str, mut without: Side, mut with: Side) {
     let mut seconds = [vec![], vec![]];
     for run in 0..=RUNS {
         for (k, side) in [&mut without, &mut with].into_iter().enumerate() {

@@ -57,6 +57,8 @@ pub mod capture {
     pub mod check {
         impl Capture {
             pub fn check(&self) -> Result<()> {}
+            pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {}
+            pub fn check_scan(&self) -> Result<()> {}
             pub fn t_end(&self) -> f64 {}
             pub fn mean_histogram(&self) -> Vec<f64> {}
             pub fn pair_count(&self) -> usize {}
@@ -870,8 +872,13 @@ pub mod gpu {
             pub accumulations: Accumulations,
             pub limits: Limits,
         }
+        #[derive(Clone)]
+        pub struct Gpu(Arc<Opened>);
+        impl Deref for Gpu {
+            type Target = Opened;
+        }
         #[private_fields]
-        pub struct Gpu {
+        pub struct Opened {
             pub info: DeviceInfo,
             pub accumulations: Accumulations,
             pub limits: Limits,
@@ -914,17 +921,19 @@ pub mod gpu {
         #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
         pub struct Ticket(pub(super) u64);
         #[private_fields]
-        pub struct Executor<'g> {}
-        impl<'g> Executor<'g> {
-            pub fn new(gpu: &'g Gpu, arena: Arena<'g>) -> Result<Executor<'g>> {}
-            pub fn arena(&self) -> &Arena<'g> {}
+        pub struct Executor {}
+        impl Executor {
+            pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {}
+            pub fn arena(&self) -> &Arena {}
             pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {}
             pub fn wait(&mut self, ticket: Ticket) -> Result<()> {}
+            pub fn settle(&mut self) -> Result<()> {}
             pub fn run(&mut self, schedule: &Schedule) -> Result<()> {}
             pub fn gpu_seconds(&self) -> f64 {}
             pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {}
+            pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {}
         }
-        impl Drop for Executor<'_> {}
+        impl Drop for Executor {}
     }
     mod faults {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -1010,7 +1019,7 @@ pub mod gpu {
             pub code: &'c KernelCode,
             pub constants: Vec<(Constant, u32)>,
         }
-        impl Executor<'_> {
+        impl Executor {
             pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {}
             pub fn add_kernel(
                 &mut self,
@@ -1038,19 +1047,19 @@ pub mod gpu {
             pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {}
         }
         #[private_fields]
-        pub struct Arena<'g> {}
-        impl<'g> Arena<'g> {
+        pub struct Arena {}
+        impl Arena {
             pub fn new(
-                gpu: &'g Gpu,
+                gpu: &Gpu,
                 plan: &[BufferPlan],
                 budget: Option<u64>,
-            ) -> Result<Arena<'g>> {}
+            ) -> Result<Arena> {}
             pub fn bytes(&self) -> u64 {}
             pub fn taken(&self) -> u64 {}
             pub fn sizes(&self) -> BTreeMap<Buffer, u64> {}
             pub fn size(&self, buffer: Buffer) -> u64 {}
         }
-        impl Drop for Arena<'_> {}
+        impl Drop for Arena {}
     }
     mod names {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -1203,7 +1212,7 @@ pub mod gpu {
         ) -> Option<[Counts; 2]> {}
     }
     pub use budget::{Memory, check};
-    pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
+    pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
     pub use executables::{Compiled, Executable};
     pub use execute::{Executor, KernelTime, Ticket};
     pub use faults::{Faults, Point};
@@ -1359,7 +1368,7 @@ pub mod job {
         pub mod check {
             mod buffers {
                 pub fn read<T: bytemuck::Pod>(
-                    job: &mut OnDevice<'_>,
+                    job: &mut OnDevice,
                     from: Buffer,
                     count: usize,
                 ) -> Result<Vec<T>> {}
@@ -1969,6 +1978,51 @@ pub mod measure {
     pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
     pub use reach::{Reach, median, reach};
 }
+pub mod session {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub struct FrameId(pub u64);
+    #[derive(Debug, Clone)]
+    pub struct Frame {
+        pub id: FrameId,
+        pub result: Reconstruction,
+    }
+    pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
+    #[derive(Default)]
+    pub struct SessionOptions {
+        pub memory: Option<u64>,
+        pub with_volume: bool,
+        pub time_limit: Option<Duration>,
+        pub hear: Option<Hear>,
+        pub maps_every: Option<usize>,
+    }
+    #[private_fields]
+    pub struct Session {}
+    #[derive(Clone)]
+    pub struct Canceller(Arc<Shared>);
+    impl Canceller {
+        pub fn cancel(&self) {}
+    }
+    impl Session {
+        pub fn new(
+            gpu: &Gpu,
+            scan: &Capture,
+            grid: Option<Grid>,
+            solver: &SolverOptions,
+            options: SessionOptions,
+        ) -> Result<Session> {}
+        pub fn gpu(&self) -> &Gpu {}
+        pub fn plan(&self) -> &Plan {}
+        pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {}
+        pub fn poll(&mut self) -> Result<Option<&Frame>> {}
+        pub fn wait(&mut self) -> Result<&Frame> {}
+        pub fn wait_for(&mut self, limit: Duration) -> Result<Option<&Frame>> {}
+        pub fn last(&self) -> Option<&Frame> {}
+        pub fn cancel(&self) {}
+        pub fn canceller(&self) -> Canceller {}
+    }
+    impl Drop for Session {}
+    pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {}
+}
 pub mod simulate {
     mod figure {
         pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {}
@@ -2223,19 +2277,20 @@ pub mod solve {
         pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {}
     }
     mod on_device {
-        pub struct OnDevice<'g> {
-            pub plan: Plan,
+        pub struct OnDevice {
+            pub plan: Arc<Plan>,
             pub model: Model,
             pub summed: Vec<Model>,
-            pub executor: Executor<'g>,
+            pub executor: Executor,
         }
-        impl<'g> OnDevice<'g> {
+        impl OnDevice {
             pub fn new(
-                gpu: &'g Gpu,
+                gpu: &Gpu,
                 model: Model,
-                plan: Plan,
+                plan: impl Into<Arc<Plan>>,
                 memory: Option<u64>,
-            ) -> Result<OnDevice<'g>> {}
+            ) -> Result<OnDevice> {}
+            pub fn put(&mut self, model: Model, plan: Arc<Plan>) -> Result<()> {}
             pub fn upload(&mut self) -> Result<()> {}
             pub fn model_of(&self, level: &Level) -> &Model {}
         }
@@ -2245,7 +2300,7 @@ pub mod solve {
             pub albedo: Vec<f32>,
         }
         pub fn upload(
-            executor: &mut Executor<'_>,
+            executor: &mut Executor,
             buffer: Buffer,
             bytes: &[u8],
         ) -> Result<()> {}
@@ -2396,6 +2451,14 @@ pub mod solve {
             with_volume: bool,
             beside: impl Into<Beside<'b, 'w>>,
         ) -> Result<Reconstruction> {}
+        pub fn prepare(
+            gpu: &Gpu,
+            capture: &Capture,
+            grid: Grid,
+            options: &PaperOptions,
+            memory: Option<u64>,
+            with_volume: bool,
+        ) -> Result<impl Prepared + use<>> {}
         pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<Part> {}
     }
     mod plan {
@@ -2682,6 +2745,32 @@ pub mod solve {
             pub fn bytes(&self) -> BTreeMap<String, u64> {}
         }
     }
+    mod prepared {
+        pub trait Prepared: Send {
+            fn plan(&self) -> &Arc<Plan>;
+            fn allocate(&mut self) -> Result<()>;
+            fn solve(
+                &mut self,
+                capture: &Capture,
+                beside: Beside<'_, '_>,
+            ) -> Result<Reconstruction>;
+        }
+        impl Planned {
+            pub fn new(
+                gpu: &Gpu,
+                outline: Model,
+                plan: Plan,
+                memory: Option<u64>,
+            ) -> Planned {}
+            pub fn gpu(&self) -> &Gpu {}
+            pub fn plan(&self) -> &Arc<Plan> {}
+            pub fn is_made(&self) -> bool {}
+            pub fn made(
+                &mut self,
+                first: impl FnOnce(&mut OnDevice) -> Result<()>,
+            ) -> Result<&mut OnDevice> {}
+        }
+    }
     mod result {
         #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
         pub struct TakenOff {
@@ -2695,7 +2784,7 @@ pub mod solve {
             pub volume: Option<VolumeMap>,
             pub trace: Vec<TracePoint>,
             pub empty_loss: f64,
-            pub plan: Plan,
+            pub plan: Arc<Plan>,
             pub pairs: u64,
             pub solve_seconds: f64,
             pub device_bytes: u64,
@@ -2713,15 +2802,14 @@ pub mod solve {
             fn check(&self) -> Result<()>;
             fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
             fn outline(&self, plan: &Plan) -> Vec<Part>;
-            fn solve(
+            fn prepare(
                 &self,
                 gpu: &Gpu,
                 capture: &Capture,
                 grid: Grid,
                 memory: Option<u64>,
                 with_volume: bool,
-                beside: Beside<'_, '_>,
-            ) -> Result<Reconstruction>;
+            ) -> Result<Box<dyn Prepared>>;
         }
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct Common {
@@ -2848,6 +2936,16 @@ pub mod solve {
         mod hat {
             pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
         }
+        mod prepared {
+            pub fn prepare(
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                options: &VectorOptions,
+                memory: Option<u64>,
+                with_volume: bool,
+            ) -> Result<impl Prepared + use<>> {}
+        }
         mod preview {
             pub fn preview(
                 gpu: &Gpu,
@@ -2874,15 +2972,15 @@ pub mod solve {
         mod trial {
             pub const PAIRS: usize = 256;
             #[private_fields]
-            pub struct Trial<'g> {}
-            impl<'g> Trial<'g> {
+            pub struct Trial {}
+            impl Trial {
                 pub fn new(
-                    gpu: &'g Gpu,
+                    gpu: &Gpu,
                     capture: &Capture,
                     grid: Grid,
                     options: VectorOptions,
                     memory: Option<u64>,
-                ) -> Trial<'g> {}
+                ) -> Trial {}
                 pub fn begun(&self) -> Option<&Maps> {}
                 pub fn begin_with(&mut self, maps: Option<Maps>) {}
                 pub fn fit(
@@ -2910,6 +3008,7 @@ pub mod solve {
         }
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
+        pub use prepared::prepare;
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub use trial::{Left, PAIRS, Trial};
@@ -2940,6 +3039,7 @@ pub mod solve {
         Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan,
         SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
     };
+    pub use prepared::Prepared;
     pub use result::{Reconstruction, TakenOff};
     pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
     pub use surface::SurfaceOptions;
@@ -3043,7 +3143,15 @@ pub mod transport {
                 peak: f64,
                 general: bool,
             ) -> Model {}
+            pub fn outline(
+                capture: &Capture,
+                reflectance: Reflectance,
+                peak: f64,
+                general: bool,
+            ) -> (Model, Rows) {}
+            pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {}
             pub fn summed(&self, sum: usize) -> Model {}
+            pub fn take_sums(&mut self, narrow: &Model, sum: usize) {}
             pub fn rendered_wall(&self) -> &Wall {}
             pub fn pairs(&self) -> usize {}
             pub fn stride(&self) -> usize {}
@@ -3075,6 +3183,15 @@ pub mod transport {
         impl Reflectance {
             pub fn has_normals(self) -> bool {}
             pub fn number(self) -> u32 {}
+        }
+    }
+    mod rows {
+        #[derive(Debug, Clone, PartialEq)]
+        #[private_fields]
+        pub struct Rows {}
+        impl Rows {
+            pub fn reorder(&mut self, order: &[usize]) {}
+            pub fn crop(&mut self, bins: Range<usize>) {}
         }
     }
     mod spot {
@@ -3135,7 +3252,7 @@ pub mod transport {
         }
         impl Model {
             pub fn half(&self, side: usize) -> Model {}
-            pub fn spread(&mut self) {}
+            pub fn spread(&mut self) -> Vec<usize> {}
         }
     }
     pub mod twin {
@@ -3529,6 +3646,7 @@ pub mod transport {
     pub use grid::{BRICK_VOXELS, Grid, Volume};
     pub use model::{Binning, Gradient, Model, Sampling, cells};
     pub use reflectance::Reflectance;
+    pub use rows::Rows;
     pub use spot::{Rendered, Spot, SpotTaps};
     pub use spread::spread_order;
     pub use wall::{Geometry, Wall};

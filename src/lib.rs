@@ -2,8 +2,8 @@
 //! third bounce of light off a relay wall.
 //!
 //! Data flows one way: a [`capture`], a [`transport`] model of it, a [`solve`] schedule that the [`gpu`] runs, then
-//! [`maps`] to [`measure`] and [`export`]. [`simulate`] makes captures of known scenes. [`job`] does everything from
-//! input files to result files, as the command line does.
+//! [`maps`] to [`measure`] and [`export`]. [`simulate`] makes captures of known scenes. A [`session`] solves frame after
+//! frame of one scan. [`job`] does everything from input files to result files, as the command line does.
 //!
 //! Feature `formats` reads and writes files: without it there is no [`export`], no [`job`] and no reading of captures.
 //! Feature `cli` adds the command.
@@ -46,6 +46,7 @@ pub mod gpu;
 pub mod job;
 pub mod maps;
 pub mod measure;
+pub mod session;
 pub mod simulate;
 pub mod solve;
 pub mod transport;

@@ -172,6 +172,16 @@ fn circles(uses: &Uses) -> Vec<String> {
         .collect()
 }
 
+/// Unsafe code is where Vulkan is called, and where C calls.
+#[test]
+fn unsafe_code_stays_in_its_place() {
+    let unsafe_code = |s: &Source| s.text.contains("unsafe ");
+    let all = all();
+    let outside: Vec<_> = all.iter().filter(|s| unsafe_code(s) && s.module[0] != "gpu").collect();
+    assert!(outside.is_empty(), "{:?}", outside.iter().map(|s| &s.file).collect::<Vec<_>>());
+    assert!(all.iter().any(unsafe_code), "it is seen where it is");
+}
+
 #[test]
 fn no_module_uses_one_that_uses_it() {
     let all = all();

@@ -45,7 +45,7 @@ pub fn job(
     active: usize,
     accumulation: Accumulation,
     tune: impl FnOnce(&mut Tuning),
-) -> thirdbounce::Result<OnDevice<'_>> {
+) -> thirdbounce::Result<OnDevice> {
     let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
         o.accumulation = accumulation;
         o.iterations = 64;
@@ -59,7 +59,7 @@ pub fn job(
 }
 
 /// Device seconds of a kernel so far.
-pub fn spent(job: &OnDevice<'_>, kernel: &str) -> f64 {
+pub fn spent(job: &OnDevice, kernel: &str) -> f64 {
     job.executor.times().get(kernel).copied().unwrap_or(KernelTime::default()).seconds
 }
 

@@ -1,6 +1,7 @@
 //! Checks of a capture: the error names the first thing that is wrong.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::Capture;
 use super::seen::Seen;
@@ -13,19 +14,32 @@ impl Capture {
     /// # Errors
     /// `Kind::Input`, naming the first wrong field with its pair, bin and value.
     pub fn check(&self) -> Result<()> {
-        self.check_outline()?;
+        self.check_scan()?;
+        self.check_counts(&self.histograms)
+    }
+
+    /// Checks counts for the pairs and bins of this capture: how many there are, that all are finite, and that there is
+    /// any signal at all.
+    ///
+    /// # Errors
+    /// As [`Capture::check`].
+    pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {
         let pairs = self.pair_count();
-        if pairs.checked_mul(self.bins) != Some(self.histograms.len()) {
+        if pairs.checked_mul(self.bins) != Some(histograms.len()) {
             return Err(Error::input(
-                format!("{} counts for {pairs} pairs of {} bins", self.histograms.len(), self.bins),
+                format!("{} counts for {pairs} pairs of {} bins", histograms.len(), self.bins),
                 "give pairs x bins counts, bin by bin within a pair",
             ));
         }
-        self.check_counts(self.histograms.chunks_exact(self.bins).map(Seen::of))
+        let seen: Vec<Seen> = histograms.par_chunks_exact(self.bins).map(Seen::of).collect();
+        self.check_seen(seen.into_iter())
     }
 
     /// Checks everything but the counts.
-    pub(super) fn check_outline(&self) -> Result<()> {
+    ///
+    /// # Errors
+    /// As [`Capture::check`].
+    pub fn check_scan(&self) -> Result<()> {
         self.check_lengths()?;
         if !(self.bin_width.is_finite() && self.bin_width > 0.0) {
             return Err(Error::input(
@@ -76,12 +90,18 @@ impl Capture {
 
     /// Mean histogram over the pairs, `[bin]`.
     pub fn mean_histogram(&self) -> Vec<f64> {
+        /// Bins that are added up together: a few lines of the cache.
+        const RUN: usize = 128;
         let mut mean = vec![0.0f64; self.bins];
-        for histogram in self.histograms.chunks_exact(self.bins) {
-            for (m, &v) in mean.iter_mut().zip(histogram) {
-                *m += f64::from(v) / self.pair_count() as f64;
+        // Every bin adds the pairs in their order.
+        mean.par_chunks_mut(RUN).enumerate().for_each(|(run, mean)| {
+            let first = run * RUN;
+            for histogram in self.histograms.chunks_exact(self.bins) {
+                for (m, &v) in mean.iter_mut().zip(&histogram[first..]) {
+                    *m += f64::from(v) / self.pair_count() as f64;
+                }
             }
-        }
+        });
         mean
     }
 
@@ -126,7 +146,7 @@ impl Capture {
     }
 
     /// Checks the counts by what each pair's histogram holds.
-    pub(super) fn check_counts(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
+    pub(super) fn check_seen(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
         let (mut total, mut dark) = (0.0, true);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {

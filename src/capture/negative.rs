@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::Capture;
 
 /// The negative counts of a capture.
@@ -31,14 +33,16 @@ impl Capture {
     /// slow change does not touch: their square is 1.5 variances on average. If there are no such bins, it is the mean
     /// square of the negative counts: noise around zero is as strong below as above.
     pub fn negatives(&self) -> Option<Negatives> {
+        // Most captures have none, which is quick to see.
+        let any = |counts: &[f32]| counts.iter().fold(false, |any, v| any | (*v < 0.0));
+        if !self.histograms.par_chunks(1 << 14).any(any) {
+            return None;
+        }
         let below = |(count, squares): (usize, f64), v: &f32| match *v < 0.0 {
             true => (count + 1, squares + f64::from(*v).powi(2)),
             false => (count, squares),
         };
         let (count, squares) = self.histograms.iter().fold((0, 0.0), below);
-        if count == 0 {
-            return None;
-        }
         let quiet = quiet_bins(&self.mean_histogram()).filter(|(bins, _)| bins.len() >= 3);
         let variance = match quiet {
             Some((bins, _)) => {

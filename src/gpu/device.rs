@@ -1,5 +1,6 @@
 //! Choosing and opening a device.
 
+use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -84,8 +85,21 @@ pub struct Abilities {
     pub limits: Limits,
 }
 
-/// An opened device with one compute queue.
-pub struct Gpu {
+/// A handle of an opened device with one compute queue. Clones are cheap, and any thread may use them. Executors and
+/// arenas hold one. The device closes when the last handle is gone.
+#[derive(Clone)]
+pub struct Gpu(Arc<Opened>);
+
+impl Deref for Gpu {
+    type Target = Opened;
+
+    fn deref(&self) -> &Opened {
+        &self.0
+    }
+}
+
+/// What a [`Gpu`] is a handle of.
+pub struct Opened {
     /// The device as the loader lists it.
     pub info: DeviceInfo,
     /// How it adds to memory.
@@ -205,7 +219,7 @@ impl Gpu {
             .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
         let device = Arc::new(OwnedDevice { raw, hung: AtomicBool::new(false), instance: instance.clone() });
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
-        let gpu = Gpu {
+        let gpu = Gpu(Arc::new(Opened {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
             limits: limits_of(&instance, physical, &properties.limits, work),
@@ -226,7 +240,7 @@ impl Gpu {
             cache: Cache::open(device.clone(), options.pipeline_cache.as_deref(), &properties),
             device,
             instance,
-        };
+        }));
         gpu.name(queue, "compute queue");
         Ok(gpu)
     }

@@ -29,7 +29,9 @@ pub struct Ticket(pub(super) u64);
 pub(super) struct Flight {
     pub ticket: Ticket,
     pub commands: vk::CommandBuffer,
+    /// Time stamps, and how many the pool has room for.
     pub queries: vk::QueryPool,
+    pub room: u32,
     /// Time stamps that it takes: one before all commands, one after, and those that `marks` name.
     pub stamps: u32,
     /// Timed commands, and the stages they belong to; empty where they are not timed.
@@ -44,9 +46,9 @@ pub(super) struct Flight {
 }
 
 /// Runs schedules over the buffers of an arena, in order of submission.
-pub struct Executor<'g> {
-    pub(super) gpu: &'g Gpu,
-    pub(super) arena: Arena<'g>,
+pub struct Executor {
+    pub(super) gpu: Gpu,
+    pub(super) arena: Arena,
     pub(super) pipelines: HashMap<Kernel, Pipeline>,
     pub(super) sets: DescriptorSets,
     pool: vk::CommandPool,
@@ -54,6 +56,8 @@ pub struct Executor<'g> {
     submitted: u64,
     pub(super) flights: VecDeque<Flight>,
     spare: Vec<vk::CommandBuffer>,
+    /// Pools of time stamps that no submission uses, with their sizes.
+    spare_queries: Vec<(vk::QueryPool, u32)>,
     /// Whether canaries were written.
     pub(super) guarded: bool,
     times: BTreeMap<&'static str, KernelTime>,
@@ -61,12 +65,12 @@ pub struct Executor<'g> {
     pace: Pace,
 }
 
-impl<'g> Executor<'g> {
+impl Executor {
     /// An executor for the buffers of `arena`, without kernels yet.
     ///
     /// # Errors
     /// The device cannot make a queue's objects.
-    pub fn new(gpu: &'g Gpu, arena: Arena<'g>) -> Result<Executor<'g>> {
+    pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {
         let device = gpu.raw();
         let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.family).flags(flags);
@@ -83,7 +87,7 @@ impl<'g> Executor<'g> {
         gpu.name(pool, "command pool");
         gpu.name(timeline, "timeline");
         let mut executor = Executor {
-            gpu,
+            gpu: gpu.clone(),
             arena,
             pipelines: HashMap::new(),
             sets: DescriptorSets::new(),
@@ -92,6 +96,7 @@ impl<'g> Executor<'g> {
             submitted: 0,
             flights: VecDeque::new(),
             spare: vec![],
+            spare_queries: vec![],
             guarded: false,
             times: BTreeMap::new(),
             gpu_seconds: 0.0,
@@ -103,7 +108,7 @@ impl<'g> Executor<'g> {
     }
 
     /// The buffers it works on.
-    pub fn arena(&self) -> &Arena<'g> {
+    pub fn arena(&self) -> &Arena {
         &self.arena
     }
 
@@ -136,17 +141,18 @@ impl<'g> Executor<'g> {
     /// Submits a part of a schedule. `open`: the stage that goes on from the part before.
     fn submit_part(&mut self, part: &[Command], open: Option<&Stage>) -> Result<Ticket> {
         let commands = self.command_buffer()?;
-        let queries = match self.query_pool(part) {
+        let (queries, room) = match self.query_pool(part) {
             Ok(queries) => queries,
             Err(e) => {
                 self.spare.push(commands);
                 return Err(e);
             }
         };
-        let mut flight = self.flight(commands, queries);
+        let mut flight = self.flight(commands);
+        (flight.queries, flight.room) = (queries, room);
         flight.goes_on = open.is_some();
         flight.work = part.iter().map(Command::work).fold(0, u64::saturating_add);
-        let gpu = self.gpu;
+        let gpu = self.gpu.clone();
         let recorded = {
             let _span = gpu.span("record");
             self.record(part, open, &mut flight)
@@ -161,14 +167,14 @@ impl<'g> Executor<'g> {
     }
 
     /// A submission that is not launched yet.
-    pub(super) fn flight(&self, commands: vk::CommandBuffer, queries: vk::QueryPool) -> Flight {
+    pub(super) fn flight(&self, commands: vk::CommandBuffer) -> Flight {
         let ticket = Ticket(self.submitted + 1);
-        Flight { ticket, commands, queries, ..Flight::default() }
+        Flight { ticket, commands, ..Flight::default() }
     }
 
     /// Submits what is recorded.
     pub(super) fn launch(&mut self, flight: Flight) -> Result<Ticket> {
-        let gpu = self.gpu;
+        let gpu = self.gpu.clone();
         let _span = gpu.span("submit");
         let values = [flight.ticket.0];
         let semaphores = [self.timeline];
@@ -196,8 +202,9 @@ impl<'g> Executor<'g> {
     /// Takes back the objects of a flight that is over or never began.
     pub(super) fn land(&mut self, flight: Flight) {
         self.spare.push(flight.commands);
-        // SAFETY: the device does not use the pool any more; a null handle is allowed.
-        unsafe { self.gpu.raw().destroy_query_pool(flight.queries, None) };
+        if flight.queries != vk::QueryPool::null() {
+            self.spare_queries.push((flight.queries, flight.room));
+        }
     }
 
     /// Waits until `ticket` and all submissions before it are done.
@@ -205,7 +212,7 @@ impl<'g> Executor<'g> {
     /// # Errors
     /// The device fails, or takes far longer than the work in flight can take: it hangs.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
-        let gpu = self.gpu;
+        let gpu = self.gpu.clone();
         let _span = gpu.span("wait");
         let semaphores = [self.timeline];
         let values = [ticket.0];
@@ -229,6 +236,14 @@ impl<'g> Executor<'g> {
         Ok(())
     }
 
+    /// Waits until everything that was submitted is done.
+    ///
+    /// # Errors
+    /// As [`Executor::wait`].
+    pub fn settle(&mut self) -> Result<()> {
+        self.wait(Ticket(self.submitted))
+    }
+
     /// Submits a schedule and waits for it.
     ///
     /// # Errors
@@ -236,7 +251,8 @@ impl<'g> Executor<'g> {
     pub fn run(&mut self, schedule: &Schedule) -> Result<()> {
         let uploads = |c: &Command| matches!(c, Command::Copy { from, .. } if self.arena.get(*from).place == Place::Upload);
         let all = !schedule.commands.is_empty() && schedule.commands.iter().all(uploads);
-        let _span = all.then(|| self.gpu.span("upload"));
+        let gpu = self.gpu.clone();
+        let _span = all.then(|| gpu.span("upload"));
         let ticket = self.submit(schedule)?;
         self.wait(ticket)
     }
@@ -249,6 +265,11 @@ impl<'g> Executor<'g> {
     /// Times by kernel of finished submissions; empty unless the device was opened with `timings`.
     pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {
         &self.times
+    }
+
+    /// Takes the times by kernel: later ones count from zero.
+    pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {
+        std::mem::take(&mut self.times)
     }
 
     pub(super) fn command_buffer(&mut self) -> Result<vk::CommandBuffer> {
@@ -266,20 +287,24 @@ impl<'g> Executor<'g> {
         Ok(made)
     }
 
-    fn query_pool(&self, commands: &[Command]) -> Result<vk::QueryPool> {
+    /// A pool with room for the time stamps of `commands`, and its size: one that is spare, or a new one.
+    fn query_pool(&mut self, commands: &[Command]) -> Result<(vk::QueryPool, u32)> {
         if self.gpu.tick == 0.0 {
-            return Ok(vk::QueryPool::null());
+            return Ok((vk::QueryPool::null(), 0));
         }
         let count = stamps(commands, self.gpu.recorder.is_some());
+        if let Some(spare) = self.spare_queries.iter().position(|(_, room)| *room >= count) {
+            return Ok(self.spare_queries.swap_remove(spare));
+        }
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
-        // SAFETY: the device is alive; destroyed when the flight is over.
+        // SAFETY: the device is alive; destroyed with the executor.
         let made = self
             .gpu
             .strike(Point::Object)
             .and_then(|()| unsafe { self.gpu.raw().create_query_pool(&info, None) })
             .map_err(|e| self.gpu.failed("making timestamps", e))?;
         self.gpu.name(made, "time stamps");
-        Ok(made)
+        Ok((made, count))
     }
 
     fn read_times(&mut self, flight: &Flight) -> Result<()> {
@@ -311,7 +336,7 @@ fn nanoseconds(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-impl Drop for Executor<'_> {
+impl Drop for Executor {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
             // The device may still use what this holds: it stays until the process ends.
@@ -331,13 +356,14 @@ impl Drop for Executor<'_> {
         // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle), whatever others do
         // on the queue; all was made by this.
         unsafe {
-            for f in self.flights.drain(..) {
-                device.destroy_query_pool(f.queries, None);
+            let flown = self.flights.drain(..).map(|f| f.queries);
+            for queries in flown.chain(self.spare_queries.drain(..).map(|(queries, _)| queries)) {
+                device.destroy_query_pool(queries, None);
             }
             for p in self.pipelines.values() {
-                p.destroy(self.gpu);
+                p.destroy(&self.gpu);
             }
-            self.sets.destroy(self.gpu);
+            self.sets.destroy(&self.gpu);
             device.destroy_semaphore(self.timeline, None);
             device.destroy_command_pool(self.pool, None);
         }

@@ -118,8 +118,8 @@ impl Gpu {
         self.allocated.load(Relaxed)
     }
 
-    /// Closes the device. Returns all messages of the validation layer, those about objects left behind included;
-    /// empty without validation.
+    /// Gives this handle back. If it is the last one, the device closes. Returns all messages of the validation layer,
+    /// those about objects left behind included; empty without validation.
     pub fn close(self) -> Vec<String> {
         let messages = self.instance.messages.clone();
         drop(self);

@@ -53,7 +53,7 @@ impl Gpu {
     }
 }
 
-impl Executor<'_> {
+impl Executor {
     /// Writes every canary.
     pub(super) fn set_canaries(&mut self) -> Result<()> {
         if !self.gpu.guards() {
@@ -66,7 +66,8 @@ impl Executor<'_> {
 
     /// Checks every canary and keeps the results. If the device fails here, the rest is neither checked nor counted.
     pub(super) fn look_at_canaries(&mut self) {
-        let Some(struck) = self.gpu.struck.as_ref().filter(|_| self.guarded) else { return };
+        let gpu = self.gpu.clone();
+        let Some(struck) = gpu.struck.as_ref().filter(|_| self.guarded) else { return };
         for (buffer, made) in self.arena.buffers() {
             let Ok(found) = self.first_overrun(buffer, &made) else { return };
             let mut guarded = struck.guarded.lock().unwrap_or_else(PoisonError::into_inner);

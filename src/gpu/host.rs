@@ -8,7 +8,7 @@ use std::ops::{Bound, RangeBounds};
 use super::execute::{Executor, Flight};
 use super::{Buffer, Place, Ticket};
 
-impl Executor<'_> {
+impl Executor {
     /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
     ///
     /// # Panics
@@ -38,17 +38,28 @@ impl Executor<'_> {
     /// Writes the beginning of an upload or readback buffer.
     ///
     /// # Panics
+    /// As [`Executor::write_at`].
+    pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {
+        self.write_at(buffer, 0, bytes);
+    }
+
+    /// Writes an upload or readback buffer from byte `offset` on.
+    ///
+    /// # Panics
     /// A submission that may read or write the buffer has not been waited for. There is no such buffer, or it is
     /// shorter.
-    pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {
+    pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {
         let user = self.flights.iter().find(|f| f.shared.iter().any(|all| all.contains(&buffer)));
         assert!(user.is_none(), "`{buffer}` is written while the device may be using it");
         let room = self.arena.size(buffer);
-        assert!(bytes.len() as u64 <= room, "{} bytes written to `{buffer}` of {room}", bytes.len());
+        let end = offset.saturating_add(bytes.len() as u64);
+        assert!(end <= room, "bytes {offset} to {end} of `{buffer}` are written, which has {room}");
         let to = self.arena.pointer(buffer);
         // SAFETY: so many bytes are mapped there, and no submission under way touches the buffer. `bytes` is no part of
         // it, as nobody has a reference to mapped memory.
-        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.as_ptr(), bytes.len()) };
+        unsafe {
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.add(offset as usize).as_ptr(), bytes.len());
+        }
     }
 
     /// Copies a part of a host-visible buffer, from byte `offset` on, canary included. The caller makes sure that no

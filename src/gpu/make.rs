@@ -19,15 +19,15 @@ pub struct Wanted<'c> {
     pub constants: Vec<(Constant, u32)>,
 }
 
-impl Executor<'_> {
+impl Executor {
     /// Makes kernels, several at once. Replaces kernels of the same names.
     ///
     /// # Errors
     /// The device fails.
     pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {
-        let gpu = self.gpu;
+        let gpu = self.gpu.clone();
         let _span = gpu.span("make kernels");
-        let make = |w: &Wanted<'_>| Pipeline::new(gpu, w.kernel.name(), w.code, &w.constants);
+        let make = |w: &Wanted<'_>| Pipeline::new(&gpu, w.kernel.name(), w.code, &w.constants);
         let made: Vec<Result<Pipeline>> = wanted.par_iter().map(make).collect();
         let mut all = Ok(());
         for (wanted, made) in wanted.iter().zip(made) {
@@ -61,7 +61,7 @@ impl Executor<'_> {
             recorder.made(wanted.kernel.name(), KernelMade { code: *wanted.code, constants, statistics });
         }
         if let Some(old) = self.pipelines.insert(wanted.kernel, made) {
-            old.destroy(self.gpu);
+            old.destroy(&self.gpu);
         }
     }
 }

@@ -60,29 +60,30 @@ pub(super) struct Made {
 }
 
 /// All buffers of one job.
-pub struct Arena<'g> {
-    gpu: &'g Gpu,
+pub struct Arena {
+    gpu: Gpu,
     buffers: BTreeMap<Buffer, (Made, Option<Allocation>)>,
-    // Dropped before the device: `gpu` outlives it by its lifetime.
+    // Dropped before the device, which `gpu` keeps open.
     allocator: Option<Allocator>,
     bytes: u64,
     /// Buffers from this size on have memory of their own, bytes: on the device, and on the host.
     own_from: [u64; 2],
 }
 
-impl<'g> Arena<'g> {
+impl Arena {
     /// Allocates every buffer of `plan`. `budget` is in bytes of all buffers; without one, it is what the driver reports
     /// as free on each heap.
     ///
     /// # Errors
     /// A buffer is larger than the device can bind, the plan is over budget (the error names the largest buffers), or
     /// the driver refuses an allocation. Nothing stays allocated then.
-    pub fn new(gpu: &'g Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena<'g>> {
+    pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
         let _span = gpu.span("allocate");
         check(plan, &gpu.memory(), budget)?;
         let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
-        let mut arena = Arena { gpu, buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
+        let mut arena =
+            Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),
@@ -122,14 +123,15 @@ impl<'g> Arena<'g> {
             | vk::BufferUsageFlags::TRANSFER_DST;
         let canary = if self.gpu.guards() { canary_of(plan.bytes) } else { 0 };
         let info = vk::BufferCreateInfo::default().size(plan.bytes + canary).usage(usage);
-        let device = self.gpu.raw();
+        let gpu = self.gpu.clone();
+        let device = gpu.raw();
         let refused = |what: String| {
             Error::memory(
                 format!("the device refuses {} for buffer `{}` ({what})", size(plan.bytes), plan.buffer),
                 advice!["use " {Remedy::SMALLER_JOB}],
             )
         };
-        let strike = || self.gpu.strike(Point::Allocation);
+        let strike = || gpu.strike(Point::Allocation);
         // SAFETY: the device is alive; the memory bound is the allocation made for this very buffer.
         let handle = strike().and_then(|()| unsafe { device.create_buffer(&info, None) });
         let handle = handle.map_err(|e| refused(e.to_string()))?;
@@ -213,7 +215,7 @@ impl<'g> Arena<'g> {
     }
 }
 
-impl Drop for Arena<'_> {
+impl Drop for Arena {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
             // The device may still use them: they stay until the process ends.

@@ -26,7 +26,7 @@ pub mod spirv;
 mod state;
 
 pub use budget::{Memory, check};
-pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits};
+pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
 pub use executables::{Compiled, Executable};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use faults::{Faults, Point};

@@ -160,7 +160,7 @@ impl DescriptorSets {
     pub fn get(
         &mut self,
         gpu: &Gpu,
-        arena: &Arena<'_>,
+        arena: &Arena,
         pipeline: &Pipeline,
         buffers: &[Buffer],
     ) -> Result<vk::DescriptorSet> {

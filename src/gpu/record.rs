@@ -6,7 +6,7 @@ use super::execute::{Executor, Flight};
 use super::pipeline::Pipeline;
 use super::recording::Mark;
 use super::state::pieces;
-use super::{Buffer, Command, Kernel, Size, Stage};
+use super::{Buffer, Command, Kernel, Schedule, Size, Stage};
 use crate::Result;
 
 /// A step of the recording of a schedule: a command, or a label that is opened or closed.
@@ -48,7 +48,7 @@ pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
     if timings { 2 * commands.len() as u32 + 2 } else { 2 }
 }
 
-impl Executor<'_> {
+impl Executor {
     /// Records `commands`. `open`: the stage that goes on from an earlier submission.
     pub(super) fn record(
         &mut self,
@@ -56,7 +56,7 @@ impl Executor<'_> {
         open: Option<&Stage>,
         flight: &mut Flight,
     ) -> Result<()> {
-        let gpu = self.gpu;
+        let gpu = self.gpu.clone();
         let device = gpu.raw();
         let c = flight.commands;
         let failed = |e| gpu.failed("recording", e);
@@ -154,17 +154,39 @@ impl Executor<'_> {
         self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"))
     }
 
+    /// Makes what submitting `schedule` takes beside kernels and buffers: the sets that bind them.
+    ///
+    /// # Errors
+    /// The device fails.
+    ///
+    /// # Panics
+    /// A kernel was not added, or a buffer is not in the arena.
+    pub fn reserve(&mut self, schedule: &Schedule) -> Result<()> {
+        for command in &schedule.commands {
+            if let Command::Dispatch { kernel, bind, .. } = command {
+                self.set_of(*kernel, bind)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The set that binds a kernel's buffers.
+    fn set_of(&mut self, kernel: Kernel, bind: &[(Buffer, Buffer)]) -> Result<vk::DescriptorSet> {
+        let pipeline =
+            self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
+        let buffers: Vec<_> = pipeline.bindings.iter().map(|b| buffer_of(bind, b.block)).collect();
+        self.sets.get(&self.gpu, &self.arena, pipeline, &buffers)
+    }
+
     unsafe fn record_one(&mut self, c: vk::CommandBuffer, command: &Command) -> Result<()> {
-        let device = self.gpu.raw();
+        let gpu = self.gpu.clone();
+        let device = gpu.raw();
         // SAFETY: see `record`, the only caller; sizes are asserted against the buffers.
         unsafe {
             match command {
                 Command::Dispatch { kernel, size, bind, push, .. } => {
-                    let pipeline = self.pipelines.get(kernel);
-                    let pipeline = pipeline.unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
-                    let buffers: Vec<_> =
-                        pipeline.bindings.iter().map(|b| buffer_of(bind, b.block)).collect();
-                    let set = self.sets.get(self.gpu, &self.arena, pipeline, &buffers)?;
+                    let set = self.set_of(*kernel, bind)?;
+                    let pipeline = self.pipeline(*kernel);
                     let point = vk::PipelineBindPoint::COMPUTE;
                     device.cmd_bind_pipeline(c, point, pipeline.handle);
                     device.cmd_bind_descriptor_sets(c, point, pipeline.layout, 0, &[set], &[]);
@@ -263,7 +285,7 @@ unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place, Schedule};
+    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place};
     use crate::transport::kernels::{buffer, kernel};
 
     const BACK: Buffer = Buffer::named("back");

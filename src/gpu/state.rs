@@ -15,7 +15,7 @@ pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 /// The most parts along one axis that a shuffled dispatch is cut into.
 const PARTS: u32 = 8;
 
-impl Executor<'_> {
+impl Executor {
     /// Runs what `write` records, and waits. It uses the buffers `reads` and `writes`.
     pub(super) fn at_once(
         &mut self,
@@ -23,9 +23,10 @@ impl Executor<'_> {
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<()> {
         let commands = self.command_buffer()?;
-        let mut flight = self.flight(commands, vk::QueryPool::null());
+        let mut flight = self.flight(commands);
         self.share(&mut flight, reads, writes);
-        let device = self.gpu.raw();
+        let gpu = self.gpu.clone();
+        let device = gpu.raw();
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let all = vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE;
         let memory = [vk::MemoryBarrier::default().src_access_mask(all).dst_access_mask(all)];
@@ -46,7 +47,7 @@ impl Executor<'_> {
         };
         if let Err(e) = recorded {
             self.land(flight);
-            return Err(self.gpu.failed("recording", e));
+            return Err(gpu.failed("recording", e));
         }
         let ticket = self.launch(flight)?;
         self.wait(ticket)
@@ -76,7 +77,8 @@ impl Executor<'_> {
         Ok(all)
     }
 
-    /// Writes `content` to the beginning of a device buffer, through the upload buffer `through`.
+    /// Writes `content` to the beginning of a device buffer, through the upload buffer `through`. Waits for all earlier
+    /// submissions, which may use that.
     ///
     /// # Errors
     /// The device fails.
@@ -85,6 +87,7 @@ impl Executor<'_> {
     /// `content` is longer than the buffer, or the arena has no such buffers.
     pub fn restore(&mut self, buffer: Buffer, content: &[u8], through: Buffer) -> Result<()> {
         assert!(content.len() as u64 <= self.arena.get(buffer).bytes, "restoring beyond `{buffer}`");
+        self.settle()?;
         let (from, to) = (self.arena.get(through).handle, self.arena.get(buffer).handle);
         let part = self.arena.size(through) as usize;
         for (i, piece) in content.chunks(part).enumerate() {

@@ -87,7 +87,7 @@ impl<'k> Keeper<'k> {
     /// The state belongs to another solve.
     pub fn new(
         keep: Option<Keep<'k>>,
-        job: &OnDevice<'_>,
+        job: &OnDevice,
         options: &impl Serialize,
     ) -> Result<Option<Keeper<'k>>> {
         let Some(keep) = keep.filter(|k| k.every > 0 || k.from.is_some()) else { return Ok(None) };
@@ -104,7 +104,7 @@ impl<'k> Keeper<'k> {
 }
 
 impl Identity {
-    fn of(job: &OnDevice<'_>, options: &impl Serialize) -> Identity {
+    fn of(job: &OnDevice, options: &impl Serialize) -> Identity {
         let settings = match serde_json::to_value(options) {
             Ok(serde_json::Value::Object(all)) => all.into_iter().collect(),
             _ => BTreeMap::new(),
@@ -165,7 +165,7 @@ impl Identity {
     }
 }
 
-fn hash_of_scene(job: &OnDevice<'_>, level: &super::Level) -> u64 {
+fn hash_of_scene(job: &OnDevice, level: &super::Level) -> u64 {
     fnv(0, bytemuck::bytes_of(&job.model_of(level).scene_of(&level.grid, level.pairs)))
 }
 
@@ -181,7 +181,7 @@ fn lives(plan: &Plan, b: &BufferPlan) -> bool {
 }
 
 /// The content of every buffer that lives from one iteration to the next. Waits for the device.
-pub(super) fn download(job: &mut OnDevice<'_>) -> Result<BTreeMap<String, Vec<u8>>> {
+pub(super) fn download(job: &mut OnDevice) -> Result<BTreeMap<String, Vec<u8>>> {
     let mut all = BTreeMap::new();
     for b in job.plan.buffers.iter().filter(|b| lives(&job.plan, b)) {
         let content = if b.buffer == TRACE {
@@ -198,7 +198,7 @@ pub(super) fn download(job: &mut OnDevice<'_>) -> Result<BTreeMap<String, Vec<u8
 ///
 /// # Errors
 /// The device fails, or the state does not fit the plan.
-pub(super) fn restore(job: &mut OnDevice<'_>, state: &Checkpoint) -> Result<()> {
+pub(super) fn restore(job: &mut OnDevice, state: &Checkpoint) -> Result<()> {
     let (buffers, levels) = (&state.buffers, job.plan.levels.len());
     let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;
     if state.iteration >= job.plan.iterations[0] || state.level >= levels || !state.pending.iter().all(sound)

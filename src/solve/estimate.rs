@@ -10,9 +10,14 @@ use crate::transport::Model;
 pub fn expected_noise(model: &Model) -> f64 {
     let [per_value, floor] = model.variance;
     // A count is its own unbiased variance; `measured` is the count less the background.
-    let noise =
-        |(i, m): (usize, &f32)| model.bin_weight(i % model.bins) * (per_value * f64::from(*m) + floor);
-    model.measured.iter().enumerate().map(noise).sum::<f64>() / model.elements as f64
+    weighted_sum(model, &model.measured, |m| per_value * m + floor) / model.elements as f64
+}
+
+/// The sum over measured values of what `of` makes of each, with the weights of their bins.
+pub fn weighted_sum(model: &Model, measured: &[f32], of: impl Fn(f64) -> f64) -> f64 {
+    let weights: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin)).collect();
+    let rows = measured.chunks_exact(model.bins);
+    rows.flat_map(|row| row.iter().zip(&weights)).map(|(m, weight)| weight * of(f64::from(*m))).sum()
 }
 
 /// Counts per bin without light: the lowest mean, over all pairs, of any sixteenth of the bins behind the strongest

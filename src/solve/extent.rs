@@ -12,7 +12,8 @@ use crate::{Error, Result};
 /// depths whose light can reach the gated bins. For any pairs and any wall.
 ///
 /// The far end is the deepest point of any pair's longest path. A hidden point of path t lies on the ellipsoid with
-/// laser and sensor point as foci, and t is the end of the last bin in which that pair has signal. In a confocal scan
+/// laser and sensor point as foci, and t is the end of the last bin in which that pair has signal: the last bin of all if
+/// the capture has no counts. In a confocal scan
 /// of a flat wall that is half the longest path. At the near end no path is too short for the gate. It is at least
 /// `min_depth` in front of the wall's frontmost point: nothing between the bumps of a curved wall, or behind it, is
 /// reconstructed.
@@ -46,8 +47,12 @@ pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
 fn deepest(capture: &Capture) -> (f64, f64) {
     let mut longest = capture.t_start + capture.bin_width;
     let mut deepest = f64::NEG_INFINITY;
-    for (pair, histogram) in capture.histograms.chunks_exact(capture.bins.max(1)).enumerate() {
-        let Some(last) = histogram.iter().rposition(|v| *v > 0.0) else { continue };
+    for pair in 0..capture.pair_count() {
+        let last = match capture.histograms.is_empty() {
+            true => capture.bins.checked_sub(1),
+            false => capture.histogram(pair).iter().rposition(|v| *v > 0.0),
+        };
+        let Some(last) = last else { continue };
         let t = capture.t_start + (last + 1) as f64 * capture.bin_width;
         longest = longest.max(t);
         deepest = deepest.max(ellipsoid_top(capture.laser[pair], capture.sensor[pair], t));

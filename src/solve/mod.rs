@@ -17,6 +17,7 @@ mod outline;
 mod over_pairs;
 pub mod paper;
 mod plan;
+mod prepared;
 mod result;
 mod rounding;
 mod solvers;
@@ -38,6 +39,7 @@ pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan, SMOOTH, Sizes, Tuning,
     Twin, UPLOAD, Value, Voxels, passes,
 };
+pub use prepared::Prepared;
 pub use result::{Reconstruction, TakenOff};
 pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
 pub use surface::SurfaceOptions;

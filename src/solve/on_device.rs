@@ -1,6 +1,7 @@
 //! A planned solve on the device: its buffers and kernels, what is uploaded before it and read after it.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
@@ -12,23 +13,24 @@ use crate::transport::kernels::{SceneData, TRACE_ROW, buffer};
 use crate::transport::{Grid, Model};
 
 /// A planned solve on the device: buffers allocated and filled, kernels made.
-pub struct OnDevice<'g> {
+pub struct OnDevice {
     /// Levels, passes and buffers.
-    pub plan: Plan,
+    pub plan: Arc<Plan>,
     /// The capture as kernels see it.
     pub model: Model,
     /// The same in the wider bins of levels of the volume.
     pub summed: Vec<Model>,
     /// Runs schedules over the buffers.
-    pub executor: Executor<'g>,
+    pub executor: Executor,
 }
 
-impl<'g> OnDevice<'g> {
+impl OnDevice {
     /// Allocates and uploads. `memory` is a budget in bytes.
     ///
     /// # Errors
     /// As [`Arena::new`], the device fails, or it does not round to nearest.
-    pub fn new(gpu: &'g Gpu, model: Model, plan: Plan, memory: Option<u64>) -> Result<OnDevice<'g>> {
+    pub fn new(gpu: &Gpu, model: Model, plan: impl Into<Arc<Plan>>, memory: Option<u64>) -> Result<OnDevice> {
+        let plan = plan.into();
         rounding::check(gpu)?;
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
         let mut executor = Executor::new(gpu, arena)?;
@@ -40,50 +42,77 @@ impl<'g> OnDevice<'g> {
         Ok(made)
     }
 
+    /// Puts another model with its plan in the place of its own. The plan's buffers and passes must be those of its own.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn put(&mut self, model: Model, plan: Arc<Plan>) -> Result<()> {
+        self.summed = plan.summed().map(|level| model.summed(level.sum)).collect();
+        (self.plan, self.model) = (plan, model);
+        self.upload()
+    }
+
     /// Fills the buffers that hold the capture and the constants.
     ///
     /// # Errors
     /// The device fails.
     pub fn upload(&mut self) -> Result<()> {
+        self.upload_scan()?;
+        let mut counts = Uploads::begin(&mut self.executor)?;
+        counts.add_counts(&self.plan, &self.model, &self.summed)?;
+        let schedule = counts.schedule;
+        self.executor.run(&schedule)
+    }
+
+    /// Follows a change of the model's measured values and their variance: sums them, and uploads both. Returns before
+    /// the device is done.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub(super) fn upload_counts(&mut self) -> Result<()> {
         let OnDevice { plan, model, summed, executor } = self;
-        upload(executor, buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
-        upload(executor, buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
+        for (wide, level) in summed.iter_mut().zip(plan.summed()) {
+            wide.take_sums(model, level.sum);
+        }
+        let mut counts = Uploads::begin(executor)?;
+        counts.add_counts(plan, model, summed)?;
+        let schedule = counts.schedule;
+        executor.submit(&schedule).map(|_| ())
+    }
+
+    /// Fills the buffers that hold what does not depend on the counts.
+    fn upload_scan(&mut self) -> Result<()> {
+        let OnDevice { plan, model, summed, executor } = self;
+        let mut all = Uploads::begin(executor)?;
+        all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
-        upload(executor, buffer::TAPS, bytemuck::cast_slice(&taps))?;
+        all.add(buffer::TAPS, bytemuck::cast_slice(&taps))?;
         if let Some(pulse) = &model.pulse {
-            upload(executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
+            all.add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
         for (level, pulse) in
             plan.summed().zip(summed.iter()).filter_map(|(l, m)| Some((l, m.pulse.as_ref()?)))
         {
-            upload(executor, level.taps, bytemuck::cast_slice(&pulse.words()))?;
+            all.add(level.taps, bytemuck::cast_slice(&pulse.words()))?;
         }
         for level in plan.levels.iter().chain(plan.pixels_only()) {
-            let own = in_bins_of(level, model, summed);
-            let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
-            let [from_wide, from_deep] = level.parts.map(|v| v as u32);
-            let of = |scene| SceneData { capacity, touched_capacity, from_wide, from_deep, ..scene };
-            let scene = of(own.scene_of(&level.grid, level.pairs));
-            upload(executor, level.scene, bytemuck::bytes_of(&scene))?;
             if let Some(spots) = plan.spots_of(level) {
-                let scene = of(own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered));
-                upload(executor, level.rendered.scene, bytemuck::bytes_of(&scene))?;
-                let points = spots.rendered.wall.words();
-                upload(executor, level.rendered.wall, bytemuck::cast_slice(&points))?;
+                all.add(level.rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words()))?;
             }
         }
         for spots in &plan.spots {
-            upload(executor, spots.taps, bytemuck::cast_slice(&spots.words()))?;
+            all.add(spots.taps, bytemuck::cast_slice(&spots.words()))?;
         }
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
-            upload(executor, level.reachable, bytemuck::cast_slice(&bricks))?;
+            all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
             if level.pairs < plan.pairs {
-                upload(executor, level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
+                all.add(level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
             }
         }
-        executor.run(&sum_bins(plan))
+        let schedule = all.schedule;
+        executor.run(&schedule)
     }
 
     /// The model in the bins of a level.
@@ -105,29 +134,78 @@ pub struct VolumeMap {
     pub albedo: Vec<f32>,
 }
 
+/// Copies to device buffers through the upload buffer: as many in one schedule as it has room for.
+struct Uploads<'e> {
+    executor: &'e mut Executor,
+    /// Bytes of the upload buffer that are taken.
+    at: u64,
+    /// The copies that are not submitted yet.
+    schedule: Schedule,
+}
+
+impl<'e> Uploads<'e> {
+    /// Waits for what is under way: it may use the upload buffer.
+    fn begin(executor: &'e mut Executor) -> Result<Uploads<'e>> {
+        executor.settle()?;
+        Ok(Uploads { executor, at: 0, schedule: Schedule::default() })
+    }
+
+    fn add(&mut self, to: Buffer, bytes: &[u8]) -> Result<()> {
+        let size = self.executor.arena().size(UPLOAD);
+        let (mut rest, mut to_offset) = (bytes, 0);
+        while !rest.is_empty() {
+            if self.at == size {
+                self.executor.run(&std::mem::take(&mut self.schedule))?;
+                self.at = 0;
+            }
+            let (part, more) = rest.split_at(rest.len().min((size - self.at) as usize));
+            self.executor.write_at(UPLOAD, self.at, part);
+            let bytes = part.len() as u64;
+            self.schedule.commands.push(Command::Copy {
+                from: UPLOAD,
+                from_offset: self.at,
+                to,
+                to_offset,
+                bytes,
+            });
+            (self.at, to_offset, rest) = (self.at + bytes, to_offset + bytes, more);
+        }
+        Ok(())
+    }
+
+    /// Adds the measured values, their sums, and the scenes, which hold their variance.
+    fn add_counts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
+        for level in plan.levels.iter().chain(plan.pixels_only()) {
+            let own = in_bins_of(level, model, summed);
+            let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
+            let [from_wide, from_deep] = level.parts.map(|v| v as u32);
+            let of = |scene| SceneData { capacity, touched_capacity, from_wide, from_deep, ..scene };
+            let scene = of(own.scene_of(&level.grid, level.pairs));
+            self.add(level.scene, bytemuck::bytes_of(&scene))?;
+            if let Some(spots) = plan.spots_of(level) {
+                let scene = of(own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered));
+                self.add(level.rendered.scene, bytemuck::bytes_of(&scene))?;
+            }
+        }
+        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
+        self.schedule.extend(sum_bins(plan));
+        Ok(())
+    }
+}
+
 /// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.
 ///
 /// # Errors
 /// The device fails.
-pub fn upload(executor: &mut Executor<'_>, buffer: Buffer, bytes: &[u8]) -> Result<()> {
-    let size = executor.arena().size(UPLOAD) as usize;
-    for (i, part) in bytes.chunks(size).enumerate() {
-        executor.write(UPLOAD, part);
-        let mut s = Schedule::default();
-        s.commands.push(Command::Copy {
-            from: UPLOAD,
-            from_offset: 0,
-            to: buffer,
-            to_offset: (i * size) as u64,
-            bytes: part.len() as u64,
-        });
-        executor.run(&s)?;
-    }
-    Ok(())
+pub fn upload(executor: &mut Executor, buffer: Buffer, bytes: &[u8]) -> Result<()> {
+    let mut one = Uploads::begin(executor)?;
+    one.add(buffer, bytes)?;
+    let schedule = one.schedule;
+    executor.run(&schedule)
 }
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.
-pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool) -> Maps {
+pub(super) fn read_maps(executor: &Executor, grid: &Grid, has_normals: bool) -> Maps {
     let columns: Vec<[f32; 8]> = executor.read(COLUMNS_HOST, ..grid.n[0] * grid.n[1]);
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
     let albedo: Vec<f32> = columns.iter().map(|c| c[0]).collect();
@@ -149,12 +227,12 @@ pub(super) fn read_maps(executor: &Executor<'_>, grid: &Grid, has_normals: bool)
 }
 
 /// Rows of the trace. No submission may be in flight.
-pub(super) fn trace_rows(device: &OnDevice<'_>, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
+pub(super) fn trace_rows(device: &OnDevice, rows: Range<usize>) -> Vec<[u32; TRACE_ROW as usize]> {
     device.executor.read(buffer::TRACE, rows)
 }
 
 /// The active voxels with their state, after mask and state were copied to the host.
-pub(super) fn active_state(executor: &Executor<'_>, grid: &Grid) -> Vec<([usize; 3], [f32; 4])> {
+pub(super) fn active_state(executor: &Executor, grid: &Grid) -> Vec<([usize; 3], [f32; 4])> {
     let raw: Vec<[f32; 4]> = executor.read(RAW_HOST, ..);
     let mask: Vec<u32> = executor.read(MASK_HOST, ..);
     let active = |i: &usize| mask[i / 32] >> (i % 32) & 1 == 1;
@@ -164,7 +242,7 @@ pub(super) fn active_state(executor: &Executor<'_>, grid: &Grid) -> Vec<([usize;
 
 /// The volume whose mask and active voxels' state were copied to the host. `albedo` computes the albedo of a voxel
 /// from its state.
-pub(super) fn read_volume(executor: &Executor<'_>, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
+pub(super) fn read_volume(executor: &Executor, grid: &Grid, albedo: fn([f32; 4]) -> f32) -> VolumeMap {
     let mut all = vec![0.0; grid.voxels()];
     for ([x, y, z], state) in active_state(executor, grid) {
         all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(state);

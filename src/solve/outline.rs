@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use super::drive::Steps;
 use super::{Level, Plan};
+use crate::Result;
 use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size, View};
 use crate::transport::kernels::buffer;
 
@@ -94,6 +95,25 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
     all.extend(due);
     all.push(part(When::End, last, &(steps.extract)(last)));
     all
+}
+
+/// Every schedule of one run of the driver over `iterations`, in their order.
+///
+/// # Errors
+/// Those of `take`.
+pub(super) fn each(
+    plan: &Plan,
+    steps: &Steps<'_>,
+    iterations: Range<usize>,
+    take: &mut dyn FnMut(&Schedule) -> Result<()>,
+) -> Result<()> {
+    let mut level = 0;
+    take(&steps.start)?;
+    for i in iterations {
+        take(&(steps.iteration)(plan, &steps.levels[level], i))?;
+        take(&(steps.due)(plan, &mut level, i + 1))?;
+    }
+    steps.levels.iter().try_for_each(|level| take(&(steps.extract)(level)))
 }
 
 /// The commands of a schedule. Neighbours that differ only in their sizes are one step.

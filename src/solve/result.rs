@@ -1,5 +1,7 @@
 //! What a solve yields.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
 use super::Plan;
@@ -36,7 +38,7 @@ pub struct Reconstruction {
     /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
     pub empty_loss: f64,
     /// The plan that was run.
-    pub plan: Plan,
+    pub plan: Arc<Plan>,
     /// Pair evaluations, forward and backward together counted once.
     pub pairs: u64,
     /// Solve time without measuring, seconds.
@@ -64,7 +66,7 @@ pub struct Reconstruction {
 /// # Errors
 /// The device fails.
 pub(super) fn finish(
-    mut job: OnDevice<'_>,
+    job: &mut OnDevice,
     driven: Driven,
     volume: Option<fn([f32; 4]) -> f32>,
 ) -> Result<Reconstruction> {
@@ -79,7 +81,7 @@ pub(super) fn finish(
         None
     };
     let done = driven.trace.last().map_or(0, |p| p.iteration);
-    let full = trace_rows(&job, 0..done).iter().any(|r| r[TRACE_LEAST as usize] != 0);
+    let full = trace_rows(job, 0..done).iter().any(|r| r[TRACE_LEAST as usize] != 0);
     Ok(Reconstruction {
         maps: driven.maps,
         volume,
@@ -93,8 +95,8 @@ pub(super) fn finish(
         beyond: None,
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
-        kernels: job.executor.times().iter().map(|(n, t)| (*n, *t)).collect(),
-        plan: job.plan,
+        kernels: job.executor.take_times().into_iter().collect(),
+        plan: job.plan.clone(),
     })
 }
 

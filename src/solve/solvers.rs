@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
-    Accumulation, Beside, PaperOptions, Part, Plan, Reconstruction, Sizes, VectorOptions, default_volume,
+    Accumulation, Beside, PaperOptions, Part, Plan, Prepared, Reconstruction, Sizes, VectorOptions,
+    default_volume,
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -28,19 +29,18 @@ pub trait Solver: Options + super::Needs {
     /// The schedules of a whole solve with `plan`.
     fn outline(&self, plan: &Plan) -> Vec<Part>;
 
-    /// Runs the solver.
+    /// Prepares the solver for captures of one scan.
     ///
     /// # Errors
-    /// See [`super::paper::reconstruct`].
-    fn solve(
+    /// See [`super::paper::prepare`].
+    fn prepare(
         &self,
         gpu: &Gpu,
         capture: &Capture,
         grid: Grid,
         memory: Option<u64>,
         with_volume: bool,
-        beside: Beside<'_, '_>,
-    ) -> Result<Reconstruction>;
+    ) -> Result<Box<dyn Prepared>>;
 }
 
 /// What every solver's options have.
@@ -136,16 +136,16 @@ macro_rules! solvers {
                 super::$module::outline(plan, self)
             }
 
-            fn solve(
+            fn prepare(
                 &self,
                 gpu: &Gpu,
                 capture: &Capture,
                 grid: Grid,
                 memory: Option<u64>,
                 with_volume: bool,
-                beside: Beside<'_, '_>,
-            ) -> Result<Reconstruction> {
-                super::$module::reconstruct(gpu, capture, grid, self, memory, with_volume, beside)
+            ) -> Result<Box<dyn Prepared>> {
+                let made = super::$module::prepare(gpu, capture, grid, self, memory, with_volume)?;
+                Ok(Box::new(made))
             }
         })*
     };
@@ -258,7 +258,24 @@ impl SolverOptions {
         with_volume: bool,
         beside: impl Into<Beside<'b, 'w>>,
     ) -> Result<Reconstruction> {
-        self.solver().solve(gpu, capture, grid, memory, with_volume, beside.into())
+        self.check()?;
+        capture.check()?;
+        self.prepare(gpu, capture, grid, memory, with_volume)?.solve(capture, beside.into())
+    }
+
+    /// Prepares the solver for captures of one scan.
+    ///
+    /// # Errors
+    /// See [`super::paper::prepare`].
+    pub fn prepare(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+    ) -> Result<Box<dyn Prepared>> {
+        self.solver().prepare(gpu, capture, grid, memory, with_volume)
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.

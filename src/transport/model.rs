@@ -1,9 +1,10 @@
 //! The model of a capture: what kernels and their twins need to know of it.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
-use super::{Geometry, Grid, Reflectance, Rendered, Spot, Wall};
+use super::{Geometry, Grid, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::scan::unit_of;
 use crate::capture::{Capture, Pulse, PulseTaps};
 
@@ -119,12 +120,19 @@ impl Model {
     /// A capture scaled to the given peak, with the paper's defaults for the rest. `general`: see [`Wall::of`]. A capture
     /// without counts gives a model without measured values, which is enough for a plan.
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
+        let (mut model, rows) = Model::outline(capture, reflectance, peak, general);
+        if !capture.histograms.is_empty() {
+            model.take(&rows, capture, 0.0);
+        }
+        model
+    }
+
+    /// The same model without measured values, and the rows that they are taken by. Of the counts, only the mean path is
+    /// used, if the capture has spots and counts ([`Spot::of`]).
+    pub fn outline(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> (Model, Rows) {
         let (wall, pair_of) = Wall::of(capture, reflectance, general);
-        let histogram = |pair: &usize| capture.histogram(*pair);
-        let largest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
-        let scale = peak / f64::from(largest);
         let spot = Spot::of(capture, wall.geometry, capture.laser_scans());
-        Model {
+        let model = Model {
             elements: wall.pairs() * capture.bins,
             rendered: spot.map(|spot| Rendered::of(&wall, spot)),
             wall,
@@ -133,7 +141,7 @@ impl Model {
             bins: capture.bins,
             bin_width: capture.bin_width,
             t_start: capture.t_start,
-            measured: pair_of.iter().flat_map(histogram).map(|h| (f64::from(*h) * scale) as f32).collect(),
+            measured: vec![],
             // A capture's check refuses a pulse without taps.
             pulse: match &capture.pulse {
                 Some(pulse) => pulse.taps(capture.bin_width).ok(),
@@ -141,7 +149,7 @@ impl Model {
             },
             pulse_shape: capture.pulse.clone(),
             peak,
-            counts_per_unit: 1.0 / scale,
+            counts_per_unit: 1.0,
             reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),
             min_depth: 0.2,
             sampling: Sampling::Continuous,
@@ -159,30 +167,47 @@ impl Model {
             variance: [0.0; 2],
             noise_factor: 0.0,
             roughness: 0.0,
-        }
+        };
+        (model, Rows::of(pair_of, capture.bins))
+    }
+
+    /// Takes the counts of `capture`: scaled so that the largest of all becomes the peak, less `background` counts per bin.
+    pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {
+        let largest = capture.histograms.par_iter().copied().reduce(|| 0.0f32, f32::max);
+        let scale = self.peak / f64::from(largest);
+        self.counts_per_unit = 1.0 / scale;
+        let below = (background * (1.0 / self.counts_per_unit)) as f32;
+        rows.fill(&mut self.measured, capture, scale, below);
     }
 
     /// The same model with every `sum` neighbouring bins as one. Bins at the end that do not fill one are left out.
     pub fn summed(&self, sum: usize) -> Model {
-        let bins = (self.bins / sum).max(1);
         let bin_width = self.bin_width * sum as f64;
-        // Like the kernel that sums on the device.
-        let wide =
-            |h: &[f32]| -> Vec<f32> { h.chunks_exact(sum).map(|narrow| narrow.iter().sum()).collect() };
         let pulse = match &self.pulse_shape {
             // Wider bins need fewer taps.
             Some(shape) => shape.taps(bin_width).ok(),
             None => self.pulse.clone(),
         };
-        Model {
-            bins,
+        let mut wide = Model {
+            bins: (self.bins / sum).max(1),
             bin_width,
-            measured: self.measured.chunks_exact(self.bins).flat_map(wide).collect(),
             elements: (self.elements / sum).max(1),
             pulse,
-            variance: [self.variance[0], self.variance[1] * sum as f64],
             ..self.clone()
+        };
+        wide.take_sums(self, sum);
+        wide
+    }
+
+    /// Takes the measured values of `narrow`, every `sum` neighbouring bins as one, and what belongs to them.
+    pub fn take_sums(&mut self, narrow: &Model, sum: usize) {
+        // Like the kernel that sums on the device.
+        self.measured.clear();
+        for histogram in narrow.measured.chunks_exact(narrow.bins) {
+            self.measured.extend(histogram.chunks_exact(sum).map(|bins| bins.iter().sum::<f32>()));
         }
+        self.variance = [narrow.variance[0], narrow.variance[1] * sum as f64];
+        self.counts_per_unit = narrow.counts_per_unit;
     }
 
     /// The wall that light is rendered for.

@@ -1,5 +1,7 @@
 //! Which voxels and which bins light can reach. The others are left out before anything is allocated.
 
+use std::ops::Range;
+
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
@@ -84,21 +86,21 @@ impl Model {
     }
 
     /// Removes the bins that no path over a voxel of `grid` reaches. They cannot change, so they add a constant to the
-    /// loss. Returns the number of bins removed from each histogram.
-    pub fn trim(&mut self, grid: &Grid) -> usize {
+    /// loss. Returns the bins that are left.
+    pub fn trim(&mut self, grid: &Grid) -> Range<usize> {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
         let [near, far] = paths(self.rendered_wall(), Block::of(grid, low, grid.n.map(|n| n - 1)));
         let bin = |path: f64| (path - self.t_start) / self.bin_width;
         let first = (bin(near) - 1.0).floor().max(0.0) as usize;
         let last = ((bin(far) + 2.0).ceil().max(0.0) as usize).min(self.bins);
         if first >= last {
-            return 0;
+            return 0..self.bins;
         }
         let before = self.bins;
         self.measured = self.measured.chunks_exact(before).flat_map(|h| &h[first..last]).copied().collect();
         self.t_start += first as f64 * self.bin_width;
         self.bins = last - first;
-        before - self.bins
+        first..last
     }
 }
 

@@ -130,7 +130,8 @@ impl Model {
     }
 
     /// Reorders the pairs so that the first n are spread over the wall, for every n. In place, as histograms are large.
-    pub fn spread(&mut self) {
+    /// Returns the pair that moved to each place.
+    pub fn spread(&mut self) -> Vec<usize> {
         let (sides, pairs) = self.wall.spread();
         let wall = &self.wall;
         let pick = |points: &[DVec3], order: &[usize]| order.iter().map(|i| points[*i]).collect::<Vec<_>>();
@@ -149,6 +150,7 @@ impl Model {
         }
         self.rendered = self.rendered.take().map(|r| Rendered::of(&self.wall, r.spot));
         self.is_spread = true;
+        pairs
     }
 }
 

@@ -28,13 +28,25 @@ fn a_file_becomes_maps() {
     assert!(text.contains("paper: ") && text.contains("vector: ") && text.contains("forward"), "{text}");
 }
 
+/// Asserts that every place is found, and returns how many there are.
+fn places_found(text: &str) -> usize {
+    let places = |begin: &str| -> Vec<Vec<f64>> {
+        let lines = text.lines().filter(|l| l.starts_with(begin));
+        lines.map(|l| l.split_whitespace().filter_map(|word| word.parse().ok()).take(3).collect()).collect()
+    };
+    let (hidden, found) = (places("hidden"), places("found"));
+    assert_eq!(hidden.len(), found.len(), "{text}");
+    let off = hidden.concat().iter().zip(found.concat()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 0.04, "{text}");
+    hidden.len()
+}
+
 #[test]
 fn arrays_in_memory_become_a_place() {
-    let text = example("from_arrays", &[]);
-    let place = |line: &str| -> Vec<f64> {
-        let line = text.lines().find(|l| l.starts_with(line)).expect("a line");
-        line.split_whitespace().filter_map(|word| word.parse().ok()).collect()
-    };
-    let off = place("hidden").iter().zip(place("found")).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(off < 0.04, "{text}");
+    assert_eq!(places_found(&example("from_arrays", &[])), 1);
+}
+
+#[test]
+fn frames_of_a_session_become_places() {
+    assert_eq!(places_found(&example("session", &[])), 3);
 }

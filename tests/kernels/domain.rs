@@ -10,7 +10,7 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Twin};
 
 /// Everything that compaction writes, against brute force over `domain`.
-fn assert_lists(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], continuous: bool) {
+fn assert_lists(job: &mut OnDevice, grid: &Grid, domain: &[bool], continuous: bool) {
     let active = twin::compact(domain);
     let touched = if continuous { twin::touched(grid, domain) } else { active.clone() };
     let counts: Vec<u32> = read(job, buffer::COUNTS, COUNTS as usize);
@@ -89,7 +89,7 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
 const STATE: [Buffer; 3] = [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND];
 
 /// Writes a domain and the state of the voxels that it touches, by storage index. Returns the touched voxels.
-fn hold(job: &mut OnDevice<'_>, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
+fn hold(job: &mut OnDevice, grid: &Grid, domain: &[bool], state: &[Vec<Raw>; 3]) -> Vec<u32> {
     let touched = write_touched(job, grid, domain);
     for (buffer, state) in STATE.into_iter().zip(state) {
         write_state(job, buffer, &touched, state);

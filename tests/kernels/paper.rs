@@ -8,7 +8,7 @@ use thirdbounce::transport::twin::{self, Twin};
 use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// Runs the commands of one iteration whose kernel is among `names`.
-fn run(job: &mut thirdbounce::solve::OnDevice<'_>, names: &[&str], number: u32, step: u32) {
+fn run(job: &mut thirdbounce::solve::OnDevice, names: &[&str], number: u32, step: u32) {
     let mut s = paper::iteration(&job.plan, job.plan.finest(), number, step);
     s.commands.retain(|c| names.contains(&c.name()));
     assert!(!s.commands.is_empty());

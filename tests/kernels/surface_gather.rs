@@ -31,7 +31,7 @@ impl GatherCase {
         GatherCase { model, grid, samples, residual }
     }
 
-    fn write(&self, job: &mut OnDevice<'_>) {
+    fn write(&self, job: &mut OnDevice) {
         write_rows(
             job,
             buffer::RESIDUAL,
@@ -42,7 +42,7 @@ impl GatherCase {
         set_counts(job, self.samples.len(), 1.0);
     }
 
-    fn check(&self, job: &mut OnDevice<'_>, tolerance: f64) {
+    fn check(&self, job: &mut OnDevice, tolerance: f64) {
         let twin = Twin { model: &self.model, grid: &self.grid };
         let want = twin::surface_gather(&twin, &self.samples, &self.residual);
         let got = read_raw(job, buffer::GRADIENT, want.len());
@@ -70,18 +70,18 @@ impl GatherCase {
 }
 
 /// Compares an iteration's gather, which must run in `dispatches` dispatches, with its twin. Returns the job.
-fn check_gather<'g>(gpu: &'g Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> OnDevice<'g> {
+fn check_gather(gpu: &Gpu, case: &GatherCase, dispatches: usize, tolerance: f64) -> OnDevice {
     check_gather_seen(gpu, case, dispatches, tolerance, true)
 }
 
 /// The same, with buffers seen as texels where the device is for it, or not.
-fn check_gather_seen<'g>(
-    gpu: &'g Gpu,
+fn check_gather_seen(
+    gpu: &Gpu,
     case: &GatherCase,
     dispatches: usize,
     tolerance: f64,
     texels: bool,
-) -> OnDevice<'g> {
+) -> OnDevice {
     let options = surface_options(&case.grid, 4);
     let mut job = job_tuned(gpu, &case.model, &case.grid, &options, |t| t.texels &= texels);
     case.write(&mut job);

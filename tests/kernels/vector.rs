@@ -1,6 +1,8 @@
 //! The vector solver's kernels on samples and histograms against the float64 twins, on random input in poisoned
 //! buffers.
 
+use std::sync::Arc;
+
 use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
@@ -144,7 +146,7 @@ impl StepCase {
         data.into_iter().zip(self.rough()).map(|(d, r)| d + r).collect()
     }
 
-    fn write(&self, job: &mut OnDevice<'_>) {
+    fn write(&self, job: &mut OnDevice) {
         write_vectors(job, buffer::RAW, &self.active, &self.v);
         write_vectors(job, buffer::BEFORE, &self.active, &self.before);
         write(job, buffer::ACTIVE_VOXELS, &self.active);
@@ -168,7 +170,7 @@ impl StepCase {
     }
 
     /// Compares the state after a step, in groups of `group` voxels, with the twin.
-    fn check(&self, job: &mut OnDevice<'_>, group: usize) {
+    fn check(&self, job: &mut OnDevice, group: usize) {
         let samples = self.samples();
         let gradient = self.gradient(&samples);
         let (mut v, mut before) = (self.v.clone(), self.before.clone());
@@ -211,7 +213,7 @@ fn step_in_slices_and_groups() {
     for (sizes, polished) in
         [([32, 4, u32::MAX], 0), ([8, 8, u32::MAX], 1), ([1, 64, u32::MAX], 0), ([64, 2, u32::MAX], 0)]
     {
-        job.plan.constants.insert(constant::POLISHED, polished);
+        Arc::make_mut(&mut job.plan).constants.insert(constant::POLISHED, polished);
         let of_group = resize(&mut job, sizes, case.active.len());
         case.write(&mut job);
         let groups = case.active.len().div_ceil(of_group) as u32;
@@ -301,7 +303,7 @@ fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize, texels: bool) {
     check_gathers_of(job, case, dispatches);
 }
 
-fn check_gathers_of(mut job: OnDevice<'_>, case: &StepCase, dispatches: usize) {
+fn check_gathers_of(mut job: OnDevice, case: &StepCase, dispatches: usize) {
     let twin = case.twin();
     case.write(&mut job);
     let voxels = job.plan.tuning.samples_of_group(case.active.len()) as usize;
@@ -323,7 +325,7 @@ fn check_gathers_of(mut job: OnDevice<'_>, case: &StepCase, dispatches: usize) {
 }
 
 /// Both bounds of the active voxels from random residuals.
-fn check_bounds(job: &mut OnDevice<'_>, twin: &Twin, active: &[u32], seed: u64) {
+fn check_bounds(job: &mut OnDevice, twin: &Twin, active: &[u32], seed: u64) {
     let mut random = Random::new(seed);
     let residual: Vec<f64> =
         (0..twin.model.pairs() * twin.model.bins).map(|_| random.uniform(0.0, 1e-3)).collect();

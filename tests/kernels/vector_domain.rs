@@ -1,5 +1,7 @@
 //! The vector solver's domain on the device against the float64 twins: reduction, doubling, the start, maps, room.
 
+use std::sync::Arc;
+
 use fixtures::device::surfaces::surface_options;
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -11,7 +13,7 @@ use thirdbounce::transport::twin::{self, Bound, Momentum, Twin};
 use thirdbounce::transport::{Grid, Model, Volume};
 
 /// Checks the state after the domain has changed to `mask`: zero outside, momentum at rest, lists, points.
-fn check_settled(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
+fn check_settled(job: &mut OnDevice, twin: &Twin, mask: &[bool], v: &[DVec3], momentum: Momentum) {
     let count = twin.grid.storage();
     let (mut want, mut before) = (v.to_vec(), vec![DVec3::NAN; count]);
     let mut rest = momentum;
@@ -82,13 +84,13 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     for room in [count(&all) + 1, count(&all) / 2, 40, 1] {
         // The voxels that are active already must fit.
-        job.plan.capacity = count(&domain).max(room);
+        Arc::make_mut(&mut job.plan).capacity = count(&domain).max(room);
         job.upload().unwrap();
         let active = write_domain(&mut job, &domain);
         write_vectors(&mut job, buffer::RAW, &active, &v);
         set_counts(&mut job, active.len(), 0.0);
         write_momentum(&mut job, REST);
-        job.plan.capacity = room;
+        Arc::make_mut(&mut job.plan).capacity = room;
         let s = vector::due(&job.plan, &o, &mut 0, o.domain.reduce_every);
         let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
         let [before, after] =
@@ -135,7 +137,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
 
 /// Writes the vectors of a domain as an iteration leaves them, without light and with the momentum at rest. Returns the
 /// active voxels.
-fn hold(job: &mut OnDevice<'_>, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
+fn hold(job: &mut OnDevice, domain: &[bool], v: &[DVec3]) -> Vec<u32> {
     let active = write_domain(job, domain);
     write_vectors(job, buffer::RAW, &active, v);
     set_counts(job, active.len(), 0.0);
@@ -158,7 +160,7 @@ fn bounds_of(twin: &Twin, mask: &[bool], expected: &[f64]) -> Vec<[f64; 2]> {
     all
 }
 
-fn check_bounds_of(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool], expected: &[f64]) {
+fn check_bounds_of(job: &mut OnDevice, twin: &Twin, mask: &[bool], expected: &[f64]) {
     let got = read_bounds(job, &twin::compact(mask), mask.len());
     let want = bounds_of(twin, mask, expected);
     for k in 0..2 {
@@ -174,7 +176,7 @@ fn expected(smooth: &[f64], power: f64) -> Vec<f64> {
 }
 
 /// An iteration starts with samples of unit weight, whatever weights the bounds used.
-fn check_points(job: &mut OnDevice<'_>, twin: &Twin, mask: &[bool]) {
+fn check_points(job: &mut OnDevice, twin: &Twin, mask: &[bool]) {
     let want = twin::points(twin, &twin::compact(mask));
     let got: Vec<[f32; 4]> = read(job, buffer::SAMPLE_POINTS, want.len());
     for (g, w) in got.iter().zip(&want) {

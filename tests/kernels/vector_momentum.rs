@@ -1,6 +1,8 @@
 //! The values that an iteration of the vector solver passes to the next: sums, momentum and length of steps, on the
 //! device against the float64 twin.
 
+use std::sync::Arc;
+
 use fixtures::device::vectors::*;
 use fixtures::device::*;
 use thirdbounce::solve::OnDevice;
@@ -16,7 +18,7 @@ pub fn finish_decides_on_the_momentum() {
         let (model, grid) = (scene(4, 50, 20), grid());
         let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
         let grouped = sizes[1] > 1;
-        job.plan.tune(|t| t.group_losses = grouped);
+        Arc::make_mut(&mut job.plan).tune(|t| t.group_losses = grouped);
         assert_eq!(resize(&mut job, sizes, ACTIVE), of_group);
         let partials = if grouped { grouped_losses(&model) } else { losses(&model) };
         decides_on_the_momentum(&model, &mut job, of_group, partials);
@@ -28,7 +30,7 @@ pub fn finish_decides_on_the_momentum() {
 const ACTIVE: usize = 777;
 
 /// `voxels`: of a partial sum. `losses`: how many partial losses there are.
-fn decides_on_the_momentum(model: &Model, job: &mut OnDevice<'_>, voxels: usize, losses: usize) {
+fn decides_on_the_momentum(model: &Model, job: &mut OnDevice, voxels: usize, losses: usize) {
     let (active, elements) = (ACTIVE, model.pairs() * model.bins);
     let mut random = Random::new(21);
     let mut want = Momentum { share: 0.5, ..REST };

@@ -41,7 +41,7 @@ struct Runs {
 }
 
 impl Runs {
-    fn run(&mut self, job: &mut OnDevice<'_>, mut schedule: Schedule) {
+    fn run(&mut self, job: &mut OnDevice, mut schedule: Schedule) {
         for command in &mut schedule.commands {
             let Command::Dispatch { kernel, size, .. } = command else { continue };
             let pass = job.plan.passes.iter().find(|p| p.kernel == *kernel).expect("a pass of the plan");
@@ -56,7 +56,7 @@ impl Runs {
 }
 
 /// The trace and the content of some buffers, as words.
-fn left(job: &mut OnDevice<'_>, rows: usize, buffers: &[Buffer]) -> Vec<u32> {
+fn left(job: &mut OnDevice, rows: usize, buffers: &[Buffer]) -> Vec<u32> {
     let mut all: Vec<u32> = job.executor.read(buffer::TRACE, ..rows * TRACE_ROW as usize);
     for buffer in buffers {
         let words = job.plan.bytes_of(*buffer) as usize / 4;

@@ -11,6 +11,7 @@ mod paper_room;
 mod physics;
 mod places;
 mod scale;
+mod session;
 mod subsets;
 mod surface;
 mod taken_off;

@@ -114,7 +114,7 @@ fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
 }
 
 /// Bounds, vectors and rows of the trace after three iterations at the first level, from a random domain.
-fn begun(job: &mut OnDevice<'_>, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[f32; 4]>, Vec<u32>) {
+fn begun(job: &mut OnDevice, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<[f32; 4]>, Vec<u32>) {
     let (_, domain) = state(model, grid, 0.3, 4);
     let active = write_domain(job, &domain);
     let count = active.len();

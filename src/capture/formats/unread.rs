@@ -57,7 +57,7 @@ impl<'f> Unread<'f> {
         let points = self.outline.laser.iter().zip(&self.outline.sensor);
         let known = points.enumerate().filter(|(_, (l, s))| !(l.is_nan() || s.is_nan()));
         let known: Vec<usize> = known.map(|(pair, _)| pair).collect();
-        self.listed(&known).check_outline().map_err(place)?;
+        self.listed(&known).check_scan().map_err(place)?;
         let mut chosen = self.choose(&known, keep, turn, prepare)?;
         let mut read = self.fill(&chosen).map_err(place)?;
         self.outline.integer_counts = read.whole;
@@ -66,7 +66,7 @@ impl<'f> Unread<'f> {
         notes.extend(self.shifts.as_ref().and_then(|shifts| (shifts.note)(shifts, read.late)));
         notes.extend(measured.notes);
         let counted = measured.pairs.iter().map(|pair| seen[*pair]);
-        self.listed(&measured.pairs).check_counts(counted).map_err(place)?;
+        self.listed(&measured.pairs).check_seen(counted).map_err(place)?;
         if measured.pairs != known {
             let before = std::mem::replace(&mut chosen, self.choose(&measured.pairs, keep, turn, prepare)?);
             read.histograms = match places_in(&before, &chosen) {

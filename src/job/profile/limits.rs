@@ -125,14 +125,14 @@ const FROM: Buffer = Buffer::named("from");
 const TO: Buffer = Buffer::named("to");
 const BACK: Buffer = Buffer::named("back");
 
-struct Bench<'g> {
-    gpu: &'g Gpu,
-    executor: Executor<'g>,
+struct Bench {
+    gpu: Gpu,
+    executor: Executor,
     copied: u64,
 }
 
-impl<'g> Bench<'g> {
-    fn new(gpu: &'g Gpu) -> Result<Bench<'g>> {
+impl Bench {
+    fn new(gpu: &Gpu) -> Result<Bench> {
         let result = u64::from(GROUPS * LANES) * 4;
         // Larger than the caches of a GPU, but within free memory and the largest binding.
         let most = if gpu.info.kind == DeviceKind::Cpu { 32 << 20 } else { 512 << 20 };
@@ -149,7 +149,7 @@ impl<'g> Bench<'g> {
         let mut executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
         let words: Vec<u32> = (0..TABLE_WORDS).map(table).collect();
         upload(&mut executor, buffer::TABLE, bytemuck::cast_slice(&words))?;
-        Ok(Bench { gpu, executor, copied })
+        Ok(Bench { gpu: gpu.clone(), executor, copied })
     }
 
     fn add(&mut self, code: &'static KernelCode) -> Result<()> {

@@ -191,7 +191,7 @@ fn search(
 
 /// The trials of a capture.
 struct Trials<'t> {
-    models: Vec<(Reflectance, Trial<'t>)>,
+    models: Vec<(Reflectance, Trial)>,
     /// Metres of path, as narrow as the trials' pixels can tell.
     bin_width: f64,
     /// The narrowest pulse that the solve, whose bins may be narrower, models: in bins of the trials.
@@ -292,7 +292,7 @@ impl<'t> Trials<'t> {
         &mut self,
         reflectance: Reflectance,
         fwhm: f64,
-        run: impl FnOnce(&mut Trial<'t>, Option<&Pulse>, &mut Watch<'_>) -> Result<T>,
+        run: impl FnOnce(&mut Trial, Option<&Pulse>, &mut Watch<'_>) -> Result<T>,
     ) -> Result<T> {
         let Trials { models, hear, known, .. } = self;
         let (_, trial) = models.iter_mut().find(|m| m.0 == reflectance).expect("a trial for every model");

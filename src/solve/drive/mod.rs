@@ -1,6 +1,7 @@
 //! Drives a solver: submits its schedules block by block, reads the trace of finished blocks, and extracts maps on the
 //! way.
 
+use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range};
 
@@ -100,8 +101,8 @@ pub(super) struct Steps<'s> {
     /// pairs; to tell how long the rest takes.
     pub after: Vec<[f64; 2]>,
     /// Stop at the finest level, with all pairs, once the data term of the objective is not above this: the rest is
-    /// noise.
-    pub stop_below: Option<f64>,
+    /// noise. Computed when it is needed first, while the device works.
+    pub stop_below: Option<fn(&OnDevice) -> f64>,
 }
 
 /// The result of driving a solver.
@@ -133,7 +134,7 @@ const IN_FLIGHT: usize = 2;
 /// The device fails, the watch cancels ([`Kind::Cancelled`]), or a loss is not finite.
 pub(super) fn drive(
     gpu: &Gpu,
-    device: &mut OnDevice<'_>,
+    device: &mut OnDevice,
     iterations: usize,
     steps: Steps<'_>,
     watch: &mut Watch<'_>,
@@ -154,9 +155,9 @@ pub(super) fn drive(
 }
 
 /// A solve that is running.
-struct Run<'r, 'w, 'k, 'g> {
+struct Run<'r, 'w, 'k> {
     gpu: &'r Gpu,
-    device: &'r mut OnDevice<'g>,
+    device: &'r mut OnDevice,
     steps: Steps<'r>,
     watch: &'r mut Watch<'w>,
     keeper: Option<Keeper<'k>>,
@@ -179,6 +180,8 @@ struct Run<'r, 'w, 'k, 'g> {
     /// Active voxels in the last block that was read.
     active: usize,
     ahead: Option<Ahead>,
+    /// See [`Steps::stop_below`].
+    stop_below: OnceCell<f64>,
 }
 
 /// A submitted block: its iterations, and the level that all of them run at.
@@ -188,15 +191,15 @@ struct Flight {
     level: Level,
 }
 
-impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
+impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
     fn begin(
         gpu: &'r Gpu,
-        device: &'r mut OnDevice<'g>,
+        device: &'r mut OnDevice,
         steps: Steps<'r>,
         watch: &'r mut Watch<'w>,
         keeper: Option<Keeper<'k>>,
         before: Option<Driven>,
-    ) -> Result<Run<'r, 'w, 'k, 'g>> {
+    ) -> Result<Run<'r, 'w, 'k>> {
         let first_level = steps.levels[0];
         let mut run = Run {
             clock: Clock::start(device.executor.gpu_seconds()),
@@ -218,6 +221,7 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
             // At first every voxel may be active.
             active: first_level.grid.voxels(),
             ahead: None,
+            stop_below: OnceCell::new(),
         };
         match run.keeper.as_mut().and_then(|k| k.keep.from.take()) {
             Some(state) => run.resume(state)?,
@@ -374,7 +378,8 @@ impl<'r, 'w, 'k, 'g> Run<'r, 'w, 'k, 'g> {
             return Err(Error::new(Kind::Cancelled, what, "run it again"));
         }
         let at_end = Some(&flight.level) == self.steps.levels.last();
-        Ok(at_end && self.steps.stop_below.is_some_and(|s| objective <= s))
+        let below = |of: fn(&OnDevice) -> f64| objective <= *self.stop_below.get_or_init(|| of(self.device));
+        Ok(at_end && self.steps.stop_below.is_some_and(below))
     }
 
     fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {

@@ -1,15 +1,18 @@
 //! The solver of "Domain Reduction Strategy for Non-Line-of-Sight Imaging" (ECCV 2024).
 
+use std::sync::Arc;
+
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
 use super::on_device::OnDevice;
 use super::outline::{self, Part};
+use super::prepared::{Planned, Prepared};
 use super::result::{Reconstruction, finish};
 use super::{Plan, domain};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::Gpu;
-use crate::transport::{Grid, Model};
+use crate::gpu::{Gpu, Schedule};
+use crate::transport::{Grid, Model, Rows};
 
 mod needs;
 mod options;
@@ -21,11 +24,21 @@ pub use schedule::{double, due, initialise, iteration, reduce, restart};
 
 /// The model that `options` make of a capture for `grid`.
 pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
+    let (mut model, rows) = outline_of(capture, grid, options);
+    if !capture.histograms.is_empty() {
+        model.take(&rows, capture, 0.0);
+    }
+    model
+}
+
+/// The same without measured values, and the rows that they are taken by.
+fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model, Rows) {
     let noise = if options.noise.term == NoiseTerm::Off {
         [0.0; 2]
     } else {
         [options.noise.base, options.noise.span]
     };
+    let (model, mut rows) = Model::outline(capture, options.reflectance, options.peak, options.general);
     let mut model = Model {
         min_depth: options.domain.min_depth,
         sampling: options.sampling,
@@ -43,12 +56,12 @@ pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
         epsilon: options.epsilon,
         keep_above: options.domain.keep_above,
         seed: options.seed,
-        ..Model::new(capture, options.reflectance, options.peak, options.general)
+        ..model
     };
     if !options.general {
-        model.trim(grid);
+        rows.crop(model.trim(grid));
     }
-    model
+    (model, rows)
 }
 
 /// Runs the solver. `memory` is a budget in bytes. With `with_volume` the volume is read back. `beside` is a
@@ -66,16 +79,62 @@ pub fn reconstruct<'b, 'w: 'b>(
     with_volume: bool,
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
-    let Beside { watch, keep } = beside.into();
     options.check()?;
     capture.check()?;
-    let model = model(capture, &grid, options);
-    let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
-    let mut job = OnDevice::new(gpu, model, plan, memory)?;
-    let steps = steps(&job.plan, options);
-    let keeper = Keeper::new(keep, &job, options)?;
-    let driven = drive(gpu, &mut job, options.iterations, steps, watch, keeper, None)?;
-    finish(job, driven, with_volume.then_some(albedo_of))
+    prepare(gpu, capture, grid, options, memory, with_volume)?.solve(capture, beside.into())
+}
+
+/// Prepares the solver for captures of one scan. Takes the arguments of [`reconstruct`]; the capture's counts may be
+/// left out.
+///
+/// # Errors
+/// Options, scan or device do not allow the solve.
+pub fn prepare(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &PaperOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+) -> Result<impl Prepared + use<>> {
+    options.check()?;
+    let (outline, rows) = outline_of(capture, &grid, options);
+    let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
+    let planned = Planned::new(gpu, outline, plan, memory);
+    Ok(PreparedPaper { planned, rows, options: options.clone(), with_volume })
+}
+
+struct PreparedPaper {
+    planned: Planned,
+    rows: Rows,
+    options: PaperOptions,
+    with_volume: bool,
+}
+
+impl Prepared for PreparedPaper {
+    fn plan(&self) -> &Arc<Plan> {
+        self.planned.plan()
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        let PreparedPaper { planned, options, .. } = self;
+        let OnDevice { plan, executor, .. } = planned.made(|_| Ok(()))?;
+        let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
+        outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)
+    }
+
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+        let PreparedPaper { planned, rows, options, with_volume } = self;
+        let gpu = planned.gpu().clone();
+        let job = planned.made(|_| Ok(()))?;
+        job.model.take(rows, capture, 0.0);
+        job.upload_counts()?;
+        let plan = job.plan.clone();
+        let keeper = Keeper::new(beside.keep, job, options)?;
+        let steps = steps(&plan, options);
+        let driven = drive(&gpu, job, options.iterations, steps, beside.watch, keeper, None)?;
+        finish(job, driven, with_volume.then_some(albedo_of))
+    }
 }
 
 /// The steps that the driver runs.

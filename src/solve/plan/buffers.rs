@@ -39,7 +39,7 @@ impl Plan {
         }
         let rows = self.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
         let mut on_host = vec![
-            (UPLOAD, (self.pairs * self.bins * 4) as u64, Place::Upload),
+            (UPLOAD, (self.pairs * self.bins * 4) as u64 + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
@@ -118,6 +118,12 @@ impl Plan {
             all.extend([(SMOOTH, voxels * 4), (SMOOTH_SPARE, voxels * 4)]);
         }
         all
+    }
+
+    /// Bytes of the scenes of all levels, which change with the counts.
+    fn scene_bytes(&self) -> u64 {
+        let of_level = if self.has_spots() { 2 } else { 1 };
+        (self.levels.iter().chain(self.pixels_only()).count() * of_level * size_of::<SceneData>()) as u64
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {

@@ -62,7 +62,7 @@ pub(super) struct Refined {
 /// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels.
 pub(super) fn refine(
     gpu: &Gpu,
-    job: &mut OnDevice<'_>,
+    job: &mut OnDevice,
     options: &SurfaceOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
@@ -127,7 +127,7 @@ pub(super) fn refine(
 
 /// The maps that the surface begins with, one for each layer, with each pixel of the volume's divided into `factor` ×
 /// `factor`. A second layer is there only if the volume shows it.
-fn begun(job: &mut OnDevice<'_>, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
+fn begun(job: &mut OnDevice, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
     let level = driven.level;
     job.executor.run(&extract_behind(&level))?;
     let second = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
@@ -143,7 +143,7 @@ fn least(plan: &Plan, grid: &Grid) -> f64 {
 }
 
 /// The maps of both refined layers. Those of the first are in `driven`; the second layer began with `behind`.
-fn with_both(job: &mut OnDevice<'_>, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
+fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
     let level = driven.level;
     upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
     job.executor.run(&extract(&level, of_layers, 1))?;
@@ -202,20 +202,43 @@ fn steps(
 /// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; empty without a
 /// surface.
 pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
-    let (Some(reached), iterations) = (plan.levels.last(), options.iterations) else { return vec![] };
+    let begin = plan.iterations[0];
+    let parts = |steps| outline::of("surface", plan, &steps, begin..begin + options.iterations);
+    whole(plan, options).map_or_else(Vec::new, parts)
+}
+
+/// Every schedule that [`refine`] may run.
+///
+/// # Errors
+/// Those of `take`.
+pub(super) fn each(
+    plan: &Plan,
+    options: &SurfaceOptions,
+    take: &mut dyn FnMut(&Schedule) -> Result<()>,
+) -> Result<()> {
+    let Some(steps) = whole(plan, options) else { return Ok(()) };
+    let begin = plan.iterations[0];
+    outline::each(plan, &steps, begin..begin + options.iterations, take)?;
+    plan.levels.iter().try_for_each(|level| take(&extract_behind(level)))?;
+    let residuals = [&super::passes::RESIDUAL_BOUND, &super::passes::RESIDUAL];
+    residuals.into_iter().try_for_each(|residual| take(&compared(plan, &steps.levels[0], 1, residual, begin)))
+}
+
+/// The steps of [`outline`].
+fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
+    let (reached, iterations) = (plan.levels.last()?, options.iterations);
     if iterations == 0 {
-        return vec![];
+        return None;
     }
     let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
     let weights = vec![[0.0; SURFACE_WEIGHTS as usize]; levels.len()];
     let (count, begin, first) = (pixels(plan), plan.iterations[0], levels[0]);
     let taps = is_blurred(plan).then_some(plan.tap_room);
     let stages = Stages { levels, beginnings, weights };
-    let steps = Steps {
+    Some(Steps {
         start: start(&first, count, points_of(plan)),
         ..steps(stages, [count, 0], begin, iterations, taps)
-    };
-    outline::of("surface", plan, &steps, begin..begin + iterations)
+    })
 }
 
 /// What a volume's run tells of the surface after it: [`Steps::after`].
@@ -249,7 +272,7 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
 
 /// Uploads the pixels with the albedos that explain most of the data; `None` if none do. Overwrites row `row` of the
 /// trace.
-fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
+fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
@@ -261,10 +284,7 @@ fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> 
         let mut s = Schedule::default();
         s.stage("surface", &stage_values(level, row));
         s.extend(before);
-        s.extend(render(&job.plan, level, pixels.len(), residual, None));
-        s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
-            .bind(buffer::SCENE, level.scene)
-            .with(Push { iteration: row as u32, ..Default::default() });
+        s.extend(compared(&job.plan, level, pixels.len(), residual, row));
         job.executor.run(&s)?;
         Ok(objective_of(job, row))
     };
@@ -281,8 +301,17 @@ fn place(job: &mut OnDevice<'_>, level: &Level, pixels: &Pixels, row: usize) -> 
     Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
 }
 
+/// Renders so many pixels, and leaves what the pass `residual` makes of it in row `row` of the trace.
+fn compared(plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) -> Schedule {
+    let mut s = render(plan, level, pixels, residual, None);
+    s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
+        .bind(buffer::SCENE, level.scene)
+        .with(Push { iteration: row as u32, ..Default::default() });
+    s
+}
+
 /// The data term in row `row` of the trace.
-fn objective_of(job: &OnDevice<'_>, row: usize) -> f64 {
+fn objective_of(job: &OnDevice, row: usize) -> f64 {
     f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
 }
 

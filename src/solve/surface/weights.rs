@@ -2,7 +2,7 @@
 
 use super::SurfaceOptions;
 use crate::solve::Level;
-use crate::solve::estimate::expected_noise;
+use crate::solve::estimate::{expected_noise, weighted_sum};
 use crate::solve::plan::AMPLE;
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model, Reflectance};
@@ -49,8 +49,7 @@ pub struct Placed {
 
 /// The weighted mean of the squared measurement over the first `pairs`.
 pub fn energy(model: &Model, pairs: usize) -> f64 {
-    let square = |(i, m): (usize, &f32)| model.bin_weight(i % model.bins) * f64::from(*m).powi(2);
-    let sum: f64 = model.measured[..pairs * model.bins].iter().enumerate().map(square).sum();
+    let sum = weighted_sum(model, &model.measured[..pairs * model.bins], |m| m.powi(2));
     sum / model.elements_of(pairs).max(1) as f64
 }
 

@@ -9,18 +9,20 @@
 //! get it first, because they are nearer. So the light of the voxels beyond is too dim. How many times it is taken off,
 //! held-back pairs tell, too: those of which the box alone, fitted to what remains, leaves the least.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::trial::{Left, PAIRS, Sides, render_volume};
-use super::{VectorOptions, solve_volume};
+use super::{VectorOptions, solve_volume, upload_hat};
 use crate::Result;
 use crate::capture::{Capture, PulseTaps, Way};
 use crate::gpu::{Gpu, Schedule};
-use crate::solve::OnDevice;
 use crate::solve::drive::{Doing, Progress, Watch};
 use crate::solve::on_device::active_state;
 use crate::solve::plan::{MASK_HOST, RAW_HOST};
 use crate::solve::result::TakenOff;
+use crate::solve::{OnDevice, Plan};
 use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Sample, Twin};
 use crate::transport::{Grid, Model, Volume};
@@ -63,43 +65,185 @@ pub struct Beyond {
     pub told: TakenOff,
 }
 
-/// Finds the light beyond `inner`; `None` if nothing is there, or if it explains nothing beyond chance.
-///
-/// # Errors
-/// The device fails, or the watch cancels.
-pub fn find(
-    gpu: &Gpu,
-    capture: &Capture,
-    inner: &Grid,
-    options: &VectorOptions,
+/// The search for light beyond a box, for captures of one scan.
+pub struct Search {
+    gpu: Gpu,
+    options: VectorOptions,
     memory: Option<u64>,
-    watch: &mut Watch<'_>,
-) -> Result<Option<Beyond>> {
-    let Watch { hear, .. } = watch;
-    let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
-    let watch = &mut Watch { hear: &mut told, maps_every: None, maps_at: &[] };
-    let count = capture.pair_count().min(2 * PAIRS);
-    let Some(wide) = wider(capture, inner).filter(|_| count >= 8) else { return Ok(None) };
-    let thin = Capture { laser_spot: None, sensor_spot: None, ..capture.subset(count, 1)? };
-    let sum = (OF_VOXEL * wide.pitch.x / thin.bin_width).max(1.0) as usize;
-    let thin = thin.binned(sum.min(thin.bins))?;
-    let search = Search { gpu, options: coarse(options), memory, thin, wide };
-    let alone = Grid::new(box_of(inner, 0.0), INSIDE, wide.pitch.z)?;
-    let Some(own) = search.fit(&search.sides(), alone, watch)? else { return Ok(None) };
-    let Some(more) = search.fit(&search.sides(), wide, watch)? else { return Ok(None) };
-    if !more.left.is_less(&own.left) {
-        return Ok(None);
+    /// The box, and its lateral extent as coarse voxels.
+    inner: Grid,
+    alone: Grid,
+    wide: Grid,
+    /// The scan.
+    outline: Capture,
+    /// The coarse volumes of the box alone and of the wider one, once they are on the device.
+    fits: [Option<Fit>; 2],
+}
+
+/// A coarse volume on the device.
+struct Fit {
+    options: VectorOptions,
+    grid: Grid,
+    /// The plan of the pairs that are fitted, and that of those that judge.
+    plans: [Arc<Plan>; 2],
+    job: OnDevice,
+}
+
+/// Which coarse volume.
+#[derive(Clone, Copy)]
+enum Which {
+    Alone,
+    Wide,
+}
+
+impl Search {
+    /// The search beyond `inner`; `None` if the scan has too few pairs for it, or paths too short.
+    ///
+    /// # Errors
+    /// No coarse grid fits into the box.
+    pub fn of(
+        gpu: &Gpu,
+        capture: &Capture,
+        inner: &Grid,
+        options: &VectorOptions,
+        memory: Option<u64>,
+    ) -> Result<Option<Search>> {
+        let Some(wide) = wider(capture, inner).filter(|_| pairs_of(capture) >= 8) else { return Ok(None) };
+        Ok(Some(Search {
+            gpu: gpu.clone(),
+            options: coarse(options),
+            memory,
+            inner: *inner,
+            alone: Grid::new(box_of(inner, 0.0), INSIDE, wide.pitch.z)?,
+            wide,
+            outline: capture.outline(),
+            fits: [None, None],
+        }))
     }
-    let [x0, x1, y0, y1] = inner.extent();
-    let is_beyond = |s: &Sample| s.point.x < x0 || s.point.x > x1 || s.point.y < y0 || s.point.y > y1;
-    let samples: Vec<Sample> = more.samples.into_iter().filter(is_beyond).collect();
-    if samples.is_empty() {
-        return Ok(None);
+
+    /// Puts both coarse volumes on the device.
+    ///
+    /// # Errors
+    /// The device fails, or has no memory for them.
+    pub fn allocate(&mut self) -> Result<()> {
+        let sides = self.sides(&self.thin(&self.outline)?);
+        self.made(Which::Alone, &sides)?;
+        self.made(Which::Wide, &sides).map(|_| ())
     }
-    let told = TakenOff { left: more.left.share(), left_without: own.left.share(), strength: 1.0 };
-    let mut beyond = Beyond { samples, model: more.model, grid: wide, told };
-    beyond.told.strength = search.strength(&beyond, alone, watch)?;
-    Ok(Some(beyond))
+
+    /// Takes them off the device.
+    pub fn release(&mut self) {
+        self.fits = [None, None];
+    }
+
+    /// Finds the light beyond the box; `None` if nothing is there, or if it explains nothing beyond chance.
+    ///
+    /// # Errors
+    /// The device fails, or the watch cancels.
+    pub fn find(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Option<Beyond>> {
+        let Watch { hear, .. } = watch;
+        let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+        let watch = &mut Watch { hear: &mut told, maps_every: None, maps_at: &[] };
+        let thin = self.thin(capture)?;
+        let Some(own) = self.fit(Which::Alone, self.sides(&thin), watch)? else { return Ok(None) };
+        let Some(more) = self.fit(Which::Wide, self.sides(&thin), watch)? else { return Ok(None) };
+        if !more.left.is_less(&own.left) {
+            return Ok(None);
+        }
+        let [x0, x1, y0, y1] = self.inner.extent();
+        let is_beyond = |s: &Sample| s.point.x < x0 || s.point.x > x1 || s.point.y < y0 || s.point.y > y1;
+        let samples: Vec<Sample> = more.samples.into_iter().filter(is_beyond).collect();
+        if samples.is_empty() {
+            return Ok(None);
+        }
+        let told = TakenOff { left: more.left.share(), left_without: own.left.share(), strength: 1.0 };
+        let mut beyond = Beyond { samples, model: more.model, grid: self.wide, told };
+        beyond.told.strength = self.strength(&beyond, &thin, watch)?;
+        Ok(Some(beyond))
+    }
+
+    /// A few pairs of a capture, in wide bins.
+    fn thin(&self, capture: &Capture) -> Result<Capture> {
+        let thin = Capture { laser_spot: None, sensor_spot: None, ..capture.subset(pairs_of(capture), 1)? };
+        let sum = (OF_VOXEL * self.wide.pitch.x / thin.bin_width).max(1.0) as usize;
+        thin.binned(sum.min(thin.bins))
+    }
+
+    /// The pairs to fit and those that judge, in the bins that the wider box reaches: every fit is judged by the same
+    /// bins.
+    fn sides(&self, thin: &Capture) -> Sides {
+        Sides::of(thin, &self.wide, &self.options)
+    }
+
+    /// A coarse volume on the device, for the pairs of `sides`.
+    fn made(&mut self, which: Which, sides: &Sides) -> Result<&mut Fit> {
+        let Search { gpu, options, memory, fits, .. } = self;
+        let grid = match which {
+            Which::Alone => self.alone,
+            Which::Wide => self.wide,
+        };
+        let place = &mut fits[which as usize];
+        if let Some(fit) = place {
+            fit.job.put(sides.seen.clone(), fit.plans[0].clone())?;
+        } else {
+            let options = options.clone().with(|o| o.lateral = grid.n[0]);
+            let plans = sides.plans(gpu, grid, &options, true)?;
+            // Small scans begin with a coarser grid.
+            let before = plans[0].levels.len().saturating_sub(1).max(1);
+            let options = options.with(|o| o.domain.coarse_iterations = COARSE_ITERATIONS / before);
+            let mut job = OnDevice::new(gpu, sides.seen.clone(), plans[0].clone(), *memory)?;
+            let first = job.plan.levels[0];
+            upload_hat(&mut job, &first)?;
+            *place = Some(Fit { options, grid, plans, job });
+        }
+        Ok(place.as_mut().expect("made above"))
+    }
+
+    /// Fits a volume; `None` if nothing is found.
+    fn fit(&mut self, which: Which, sides: Sides, watch: &mut Watch<'_>) -> Result<Option<Fitted>> {
+        let gpu = self.gpu.clone();
+        let Fit { options, grid, plans: [plan, plan_of_held], job } = self.made(which, &sides)?;
+        let (grid, level) = (*grid, *plan_of_held.finest());
+        let driven = solve_volume(&gpu, job, options, watch, None)?;
+        let active = driven.trace.last().map_or(0, |p| p.active).min(plan.capacity);
+        if active == 0 || driven.level.grid != grid {
+            return Ok(None);
+        }
+        let mut s = Schedule::default();
+        s.copy(buffer::RAW, RAW_HOST, plan.capacity as u64 * 16);
+        s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
+        s.extend(render_volume(plan_of_held, &level));
+        let left = sides.judge(job, plan_of_held.clone(), &level, s, 1)?;
+        let has_normals = plan.reflectance.has_normals();
+        let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {
+            let vector = glam::dvec3(f64::from(x), f64::from(y), f64::from(z));
+            let albedo = if has_normals { 1.0 } else { -vector.z };
+            Sample { point: grid.position(c.map(|c| c as f64).into()), albedo, normal: vector, length: 1.0 }
+        });
+        let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
+        Ok(Some(Fitted { left, samples, model: sides.seen }))
+    }
+
+    /// How many times the light of `beyond` is to be taken off: as often as lets a volume of the box alone predict the
+    /// pairs that judge best.
+    fn strength(&mut self, beyond: &Beyond, thin: &Capture, watch: &mut Watch<'_>) -> Result<f64> {
+        let whole = self.sides(thin);
+        let light = [&whole.seen, &whole.held].map(|model| beyond.light(model));
+        let mut left = [0.0; 3];
+        for (left, times) in left.iter_mut().zip(STRENGTHS) {
+            let mut less = self.sides(thin);
+            take(&mut less.seen, &light[0], times);
+            take(&mut less.held, &light[1], times);
+            let Some(fitted) = self.fit(Which::Alone, less, watch)? else { return Ok(1.0) };
+            *left = fitted.left.pairs.iter().map(|p| p[0]).sum();
+        }
+        Ok(least_of(STRENGTHS, left))
+    }
+}
+
+/// Pairs of a capture that the search takes.
+fn pairs_of(capture: &Capture) -> usize {
+    capture.pair_count().min(2 * PAIRS)
 }
 
 /// The options of a coarse volume.
@@ -141,69 +285,6 @@ struct Fitted {
     left: Left,
     samples: Vec<Sample>,
     model: Model,
-}
-
-/// What all fits of a search share.
-struct Search<'g> {
-    gpu: &'g Gpu,
-    options: VectorOptions,
-    memory: Option<u64>,
-    /// A few pairs, in wide bins.
-    thin: Capture,
-    wide: Grid,
-}
-
-impl Search<'_> {
-    /// The pairs to fit and those that judge, in the bins that the wider box reaches: every fit is judged by the same
-    /// bins.
-    fn sides(&self) -> Sides {
-        Sides::of(&self.thin, &self.wide, &self.options)
-    }
-
-    /// Fits a volume of `grid`; `None` if nothing is found.
-    fn fit(&self, sides: &Sides, grid: Grid, watch: &mut Watch<'_>) -> Result<Option<Fitted>> {
-        let options = self.options.clone().with(|o| o.lateral = grid.n[0]);
-        let [plan, plan_of_held] = sides.plans(self.gpu, grid, &options, true)?;
-        // Small scans begin with a coarser grid.
-        let before = plan.levels.len().saturating_sub(1).max(1);
-        let options = options.with(|o| o.domain.coarse_iterations = COARSE_ITERATIONS / before);
-        let level = *plan_of_held.finest();
-        let has_normals = plan.reflectance.has_normals();
-        let mut job = OnDevice::new(self.gpu, sides.seen.clone(), plan, self.memory)?;
-        let driven = solve_volume(self.gpu, &mut job, &options, watch, None)?;
-        let active = driven.trace.last().map_or(0, |p| p.active).min(job.plan.capacity);
-        if active == 0 || driven.level.grid != grid {
-            return Ok(None);
-        }
-        let mut s = Schedule::default();
-        s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
-        s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
-        s.extend(render_volume(&plan_of_held, &level));
-        let left = sides.judge(&mut job, plan_of_held, &level, s, 1)?;
-        let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {
-            let vector = glam::dvec3(f64::from(x), f64::from(y), f64::from(z));
-            let albedo = if has_normals { 1.0 } else { -vector.z };
-            Sample { point: grid.position(c.map(|c| c as f64).into()), albedo, normal: vector, length: 1.0 }
-        });
-        let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
-        Ok(Some(Fitted { left, samples, model: sides.seen.clone() }))
-    }
-
-    /// How many times the light of `beyond` is to be taken off: as often as lets a volume of the box alone predict the
-    /// pairs that judge best.
-    fn strength(&self, beyond: &Beyond, alone: Grid, watch: &mut Watch<'_>) -> Result<f64> {
-        let whole = self.sides();
-        let light = [&whole.seen, &whole.held].map(|model| beyond.light(model));
-        let mut left = [0.0; 3];
-        for (left, times) in left.iter_mut().zip(STRENGTHS) {
-            let mut less = self.sides();
-            take(&mut less.seen, &light[0], times);
-            take(&mut less.held, &light[1], times);
-            let Some(fitted) = self.fit(&less, alone, watch)? else { return Ok(1.0) };
-            *left = fitted.left.pairs.iter().map(|p| p[0]).sum();
-        }
-        Ok(least_of(STRENGTHS, left))
-    }
 }
 
 /// Where the parabola through three equally spaced points is least, up to a step beyond them; the least point if it has

@@ -10,34 +10,34 @@
 //! comes from a filtered back-projection, so no iteration is dense. The maps of the volume then begin a surface
 //! ([`surface`]).
 
-use std::time::Instant;
-
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{background, expected_noise, variances};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::AMPLE;
-use super::result::{Reconstruction, finish};
+use super::prepared::Prepared;
+use super::result::Reconstruction;
 use super::{Level, Plan, domain, surface};
+use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::transport::kernels::buffer;
-use crate::transport::{Binning, Gradient, Grid, Model, Sampling};
-use crate::{Kind, Result};
+use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
 mod beyond;
 mod hat;
 mod needs;
 mod options;
 pub mod passes;
+mod prepared;
 mod preview;
 mod schedule;
 mod trial;
 
-use beyond::Beyond;
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
+pub use prepared::prepare;
 pub use preview::preview;
 pub use schedule::{due, iteration, start};
 pub use trial::{Left, PAIRS, Trial};
@@ -61,74 +61,28 @@ pub fn reconstruct<'b, 'w: 'b>(
     with_volume: bool,
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
-    let Beside { watch, keep } = beside.into();
     options.check()?;
     capture.check()?;
-    let mut model = model(capture, &grid, options);
-    let begun = Instant::now();
-    let beyond = match options.beyond {
-        true => light_beyond(gpu, capture, &grid, options, memory, watch)?,
-        false => None,
-    };
-    if let Some(beyond) = &beyond {
-        beyond.take_off(&mut model);
-    }
-    let before = begun.elapsed().as_secs_f64();
-    let plan = Plan::new(&model, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
-    let mut job = OnDevice::new(gpu, model, plan, memory)?;
-    let keeper = Keeper::new(keep, &job, options)?;
-    let mut driven = solve_volume(gpu, &mut job, options, watch, keeper)?;
-    let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
-    let mut surface_left = false;
-    if options.surface.iterations > 0 {
-        let refined = surface::refine(gpu, &mut job, &options.surface, watch, driven)?;
-        (driven, surface_left) = (refined.driven, refined.left);
-    }
-    driven.seconds += before;
-    driven.trace.iter_mut().for_each(|p| p.seconds += before);
-    Ok(Reconstruction {
-        volume_iterations,
-        surface_left,
-        beyond: beyond.map(|b| b.told),
-        ..finish(job, driven, with_volume.then_some(albedo_of))?
-    })
+    prepare(gpu, capture, grid, options, memory, with_volume)?.solve(capture, beside.into())
 }
 
-/// The light from beyond the box. If the search fails for a reason of its own, the solve goes on without it.
-fn light_beyond(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: &Grid,
-    options: &VectorOptions,
-    memory: Option<u64>,
-    watch: &mut Watch<'_>,
-) -> Result<Option<Beyond>> {
-    let _span = gpu.span("beyond");
-    match beyond::find(gpu, capture, grid, options, memory, watch) {
-        Err(e) if !matches!(e.kind, Kind::Device | Kind::Cancelled) => Ok(None),
-        found => found,
-    }
-}
-
-/// Solves the volume.
+/// Solves the volume of a job that [`upload_hat`] has made ready.
 fn solve_volume(
     gpu: &Gpu,
-    job: &mut OnDevice<'_>,
+    job: &mut OnDevice,
     options: &VectorOptions,
     watch: &mut Watch<'_>,
     keeper: Option<Keeper<'_>>,
 ) -> Result<Driven> {
-    let first = job.plan.levels[0];
-    upload_hat(job, &first)?;
     let steps = Steps {
-        stop_below: options.stop.then(|| expected_noise(job.model_of(job.plan.finest()))),
+        stop_below: options.stop.then_some(|job| expected_noise(job.model_of(job.plan.finest()))),
         ..steps(&job.plan, options)
     };
     drive(gpu, job, options.iterations, steps, watch, keeper, None)
 }
 
 /// Uploads the Mexican hat that filters the measurement for a back-projection at `level`.
-fn upload_hat(job: &mut OnDevice<'_>, level: &Level) -> Result<()> {
+fn upload_hat(job: &mut OnDevice, level: &Level) -> Result<()> {
     let hat = hat(HAT_SIGMA * level.grid.pitch.x / level.bin_width, level.bins);
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))
 }
@@ -158,6 +112,16 @@ pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
 
 /// The model that `options` make of a capture for `grid`: scaled, background subtracted, noise estimated.
 pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
+    let (mut model, rows) = outline_of(capture, grid, options);
+    if !capture.histograms.is_empty() {
+        take(capture, options, &rows, &mut model);
+    }
+    model
+}
+
+/// The same without measured values, and the rows that they are taken by.
+fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model, Rows) {
+    let (model, mut rows) = Model::outline(capture, options.reflectance, options.peak, options.general);
     let mut model = Model {
         min_depth: options.domain.min_depth,
         sampling: Sampling::Fixed,
@@ -166,22 +130,24 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
         cone: options.cone,
         noise_factor: options.noise_factor,
         roughness: options.roughness,
-        ..Model::new(capture, options.reflectance, options.peak, options.general)
+        ..model
     };
+    if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
+        rows.reorder(&model.spread());
+    }
+    if !options.general {
+        rows.crop(model.trim(grid));
+    }
+    (model, rows)
+}
+
+/// Takes the counts of a capture, less their background, and estimates their noise.
+fn take(capture: &Capture, options: &VectorOptions, rows: &Rows, model: &mut Model) {
     let level = if options.background { background(capture) } else { 0.0 };
     let [per_count, empty] = variances(capture, level);
+    model.take(rows, capture, level);
     let scale = 1.0 / model.counts_per_unit;
-    for m in &mut model.measured {
-        *m -= (level * scale) as f32;
-    }
-    if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
-        model.spread();
-    }
     model.variance = [per_count * scale, empty * scale * scale];
-    if !options.general {
-        model.trim(grid);
-    }
-    model
 }
 
 /// Albedo of a voxel from its vector.

@@ -2,8 +2,10 @@
 //! instrument's pulse is. A surface is fitted to a few pairs. It is judged by other pairs, which it has not seen: a wrong
 //! description may fit the noise of the first, but does not predict the others.
 
+use std::sync::Arc;
+
 use super::passes::EXTRAPOLATE;
-use super::{VectorOptions, model, solve_volume};
+use super::{VectorOptions, model, solve_volume, upload_hat};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
@@ -23,8 +25,8 @@ pub const PAIRS: usize = 256;
 const BEYOND_CHANCE: f64 = 2.0;
 
 /// Trials of one capture on one grid.
-pub struct Trial<'g> {
-    gpu: &'g Gpu,
+pub struct Trial {
+    gpu: Gpu,
     sides: Sides,
     grid: Grid,
     options: VectorOptions,
@@ -35,18 +37,18 @@ pub struct Trial<'g> {
     foreign: bool,
 }
 
-impl<'g> Trial<'g> {
+impl Trial {
     /// Prepares trials with the reflectance and the iterations of `options`. Half of the capture's pairs are fitted, and
     /// half of them judge, so there must be two at least; a few do not tell a difference from chance.
     pub fn new(
-        gpu: &'g Gpu,
+        gpu: &Gpu,
         capture: &Capture,
         grid: Grid,
         options: VectorOptions,
         memory: Option<u64>,
-    ) -> Trial<'g> {
+    ) -> Trial {
         let sides = Sides::of(capture, &grid, &options);
-        Trial { gpu, sides, grid, options, memory, begun: None, foreign: false }
+        Trial { gpu: gpu.clone(), sides, grid, options, memory, begun: None, foreign: false }
     }
 
     /// The maps that surfaces begin with, once there are any.
@@ -74,9 +76,9 @@ impl<'g> Trial<'g> {
                 o.surface.blur = 0.0;
             }
         });
-        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &options, false)?;
+        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
-        let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         let driven = match &self.begun {
             Some(maps) => {
                 // As the start of a volume does.
@@ -88,10 +90,14 @@ impl<'g> Trial<'g> {
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
                 Driven::begun(maps.clone(), *level.unwrap_or(job.plan.finest()))
             }
-            None => solve_volume(self.gpu, &mut job, &options, watch, None)?,
+            None => {
+                let first = job.plan.levels[0];
+                upload_hat(&mut job, &first)?;
+                solve_volume(&self.gpu, &mut job, &options, watch, None)?
+            }
         };
         self.begun.get_or_insert_with(|| driven.maps.clone());
-        let refined = surface::refine(self.gpu, &mut job, &options.surface, watch, driven)?;
+        let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven)?;
         if refined.pixels == 0 {
             return Ok(None);
         }
@@ -117,9 +123,11 @@ impl<'g> Trial<'g> {
             o.iterations = iterations;
             o.surface.iterations = 0;
         });
-        let [plan, plan_of_held] = self.sides.plans(self.gpu, self.grid, &options, true)?;
-        let mut job = OnDevice::new(self.gpu, self.sides.seen.clone(), plan, self.memory)?;
-        let driven = solve_volume(self.gpu, &mut job, &options, watch, None)?;
+        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let first = job.plan.levels[0];
+        upload_hat(&mut job, &first)?;
+        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None)?;
         if driven.trace.last().is_none_or(|p| p.active == 0) {
             return Ok(None);
         }
@@ -177,13 +185,13 @@ impl Sides {
         grid: Grid,
         options: &VectorOptions,
         with_volume: bool,
-    ) -> Result<[Plan; 2]> {
+    ) -> Result<[Arc<Plan>; 2]> {
         let mut plan = Plan::new(&self.seen, grid, self.scan, options, &gpu.abilities(), with_volume)?;
         let plan_of_held = plan.of_other_pairs(&self.held, options);
         plan.make_room(&plan_of_held);
         let residual = plan.bytes_of(buffer::RESIDUAL);
         plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, residual, Place::Readback));
-        Ok([plan, plan_of_held])
+        Ok([plan, plan_of_held].map(Arc::new))
     }
 
     /// Puts the pairs that judge in the place of those that were fitted, renders and compares by `compared`, and tells
@@ -193,15 +201,13 @@ impl Sides {
     /// The device fails.
     pub fn judge(
         &self,
-        job: &mut OnDevice<'_>,
-        plan_of_held: Plan,
+        job: &mut OnDevice,
+        plan_of_held: Arc<Plan>,
         level: &Level,
         mut compared: Schedule,
         sum: usize,
     ) -> Result<Left> {
-        job.summed = plan_of_held.summed().map(|level| self.held.summed(level.sum)).collect();
-        (job.plan, job.model) = (plan_of_held, self.held.clone());
-        job.upload()?;
+        job.put(self.held.clone(), plan_of_held)?;
         let cells = job.plan.cells_at(level);
         compared.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
         job.executor.run(&compared)?;

@@ -13,20 +13,20 @@ use crate::transport::twin::{Raw, Sample};
 const BACK: Buffer = Buffer::named("back");
 
 /// The job, with one more buffer through which the others are read.
-pub fn readable<'g>(gpu: &'g Gpu, model: Model, mut plan: Plan) -> Result<OnDevice<'g>> {
+pub fn readable(gpu: &Gpu, model: Model, mut plan: Plan) -> Result<OnDevice> {
     let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
     plan.buffers.push(BufferPlan::new(BACK, largest, Place::Readback));
     OnDevice::new(gpu, model, plan, None)
 }
 
 /// Fills these buffers with zeros.
-pub fn zeroed(job: &OnDevice<'_>, buffers: &[Buffer]) -> Schedule {
+pub fn zeroed(job: &OnDevice, buffers: &[Buffer]) -> Schedule {
     let mut s = Schedule::default();
     buffers.iter().for_each(|buffer| s.fill(*buffer, job.plan.bytes_of(*buffer), 0));
     s
 }
 
-pub fn read<T: bytemuck::Pod>(job: &mut OnDevice<'_>, from: Buffer, count: usize) -> Result<Vec<T>> {
+pub fn read<T: bytemuck::Pod>(job: &mut OnDevice, from: Buffer, count: usize) -> Result<Vec<T>> {
     let bytes = count * size_of::<T>();
     if bytes == 0 {
         return Ok(vec![]);
@@ -38,23 +38,23 @@ pub fn read<T: bytemuck::Pod>(job: &mut OnDevice<'_>, from: Buffer, count: usize
     Ok(job.executor.read(BACK, ..count))
 }
 
-pub fn read_floats(job: &mut OnDevice<'_>, from: Buffer, count: usize) -> Result<Vec<f64>> {
+pub fn read_floats(job: &mut OnDevice, from: Buffer, count: usize) -> Result<Vec<f64>> {
     Ok(read::<f32>(job, from, count)?.into_iter().map(f64::from).collect())
 }
 
 /// The residual that gradients gather from, `[pair * bins + bin]`.
-pub fn read_residual(job: &mut OnDevice<'_>) -> Result<Vec<f64>> {
+pub fn read_residual(job: &mut OnDevice) -> Result<Vec<f64>> {
     let (from, level) = (job.plan.residual(), job.plan.finest());
     let cells = crate::transport::cells(level.rendered.count, level.bins);
     let all = read_floats(job, from, cells)?;
     Ok(job.model.bins_of(&all))
 }
 
-pub fn read_raw(job: &mut OnDevice<'_>, from: Buffer, count: usize) -> Result<Vec<Raw>> {
+pub fn read_raw(job: &mut OnDevice, from: Buffer, count: usize) -> Result<Vec<Raw>> {
     Ok(read::<[f32; 4]>(job, from, count)?.into_iter().map(|r| r.map(f64::from)).collect())
 }
 
-pub fn read_samples(job: &mut OnDevice<'_>, count: usize) -> Result<Vec<Sample>> {
+pub fn read_samples(job: &mut OnDevice, count: usize) -> Result<Vec<Sample>> {
     let points = read_raw(job, buffer::SAMPLE_POINTS, count)?;
     let normals = read_raw(job, buffer::SAMPLE_NORMALS, count)?;
     let one = |(p, n): (&Raw, &Raw)| Sample {
@@ -66,7 +66,7 @@ pub fn read_samples(job: &mut OnDevice<'_>, count: usize) -> Result<Vec<Sample>>
     Ok(points.iter().zip(&normals).map(one).collect())
 }
 
-pub fn write_raw(job: &mut OnDevice<'_>, to: Buffer, raw: &[Raw]) -> Result<()> {
+pub fn write_raw(job: &mut OnDevice, to: Buffer, raw: &[Raw]) -> Result<()> {
     let words: Vec<[f32; 4]> = raw.iter().map(|r| r.map(|v| v as f32)).collect();
     upload(&mut job.executor, to, bytemuck::cast_slice(&words))
 }

@@ -13,7 +13,7 @@ use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE, buffer};
 use crate::transport::twin::{self, Raw, Sample, Twin};
 
 /// The vector solver's job for a capture, on one grid.
-pub fn job<'g>(gpu: &'g Gpu, capture: &Capture, options: &VectorOptions) -> Result<OnDevice<'g>> {
+pub fn job(gpu: &Gpu, capture: &Capture, options: &VectorOptions) -> Result<OnDevice> {
     let grid = Grid::new(default_volume(capture, options.domain.min_depth)?, LATERAL, capture.bin_width)?;
     let model = vector::model(capture, &grid, options);
     let plan = Plan::new(&model, grid, capture.scan, options, &gpu.abilities(), false)?;

@@ -1,0 +1,105 @@
+//! What a session's frames cost: the time of each, the host's work before the first dispatch, and what the host allocates.
+//!
+//!     cargo bench --bench session
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Instant;
+
+use glam::{DVec3, dvec3};
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::{Gpu, GpuOptions, HostSpan};
+use thirdbounce::session::{Session, SessionOptions};
+use thirdbounce::solve::{SolverOptions, VectorOptions};
+
+/// Counts allocations.
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+static BYTES: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: hands everything on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Relaxed);
+        BYTES.fetch_add(layout.size() as u64, Relaxed);
+        // SAFETY: as the caller states.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: as the caller states.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const SIDE: usize = 32;
+const BINS: usize = 512;
+const FRAMES: usize = 6;
+
+fn main() {
+    let at = |i: usize| (i as f64 + 0.5) / SIDE as f64 - 0.5;
+    let wall: Vec<DVec3> = (0..SIDE * SIDE).map(|p| dvec3(at(p / SIDE), at(p % SIDE), 0.0)).collect();
+    let mut scan = Capture::new([SIDE, SIDE], wall.clone(), wall, BINS, 0.006, vec![]);
+    scan.integer_counts = true;
+    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::default() }).expect("a Vulkan device");
+    println!("{}, {SIDE} x {SIDE} points, {BINS} bins", gpu.info.name.trim());
+    println!("| frame | whole, ms | host before the first dispatch, ms | allocations on the host | MB |");
+    println!("|---|---|---|---|---|");
+    for beyond in [false, true] {
+        let options = VectorOptions::default().with(|o| (o.lateral, o.beyond) = (32, beyond));
+        let solver: SolverOptions = options.into();
+        let begun = Instant::now();
+        let mut session =
+            Session::new(&gpu, &scan, None, &solver, SessionOptions::default()).expect("a session");
+        println!(
+            "| session{} | {:.0} | | | |",
+            if beyond { " that looks beyond the box" } else { "" },
+            1e3 * begun.elapsed().as_secs_f64()
+        );
+        for frame in 0..FRAMES {
+            let counts = counts(&scan, frame);
+            gpu.take_recording();
+            let before = [&ALLOCATIONS, &BYTES].map(|n| n.load(Relaxed));
+            let (begun, at) = (Instant::now(), gpu.now());
+            session.submit(&counts).expect("a frame");
+            session.wait().expect("a result");
+            let seconds = begun.elapsed().as_secs_f64();
+            let host = host_before(&gpu.take_recording().host, at);
+            let [count, bytes] = [&ALLOCATIONS, &BYTES].map(|n| n.load(Relaxed));
+            println!(
+                "| {} | {:.1} | {:.2} | {} | {:.1} |",
+                frame + 1,
+                1e3 * seconds,
+                1e3 * host,
+                count - before[0],
+                (bytes - before[1]) as f64 * 1e-6
+            );
+        }
+    }
+}
+
+/// Seconds from `at` to the end of the second submission: the first only uploads.
+fn host_before(spans: &[HostSpan], at: f64) -> f64 {
+    let submitted = spans.iter().filter(|s| s.what == "submit" && s.from >= at).nth(1);
+    submitted.map_or(f64::NAN, |s| s.to - at)
+}
+
+/// Whole counts of a plate that moves, over a few counts of background.
+fn counts(scan: &Capture, frame: usize) -> Vec<f32> {
+    let centre = dvec3(0.05 * frame as f64 - 0.15, 0.1, 0.7);
+    let mut counts: Vec<f32> =
+        (0..scan.pair_count() * BINS).map(|i| ((i * 7919 + frame) % 11 / 9) as f32).collect();
+    for (pair, point) in scan.laser.iter().enumerate() {
+        for i in 0..144 {
+            let [x, y] = [i / 12, i % 12].map(|k| 0.03 * (k as f64 - 5.5));
+            let distance = point.distance(centre + dvec3(x, y, 0.2 * x));
+            let bin = (2.0 * distance / scan.bin_width) as usize;
+            counts[pair * BINS + bin.min(BINS - 1)] += (3.0 / distance.powi(4)).round() as f32;
+        }
+    }
+    counts
+}

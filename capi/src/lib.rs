@@ -1,0 +1,93 @@
+//! The C interface: devices and sessions behind opaque handles. `include/thirdbounce.h` is made from this by `make header`.
+//!
+//! Every function returns a status, or cannot fail. After a status that is not `TB_OK`, `tb_last_error` and
+//! `tb_last_remedy` tell this thread what was wrong and how to mend it. No panic crosses: it becomes `TB_DEFECT`.
+//!
+//! `unsafe` is here because C gives pointers; each block states what the header asks of the caller.
+
+mod error;
+mod log;
+mod scan;
+mod session;
+mod sized;
+mod text;
+
+pub use error::TbStatus;
+pub use log::{TbLevel, TbLog};
+pub use scan::TbScan;
+pub use session::{TbFrame, TbHear, TbProgress, TbSession, TbSettings};
+
+use std::ffi::{CStr, CString, c_char};
+
+use engine::gpu::{Gpu, GpuOptions};
+use error::{guarded, options_error};
+
+/// Version of this interface. Structs may grow within a version: they begin with their size.
+pub const TB_API_VERSION: u32 = 1;
+
+/// An opened Vulkan device. Any thread may use it, and any number of sessions at once.
+pub struct TbDevice {
+    gpu: Gpu,
+    name: CString,
+}
+
+/// Version of the library, "0.1.0". Any thread.
+#[unsafe(no_mangle)]
+pub extern "C" fn tb_version() -> *const c_char {
+    concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
+}
+
+/// Opens a device into `device`. `api_version` is `TB_API_VERSION`: a library of another version refuses it. `name` is a
+/// part of the device's name or its index, or NULL for the best one. Any thread.
+///
+/// # Safety
+/// `name` is NULL or a string that ends with a zero; `device` points to a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_device_open(
+    api_version: u32,
+    name: *const c_char,
+    device: *mut *mut TbDevice,
+) -> TbStatus {
+    guarded(|| {
+        if api_version != TB_API_VERSION {
+            return Err(options_error(
+                format!(
+                    "the program was compiled for version {api_version} of the interface, this library has {TB_API_VERSION}"
+                ),
+                "compile the program with this library's header",
+            ));
+        }
+        // SAFETY: the caller gives NULL or a string.
+        let name = unsafe { text::of(name, "name")? };
+        let gpu = Gpu::open(&GpuOptions { device: name.map(str::to_string), ..GpuOptions::default() })?;
+        let shown = CString::new(gpu.info.name.trim().replace('\0', "")).unwrap_or_default();
+        log::note(&format!("opened {}", gpu.info.name.trim()));
+        // SAFETY: the caller gives a pointer to write to.
+        unsafe { sized::give_handle(device, TbDevice { gpu, name: shown }, "device") }
+    })
+}
+
+/// The device's name; it lives as long as `device`. Any thread.
+///
+/// # Safety
+/// `device` is open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_device_name(device: *const TbDevice) -> *const c_char {
+    // SAFETY: the caller gives an open device, or NULL.
+    unsafe { device.as_ref() }.map_or(c"".as_ptr(), |device| CStr::as_ptr(&device.name))
+}
+
+/// Gives a device back; NULL does nothing. Sessions keep what they need of it. Any thread, once.
+///
+/// # Safety
+/// `device` is open, and nobody uses the handle meanwhile or afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_device_close(device: *mut TbDevice) {
+    let _ = guarded(|| {
+        if !device.is_null() {
+            // SAFETY: `tb_device_open` made it, and the caller gives it back once.
+            drop(unsafe { Box::from_raw(device) });
+        }
+        Ok(())
+    });
+}

@@ -1,0 +1,361 @@
+//! Sessions: frames of counts in, maps out.
+
+use std::ffi::{c_char, c_void};
+use std::mem::offset_of;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions};
+use engine::solve::option::{Suit, Value};
+use engine::solve::{Progress, SolverOptions};
+use engine::{Error, Result};
+
+use crate::error::{TbStatus, guarded, options_error};
+use crate::scan::TbScan;
+use crate::sized::{self, Versioned};
+use crate::{TbDevice, log, text};
+
+/// What a progress function is told.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct TbProgress {
+    /// sizeof(tb_progress) of the library.
+    pub size: usize,
+    /// The frame.
+    pub frame: u64,
+    /// Iterations done, and iterations of the whole frame.
+    pub iteration: usize,
+    pub iterations: usize,
+    /// The loss.
+    pub loss: f64,
+    /// Seconds since the frame began.
+    pub seconds: f64,
+}
+
+/// Hears of the progress. Returns 0 to go on; anything else stops the frame.
+pub type TbHear = Option<unsafe extern "C" fn(user: *mut c_void, progress: *const TbProgress) -> i32>;
+
+/// How a session solves. Zero everything, then set `size`; zero is the default of every field.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct TbSettings {
+    /// sizeof(tb_settings).
+    pub size: usize,
+    /// "vector" or "paper"; NULL: the default solver.
+    pub solver: *const c_char,
+    /// Lateral pixels of the maps; 0: the solver's default.
+    pub lateral: usize,
+    /// Further options of the solver as "name=value name=value", by their names on the command line; NULL: none.
+    pub options: *const c_char,
+    /// Most device memory to use, bytes; 0: what is free.
+    pub memory: u64,
+    /// A frame that takes longer is stopped, seconds; 0: none is.
+    pub time_limit: f64,
+    /// Hears of the progress. Called by the session's own thread; it must not call functions of this session but
+    /// `tb_session_cancel`.
+    pub hear: TbHear,
+    /// Given to `hear`.
+    pub user: *mut c_void,
+}
+
+/// A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
+/// and until the session is freed. Pixel [ix * ny + iy] of each is at ix along +x and iy along +y.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct TbFrame {
+    /// sizeof(tb_frame): set it before the call.
+    pub size: usize,
+    /// The frame's number.
+    pub id: u64,
+    /// Pixels along x and y.
+    pub nx: usize,
+    pub ny: usize,
+    /// Outer edges of the pixels, metres: x min, x max, y min, y max.
+    pub extent: [f64; 4],
+    /// Albedo; its unit is that of the scaled counts.
+    pub albedo: *const f32,
+    /// Depth, metres; NaN where nothing is.
+    pub depth: *const f32,
+    /// Unit normals toward the wall, x, y, z of each pixel; NaN where nothing is.
+    pub normal: *const f32,
+    /// 1 where there is surface.
+    pub mask: *const u8,
+    /// Iterations that were done.
+    pub iterations: usize,
+    /// Seconds that solving took.
+    pub seconds: f64,
+}
+
+// SAFETY: both are `repr(C)` and begin with their size; zero is valid for all fields.
+unsafe impl Versioned for TbSettings {
+    const NAME: &'static str = "tb_settings";
+    const FIRST: usize = offset_of!(TbSettings, user) + size_of::<*mut c_void>();
+}
+
+// SAFETY: as above.
+unsafe impl Versioned for TbFrame {
+    const NAME: &'static str = "tb_frame";
+    const FIRST: usize = offset_of!(TbFrame, seconds) + size_of::<f64>();
+}
+
+/// A solver with everything that it needs for frames of one scan.
+pub struct TbSession {
+    session: Mutex<Session>,
+    canceller: Canceller,
+}
+
+impl TbSession {
+    fn session(&self) -> MutexGuard<'_, Session> {
+        // A session is whole after a panic: its thread has the rest.
+        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Makes a session into `session`: everything is compiled and allocated here. Any thread.
+///
+/// # Safety
+/// `device` is open. `scan` and `settings` begin with their sizes; `settings` may be NULL. Strings end with a zero, arrays
+/// are as long as `tb_scan` says, and `session` points to a pointer. `hear` may be called with `user` by another thread
+/// until the session is freed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_session_new(
+    device: *const TbDevice,
+    scan: *const TbScan,
+    settings: *const TbSettings,
+    session: *mut *mut TbSession,
+) -> TbStatus {
+    guarded(|| {
+        // SAFETY: the caller gives an open device, or NULL.
+        let device = unsafe { device.as_ref() }.ok_or_else(|| no_handle("device"))?;
+        // SAFETY: the caller gives structs that begin with their sizes, and arrays and strings as they say.
+        let (capture, settings) = unsafe {
+            let settings = if settings.is_null() { None } else { Some(sized::read(settings)?) };
+            (sized::read(scan)?.capture()?, settings)
+        };
+        capture.check_scan()?;
+        let (solver, options) = match &settings {
+            // SAFETY: as above.
+            Some(settings) => unsafe { (settings.solver(&Suit::of(&capture))?, settings.session_options()?) },
+            None => (chosen(SolverOptions::DEFAULT, &Suit::of(&capture))?, SessionOptions::default()),
+        };
+        let made = Session::new(&device.gpu, &capture, None, &solver, options)?;
+        let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
+        log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().pairs));
+        let canceller = made.canceller();
+        // SAFETY: the caller gives a pointer to write to.
+        unsafe { sized::give_handle(session, TbSession { session: Mutex::new(made), canceller }, "session") }
+    })
+}
+
+/// Begins to solve a frame and returns. `counts` are those of bin b of pair p at [p * bins + b], `count` of them; they are
+/// copied. `frame` receives the frame's number; it may be NULL. TB_INPUT if the counts cannot be used, TB_OPTIONS while a
+/// frame is being solved: nothing changes then. Any thread; calls for one session wait for each other.
+///
+/// # Safety
+/// `session` lives. `counts` holds `count` numbers. `frame` is NULL or may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_session_submit(
+    session: *const TbSession,
+    counts: *const f32,
+    count: usize,
+    frame: *mut u64,
+) -> TbStatus {
+    guarded(|| {
+        // SAFETY: the caller gives a living session, or NULL.
+        let session = unsafe { session.as_ref() }.ok_or_else(|| no_handle("session"))?;
+        if counts.is_null() {
+            return Err(options_error("`counts` is NULL", "give the frame's counts"));
+        }
+        // SAFETY: so many numbers are there, as the caller states.
+        let id = session.session().submit(unsafe { std::slice::from_raw_parts(counts, count) })?;
+        if !frame.is_null() {
+            // SAFETY: the caller gives a pointer to write to.
+            unsafe { frame.write(id.0) };
+        }
+        Ok(())
+    })
+}
+
+/// Waits up to `seconds` for the frame that was submitted last: 0 only looks, below 0 waits as long as it takes. TB_OK with
+/// the frame; TB_NOT_YET if it is not solved by then, or there is none; else why it failed or that it was stopped
+/// (TB_CANCELLED). The next one can be submitted then. Below 0 without a frame is TB_OPTIONS. Any thread; calls for one
+/// session wait for each other.
+///
+/// # Safety
+/// `session` lives. `frame` begins with its size, and may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_session_wait(
+    session: *const TbSession,
+    seconds: f64,
+    frame: *mut TbFrame,
+) -> TbStatus {
+    let mut there = false;
+    let status = guarded(|| {
+        // SAFETY: the caller gives a living session, or NULL.
+        let session = unsafe { session.as_ref() }.ok_or_else(|| no_handle("session"))?;
+        // SAFETY: the caller gives a struct that begins with its size. A result must not be lost if it does not.
+        unsafe { sized::size_of_target(frame)? };
+        let mut session = session.session();
+        let limit = Duration::try_from_secs_f64(seconds.max(0.0)).unwrap_or(Duration::MAX);
+        let found = if seconds < 0.0 { Some(session.wait()?) } else { session.wait_for(limit)? };
+        there = found.is_some();
+        match found {
+            // SAFETY: the caller gives a struct that begins with its size.
+            Some(found) => unsafe { sized::write(frame, &TbFrame::of(found)) },
+            None => Ok(()),
+        }
+    });
+    if status == TbStatus::TbOk && !there { TbStatus::TbNotYet } else { status }
+}
+
+/// Stops the frame that is being solved, if there is one; its `tb_session_wait` then returns TB_CANCELLED. Returns at once.
+/// Any thread, also while another one waits, and from `hear`; not from a signal handler.
+///
+/// # Safety
+/// `session` lives.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_session_cancel(session: *const TbSession) -> TbStatus {
+    guarded(|| {
+        // SAFETY: the caller gives a living session, or NULL.
+        unsafe { session.as_ref() }.ok_or_else(|| no_handle("session"))?.canceller.cancel();
+        Ok(())
+    })
+}
+
+/// Stops what the session does, and frees it with its last frame; NULL does nothing. Any thread, once; not from `hear`.
+///
+/// # Safety
+/// `session` lives, and nobody uses the handle meanwhile or afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_session_free(session: *mut TbSession) {
+    let _ = guarded(|| {
+        if !session.is_null() {
+            // SAFETY: `tb_session_new` made it, and the caller gives it back once.
+            drop(unsafe { Box::from_raw(session) });
+        }
+        Ok(())
+    });
+}
+
+fn no_handle(what: &str) -> Error {
+    options_error(format!("`{what}` is NULL"), "give the handle that was made")
+}
+
+fn chosen(name: &str, suit: &Suit) -> Result<SolverOptions> {
+    SolverOptions::suited_to(name, suit).ok_or_else(|| {
+        options_error(format!("there is no solver {name:?}"), "use \"vector\" or \"paper\", or NULL")
+    })
+}
+
+/// A pointer of the program's, for the session's thread.
+struct User(*mut c_void);
+
+// SAFETY: it is only handed to `hear`, which the header asks to be callable from the session's thread.
+unsafe impl Send for User {}
+
+impl User {
+    fn pointer(&self) -> *mut c_void {
+        self.0
+    }
+}
+
+impl TbSettings {
+    /// # Safety
+    /// The strings are NULL or end with a zero.
+    unsafe fn solver(&self, suit: &Suit) -> Result<SolverOptions> {
+        // SAFETY: as the caller states.
+        let [name, options] =
+            unsafe { [text::of(self.solver, "solver")?, text::of(self.options, "options")?] };
+        let mut solver = chosen(name.unwrap_or(SolverOptions::DEFAULT), suit)?;
+        if self.lateral > 0 {
+            solver.set("lateral", &Value::Count(self.lateral));
+        }
+        for option in options.unwrap_or_default().split_whitespace() {
+            set(&mut solver, option)?;
+        }
+        Ok(solver)
+    }
+
+    /// # Safety
+    /// `hear` may be called with `user` by another thread.
+    unsafe fn session_options(&self) -> Result<SessionOptions> {
+        let limit = Duration::try_from_secs_f64(self.time_limit).map_err(|_| {
+            options_error(format!("the time limit is {} s", self.time_limit), "give seconds, or 0 for none")
+        })?;
+        let user = User(self.user);
+        let hear = self.hear.map(|hear| -> Hear {
+            Box::new(move |id: FrameId, progress: &Progress| {
+                let told = TbProgress::of(id, progress);
+                // SAFETY: as the caller states.
+                match unsafe { hear(user.pointer(), &told) } {
+                    0 => ControlFlow::Continue(()),
+                    _ => ControlFlow::Break(()),
+                }
+            })
+        });
+        Ok(SessionOptions {
+            memory: (self.memory > 0).then_some(self.memory),
+            time_limit: (limit > Duration::ZERO).then_some(limit),
+            hear,
+            ..SessionOptions::default()
+        })
+    }
+}
+
+/// Sets an option from "name=value".
+fn set(solver: &mut SolverOptions, option: &str) -> Result<()> {
+    let wrong = |what: &str| {
+        let mend = "see `thirdbounce help reconstruct` for names and values";
+        Err(options_error(format!("the option \"{option}\" {what}"), mend))
+    };
+    let Some((name, text)) = option.split_once('=') else { return wrong("is not name=value") };
+    let key = name.replace('-', "_");
+    if solver.get(&key).is_none() {
+        return wrong("is none of this solver's");
+    }
+    let values = [
+        text.parse().ok().map(Value::Count),
+        text.parse().ok().map(Value::Number),
+        text.parse().ok().map(Value::Flag),
+        Some(Value::Word(text.into())),
+    ];
+    // An option that does not take a value does not give it back.
+    let taken = values.into_iter().flatten().any(|value| {
+        solver.set(&key, &value);
+        solver.get(&key) == Some(value)
+    });
+    if taken { Ok(()) } else { wrong("has a value that it does not take") }
+}
+
+impl TbProgress {
+    fn of(id: FrameId, progress: &Progress) -> TbProgress {
+        TbProgress {
+            size: size_of::<TbProgress>(),
+            frame: id.0,
+            iteration: progress.point.iteration,
+            iterations: progress.iterations,
+            loss: progress.point.loss,
+            seconds: progress.point.seconds,
+        }
+    }
+}
+
+impl TbFrame {
+    fn of(frame: &Frame) -> TbFrame {
+        let (maps, result) = (&frame.result.maps, &frame.result);
+        TbFrame {
+            size: size_of::<TbFrame>(),
+            id: frame.id.0,
+            nx: maps.nx,
+            ny: maps.ny,
+            extent: maps.extent,
+            albedo: maps.albedo.as_ptr(),
+            depth: maps.depth.as_ptr(),
+            normal: maps.normal.as_ptr().cast(),
+            mask: maps.mask.as_ptr().cast(),
+            iterations: result.trace.last().map_or(0, |p| p.iteration),
+            seconds: result.solve_seconds,
+        }
+    }
+}

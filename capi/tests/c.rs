@@ -1,0 +1,139 @@
+//! The programs in `examples/c` and `examples/cpp`: compiled with warnings as errors, linked to the library, run. The header
+//! states what the library exports.
+#![cfg(target_os = "linux")]
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Once;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The folder with the library. No test can depend on a library for C, so it is built here, once: with the features that the
+/// tests of thirdbounce have, of which most is compiled then.
+fn library() -> PathBuf {
+    static BUILT: Once = Once::new();
+    let test = std::env::current_exe().expect("a test has a path");
+    let folder = test.ancestors().nth(2).expect("a test is in `deps`").to_path_buf();
+    BUILT.call_once(|| {
+        let mut build = Command::new(env!("CARGO"));
+        // With `--test`, dependencies have the features that they have in tests.
+        build.args(["build", "--locked", "--quiet", "--lib", "--test", "c"]);
+        build.args(["-p", "thirdbounce", "-p", "thirdbounce-capi"]);
+        if folder.ends_with("release") {
+            build.arg("--release");
+        }
+        run(build.arg("--target-dir").arg(folder.join("..")).current_dir(root()));
+    });
+    folder
+}
+
+fn run(command: &mut Command) -> String {
+    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let [out, errors] =
+        [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
+    assert!(output.status.success(), "{command:?}\n{out}{errors}");
+    out
+}
+
+/// Compiles an example with `flags`, and runs it in `folder`.
+fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = folder.path().join("program");
+    let (compiler, standard) =
+        if source.ends_with(".c") { ("cc", "-std=c11") } else { ("c++", "-std=c++17") };
+    // The link is that of the library's soname.
+    let soname =
+        format!("libthirdbounce.so.{}.{}", env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"));
+    std::os::unix::fs::symlink(library().join("libthirdbounce.so"), folder.path().join(soname))
+        .expect("a link");
+    run(Command::new(compiler)
+        .args([standard, "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-g", "-I"])
+        .arg(root().join("include"))
+        .args(flags)
+        .arg(root().join("examples").join(source))
+        .arg("-L")
+        .arg(library())
+        .args(["-lthirdbounce", "-lpthread", "-lm", "-o"])
+        .arg(&program));
+    let mut command = Command::new(&program);
+    command.arg("last.pgm").current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path());
+    let text = run(command.envs(environment.iter().copied()));
+    (folder, text)
+}
+
+fn captures(flags: &[&str], environment: &[(&str, &str)]) {
+    let (folder, text) = example("c/capture.c", flags, environment);
+    let frames = text.lines().filter(|l| l.starts_with("frame ") && !l.contains(" 0 pixels")).count();
+    assert!(frames == 4 && text.contains("heard every frame"), "{text}");
+    let picture = std::fs::read(folder.path().join("last.pgm")).expect("a picture");
+    assert!(picture.starts_with(b"P5 32 32 255\n") && picture.len() == 13 + 32 * 32);
+    assert!(picture[13..].contains(&255), "the brightest pixel is white");
+}
+
+fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
+    let (_folder, text) = example("cpp/cancel.cpp", flags, environment);
+    for words in [
+        "3 counts for 64 pairs",
+        "NaN",
+        "nothing to wait for",
+        "no-such=1",
+        "cancelled after",
+        "as it should be",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+#[test]
+fn a_c_program_captures() {
+    captures(&[], &[]);
+}
+
+#[test]
+fn a_cpp_program_cancels() {
+    cancels(&[], &[]);
+}
+
+/// The library is not instrumented, as that takes a nightly compiler. So these watch the programs, and what the library does
+/// with memory of theirs by way of C's functions. The thread sanitizer does not see the locks of the library, and is told to
+/// leave what happens inside it alone.
+#[test]
+#[ignore = "`make sanitize` runs it"]
+fn the_sanitizers_have_nothing_to_say() {
+    let quiet = [
+        // Drivers keep memory until the process ends.
+        ("ASAN_OPTIONS", "detect_leaks=0"),
+        ("UBSAN_OPTIONS", "halt_on_error=1"),
+        ("TSAN_OPTIONS", "ignore_noninstrumented_modules=1"),
+    ];
+    for flags in ["-fsanitize=address,undefined", "-fsanitize=thread"] {
+        captures(&[flags], &quiet);
+        cancels(&[flags], &quiet);
+    }
+}
+
+#[test]
+fn the_header_declares_what_the_library_exports() {
+    let names = |text: &str, before: &str| -> BTreeSet<String> {
+        let parts = text.split(before).skip(1);
+        parts.filter_map(|p| p.split_once('(')).map(|(name, _)| name.trim().to_string()).collect()
+    };
+    let sources = std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("src")).expect("sources");
+    let exported: BTreeSet<String> = sources
+        .map(|file| std::fs::read_to_string(file.expect("a file").path()).expect("text"))
+        .flat_map(|text| names(&text, "extern \"C\" fn "))
+        .filter(|name| name.starts_with("tb_"))
+        .collect();
+    let header = std::fs::read_to_string(root().join("include/thirdbounce.h")).expect("the header");
+    let code: String = header.lines().filter(|l| !l.trim_start().starts_with(['*', '/'])).collect();
+    let declared: BTreeSet<String> = code
+        .split(|c: char| !c.is_alphanumeric() && c != '_' && c != '(')
+        .filter_map(|word| word.split_once('('))
+        .map(|(name, _)| name.to_string())
+        .filter(|name| name.starts_with("tb_"))
+        .collect();
+    assert_eq!(declared, exported, "`make header` writes the header anew");
+}

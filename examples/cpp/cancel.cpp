@@ -1,0 +1,78 @@
+// A frame that another thread cancels, frames that are refused, and one that is solved after all.
+//
+//     c++ -std=c++17 cancel.cpp $(pkg-config --cflags --libs thirdbounce) -lpthread -o cancel && ./cancel
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <thirdbounce.hpp>
+#include <thread>
+
+using namespace thirdbounce;
+
+namespace {
+
+constexpr std::size_t side = 8, pairs = side * side, bins = 80;
+constexpr double bin_width = 0.03;
+
+// Returns how a call failed.
+template <class Call>
+tb_status refused(Call call) {
+    try {
+        call();
+    } catch (const Error &error) {
+        std::printf("refused: %s\n  %s\n", error.what(), error.remedy.c_str());
+        return error.status;
+    }
+    return TB_OK;
+}
+
+}  // namespace
+
+int main() {
+    std::vector<double> wall;
+    std::vector<float> counts(pairs * bins, 1.0f);
+    for (std::size_t pair = 0; pair < pairs; pair++) {
+        const double x = (double(pair / side) + 0.5) / side - 0.5, y = (double(pair % side) + 0.5) / side - 0.5;
+        wall.insert(wall.end(), {x, y, 0.0});
+        counts[pair * bins + std::size_t(2.0 * std::sqrt(x * x + y * y + 0.49) / bin_width)] += 500.0f;
+    }
+    const Device device;
+    tb_scan scan{};
+    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser = wall.data();
+    scan.bins = bins, scan.bin_width = bin_width;
+    // The first report of a frame lets the main thread go on.
+    std::atomic<int> reports{0};
+    tb_settings settings{};
+    settings.size = sizeof settings, settings.lateral = 16, settings.options = "beyond=false";
+    settings.user = &reports;
+    settings.hear = [](void *user, const tb_progress *) -> int32_t {
+        static_cast<std::atomic<int> *>(user)->fetch_add(1);
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        return 0;
+    };
+    Session session(device, scan, settings);
+
+    bool good = refused([&] { session.submit(std::vector<float>(3)); }) == TB_INPUT;
+    std::vector<float> broken = counts;
+    broken[5] = std::numeric_limits<float>::quiet_NaN();
+    good &= refused([&] { session.submit(broken); }) == TB_INPUT;
+    good &= refused([&] { session.wait(); }) == TB_OPTIONS;
+    tb_settings unknown = settings;
+    unknown.options = "no-such=1";
+    good &= refused([&] { Session(device, scan, unknown); }) == TB_OPTIONS;
+
+    session.submit(counts);
+    while (reports == 0) std::this_thread::yield();
+    std::thread([&] { session.cancel(); }).join();
+    good &= refused([&] { session.wait(); }) == TB_CANCELLED;
+
+    session.submit(counts);
+    const tb_frame frame = session.wait();
+    std::size_t lit = 0;
+    for (std::size_t i = 0; i < frame.nx * frame.ny; i++) lit += frame.mask[i];
+    std::printf("frame %d: %zu pixels of surface\n", int(frame.id), lit);
+    std::puts(good && lit > 0 ? "as it should be" : "not as it should be");
+    return good && lit > 0 ? 0 : 1;
+}

@@ -1,0 +1,219 @@
+//! A session: a solver that lives, for programs that capture. It is made once for a scan: planned, compiled and allocated.
+//! Then frames of counts are submitted one after the other, and maps come back.
+//!
+//! A frame is solved by a thread of the session's own. A solve needs the host between its blocks: to read the trace, to
+//! choose the surface's pixels, to submit what is next. A caller who had to lend a thread for this would hold the device
+//! up whenever a camera or a window keeps that thread busy. So [`Session::submit`] only copies the counts, and
+//! [`Session::poll`] only looks.
+//!
+//! One frame is solved at a time. A session may move between threads. Several sessions may share a device, each with
+//! buffers and a thread of its own.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crate::capture::Capture;
+use crate::gpu::Gpu;
+use crate::solve::{Plan, Progress, Reconstruction, SolverOptions};
+use crate::transport::Grid;
+use crate::{Error, Kind, Result};
+
+mod worker;
+
+use worker::{Phase, Shared, Worker};
+
+/// Number of a frame, from 1, in the order of submission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FrameId(pub u64);
+
+/// A solved frame.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Which.
+    pub id: FrameId,
+    /// Its maps, and how they were found.
+    pub result: Reconstruction,
+}
+
+/// Called with the progress of a frame, by the session's thread. May stop the frame.
+pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
+
+/// What a session may take and tell.
+#[derive(Default)]
+pub struct SessionOptions {
+    /// Most device memory to use, in bytes.
+    pub memory: Option<u64>,
+    /// Read the volume of every frame back.
+    pub with_volume: bool,
+    /// A frame that takes longer is stopped.
+    pub time_limit: Option<Duration>,
+    /// Hears of the progress.
+    pub hear: Option<Hear>,
+    /// Give `hear` the maps after every Nth iteration.
+    pub maps_every: Option<usize>,
+}
+
+/// A solver with everything that it needs to solve frames of one scan.
+pub struct Session {
+    gpu: Gpu,
+    plan: Arc<Plan>,
+    /// The scan, without counts.
+    scan: Capture,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+    last: Option<Frame>,
+}
+
+/// Cancels frames of a session, from any thread.
+#[derive(Clone)]
+pub struct Canceller(Arc<Shared>);
+
+impl Canceller {
+    /// Cancels the frame that is being solved, if there is one. It ends with [`Kind::Cancelled`] after the block of
+    /// iterations that the device is at, or with its result if that was the last block.
+    pub fn cancel(&self) {
+        self.0.cancel();
+    }
+}
+
+impl Session {
+    /// A session for frames of the scan that `scan` describes: points, bins, spots and pulse. It need not have counts. If
+    /// it has, the default grid ends where they do, and the mean path of light through spots is theirs. Without a `grid`,
+    /// it is that of [`default_grid`].
+    ///
+    /// Everything is compiled and allocated here. Some drivers finish compiling at the first frame.
+    ///
+    /// # Errors
+    /// Options, scan, memory or device do not allow the solve.
+    pub fn new(
+        gpu: &Gpu,
+        scan: &Capture,
+        grid: Option<Grid>,
+        solver: &SolverOptions,
+        options: SessionOptions,
+    ) -> Result<Session> {
+        solver.check()?;
+        scan.check_scan()?;
+        if !scan.histograms.is_empty() {
+            scan.check_counts(&scan.histograms)?;
+        }
+        let grid = match grid {
+            Some(grid) => grid,
+            None => default_grid(scan, solver)?,
+        };
+        let mut prepared = solver.prepare(gpu, scan, grid, options.memory, options.with_volume)?;
+        prepared.allocate()?;
+        let (plan, scan) = (prepared.plan().clone(), scan.outline());
+        let shared = Arc::new(Shared::with_room(scan.pair_count() * scan.bins));
+        let worker = Worker { shared: shared.clone(), prepared, scan: scan.clone(), options };
+        let thread = std::thread::Builder::new()
+            .name("thirdbounce session".into())
+            .spawn(move || worker.work())
+            .map_err(|e| {
+                Error::memory(format!("a session's thread does not start ({e})"), "close programs")
+            })?;
+        Ok(Session { gpu: gpu.clone(), plan, scan, shared, thread: Some(thread), last: None })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Levels, passes and buffers.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Begins to solve a frame of counts, `[pair * bins + bin]`, and returns. The counts are copied. The result of an
+    /// earlier frame that nobody took is dropped.
+    ///
+    /// # Errors
+    /// [`Kind::Input`] if there are too few or too many counts, one is not finite, or there is no signal.
+    /// [`Kind::Options`] while another frame is being solved. Nothing changes then.
+    pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {
+        self.scan.check_counts(histograms)?;
+        self.shared.submit(histograms)
+    }
+
+    /// The frame that was submitted last, if it is solved by now and was not taken before.
+    ///
+    /// # Errors
+    /// The frame failed, or was stopped ([`Kind::Cancelled`]). The next one can be submitted.
+    pub fn poll(&mut self) -> Result<Option<&Frame>> {
+        self.wait_until(Some(Instant::now()))
+    }
+
+    /// Waits for the frame that was submitted last.
+    ///
+    /// # Errors
+    /// As [`Session::poll`]; [`Kind::Options`] if no frame was submitted, or its result was taken before.
+    pub fn wait(&mut self) -> Result<&Frame> {
+        self.wait_until(None)?.ok_or_else(|| {
+            Error::options("no frame is being solved: there is nothing to wait for", "submit a frame first")
+        })
+    }
+
+    /// As [`Session::poll`], but waits up to `limit`.
+    ///
+    /// # Errors
+    /// As [`Session::poll`].
+    pub fn wait_for(&mut self, limit: Duration) -> Result<Option<&Frame>> {
+        self.wait_until(Instant::now().checked_add(limit))
+    }
+
+    fn wait_until(&mut self, end: Option<Instant>) -> Result<Option<&Frame>> {
+        match self.shared.taken(end) {
+            Phase::Done(id, result) => {
+                self.last = Some(Frame { id, result: *result? });
+                Ok(self.last.as_ref())
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// The frame that was taken last.
+    pub fn last(&self) -> Option<&Frame> {
+        self.last.as_ref()
+    }
+
+    /// Cancels the frame that is being solved: [`Canceller::cancel`].
+    pub fn cancel(&self) {
+        self.shared.cancel();
+    }
+
+    /// A handle that cancels frames from other threads.
+    pub fn canceller(&self) -> Canceller {
+        Canceller(self.shared.clone())
+    }
+}
+
+impl Drop for Session {
+    /// Stops the frame that is being solved, and waits for it.
+    fn drop(&mut self) {
+        self.shared.close();
+        if let Some(thread) = self.thread.take() {
+            // It catches its panics.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The grid that a session takes if none is given: the default volume of the scan, with voxels as deep as a bin, or as
+/// half of their width if that is more.
+///
+/// # Errors
+/// The scan gives no range of depths.
+pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
+    let (volume, lateral) = (solver.default_volume(scan)?, solver.common().lateral);
+    let wide = (volume.max.x - volume.min.x).max(volume.max.y - volume.min.y) / lateral as f64;
+    Grid::new(volume, lateral, scan.bin_width.max(0.5 * wide))
+}
+
+/// The error of a frame that was stopped by its time limit, after what `cancelled` says.
+fn too_long(limit: Duration, cancelled: Error) -> Error {
+    let what = format!("{}: the frame took longer than its limit of {limit:?}", cancelled.what);
+    Error::new(Kind::Cancelled, what, "give a longer limit, fewer iterations or fewer pixels")
+}

@@ -1,0 +1,81 @@
+//! A solve that is prepared for a scan: planned, then compiled and allocated once. Captures of that scan are solved one
+//! after the other; nothing is left from one to the next.
+
+use std::sync::Arc;
+
+use super::{Beside, OnDevice, Plan, Reconstruction};
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::Gpu;
+use crate::transport::Model;
+
+/// A solver that is prepared for captures of one scan.
+pub trait Prepared: Send {
+    /// Levels, passes and buffers.
+    fn plan(&self) -> &Arc<Plan>;
+
+    /// Makes all kernels and buffers now, and keeps all of them from capture to capture. Without it, they are made for
+    /// the first capture, and the search for light from beyond the box gives its own back.
+    ///
+    /// # Errors
+    /// Memory or device do not allow it.
+    fn allocate(&mut self) -> Result<()>;
+
+    /// Solves a capture. It must pass [`Capture::check`], and may differ from the one that this was prepared with in its
+    /// counts only. After an error, the next capture is solved as if nothing had happened, if the device still works.
+    ///
+    /// # Errors
+    /// See [`super::paper::reconstruct`].
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction>;
+}
+
+/// A planned solve, on the device from its first use on.
+pub(super) struct Planned {
+    gpu: Gpu,
+    plan: Arc<Plan>,
+    memory: Option<u64>,
+    state: State,
+}
+
+enum State {
+    /// The model without counts, until the device has it.
+    Outline(Box<Model>),
+    Made(Box<OnDevice>),
+}
+
+impl Planned {
+    /// `outline` is a model without counts. `memory` is a budget in bytes.
+    pub fn new(gpu: &Gpu, outline: Model, plan: Plan, memory: Option<u64>) -> Planned {
+        Planned { gpu: gpu.clone(), plan: Arc::new(plan), memory, state: State::Outline(Box::new(outline)) }
+    }
+
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    /// Whether the device has it.
+    pub fn is_made(&self) -> bool {
+        matches!(self.state, State::Made(_))
+    }
+
+    /// The solve on the device, where nothing is under way. `first` runs when it is made.
+    ///
+    /// # Errors
+    /// As [`OnDevice::new`].
+    pub fn made(&mut self, first: impl FnOnce(&mut OnDevice) -> Result<()>) -> Result<&mut OnDevice> {
+        if let State::Outline(outline) = &self.state {
+            let model = (**outline).clone();
+            let mut made = OnDevice::new(&self.gpu, model, self.plan.clone(), self.memory)?;
+            first(&mut made)?;
+            self.state = State::Made(Box::new(made));
+        }
+        let State::Made(job) = &mut self.state else { unreachable!("made above") };
+        // A solve that failed or was cancelled may have left work behind.
+        job.executor.settle()?;
+        Ok(job)
+    }
+}

@@ -1,0 +1,64 @@
+//! Which counts of a capture a model takes. Found once for a scan; then the counts of many captures of it are taken alike.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::capture::Capture;
+
+/// The pairs and bins of captures of one scan that are the rows of a model's measured values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rows {
+    /// The capture's pair for each row.
+    pairs: Vec<usize>,
+    /// The bins of each.
+    bins: Range<usize>,
+}
+
+impl Rows {
+    /// All `bins` bins of the `pairs`, in this order.
+    pub(super) fn of(pairs: Vec<usize>, bins: usize) -> Rows {
+        Rows { pairs, bins: 0..bins }
+    }
+
+    /// Puts row `order[i]` in place i, for all i.
+    pub fn reorder(&mut self, order: &[usize]) {
+        self.pairs = order.iter().map(|row| self.pairs[*row]).collect();
+    }
+
+    /// Leaves all but these of its bins out.
+    pub fn crop(&mut self, bins: Range<usize>) {
+        self.bins = self.bins.start + bins.start..self.bins.start + bins.end;
+    }
+
+    /// The counts of `capture`, times `scale`, less `below`: `[row * bins + bin]`.
+    pub(super) fn fill(&self, measured: &mut Vec<f32>, capture: &Capture, scale: f64, below: f32) {
+        measured.resize(self.pairs.len() * self.bins.len(), 0.0);
+        let rows = measured.par_chunks_exact_mut(self.bins.len()).zip(&self.pairs);
+        rows.for_each(|(row, pair)| {
+            let counts = &capture.histogram(*pair)[self.bins.clone()];
+            row.iter_mut().zip(counts).for_each(|(m, h)| *m = (f64::from(*h) * scale) as f32 - below);
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn rows_are_the_pairs_and_bins_that_are_left() {
+        let points = vec![DVec3::ZERO; 3];
+        let counts = (0..12).map(|v| v as f32).collect();
+        let capture = Capture::new([3, 1], points.clone(), points, 4, 0.1, counts);
+        let mut rows = Rows::of(vec![2, 0, 1], 4);
+        rows.reorder(&[1, 2, 0]);
+        rows.crop(1..4);
+        rows.crop(1..3);
+        let mut measured = vec![7.0; 9];
+        rows.fill(&mut measured, &capture, 2.0, 1.0);
+        assert_eq!(measured, [3.0, 5.0, 11.0, 13.0, 19.0, 21.0]);
+    }
+}
