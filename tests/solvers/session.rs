@@ -59,9 +59,9 @@ fn frames(scan: &Capture) -> [Vec<f32>; 2] {
 
 fn vector(change: impl FnOnce(&mut VectorOptions)) -> SolverOptions {
     let options = VectorOptions::default().with(|o| {
-        (o.lateral, o.iterations, o.growth_iterations) = (24, 12, 4);
-        o.domain.coarse_iterations = 4;
-        o.surface.iterations = 8;
+        (o.lateral, o.iterations, o.growth_iterations) = (24, 9, 3);
+        o.domain.coarse_iterations = 3;
+        o.surface.iterations = 5;
         o.accumulation = Accumulation::Fixed;
         o.beyond = false;
     });
@@ -240,10 +240,11 @@ fn a_cancelled_frame_leaves_the_session_usable() {
     for solver in [vector(|_| ()), paper()] {
         let want = alone(&gpu, &scan, &solver, &b);
         let (told, heard) = channel();
+        let (go_on, stays) = channel::<()>();
         let hear = move |id, progress: &Progress| {
             told.send((id, progress.point.iteration)).expect("the test listens");
-            // Time to be cancelled in.
-            thread::sleep(Duration::from_millis(2));
+            // The first frame stays here until the test has cancelled it.
+            let _ = stays.recv();
             ControlFlow::Continue(())
         };
         let hear: thirdbounce::session::Hear = Box::new(hear);
@@ -256,6 +257,7 @@ fn a_cancelled_frame_leaves_the_session_usable() {
         assert_error(session.submit(&b), Kind::Options, &["still being solved", "cancel it"]);
         let canceller = session.canceller();
         thread::spawn(move || canceller.cancel()).join().unwrap();
+        drop(go_on);
         assert_error(session.wait().map(|f| f.id), Kind::Cancelled, &["cancelled after"]);
         assert!(session.last().is_none() && session.poll().unwrap().is_none());
         assert!(solved(&mut session, &b) == want, "{}", solver.name());
