@@ -60,8 +60,7 @@ impl OnDevice {
         self.upload_scan()?;
         let mut counts = Uploads::begin(&mut self.executor)?;
         counts.add_counts(&self.plan, &self.model, &self.summed)?;
-        let schedule = counts.schedule;
-        self.executor.run(&schedule)
+        counts.run()
     }
 
     /// Follows a change of the model's measured values and their variance: sums them, and uploads both. Returns before
@@ -76,8 +75,7 @@ impl OnDevice {
         }
         let mut counts = Uploads::begin(executor)?;
         counts.add_counts(plan, model, summed)?;
-        let schedule = counts.schedule;
-        executor.submit(&schedule).map(|_| ())
+        counts.executor.submit(&counts.schedule).map(|_| ())
     }
 
     /// Fills the buffers that hold what does not depend on the counts.
@@ -111,8 +109,7 @@ impl OnDevice {
                 all.add(level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
             }
         }
-        let schedule = all.schedule;
-        executor.run(&schedule)
+        all.run()
     }
 
     /// The model in the bins of a level.
@@ -173,6 +170,11 @@ impl<'e> Uploads<'e> {
         Ok(())
     }
 
+    /// Runs what is left, and waits for it.
+    fn run(self) -> Result<()> {
+        self.executor.run(&self.schedule)
+    }
+
     /// Adds the measured values, their sums, and the scenes, which hold their variance.
     fn add_counts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
         for level in plan.levels.iter().chain(plan.pixels_only()) {
@@ -200,8 +202,7 @@ impl<'e> Uploads<'e> {
 pub fn upload(executor: &mut Executor, buffer: Buffer, bytes: &[u8]) -> Result<()> {
     let mut one = Uploads::begin(executor)?;
     one.add(buffer, bytes)?;
-    let schedule = one.schedule;
-    executor.run(&schedule)
+    one.run()
 }
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.

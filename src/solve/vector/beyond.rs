@@ -14,7 +14,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::trial::{Left, PAIRS, Sides, render_volume};
-use super::{VectorOptions, solve_volume, upload_hat};
+use super::{VectorOptions, make_ready, solve_volume};
 use crate::Result;
 use crate::capture::{Capture, PulseTaps, Way};
 use crate::gpu::{Gpu, Schedule};
@@ -126,7 +126,7 @@ impl Search {
     /// # Errors
     /// The device fails, or has no memory for them.
     pub fn allocate(&mut self) -> Result<()> {
-        let sides = self.sides(&self.thin(&self.outline)?);
+        let sides = self.sides(&self.outline)?;
         self.made(Which::Alone, &sides)?;
         self.made(Which::Wide, &sides).map(|_| ())
     }
@@ -144,9 +144,9 @@ impl Search {
         let Watch { hear, .. } = watch;
         let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
         let watch = &mut Watch { hear: &mut told, maps_every: None, maps_at: &[] };
-        let thin = self.thin(capture)?;
-        let Some(own) = self.fit(Which::Alone, self.sides(&thin), watch)? else { return Ok(None) };
-        let Some(more) = self.fit(Which::Wide, self.sides(&thin), watch)? else { return Ok(None) };
+        let sides = self.sides(capture)?;
+        let Some(own) = self.fit(Which::Alone, &sides, watch)? else { return Ok(None) };
+        let Some(more) = self.fit(Which::Wide, &sides, watch)? else { return Ok(None) };
         if !more.left.is_less(&own.left) {
             return Ok(None);
         }
@@ -157,22 +157,18 @@ impl Search {
             return Ok(None);
         }
         let told = TakenOff { left: more.left.share(), left_without: own.left.share(), strength: 1.0 };
-        let mut beyond = Beyond { samples, model: more.model, grid: self.wide, told };
-        beyond.told.strength = self.strength(&beyond, &thin, watch)?;
+        let mut beyond = Beyond { samples, model: sides.seen.clone(), grid: self.wide, told };
+        beyond.told.strength = self.strength(&beyond, &sides, watch)?;
         Ok(Some(beyond))
     }
 
-    /// A few pairs of a capture, in wide bins.
-    fn thin(&self, capture: &Capture) -> Result<Capture> {
+    /// A few pairs of a capture in wide bins, those to fit and those that judge: in the bins that the wider box reaches, as
+    /// every fit is judged by the same bins.
+    fn sides(&self, capture: &Capture) -> Result<Sides> {
         let thin = Capture { laser_spot: None, sensor_spot: None, ..capture.subset(pairs_of(capture), 1)? };
         let sum = (OF_VOXEL * self.wide.pitch.x / thin.bin_width).max(1.0) as usize;
-        thin.binned(sum.min(thin.bins))
-    }
-
-    /// The pairs to fit and those that judge, in the bins that the wider box reaches: every fit is judged by the same
-    /// bins.
-    fn sides(&self, thin: &Capture) -> Sides {
-        Sides::of(thin, &self.wide, &self.options)
+        let thin = thin.binned(sum.min(thin.bins))?;
+        Ok(Sides::of(&thin, &self.wide, &self.options))
     }
 
     /// A coarse volume on the device, for the pairs of `sides`.
@@ -192,17 +188,16 @@ impl Search {
             let before = plans[0].levels.len().saturating_sub(1).max(1);
             let options = options.with(|o| o.domain.coarse_iterations = COARSE_ITERATIONS / before);
             let mut job = OnDevice::new(gpu, sides.seen.clone(), plans[0].clone(), *memory)?;
-            let first = job.plan.levels[0];
-            upload_hat(&mut job, &first)?;
+            make_ready(&mut job)?;
             *place = Some(Fit { options, grid, plans, job });
         }
         Ok(place.as_mut().expect("made above"))
     }
 
     /// Fits a volume; `None` if nothing is found.
-    fn fit(&mut self, which: Which, sides: Sides, watch: &mut Watch<'_>) -> Result<Option<Fitted>> {
+    fn fit(&mut self, which: Which, sides: &Sides, watch: &mut Watch<'_>) -> Result<Option<Fitted>> {
         let gpu = self.gpu.clone();
-        let Fit { options, grid, plans: [plan, plan_of_held], job } = self.made(which, &sides)?;
+        let Fit { options, grid, plans: [plan, plan_of_held], job } = self.made(which, sides)?;
         let (grid, level) = (*grid, *plan_of_held.finest());
         let driven = solve_volume(&gpu, job, options, watch, None)?;
         let active = driven.trace.last().map_or(0, |p| p.active).min(plan.capacity);
@@ -221,20 +216,19 @@ impl Search {
             Sample { point: grid.position(c.map(|c| c as f64).into()), albedo, normal: vector, length: 1.0 }
         });
         let samples = samples.filter(|s| s.normal.length() > 0.0).collect();
-        Ok(Some(Fitted { left, samples, model: sides.seen }))
+        Ok(Some(Fitted { left, samples }))
     }
 
     /// How many times the light of `beyond` is to be taken off: as often as lets a volume of the box alone predict the
     /// pairs that judge best.
-    fn strength(&mut self, beyond: &Beyond, thin: &Capture, watch: &mut Watch<'_>) -> Result<f64> {
-        let whole = self.sides(thin);
-        let light = [&whole.seen, &whole.held].map(|model| beyond.light(model));
+    fn strength(&mut self, beyond: &Beyond, sides: &Sides, watch: &mut Watch<'_>) -> Result<f64> {
+        let light = [&sides.seen, &sides.held].map(|model| beyond.light(model));
         let mut left = [0.0; 3];
         for (left, times) in left.iter_mut().zip(STRENGTHS) {
-            let mut less = self.sides(thin);
+            let mut less = sides.clone();
             take(&mut less.seen, &light[0], times);
             take(&mut less.held, &light[1], times);
-            let Some(fitted) = self.fit(Which::Alone, less, watch)? else { return Ok(1.0) };
+            let Some(fitted) = self.fit(Which::Alone, &less, watch)? else { return Ok(1.0) };
             *left = fitted.left.pairs.iter().map(|p| p[0]).sum();
         }
         Ok(least_of(STRENGTHS, left))
@@ -284,7 +278,6 @@ fn wider(capture: &Capture, inner: &Grid) -> Option<Grid> {
 struct Fitted {
     left: Left,
     samples: Vec<Sample>,
-    model: Model,
 }
 
 /// Where the parabola through three equally spaced points is least, up to a step beyond them; the least point if it has

@@ -66,7 +66,7 @@ pub fn reconstruct<'b, 'w: 'b>(
     prepare(gpu, capture, grid, options, memory, with_volume)?.solve(capture, beside.into())
 }
 
-/// Solves the volume of a job that [`upload_hat`] has made ready.
+/// Solves the volume of a job that [`make_ready`] has made ready.
 fn solve_volume(
     gpu: &Gpu,
     job: &mut OnDevice,
@@ -79,6 +79,12 @@ fn solve_volume(
         ..steps(&job.plan, options)
     };
     drive(gpu, job, options.iterations, steps, watch, keeper, None)
+}
+
+/// Uploads what every solve of a volume begins with.
+fn make_ready(job: &mut OnDevice) -> Result<()> {
+    let first = job.plan.levels[0];
+    upload_hat(job, &first)
 }
 
 /// Uploads the Mexican hat that filters the measurement for a back-projection at `level`.

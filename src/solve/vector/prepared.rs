@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::beyond::{Beyond, Search};
-use super::{VectorOptions, albedo_of, outline_of, solve_volume, steps, take, upload_hat};
+use super::{VectorOptions, albedo_of, make_ready, outline_of, solve_volume, steps, take};
 use crate::capture::Capture;
 use crate::gpu::{Gpu, Schedule};
 use crate::solve::checkpoint::Keeper;
@@ -54,7 +54,7 @@ impl Prepared for PreparedVector {
 
     fn allocate(&mut self) -> Result<()> {
         let PreparedVector { planned, options, .. } = self;
-        let OnDevice { plan, executor, .. } = planned.made(first)?;
+        let OnDevice { plan, executor, .. } = planned.made(make_ready)?;
         let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
         outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)?;
         surface::each(plan, &options.surface, &mut reserve)?;
@@ -71,7 +71,7 @@ impl Prepared for PreparedVector {
         let before = begun.elapsed().as_secs_f64();
         let PreparedVector { planned, rows, options, with_volume, .. } = self;
         let gpu = planned.gpu().clone();
-        let job = planned.made(first)?;
+        let job = planned.made(make_ready)?;
         take(capture, options, rows, &mut job.model);
         if let Some(beyond) = &beyond {
             beyond.take_off(&mut job.model);
@@ -107,12 +107,6 @@ impl PreparedVector {
         }
         going_on(found)
     }
-}
-
-/// What is uploaded once.
-fn first(job: &mut OnDevice) -> Result<()> {
-    let level = job.plan.levels[0];
-    upload_hat(job, &level)
 }
 
 /// If the search fails for a reason of its own, the solve goes on without it.

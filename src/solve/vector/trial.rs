@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use super::passes::EXTRAPOLATE;
-use super::{VectorOptions, model, solve_volume, upload_hat};
+use super::{VectorOptions, make_ready, model, solve_volume};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
@@ -91,8 +91,7 @@ impl Trial {
                 Driven::begun(maps.clone(), *level.unwrap_or(job.plan.finest()))
             }
             None => {
-                let first = job.plan.levels[0];
-                upload_hat(&mut job, &first)?;
+                make_ready(&mut job)?;
                 solve_volume(&self.gpu, &mut job, &options, watch, None)?
             }
         };
@@ -125,8 +124,7 @@ impl Trial {
         });
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
-        let first = job.plan.levels[0];
-        upload_hat(&mut job, &first)?;
+        make_ready(&mut job)?;
         let driven = solve_volume(&self.gpu, &mut job, &options, watch, None)?;
         if driven.trace.last().is_none_or(|p| p.active == 0) {
             return Ok(None);
@@ -149,6 +147,7 @@ pub(super) fn render_volume(plan: &Plan, level: &Level) -> Schedule {
 }
 
 /// The pairs of a capture in two halves.
+#[derive(Clone)]
 pub(super) struct Sides {
     /// The pairs that are fitted.
     pub seen: Model,
