@@ -1622,6 +1622,12 @@ pub mod job {
         pub fn device_of(gpu: &Gpu) -> report::Device {}
     }
     mod request {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum FindPulse {
+            Never,
+            IfItShows,
+            Always,
+        }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Request {
             pub preset: Option<Preset>,
@@ -1636,7 +1642,7 @@ pub mod job {
             pub timings: bool,
             pub tuned: bool,
             pub models: Vec<SolverOptions>,
-            pub find_pulse: bool,
+            pub find_pulse: FindPulse,
             pub preview: bool,
             pub faults: Faults,
             pub truth: Option<PathBuf>,
@@ -1762,7 +1768,7 @@ pub mod job {
     pub use evaluate::{Evaluation, evaluate};
     pub use inspect::{Inspection, inspect, schedule};
     pub use places::{PREVIEW, check_file};
-    pub use request::{Request, memory_bytes};
+    pub use request::{FindPulse, Request, memory_bytes};
     pub use simulated::{Simulated, Simulation, simulate};
     pub use sizes::usual_pipeline_cache;
     pub use trials::MODELS;
@@ -2973,6 +2979,11 @@ pub mod solve {
             pub const PAIRS: usize = 256;
             #[private_fields]
             pub struct Trial {}
+            #[derive(Debug, Clone)]
+            pub enum Start {
+                Own,
+                Of(Maps),
+            }
             impl Trial {
                 pub fn new(
                     gpu: &Gpu,
@@ -2981,10 +2992,10 @@ pub mod solve {
                     options: VectorOptions,
                     memory: Option<u64>,
                 ) -> Trial {}
-                pub fn begun(&self) -> Option<&Maps> {}
-                pub fn begin_with(&mut self, maps: Option<Maps>) {}
+                pub fn own(&self) -> Option<&Maps> {}
                 pub fn fit(
                     &mut self,
+                    start: Start,
                     pulse: Option<&Pulse>,
                     watch: &mut Watch<'_>,
                 ) -> Result<Option<Left>> {}
@@ -3011,7 +3022,7 @@ pub mod solve {
         pub use prepared::prepare;
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
-        pub use trial::{Left, PAIRS, Trial};
+        pub use trial::{Left, PAIRS, Start, Trial};
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
             gpu: &Gpu,

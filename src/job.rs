@@ -47,7 +47,7 @@ pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file};
-pub use request::{Request, memory_bytes};
+pub use request::{FindPulse, Request, memory_bytes};
 pub use simulated::{Simulated, Simulation, simulate};
 pub use sizes::usual_pipeline_cache;
 pub use trials::MODELS;

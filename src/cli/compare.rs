@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<()> {
             truth: Some(args.truth.clone()),
             mask_fraction: args.mask_fraction.or(job::usual_mask(&solver)),
             trace_every: spec.trace_every.or(Some(args.trace_every)),
-            find_pulse: args.capture.finds_pulse(preset, &solver),
+            find_pulse: args.capture.find_pulse(preset, &solver),
             models,
             ..Request::new(solver, "")
         };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use thirdbounce::capture::{Bounce, Capture, Gate, Given, Pulse, Turn};
-use thirdbounce::job::{self, Bins, GivenPulse, Loaded, Request, SolverOptions};
+use thirdbounce::job::{self, Bins, FindPulse, GivenPulse, Loaded, Request, SolverOptions};
 use thirdbounce::solve::Preset;
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
@@ -123,12 +123,16 @@ impl CaptureArgs {
         })
     }
 
-    /// Whether a run finds the pulse first: with `auto`, and by default for captured counts and a vector solve with a
-    /// surface. The paper's solver takes paths as sharp.
-    pub fn finds_pulse(&self, preset: Preset, solver: &SolverOptions) -> bool {
+    /// Whether a run finds the pulse first: with `auto`, and by default for a vector solve with a surface, always if the
+    /// values are captured counts. The paper's solver takes paths as sharp.
+    pub fn find_pulse(&self, preset: Preset, solver: &SolverOptions) -> FindPulse {
         match (self.pulse.as_deref(), solver) {
-            (None, SolverOptions::Vector(o)) => preset == Preset::Captured && o.surface.iterations > 0,
-            (given, _) => given == Some("auto"),
+            (Some("auto"), _) => FindPulse::Always,
+            (None, SolverOptions::Vector(o)) if o.surface.iterations > 0 => match preset {
+                Preset::Captured => FindPulse::Always,
+                _ => FindPulse::IfItShows,
+            },
+            _ => FindPulse::Never,
         }
     }
 }
@@ -290,7 +294,7 @@ pub fn load(
     let (mut request, notes) = request(&loaded.capture, solver, grid, device)?;
     loaded.notes.extend(notes);
     if let Some(preset) = request.preset {
-        request.find_pulse = capture.finds_pulse(preset, &request.solver);
+        request.find_pulse = capture.find_pulse(preset, &request.solver);
     }
     Ok((loaded, request))
 }

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use super::report::settings;
 use super::words::{plain, write_json};
-use super::{Loaded, Request, places, reconstruct};
+use super::{FindPulse, Loaded, Request, places, reconstruct};
 use crate::export::{self, report};
 use crate::gpu::{Gpu, HostSpan, Recording};
 use crate::solve::{Plan, Progress};
@@ -131,7 +131,7 @@ pub fn profile(
         Cow::Borrowed(_) => None,
     };
     let loaded = with_pulse.as_ref().unwrap_or(loaded);
-    let request = Request { find_pulse: false, models: vec![], ..request };
+    let request = Request { find_pulse: FindPulse::Never, models: vec![], ..request };
     reconstruct::warm_up(&request, loaded, &gpu)?;
     gpu.take_recording();
 

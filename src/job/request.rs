@@ -12,6 +12,17 @@ use crate::solve::{Preset, default_volume, surface};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
+/// Whether the width of the instrument's pulse is found first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FindPulse {
+    /// Paths are sharp, unless the capture holds a pulse.
+    Never,
+    /// If the trials of the model show one: a pulse as wide as two of their bins explains the data better than sharp paths.
+    IfItShows,
+    /// By trials of its own.
+    Always,
+}
+
 /// What to reconstruct, how, and where the results go. The capture is given separately.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
@@ -40,8 +51,8 @@ pub struct Request {
     /// The solver's options for each model of reflectance that trials choose among; empty if the model is known. The
     /// first is the usual one, that of `solver`.
     pub models: Vec<SolverOptions>,
-    /// Find the width of the instrument's pulse first, if the capture holds no pulse.
-    pub find_pulse: bool,
+    /// Whether to find the width of the instrument's pulse first, if the capture holds no pulse.
+    pub find_pulse: FindPulse,
     /// Show `preview.png` in the folder of the results while the solve runs.
     pub preview: bool,
     /// Faults to cause on the device; for tests.
@@ -104,7 +115,7 @@ impl Request {
             timings: false,
             tuned: false,
             models: vec![],
-            find_pulse: false,
+            find_pulse: FindPulse::Never,
             preview: false,
             faults: Faults::default(),
             truth: None,

@@ -28,18 +28,17 @@ impl Figures {
     /// Simulates a figure that reflects so, with laser and sensor that see areas of this width. Returns its capture and
     /// its truth.
     fn simulated(&self, reflectance: &str, spot: f64) -> [String; 2] {
-        self.simulated_scene("figure", reflectance, spot)
+        // Spots take many more samples.
+        let noise = if spot > 0.0 { "0.05" } else { "0.02" };
+        self.simulated_scene("figure", reflectance, &["--noise", noise, "--spot", &spot.to_string()])
     }
 
-    fn simulated_scene(&self, scene: &str, reflectance: &str, spot: f64) -> [String; 2] {
+    fn simulated_scene(&self, scene: &str, reflectance: &str, more: &[&str]) -> [String; 2] {
         let files =
             [self.path(&format!("{reflectance}.npz")), self.path(&format!("{reflectance}_truth.npz"))];
         let usual = ["simulate", scene, "--scan", "16", "--bin-width", "0.01", "--quiet"];
         let rest = ["--out", &files[0], "--truth", &files[1], "--reflectance", reflectance];
-        // Spots take many more samples.
-        let noise = if spot > 0.0 { "0.05" } else { "0.02" };
-        let spot = ["--noise", noise, "--spot", &spot.to_string()];
-        succeed(&[&usual[..], &rest, &spot].concat());
+        succeed(&[&usual[..], &rest, more].concat());
         files
     }
 
@@ -75,7 +74,9 @@ fn trials_find_how_a_surface_reflects() {
         assert_eq!(settings["model_found"]["reflectance"], reflectance);
         let tried = tried(&report);
         let models: Vec<&str> = tried.iter().map(|t| &t.0[..]).collect();
-        assert_eq!(models, ["cosine", "lambertian", "retroreflective"]);
+        // At last a pulse with the best model.
+        assert_eq!(models, ["cosine", "lambertian", "retroreflective", reflectance]);
+        assert!(settings["pulse_found"].is_null(), "paths are sharp: {said}");
         let own = tried.iter().find(|t| t.0 == reflectance).unwrap().1;
         assert!(tried.iter().all(|t| t.1 >= own && t.1 < 1.0), "{tried:?}");
         // The trials are part of the time.
@@ -86,13 +87,27 @@ fn trials_find_how_a_surface_reflects() {
     }
 }
 
+#[test]
+fn a_pulse_that_shows_is_found_and_the_model_with_it() {
+    let figures = Figures::new();
+    let pulse = ["--noise", "0.02", "--pulse", "0.06", "--hide-pulse"];
+    let [capture, _] = figures.simulated_scene("figure", "cosine", &pulse);
+    let (report, said) = figures.solved(&capture, "found", &[]);
+    assert_eq!(report["settings"]["model"], "cosine", "{said}");
+    let fwhm = report["settings"]["pulse_found"]["fwhm"].as_f64().expect("a pulse");
+    assert!((fwhm / 0.06 - 1.0).abs() < 0.2, "{fwhm}");
+    // Nobody looks for one that is said to be none.
+    let (report, _) = figures.solved(&capture, "none", &["--pulse", "none"]);
+    assert!(report["settings"]["pulse_found"].is_null());
+}
+
 /// Spheres that send light back to where it came from: no slope explains how bright they are. The surface of the cosine
 /// model bends until it predicts other pairs a little better than the true model's surface; its own volume predicts them
 /// much better still.
 #[test]
 fn a_surface_that_is_worse_than_its_volume_refutes_its_model() {
     let figures = Figures::new();
-    let [capture, _] = figures.simulated_scene("spheres", "retroreflective", 0.0);
+    let [capture, _] = figures.simulated_scene("spheres", "retroreflective", &["--noise", "0.02"]);
     let (report, said) = figures.solved(&capture, "spheres", &[]);
     let found = &report["settings"]["model_found"];
     assert_eq!(report["settings"]["model"], "retroreflective", "{said}");
@@ -166,7 +181,7 @@ fn a_few_pairs_cannot_tell_the_model() {
         assert_eq!(report["settings"]["model"], "cosine");
     }
     let (report, said) = figures.solved(&capture, "32", &["--subset", "32"]);
-    assert!(tried(&report).len() == 3 && said.contains("by trials"), "{said}");
+    assert!(tried(&report).len() == 4 && said.contains("by trials"), "{said}");
 }
 
 #[test]
@@ -174,9 +189,10 @@ fn trials_know_the_spot() {
     let figures = Figures::new();
     // As wide as two steps of the scan.
     let [capture, _] = figures.simulated("lambertian", 0.125);
-    let (report, said) = figures.solved(&capture, "with", &[]);
+    // Without its spot, a pulse would explain the capture nearly as well.
+    let (report, said) = figures.solved(&capture, "with", &["--pulse", "none"]);
     assert_eq!(report["settings"]["model"], "lambertian", "{said}");
-    let (without, _) = figures.solved(&capture, "without", &["--spot", "none"]);
+    let (without, _) = figures.solved(&capture, "without", &["--pulse", "none", "--spot", "none"]);
     let least = |r: &Value| tried(r).iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     assert!(least(&report) < 0.8 * least(&without), "{} {}", least(&report), least(&without));
 }

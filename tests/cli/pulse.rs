@@ -12,7 +12,7 @@ use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Gate, Pulse, read, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
-use thirdbounce::job::{Input, Request, load, run};
+use thirdbounce::job::{FindPulse, Input, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Doing, VectorOptions, Watch, default_volume, vector};
@@ -191,7 +191,7 @@ fn trials_are_heard_and_may_be_broken_off() {
     write(&changed(&capture(true), |c| c.pulse = None), &path).unwrap();
     let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
     let out = path.with_file_name("out");
-    let request = Request { find_pulse: true, ..Request::new(VectorOptions::default(), &out) };
+    let request = Request { find_pulse: FindPulse::Always, ..Request::new(VectorOptions::default(), &out) };
     let mut heard = 0;
     let broken = run(&request, &loaded, &mut |progress| {
         assert!(progress.doing == Doing::Trial, "nothing comes before the trials");
@@ -207,7 +207,7 @@ fn trials_are_heard_and_may_be_broken_off() {
         o.iterations = 1;
     });
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
-    let request = Request { volume: Some(volume), find_pulse: true, ..Request::new(far, &out) };
+    let request = Request { volume: Some(volume), find_pulse: FindPulse::Always, ..Request::new(far, &out) };
     let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     assert!(
         done.notes[0].contains("pulse is not known") && done.notes[0].contains("no surface"),

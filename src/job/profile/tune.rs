@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::request::Ready;
 use super::super::sizes::{class_of, keep};
-use super::super::{Loaded, Request, reconstruct};
+use super::super::{FindPulse, Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
 use crate::solve::{Sizes, pass_of};
 use crate::{Kind, Result};
@@ -50,8 +50,14 @@ const WORTH: f64 = 0.95;
 /// Those of [`super::profile`], and a cache that cannot be written.
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
     let solver = request.solver.without_search();
-    let request =
-        Request { solver, timings: true, tuned: false, find_pulse: false, models: vec![], ..request.clone() };
+    let request = Request {
+        solver,
+        timings: true,
+        tuned: false,
+        find_pulse: FindPulse::Never,
+        models: vec![],
+        ..request.clone()
+    };
     request.solver.check()?;
     let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
     let gpu = request.open()?;

@@ -7,11 +7,11 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::Request;
 use super::request::Ready;
+use super::{FindPulse, Request};
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
-use crate::solve::vector::{Left, PAIRS, Trial};
+use crate::solve::vector::{Left, PAIRS, Start, Trial};
 use crate::solve::{Doing, Progress, SolverOptions, VectorOptions, Watch, default_volume};
 use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
@@ -79,9 +79,9 @@ impl Found {
     }
 }
 
-/// Whether a run finds the pulse first.
+/// Whether a run finds the pulse first, whatever the trials of the model show.
 pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
-    request.find_pulse && capture.pulse.is_none()
+    request.find_pulse == FindPulse::Always && capture.pulse.is_none()
 }
 
 /// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
@@ -111,8 +111,13 @@ pub(super) fn find(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Found> {
-    let (finds_model, finds_pulse) = (request.models.len() > 1, finds_pulse(request, capture));
-    if !finds_model && !finds_pulse {
+    let finds_model = request.models.len() > 1;
+    let find_pulse = match (request.find_pulse, &capture.pulse) {
+        (_, Some(_)) => FindPulse::Never,
+        (FindPulse::IfItShows, None) if !finds_model => FindPulse::Never,
+        (asked, None) => asked,
+    };
+    if !finds_model && find_pulse == FindPulse::Never {
         return Ok(Found::default());
     }
     let _span = gpu.span("trials");
@@ -120,19 +125,22 @@ pub(super) fn find(
     let usual = request.solver.common().reflectance;
     let mut tried = vec![];
     let searched = Trials::new(request, capture, gpu, hear).and_then(|mut trials| {
-        let found = search(&mut trials, usual, finds_model, finds_pulse);
+        let found = search(&mut trials, usual, finds_model, find_pulse);
         tried = std::mem::take(&mut trials.tried);
         found
     });
     let (answer, failed) = match searched {
         Ok(answer) => (answer, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
-        Err(e) => (Answer { reflectance: usual, width: 0.0, refuted: None }, Some(e.what)),
+        Err(e) => {
+            let width = (find_pulse == FindPulse::Always).then_some(0.0);
+            (Answer { reflectance: usual, width, refuted: None }, Some(e.what))
+        }
     };
     let Answer { reflectance, width, refuted } = answer;
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, refuted, failed.clone()));
-    let pulse = finds_pulse.then(|| FoundPulse::of(width, reflectance, &tried, seconds, failed));
+    let pulse = width.map(|width| FoundPulse::of(width, reflectance, &tried, seconds, failed));
     Ok(Found { model, pulse, seconds })
 }
 
@@ -142,14 +150,25 @@ struct Tried {
     reflectance: Reflectance,
     /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths.
     fwhm: f64,
+    begun: Begun,
     left: Option<Left>,
+}
+
+/// What a trial begins with. The first model's are one and the same.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Begun {
+    /// The volume of the first model, as a solve begins: so models are compared.
+    Alike,
+    /// A volume of its own. A pulse shows at rims, where volumes of different models differ: with another's, a pulse is
+    /// found where there is none.
+    OnItsOwn,
 }
 
 /// What the trials say.
 struct Answer {
     reflectance: Reflectance,
-    /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths.
-    width: f64,
+    /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths. `None` if it was not looked for.
+    width: Option<f64>,
     /// The model that would have been chosen, if its normals do not explain the light.
     refuted: Option<Refuted>,
 }
@@ -161,29 +180,35 @@ fn search(
     trials: &mut Trials<'_>,
     usual: Reflectance,
     finds_model: bool,
-    finds_pulse: bool,
+    find_pulse: FindPulse,
 ) -> Result<Answer> {
     let choose = |trials: &mut Trials<'_>, width: f64| match finds_model {
         true => trials.best_model(width),
         false => Ok(usual),
     };
     let mut reflectance = choose(trials, 0.0)?;
-    let mut width = 0.0;
+    let finds_pulse = match find_pulse {
+        FindPulse::Never => false,
+        FindPulse::IfItShows => trials.shows_pulse(reflectance)?,
+        FindPulse::Always => true,
+    };
+    let mut width = None;
     if finds_pulse {
-        width = trials.best_width(reflectance)?;
-        if width > 0.0 {
-            let again = choose(trials, width)?;
+        let mut best = trials.best_width(reflectance)?;
+        if best > 0.0 {
+            let again = choose(trials, best)?;
             if again != reflectance {
                 reflectance = again;
-                width = trials.best_width(reflectance)?;
+                best = trials.best_width(reflectance)?;
             }
         }
+        width = Some(best);
     }
-    let refuted = if finds_model { trials.refuted(reflectance, width)? } else { None };
+    let refuted = if finds_model { trials.refuted(reflectance, width.unwrap_or(0.0))? } else { None };
     if refuted.is_some() {
         reflectance = WITHOUT_NORMALS;
         if finds_pulse {
-            width = trials.best_width(reflectance)?;
+            width = Some(trials.best_width(reflectance)?);
         }
     }
     Ok(Answer { reflectance, width, refuted })
@@ -200,8 +225,6 @@ struct Trials<'t> {
     known: Option<Pulse>,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     tried: Vec<Tried>,
-    /// Models that begin with a volume of their own.
-    on_its_own: Vec<Reflectance>,
 }
 
 impl<'t> Trials<'t> {
@@ -238,24 +261,22 @@ impl<'t> Trials<'t> {
             known: capture.pulse.clone(),
             hear,
             tried: vec![],
-            on_its_own: vec![],
         })
     }
 
     /// What a surface with this model and this width of the pulse leaves.
-    fn left(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Left>> {
-        if let Some(same) = self.tried.iter().find(|t| t.reflectance == reflectance && t.fwhm == fwhm) {
+    fn left(&mut self, reflectance: Reflectance, fwhm: f64, begun: Begun) -> Result<Option<Left>> {
+        let (first, _) = &self.models[0];
+        let begun = if *first == reflectance { Begun::Alike } else { begun };
+        let of = (reflectance, fwhm, begun);
+        if let Some(same) = self.tried.iter().find(|t| (t.reflectance, t.fwhm, t.begun) == of) {
             return Ok(same.left.clone());
         }
-        let begun = self.models.iter().find_map(|m| m.1.begun().cloned());
-        let on_its_own = self.on_its_own.contains(&reflectance);
-        let left = self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
-            if trial.begun().is_none() && !on_its_own {
-                trial.begin_with(begun);
-            }
-            trial.fit(pulse, watch)
-        })?;
-        self.tried.push(Tried { reflectance, fwhm, left: left.clone() });
+        let shared = self.models[0].1.own().filter(|_| *first != reflectance && begun == Begun::Alike);
+        let start = shared.map_or(Start::Own, |maps| Start::Of(maps.clone()));
+        let left =
+            self.with_trial(reflectance, fwhm, |trial, pulse, watch| trial.fit(start, pulse, watch))?;
+        self.tried.push(Tried { reflectance, fwhm, begun, left: left.clone() });
         Ok(left)
     }
 
@@ -266,7 +287,7 @@ impl<'t> Trials<'t> {
         if !reflectance.has_normals() || !knows_another {
             return Ok(None);
         }
-        let Some(surface) = self.left(reflectance, fwhm)? else { return Ok(None) };
+        let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
         let mut refuted = None;
         for (iterations, close) in VOLUMES {
@@ -283,7 +304,7 @@ impl<'t> Trials<'t> {
             });
         }
         // It gives way to a model that finds a surface.
-        let another = if refuted.is_some() { self.left(WITHOUT_NORMALS, fwhm)? } else { None };
+        let another = if refuted.is_some() { self.left(WITHOUT_NORMALS, fwhm, Begun::Alike)? } else { None };
         Ok(refuted.filter(|_| another.is_some()))
     }
 
@@ -302,31 +323,29 @@ impl<'t> Trials<'t> {
         run(trial, pulse.as_ref(), &mut watch)
     }
 
-    /// Lets a model begin with a volume of its own from now on. A pulse shows at rims, where volumes of different models
-    /// differ: with another's, a pulse is found where there is none.
-    fn let_begin_on_its_own(&mut self, reflectance: Reflectance) {
-        let shares = self.models.iter().position(|m| m.0 == reflectance) > Some(0);
-        if !shares || self.on_its_own.contains(&reflectance) {
-            return;
+    /// Whether this model shows that there may be a pulse. One without normals shows a pulse on every curved thing, so it
+    /// is not asked.
+    fn shows_pulse(&mut self, reflectance: Reflectance) -> Result<bool> {
+        if reflectance == WITHOUT_NORMALS {
+            return Ok(false);
         }
-        self.on_its_own.push(reflectance);
-        self.tried.retain(|t| t.reflectance != reflectance);
-        let of_model = self.models.iter_mut().filter(|m| m.0 == reflectance);
-        of_model.for_each(|m| m.1.begin_with(None));
+        let [sharp, wide] = [0.0, pulse::FIRST * self.bin_width];
+        let sharp = self.left(reflectance, sharp, Begun::Alike)?;
+        let wide = self.left(reflectance, wide, Begun::Alike)?;
+        Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
     }
 
     /// The width of the pulse, metres, with this model.
     fn best_width(&mut self, reflectance: Reflectance) -> Result<f64> {
-        self.let_begin_on_its_own(reflectance);
         let bin_width = self.bin_width;
+        let mut least: Option<Left> = None;
         let bins = pulse::best_width(self.narrowest, &mut |bins| {
-            Ok(self.left(reflectance, bins * bin_width)?.map(|left| left.share()))
+            let left = self.left(reflectance, bins * bin_width, Begun::OnItsOwn)?;
+            least = left.iter().chain(&least).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
+            Ok(left.map(|left| left.share()))
         })?;
-        let of_model = || self.tried.iter().filter(|t| t.reflectance == reflectance);
-        let sharp = of_model().find(|t| t.fwhm == 0.0).and_then(|t| t.left.as_ref());
-        let share = |left: &&Left| left.share();
-        let least = of_model().filter_map(|t| t.left.as_ref()).min_by(|a, b| share(a).total_cmp(&share(b)));
-        let is_worth = sharp.zip(least).is_some_and(|(sharp, least)| least.is_less(sharp));
+        let sharp = self.left(reflectance, 0.0, Begun::OnItsOwn)?;
+        let is_worth = sharp.zip(least).is_some_and(|(sharp, least)| least.is_less(&sharp));
         Ok(if is_worth { pulse::three_digits(bins * bin_width) } else { 0.0 })
     }
 
@@ -335,7 +354,7 @@ impl<'t> Trials<'t> {
         let all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
         let mut left = vec![];
         for reflectance in all {
-            left.push((reflectance, self.left(reflectance, width)?));
+            left.push((reflectance, self.left(reflectance, width, Begun::Alike)?));
         }
         model::choose(&left)
             .ok_or_else(|| Error::input("no trial found a surface", "name the model and the pulse if known"))

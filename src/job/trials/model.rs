@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Tried;
+use super::{Begun, Tried};
 use crate::job::words::plain;
 use crate::solve::vector::Left;
 use crate::transport::Reflectance;
@@ -32,7 +32,7 @@ pub struct Refuted {
 pub struct FoundModel {
     /// How surfaces reflect.
     pub reflectance: Reflectance,
-    /// Every trial: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and the share of
+    /// The trials that began alike: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and the share of
     /// other pairs' squares that its surface leaves.
     pub trials: Vec<(Reflectance, f64, Option<f64>)>,
     /// The model that would have been chosen, if its surface is worse than its volume.
@@ -50,8 +50,8 @@ impl FoundModel {
         refuted: Option<Refuted>,
         failed: Option<String>,
     ) -> FoundModel {
-        let trials =
-            tried.iter().map(|t| (t.reflectance, t.fwhm, t.left.as_ref().map(Left::share))).collect();
+        let alike = tried.iter().filter(|t| t.begun == Begun::Alike);
+        let trials = alike.map(|t| (t.reflectance, t.fwhm, t.left.as_ref().map(Left::share))).collect();
         FoundModel { reflectance, trials, refuted, failed }
     }
 

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Tried;
+use super::{Begun, Tried};
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
 use crate::transport::Reflectance;
 use crate::{Error, Result};
@@ -26,7 +26,7 @@ pub struct FoundPulse {
 const WORTH: f64 = 0.003;
 
 /// Widths in bins of the trials: the first and the widest.
-const FIRST: f64 = 2.0;
+pub(super) const FIRST: f64 = 2.0;
 const WIDEST: f64 = 32.0;
 
 /// The narrowest pulse that is worth its kernels, in bins of the solve.
@@ -40,7 +40,10 @@ impl FoundPulse {
         seconds: f64,
         failed: Option<String>,
     ) -> FoundPulse {
-        let trials = tried.iter().filter(|t| t.reflectance == reflectance);
+        let of_model = || tried.iter().filter(|t| t.reflectance == reflectance);
+        // The first model has no others.
+        let own = of_model().any(|t| t.begun == Begun::OnItsOwn);
+        let trials = of_model().filter(|t| !own || t.begun == Begun::OnItsOwn);
         let trials = trials.filter_map(|t| Some([t.fwhm, t.left.as_ref()?.share()])).collect();
         FoundPulse { fwhm, trials, seconds, failed }
     }

@@ -40,7 +40,7 @@ pub use options::{Domain, VectorOptions};
 pub use prepared::prepare;
 pub use preview::preview;
 pub use schedule::{due, iteration, start};
-pub use trial::{Left, PAIRS, Trial};
+pub use trial::{Left, PAIRS, Start, Trial};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
 const SMOOTH_SIGMA: f64 = 1.0;

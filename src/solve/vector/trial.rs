@@ -31,10 +31,17 @@ pub struct Trial {
     grid: Grid,
     options: VectorOptions,
     memory: Option<u64>,
-    /// The maps of a volume. Surfaces of all pulses begin with them.
-    begun: Option<Maps>,
-    /// They are another model's. They have one cosine, as the volume before a Lambertian surface has.
-    foreign: bool,
+    /// The maps of a volume of its own, once there is one. It was fitted with the first pulse that was tried.
+    own: Option<Maps>,
+}
+
+/// What the surface of a trial begins with.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// A volume of its own. Surfaces of all pulses begin with it.
+    Own,
+    /// The volume of another trial, with one cosine, as the volume before a Lambertian surface has.
+    Of(Maps),
 }
 
 impl Trial {
@@ -48,38 +55,42 @@ impl Trial {
         memory: Option<u64>,
     ) -> Trial {
         let sides = Sides::of(capture, &grid, &options);
-        Trial { gpu: gpu.clone(), sides, grid, options, memory, begun: None, foreign: false }
+        Trial { gpu: gpu.clone(), sides, grid, options, memory, own: None }
     }
 
-    /// The maps that surfaces begin with, once there are any.
-    pub fn begun(&self) -> Option<&Maps> {
-        self.begun.as_ref()
-    }
-
-    /// Begins surfaces with these maps, or with those of a volume of its own.
-    pub fn begin_with(&mut self, maps: Option<Maps>) {
-        self.foreign = maps.is_some();
-        self.begun = maps;
+    /// The maps of its own volume, once there is one.
+    pub fn own(&self) -> Option<&Maps> {
+        self.own.as_ref()
     }
 
     /// Fits a surface, with paths spread by `pulse`; `None` if no surface is found.
     ///
     /// # Errors
     /// Those of [`super::reconstruct`], and a pulse without taps.
-    pub fn fit(&mut self, pulse: Option<&Pulse>, watch: &mut Watch<'_>) -> Result<Option<Left>> {
+    pub fn fit(
+        &mut self,
+        start: Start,
+        pulse: Option<&Pulse>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Left>> {
         self.sides.spread_by(pulse)?;
+        let is_own = matches!(start, Start::Own);
         let options = self.options.clone().with(|o| {
             // A pulse shows at rims, which a short volume with one cosine loses, and in residuals that no blur averages.
             // Models are compared as their solves begin (benches/NOTES.md).
-            o.cosine_volume = self.foreign;
-            if !self.foreign {
+            o.cosine_volume = !is_own;
+            if is_own {
                 o.surface.blur = 0.0;
             }
         });
+        let begun = match start {
+            Start::Own => self.own.clone(),
+            Start::Of(maps) => Some(maps),
+        };
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
-        let driven = match &self.begun {
+        let driven = match begun {
             Some(maps) => {
                 // As the start of a volume does.
                 let mut s = Schedule::default();
@@ -88,14 +99,16 @@ impl Trial {
                 }
                 job.executor.run(&s)?;
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
-                Driven::begun(maps.clone(), *level.unwrap_or(job.plan.finest()))
+                Driven::begun(maps, *level.unwrap_or(job.plan.finest()))
             }
             None => {
                 make_ready(&mut job)?;
                 solve_volume(&self.gpu, &mut job, &options, watch, None)?
             }
         };
-        self.begun.get_or_insert_with(|| driven.maps.clone());
+        if is_own {
+            self.own.get_or_insert_with(|| driven.maps.clone());
+        }
         let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven)?;
         if refined.pixels == 0 {
             return Ok(None);
