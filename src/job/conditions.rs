@@ -5,15 +5,21 @@ use glam::DVec3;
 use crate::capture::{Capture, Pulse};
 use crate::maps::{Conditions, Maps};
 use crate::solve::{Reconstruction, background, variances};
+use crate::transport::Reflectance;
+
+/// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
+const SLANT: f64 = 0.35;
 
 /// Sets the confidence of the result's maps and of those after earlier iterations. `capture` is what was solved.
 pub fn tell(capture: &Capture, result: &mut Reconstruction, snapshots: &mut [(usize, Maps)]) {
     let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
+    let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
     let all = Conditions {
         noise: noise(capture),
-        width: capture.bin_width.hypot(pulse),
+        width: capture.bin_width.hypot(pulse).hypot(spots[0]).hypot(spots[1]),
         aperture: aperture(capture),
         voxel: [0.0; 2],
+        two_cosines: result.plan.reflectance == Reflectance::Lambertian,
     };
     let last = result.trace.last().map_or(0, |p| p.iteration);
     let after = |maps: &Maps, iteration: usize| {

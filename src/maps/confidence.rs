@@ -1,26 +1,30 @@
 //! Tells from a result how far its depths are off.
 //!
 //! Errors grow with the dimness of a pixel, the slope of its surface and the roughness of the depths around it. Over a
-//! whole map they grow with noise, with the width of bins and pulse, and where one laser or sensor point sees less than
-//! a scan. The expected error is a product of powers of these, in pixels. The powers are a quantile regression over
-//! reconstructions with truth (benches/NOTES.md). docs/confidence.md compares the values with real errors.
+//! whole map they grow with the width of bins and pulse, and where one laser or sensor point sees less than a scan. Noise
+//! has maps smoothed, so the noisier the data, the less their roughness tells. The expected error is a product of powers
+//! of these, in pixels. The powers are a quantile regression over reconstructions with truth (benches/NOTES.md).
+//! docs/confidence.md compares the values with real errors.
 
 use super::mask::{slope, smoothed};
 use super::{Layer, Maps};
 
 /// The error, in pixels, where all factors are 1.
-const USUAL: f64 = 0.7;
+const USUAL: f64 = 0.88;
 
 /// Powers of the albedo over that of the usual pixel, and of the cosine between the surface's normal and the wall's.
-const BRIGHT: f64 = -1.55;
-const FACING: f64 = -1.85;
+const BRIGHT: f64 = -1.0;
+const FACING: f64 = -1.9;
 
 /// Powers of the aperture, and of the width of a bin with its pulse over that of a pixel.
-const APERTURE: f64 = -2.45;
+const APERTURE: f64 = -1.0;
 const WIDTH: f64 = 0.6;
 
-/// The error grows by e to this times the noise.
-const NOISE: f64 = 2.75;
+/// Power of the roughness without noise.
+const ROUGH: f64 = 1.08;
+
+/// The share of the error that is left if light depends on the angle twice: normals, and so depths, are better known.
+const TWO_COSINES: f64 = 0.76;
 
 /// Limits of the brightness, and the least cosine.
 const DIMMEST: f64 = 0.1;
@@ -43,13 +47,15 @@ const OF_DEPTH: f64 = 0.5;
 pub struct Conditions {
     /// Expected energy of the noise over the energy of the measurement: 0 without noise, 1 without light.
     pub noise: f64,
-    /// Width of a bin and of the instrument's pulse together, metres of path.
+    /// Width of a bin, of the instrument's pulse and of what its spots spread paths by, together: metres of path.
     pub width: f64,
     /// Mean extent of laser and sensor points over that of all points: 1 if both cover the wall, 1/2 if one of them is a
     /// single point.
     pub aperture: f64,
     /// Width and depth of a voxel in metres if depths are those of voxels; 0 for those of a surface.
     pub voxel: [f64; 2],
+    /// Whether the model is the Lambertian one, in which light depends on the angle at both ends of a path.
+    pub two_cosines: bool,
 }
 
 impl Maps {
@@ -72,16 +78,17 @@ impl Maps {
         let shown: Vec<bool> = depth.iter().zip(&self.mask).map(|(z, m)| *m && z.is_finite()).collect();
         let rough = self.roughness(&depth, &shown);
         let everywhere = USUAL
-            * (NOISE * known.noise).exp()
+            * if known.two_cosines { TWO_COSINES } else { 1.0 }
             * known.aperture.powf(APERTURE)
             * (known.width / pixel).powf(WIDTH);
+        let roughness = ROUGH * (1.0 - known.noise);
         let of_voxel = (OF_WIDTH * known.voxel[0]).hypot(OF_DEPTH * known.voxel[1]);
         let of = |i: usize| {
             let bright = (f64::from(self.albedo[i]) / usual).clamp(DIMMEST, BRIGHTEST);
             let error = everywhere
                 * bright.powf(BRIGHT)
                 * self.facing(&depth, &shown, i).max(STEEPEST).powf(FACING)
-                * (rough[i] + SMOOTHEST);
+                * (rough[i] + SMOOTHEST).powf(roughness);
             if depth[i].is_finite() { (error * pixel).hypot(of_voxel) as f32 } else { f32::NAN }
         };
         (0..depth.len()).map(of).collect()
@@ -132,7 +139,8 @@ mod tests {
     use super::*;
 
     const SIDE: usize = 24;
-    const KNOWN: Conditions = Conditions { noise: 0.0, width: 0.01, aperture: 1.0, voxel: [0.0; 2] };
+    const KNOWN: Conditions =
+        Conditions { noise: 0.0, width: 0.01, aperture: 1.0, voxel: [0.0; 2], two_cosines: false };
 
     /// Maps with pixels of 1 cm and this (albedo, depth in metres).
     fn maps(of: impl Fn(usize, usize) -> (f32, f64)) -> Maps {
@@ -171,7 +179,7 @@ mod tests {
     #[test]
     fn a_perfect_plate_is_certain_to_a_fraction_of_a_pixel() {
         let error = middle(maps(flat), KNOWN);
-        let wanted = 0.01 * USUAL * SMOOTHEST;
+        let wanted = 0.01 * USUAL * SMOOTHEST.powf(ROUGH);
         assert!((error / wanted - 1.0).abs() < 0.02, "{error} {wanted}");
         assert!((1e-4..1e-3).contains(&error));
     }
@@ -192,12 +200,28 @@ mod tests {
     }
 
     #[test]
-    fn noise_wide_bins_and_one_laser_point_make_all_less_certain() {
+    fn wide_bins_and_one_laser_point_make_all_less_certain() {
         let of = |known: Conditions| middle(maps(flat), known) / middle(maps(flat), KNOWN);
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
-        assert!(near(of(Conditions { noise: 0.5, ..KNOWN }), (0.5 * NOISE).exp()));
+        assert!(near(of(Conditions { two_cosines: true, ..KNOWN }), TWO_COSINES));
         assert!(near(of(Conditions { width: 0.02, ..KNOWN }), 2f64.powf(WIDTH)));
         assert!(near(of(Conditions { aperture: 0.5, ..KNOWN }), 0.5f64.powf(APERTURE)));
+    }
+
+    #[test]
+    fn the_noisier_the_less_a_smooth_map_tells() {
+        let bumpy = |x: usize, y: usize| (1.0, 0.5 + 0.005 * ((x + y) % 2) as f64);
+        let of = |noise: f64| {
+            let known = Conditions { noise, ..KNOWN };
+            [middle(maps(flat), known), middle(maps(bumpy), known)]
+        };
+        let [exact, noisy, lost] = [0.0, 0.5, 1.0].map(of);
+        assert!(exact[1] > 10.0 * exact[0] && noisy[1] > 2.0 * noisy[0] && noisy[1] < 5.0 * noisy[0]);
+        assert!(
+            exact[0] < noisy[0] && noisy[0] < lost[0],
+            "flat maps are less certain: {exact:?} {noisy:?} {lost:?}"
+        );
+        assert!((lost[1] / lost[0] - 1.0).abs() < 1e-6 && (lost[0] / (0.01 * USUAL) - 1.0).abs() < 1e-6);
     }
 
     #[test]
