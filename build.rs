@@ -55,6 +55,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("limit_global_atomic", "limit_global_atomic.comp", &[]),
     ("limit_global_atomic_float", "limit_global_atomic.comp", &["ACCUMULATE_FLOAT"]),
     ("limit_load", "limit_load.comp", &[]),
+    ("limit_scattered_atomic", "limit_global_atomic.comp", &["SCATTERED"]),
+    ("limit_scattered_atomic_float", "limit_global_atomic.comp", &["SCATTERED", "ACCUMULATE_FLOAT"]),
     ("limit_shared_atomic", "limit_shared_atomic.comp", &[]),
     ("limit_special", "limit_special.comp", &[]),
     ("noise", "noise.comp", &[]),

@@ -1549,6 +1549,7 @@ pub mod job {
                 pub shared_atomic_per_s: f64,
                 pub global_atomic_per_s: f64,
                 pub global_atomic_float_per_s: Option<f64>,
+                pub scattered_atomic_per_s: f64,
                 pub copy_bytes_per_s: f64,
                 pub dispatch_s: f64,
             }
@@ -1839,6 +1840,7 @@ pub mod maps {
             pub width: f64,
             pub aperture: f64,
             pub voxel: [f64; 2],
+            pub two_cosines: bool,
         }
         impl Maps {
             pub fn set_confidence(&mut self, known: &Conditions) {}

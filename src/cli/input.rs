@@ -32,7 +32,8 @@ pub struct CaptureArgs {
     /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, in metres of path; the
     /// same and, behind a colon, the length over which its tail falls to 1/e; an npz file with pulse, pulse_delta_t and
     /// pulse_t_start; none for sharp paths; or auto to find the width by quick
-    /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else none]
+    /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else auto if the
+    /// trials of the model show a pulse, else none]
     #[arg(long, value_name = "M|M:TAIL|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
     /// Laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the wall.

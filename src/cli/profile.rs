@@ -196,13 +196,15 @@ fn check_device(args: &Args) -> Result<()> {
 fn limits_text(l: &DeviceLimits) -> String {
     let float = l.global_atomic_float_per_s.map_or("none".into(), number);
     format!(
-        "limits    per second: fma {}, inversesqrt {}, cached words {}, atomics: shared {}, global {}, float {float}\n\
+        "limits    per second: fma {}, inversesqrt {}, cached words {}, atomics: shared {}, global {}, float {float},\n\
+        \x20         lanes in different histograms {};\n\
         \x20         copies {}/s read and written, a dispatch {}\n",
         number(l.fma_per_s),
         number(l.special_per_s),
         number(l.load_per_s),
         number(l.shared_atomic_per_s),
         number(l.global_atomic_per_s),
+        number(l.scattered_atomic_per_s),
         bytes(l.copy_bytes_per_s as u64),
         micro(l.dispatch_s),
     )

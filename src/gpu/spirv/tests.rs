@@ -184,4 +184,5 @@ fn limits_count_what_they_say() {
     assert_eq!(of("limit_shared_atomic", &[]).shared_atomics, 4);
     assert_eq!(of("limit_global_atomic", &[]).atomics, 4);
     assert_eq!(of("limit_global_atomic_float", &[]).atomics, 4);
+    assert_eq!(of("limit_scattered_atomic", &[]).atomics, 4);
 }

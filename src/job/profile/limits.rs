@@ -24,6 +24,9 @@ pub struct DeviceLimits {
     pub global_atomic_per_s: f64,
     /// fp32 atomic additions in global memory per second; null if the device has none.
     pub global_atomic_float_per_s: Option<f64>,
+    /// Atomic additions in global memory per second with lanes in histograms of their own, fp32 if the device has such.
+    #[serde(default)]
+    pub scattered_atomic_per_s: f64,
     /// Bytes per second, read and written, of a copy from buffer to buffer.
     pub copy_bytes_per_s: f64,
     /// Seconds of an almost empty dispatch, with the barrier before it.
@@ -58,6 +61,14 @@ const GLOBAL: Probe =
     Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC, turns: 64, per_turn: 4, right: global_right };
 const FLOAT: Probe =
     Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC_FLOAT, turns: 64, per_turn: 4, right: global_float_right };
+const SCATTERED: Probe =
+    Probe { kernel: &kernel::LIMIT_SCATTERED_ATOMIC, turns: 64, per_turn: 4, right: scattered_right };
+const SCATTERED_FLOAT: Probe = Probe {
+    kernel: &kernel::LIMIT_SCATTERED_ATOMIC_FLOAT,
+    turns: 64,
+    per_turn: 4,
+    right: scattered_float_right,
+};
 
 fn fma_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
     // 16 chains add 2 per turn. Eight start at 0 to 7, four at 0 and four at 1: 32 in all.
@@ -98,6 +109,23 @@ fn global_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
     f32::from_bits(word) == additions(i, did) as f32
 }
 
+/// Number of additions to a word of histograms of 512 words, of which workgroups own 64 each: one from every workgroup
+/// that owns it, from the 256th word down.
+fn scattered(i: u32, [turns, groups, dispatches]: [u32; 3]) -> u32 {
+    let owners = ATOMIC_WORDS / 512 / LANES;
+    let mine = groups / owners + u32::from(i / 512 / LANES < groups % owners);
+    let reached = (256 - 4 * turns..256).contains(&(i % 512));
+    u32::from(reached) * mine * dispatches
+}
+
+fn scattered_right(word: u32, i: u32, did: [u32; 3]) -> bool {
+    word == scattered(i, did)
+}
+
+fn scattered_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
+    f32::from_bits(word) == scattered(i, did) as f32
+}
+
 /// Measures all limits: each is the best of several runs of some tens of milliseconds.
 ///
 /// # Errors
@@ -112,6 +140,7 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
         shared_atomic_per_s: bench.rate(&SHARED)?,
         global_atomic_per_s: bench.rate(&GLOBAL)?,
         global_atomic_float_per_s: if float { Some(bench.rate(&FLOAT)?) } else { None },
+        scattered_atomic_per_s: bench.rate(if float { &SCATTERED_FLOAT } else { &SCATTERED })?,
         copy_bytes_per_s: bench.copy()?,
         dispatch_s: bench.dispatch()?,
     })
@@ -200,7 +229,8 @@ impl Bench {
         self.executor.run(&s)?;
         let got: Vec<u32> = self.executor.read(BACK, ..words as usize);
         let did = [probe.turns, x, dispatches];
-        // Words that no invocation owns stay as they were. The step is prime, so that every lane is checked.
+        // Atomic kernels add to so many words, whatever the number of invocations. The step is prime, so that every lane
+        // is checked.
         let owned = if probe.per_turn == 4 && probe.turns == 64 { words.min(ATOMIC_WORDS) } else { words };
         match (0..owned).step_by(61).find(|i| !(probe.right)(got[*i as usize], *i, did)) {
             Some(i) => {
@@ -298,8 +328,8 @@ mod tests {
     fn every_limit_kernel_computes_what_it_says() {
         let gpu = gpu();
         let mut bench = Bench::new(&gpu).unwrap();
-        let float = gpu.accumulations.float.then_some(&FLOAT);
-        for probe in [&FMA, &SPECIAL, &LOAD, &SHARED, &GLOBAL].into_iter().chain(float) {
+        let float = gpu.accumulations.float.then_some([&FLOAT, &SCATTERED_FLOAT]).into_iter().flatten();
+        for probe in [&FMA, &SPECIAL, &LOAD, &SHARED, &GLOBAL, &SCATTERED].into_iter().chain(float) {
             bench.add(probe.kernel).unwrap();
             // More groups than there are sets of atomic words, and not a multiple of them.
             bench.check(probe, 1100).unwrap();
@@ -336,8 +366,8 @@ mod tests {
         let start = Instant::now();
         let l = measure(&gpu).unwrap();
         println!("{l:?} in {:?}", start.elapsed());
-        let rates =
-            [l.fma_per_s, l.special_per_s, l.load_per_s, l.shared_atomic_per_s, l.global_atomic_per_s];
+        let atomics = [l.shared_atomic_per_s, l.global_atomic_per_s, l.scattered_atomic_per_s];
+        let rates = [[l.fma_per_s, l.special_per_s, l.load_per_s], atomics].concat();
         assert!(rates.iter().all(|r| *r > 1e6 && r.is_finite()), "{l:?}");
         assert_eq!(l.global_atomic_float_per_s.is_some(), gpu.accumulations.float);
         assert!(l.copy_bytes_per_s > 1e7 && l.dispatch_s > 1e-8 && l.dispatch_s < 0.1, "{l:?}");
