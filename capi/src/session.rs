@@ -85,6 +85,18 @@ pub struct TbFrame {
     pub iterations: usize,
     /// Seconds that solving took.
     pub seconds: f64,
+    /// The depth error that two of three pixels with this value do not exceed, metres; NaN where nothing is. NULL without.
+    pub confidence: *const f32,
+    /// The surfaces behind the first ones, as above; NULL where no pixel has two.
+    pub behind_albedo: *const f32,
+    pub behind_depth: *const f32,
+    pub behind_normal: *const f32,
+    pub behind_mask: *const u8,
+    pub behind_confidence: *const f32,
+    /// The box that is reconstructed: its corners x, y, z, metres, and the voxels of the finest volume along each.
+    pub box_min: [f64; 3],
+    pub box_max: [f64; 3],
+    pub voxels: [usize; 3],
 }
 
 // SAFETY: both are `repr(C)` and begin with their size; zero is valid for all fields.
@@ -344,6 +356,10 @@ impl TbProgress {
 impl TbFrame {
     fn of(frame: &Frame) -> TbFrame {
         let (maps, result) = (&frame.result.maps, &frame.result);
+        let grid = result.plan.finest().grid;
+        let ([x0, x1, y0, y1], [z0, z1]) = (grid.extent(), grid.depth_range());
+        let (none, behind) = (std::ptr::null(), maps.behind.as_ref());
+        let of = |values: Option<&Vec<f32>>| values.map_or(none, |v| v.as_ptr());
         TbFrame {
             size: size_of::<TbFrame>(),
             id: frame.id.0,
@@ -356,6 +372,15 @@ impl TbFrame {
             mask: maps.mask.as_ptr().cast(),
             iterations: result.trace.last().map_or(0, |p| p.iteration),
             seconds: result.solve_seconds,
+            confidence: of(maps.confidence.as_ref()),
+            behind_albedo: of(behind.map(|l| &l.albedo)),
+            behind_depth: of(behind.map(|l| &l.depth)),
+            behind_normal: behind.map_or(none, |l| l.normal.as_ptr().cast()),
+            behind_mask: behind.map_or(std::ptr::null(), |l| l.mask.as_ptr().cast()),
+            behind_confidence: of(behind.and_then(|l| l.confidence.as_ref())),
+            box_min: [x0, y0, z0],
+            box_max: [x1, y1, z1],
+            voxels: grid.n,
         }
     }
 }

@@ -80,6 +80,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "NaN",
         "nothing to wait for",
         "no-such=1",
+        "1000 B are there",
         "cancelled after",
         "as it should be",
     ] {

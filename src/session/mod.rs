@@ -45,6 +45,8 @@ pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
 pub struct SessionOptions {
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
+    /// A pixel is surface above this share of the brightest albedo; `None`: as [`SolverOptions::usual_mask`] says.
+    pub mask_fraction: Option<f64>,
     /// Read the volume of every frame back.
     pub with_volume: bool,
     /// A frame that takes longer is stopped.
@@ -107,7 +109,8 @@ impl Session {
         prepared.allocate()?;
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
         let shared = Arc::new(Shared::with_room(scan.pair_count() * scan.bins));
-        let worker = Worker { shared: shared.clone(), prepared, scan: scan.clone(), options };
+        let mask_fraction = options.mask_fraction.or(solver.usual_mask());
+        let worker = Worker { shared: shared.clone(), prepared, scan: scan.clone(), mask_fraction, options };
         let thread = std::thread::Builder::new()
             .name("thirdbounce session".into())
             .spawn(move || worker.work())
@@ -201,15 +204,13 @@ impl Drop for Session {
     }
 }
 
-/// The grid that a session takes if none is given: the default volume of the scan, with voxels as deep as a bin, or as
-/// half of their width if that is more.
+/// The grid that a session takes if none is given: the default volume of the scan, with voxels of the usual depth
+/// ([`SolverOptions::usual_depth_pitch`]).
 ///
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    let (volume, lateral) = (solver.default_volume(scan)?, solver.common().lateral);
-    let wide = (volume.max.x - volume.min.x).max(volume.max.y - volume.min.y) / lateral as f64;
-    Grid::new(volume, lateral, scan.bin_width.max(0.5 * wide))
+    Grid::new(solver.default_volume(scan)?, solver.common().lateral, solver.usual_depth_pitch(scan, None))
 }
 
 /// The error of a frame that was stopped by its time limit, after what `cancelled` says.

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use super::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
-use crate::solve::{Beside, Prepared, Progress, Reconstruction, Watch};
+use crate::solve::{Beside, Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result};
 
 /// What a session is doing.
@@ -158,6 +158,8 @@ pub(super) struct Worker {
     pub prepared: Box<dyn Prepared>,
     /// The scan; with the counts of a frame while that is solved.
     pub scan: Capture,
+    /// See [`conclude`].
+    pub mask_fraction: Option<f64>,
     pub options: SessionOptions,
 }
 
@@ -179,7 +181,7 @@ impl Worker {
     }
 
     fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, options } = self;
+        let Worker { shared, prepared, scan, mask_fraction, options } = self;
         let begun = Instant::now();
         let mut late = false;
         let mut hear = |progress: &Progress| {
@@ -191,10 +193,12 @@ impl Worker {
         };
         let mut watch = Watch { hear: &mut hear, maps_every: options.maps_every, maps_at: &[] };
         let solved = prepared.solve(scan, Beside { watch: &mut watch, keep: None });
-        match (solved, options.time_limit) {
-            (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => Err(too_long(limit, e)),
-            (solved, _) => solved,
-        }
+        let mut result = match (solved, options.time_limit) {
+            (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => return Err(too_long(limit, e)),
+            (solved, _) => solved?,
+        };
+        conclude(scan, *mask_fraction, &mut result, &mut []);
+        Ok(result)
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod adam;
 mod checkpoint;
+mod conditions;
 mod domain;
 mod drive;
 mod estimate;
@@ -26,6 +27,7 @@ mod trace;
 pub mod vector;
 
 pub use checkpoint::{Checkpoint, Identity, Keep};
+pub use conditions::conclude;
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
@@ -41,7 +43,7 @@ pub use plan::{
 };
 pub use prepared::Prepared;
 pub use result::{Reconstruction, TakenOff};
-pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
+pub use solvers::{Common, Solver, SolverOptions, check_solver, pixel_of, reflectance};
 pub use surface::SurfaceOptions;
 pub use trace::TracePoint;
 pub use vector::VectorOptions;
