@@ -49,8 +49,13 @@ pub use trace::TracePoint;
 pub use vector::VectorOptions;
 
 /// The passes of all solvers: those that they share, then one list for each.
-pub static PASSES: &[&[&Pass]] =
-    &[passes::ALL, paper::passes::ALL, vector::passes::ALL, surface::passes::ALL];
+pub static PASSES: &[&[&Pass]] = &[
+    passes::ALL,
+    paper::passes::ALL,
+    vector::passes::ALL,
+    vector::follow::passes::ALL,
+    surface::passes::ALL,
+];
 
 /// The pass that schedules call by this name. Some names stand for one pass in each solver.
 pub fn pass_of(kernel: &str) -> Option<&'static Pass> {
