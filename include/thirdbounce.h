@@ -132,6 +132,12 @@ typedef struct tb_settings {
     tb_hear hear;
     // Given to `hear`.
     void *user;
+    // 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
+    uint32_t follow;
+    // Not used: 0.
+    uint32_t reserved;
+    // Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
+    double budget;
 } tb_settings;
 
 // A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -170,6 +176,10 @@ typedef struct tb_frame {
     double box_min[3];
     double box_max[3];
     size_t voxels[3];
+    // 1 if it began with the solution of the frame before.
+    uint32_t warm;
+    // Not used: 0.
+    uint32_t reserved;
 } tb_frame;
 
 #ifdef __cplusplus

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions};
 use engine::solve::option::{Suit, Value};
+use engine::solve::vector::Follow;
 use engine::solve::{Progress, SolverOptions};
 use engine::{Error, Result};
 
@@ -57,6 +58,12 @@ pub struct TbSettings {
     pub hear: TbHear,
     /// Given to `hear`.
     pub user: *mut c_void,
+    /// 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
+    pub follow: u32,
+    /// Not used: 0.
+    pub reserved: u32,
+    /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
+    pub budget: f64,
 }
 
 /// A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -97,6 +104,10 @@ pub struct TbFrame {
     pub box_min: [f64; 3],
     pub box_max: [f64; 3],
     pub voxels: [usize; 3],
+    /// 1 if it began with the solution of the frame before.
+    pub warm: u32,
+    /// Not used: 0.
+    pub reserved: u32,
 }
 
 // SAFETY: both are `repr(C)` and begin with their size; zero is valid for all fields.
@@ -295,6 +306,13 @@ impl TbSettings {
         let limit = Duration::try_from_secs_f64(self.time_limit).map_err(|_| {
             options_error(format!("the time limit is {} s", self.time_limit), "give seconds, or 0 for none")
         })?;
+        let budget =
+            Duration::try_from_secs_f64(self.budget).ok().filter(|b| b.is_zero() || self.follow != 0);
+        let Some(budget) = budget else {
+            let what = format!("the budget is {} s, and `follow` is {}", self.budget, self.follow);
+            return Err(options_error(what, "give seconds with `follow` 1, or 0 for none"));
+        };
+        let budget = (!budget.is_zero()).then_some(budget);
         let user = User(self.user);
         let hear = self.hear.map(|hear| -> Hear {
             Box::new(move |id: FrameId, progress: &Progress| {
@@ -310,6 +328,7 @@ impl TbSettings {
             memory: (self.memory > 0).then_some(self.memory),
             time_limit: (limit > Duration::ZERO).then_some(limit),
             hear,
+            follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
             ..SessionOptions::default()
         })
     }
@@ -381,6 +400,8 @@ impl TbFrame {
             box_min: [x0, y0, z0],
             box_max: [x1, y1, z1],
             voxels: grid.n,
+            warm: result.is_warm.into(),
+            reserved: 0,
         }
     }
 }
