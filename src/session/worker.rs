@@ -112,7 +112,7 @@ impl Shared {
             }
         }
         let replaces = matches!(state.feed, Feed::Newest | Feed::Sum { .. });
-        if let Some(old) = state.waiting.pop_back_if(|_| replaces) {
+        if let Some(old) = if replaces { state.waiting.pop_back() } else { None } {
             state.latencies.dropped += u64::from(state.feed == Feed::Newest);
             state.spare.push(old.counts);
         }
@@ -188,7 +188,7 @@ impl Shared {
             }
             // Where every frame counts, no result is dropped.
             let may = state.done.is_none() || !matches!(state.feed, Feed::Every { .. });
-            if let Some(frame) = state.waiting.pop_front_if(|_| may) {
+            if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
                 let old = std::mem::replace(&mut scan.histograms, frame.counts);
                 if old.capacity() > 0 {
                     state.spare.push(old);

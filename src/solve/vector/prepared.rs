@@ -139,10 +139,10 @@ impl Prepared for PreparedVector {
         let begun = Instant::now();
         // After an error the state on the device is no frame's: the next one begins cold.
         let last = self.following.as_mut().and_then(|f| f.last.take());
-        if let Some(last) = last {
-            if let Some(done) = self.warm(capture, watch, last, begun)? {
-                return Ok(done);
-            }
+        if let Some(last) = last
+            && let Some(done) = self.warm(capture, watch, last, begun)?
+        {
+            return Ok(done);
         }
         self.cold(capture, watch, keep)
     }
