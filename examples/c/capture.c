@@ -79,7 +79,7 @@ static void write_picture(const char *path, const tb_frame *frame) {
     fprintf(file, "P5 %zu %zu 255\n", frame->nx, frame->ny);
     for (size_t row = frame->ny; row-- > 0;)
         for (size_t ix = 0; ix < frame->nx; ix++)
-            fputc((int)(255.0f * frame->albedo[ix * frame->ny + row] / most), file);
+            fputc((int)(255.0f * frame->albedo[ix * frame->ny + row] / most + 0.5f), file);
     fclose(file);
 }
 

@@ -9,9 +9,9 @@ use crate::transport::kernels::{SURFACE_ALBEDO_RATE, SURFACE_DEPTH_RATE, SURFACE
 /// become dark.
 const LIVELY: f32 = 3.0;
 
-/// The change of a scene ([`GoOn::change`]) from which on steps have their whole lengths. With less, they are shorter by the
-/// same share, down to the last: a surface that has found its place stays there.
-const MOVED: f64 = 0.02;
+/// The change of the volume's albedos, as a share of all, from which on steps have their whole lengths. With less, they are
+/// shorter by the same share, down to the last: a surface that has found its place stays there.
+const MOVED: f64 = 0.1;
 const CALMEST: f64 = 0.1;
 
 /// How a surface goes on from that of the frame before.
@@ -20,8 +20,6 @@ pub struct GoOn<'m> {
     pub maps: &'m Maps,
     /// The maps of the volume that it began with.
     pub volume: &'m Maps,
-    /// The share of its light that the last volume lost to the new frame: 0 where nothing moved.
-    pub change: f64,
     /// Stop at this time.
     pub until: Option<Instant>,
 }
@@ -44,9 +42,12 @@ impl GoOn<'_> {
         }
     }
 
-    /// Lengthens or shortens the first steps.
-    pub fn pace(&self, weights: &mut [f32; SURFACE_WEIGHTS as usize]) {
-        let calm = (self.change / MOVED).clamp(CALMEST, 1.0) as f32;
+    /// Lengthens or shortens the first steps, for a surface after the volume `now`.
+    pub fn pace(&self, now: &Maps, weights: &mut [f32; SURFACE_WEIGHTS as usize]) {
+        let both = now.albedo.iter().zip(&self.volume.albedo);
+        let changed: f64 = both.map(|(a, b)| f64::from((a - b).abs())).sum();
+        let all: f64 = now.albedo.iter().map(|a| f64::from(*a)).sum();
+        let calm = (changed / (MOVED * all)).clamp(CALMEST, 1.0) as f32;
         weights[SURFACE_ALBEDO_RATE as usize] *= LIVELY * calm;
         weights[SURFACE_DEPTH_RATE as usize] *= calm;
     }
@@ -72,11 +73,19 @@ mod tests {
         };
         let volume = maps([1.0, 1.0, 1.0], [0.5, 0.5, f32::NAN]);
         let surface = maps([1.5, 9.0, 1.0], [0.51, 0.52, 0.6]);
-        let on = GoOn { maps: &surface, volume: &volume, change: 0.0, until: None };
+        let on = GoOn { maps: &surface, volume: &volume, until: None };
         // The second moved by a little, and got brighter by more than may be taken over; the third is new.
         let mut layer = maps([1.0, 1.0, 1.0], [0.5, 0.51, 0.7]);
         on.begin(&mut layer, 0.015);
         assert_eq!((layer.albedo, layer.depth), (vec![1.5, 2.0, 1.0], vec![0.51, 0.53, 0.7]));
+        // The nearer the new volume is to the one before, the shorter the steps.
+        let depth_rate = |albedo: f32| {
+            let mut weights = [1.0; SURFACE_WEIGHTS as usize];
+            on.pace(&maps([1.0, 1.0, albedo], [0.5; 3]), &mut weights);
+            weights[SURFACE_DEPTH_RATE as usize]
+        };
+        assert_eq!([1.0, 2.0].map(depth_rate), [0.1, 1.0]);
+        assert!((depth_rate(1.16) - 0.5).abs() < 0.05);
         let mut far = maps([1.0; 3], [0.6; 3]);
         on.begin(&mut far, 0.015);
         assert_eq!(far.depth, [0.6; 3]);

@@ -91,7 +91,7 @@ pub(super) fn refine(
     let coarsest = job.plan.levels[0].grid;
     let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
     let mut told: Option<Vec<_>> = levels.iter().map(weights).collect();
-    on.iter().for_each(|on| told.iter_mut().flatten().for_each(|weights| on.pace(weights)));
+    on.iter().for_each(|on| told.iter_mut().flatten().for_each(|weights| on.pace(&driven.maps, weights)));
     let first_blur = found.filter(|_| is_blurred(&job.plan) && on.is_none()).and_then(|_| {
         let wide = options.blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
         let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);

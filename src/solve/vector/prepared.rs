@@ -247,7 +247,7 @@ impl PreparedVector {
         if surface_iterations > 0 {
             let mut of_surface = options.surface.clone();
             of_surface.iterations = surface_iterations;
-            let on = GoOn { maps: &last.maps, volume: &last.volume, change, until: until(1.0) };
+            let on = GoOn { maps: &last.maps, volume: &last.volume, until: until(1.0) };
             let refined = surface::refine(&gpu, job, &of_surface, watch, driven, Some(on))?;
             (driven, surface_left) = (refined.driven, refined.left);
         }
