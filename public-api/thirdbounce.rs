@@ -1865,6 +1865,12 @@ pub mod live {
         pub const VERSION: u16 = 1;
         pub const HEADER: usize = 28;
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Format {
+            Float,
+            Short,
+            Word,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct Header {
             pub format: Format,
             pub frame: u64,
@@ -1895,7 +1901,7 @@ pub mod live {
         }
     }
     pub use page::Page;
-    pub use stream::{Counts, HEADER, Header, MAGIC, VERSION, read, write};
+    pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
     #[derive(Debug, Clone, PartialEq, Eq)]
     pub enum Source {
         Folder(PathBuf),

@@ -20,7 +20,7 @@ mod page;
 mod stream;
 
 pub use page::Page;
-pub use stream::{Counts, HEADER, Header, MAGIC, VERSION, read, write};
+pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq, Eq)]

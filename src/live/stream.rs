@@ -40,7 +40,7 @@ pub struct Header {
     pub format: Format,
     /// The sender's number of the frame.
     pub frame: u64,
-    /// Pairs, and bins of each.
+    /// Pairs.
     pub pairs: u32,
     /// Bins of a histogram.
     pub bins: u32,
