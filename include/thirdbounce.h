@@ -9,6 +9,9 @@
 // Version of this interface. Structs may grow within a version: they begin with their size.
 #define TB_API_VERSION 1
 
+// Most settings that a `tb_problem` names.
+#define TB_PROBLEM_SETTINGS 4
+
 // How a call went.
 typedef enum tb_status {
     // It went well.
@@ -44,6 +47,21 @@ typedef struct tb_device tb_device;
 
 // A solver with everything that it needs for frames of one scan.
 typedef struct tb_session tb_session;
+
+// What was wrong, for programs. Set `size` before the call.
+typedef struct tb_problem {
+    // sizeof(tb_problem).
+    size_t size;
+    // The status of the call; TB_OK if none failed.
+    enum tb_status status;
+    // How many of `settings` are there.
+    uint32_t setting_count;
+    // The settings that may mend it, by their names in the library ("lateral", "memory"). They live as long as the program.
+    const char *settings[TB_PROBLEM_SETTINGS];
+    // What was asked for and what there is, bytes; 0 if unknown or if it is not about memory.
+    uint64_t asked;
+    uint64_t available;
+} tb_problem;
 
 // Receives messages. `text` is valid during the call.
 typedef void (*tb_log)(void *user, enum tb_level level, const char *text);
@@ -114,6 +132,12 @@ typedef struct tb_settings {
     tb_hear hear;
     // Given to `hear`.
     void *user;
+    // 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
+    uint32_t follow;
+    // Not used: 0.
+    uint32_t reserved;
+    // Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
+    double budget;
 } tb_settings;
 
 // A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -140,6 +164,22 @@ typedef struct tb_frame {
     size_t iterations;
     // Seconds that solving took.
     double seconds;
+    // The depth error that two of three pixels with this value do not exceed, metres; NaN where nothing is. NULL without.
+    const float *confidence;
+    // The surfaces behind the first ones, as above; NULL where no pixel has two.
+    const float *behind_albedo;
+    const float *behind_depth;
+    const float *behind_normal;
+    const uint8_t *behind_mask;
+    const float *behind_confidence;
+    // The box that is reconstructed: its corners x, y, z, metres, and the voxels of the finest volume along each.
+    double box_min[3];
+    double box_max[3];
+    size_t voxels[3];
+    // 1 if it began with the solution of the frame before.
+    uint32_t warm;
+    // Not used: 0.
+    uint32_t reserved;
 } tb_frame;
 
 #ifdef __cplusplus
@@ -176,6 +216,12 @@ const char *tb_last_error(void);
 
 // How to mend it. As `tb_last_error`.
 const char *tb_last_remedy(void);
+
+// The same in numbers and names: writes it to `problem`. TB_OPTIONS if `problem` is NULL or too small; the last error stays.
+//
+// # Safety
+// `problem` begins with its size, and may be written.
+enum tb_status tb_last_problem(struct tb_problem *problem);
 
 // Sends messages to `log` from now on, with `user`; NULL sends none. Any thread. `log` is called by any thread that calls
 // the library, one at a time, and must not call the library itself.

@@ -58,6 +58,7 @@ pub mod capture {
         impl Capture {
             pub fn check(&self) -> Result<()> {}
             pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {}
+            pub fn check_finite(&self, histograms: &[f32]) -> Result<()> {}
             pub fn check_scan(&self) -> Result<()> {}
             pub fn t_end(&self) -> f64 {}
             pub fn mean_histogram(&self) -> Vec<f64> {}
@@ -655,10 +656,14 @@ pub mod export {
     }
     pub mod png {
         pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn albedo_of(maps: &Maps) -> Picture {}
         pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn depth_of(maps: &Maps) -> Picture {}
         pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn normal_of(maps: &Maps) -> Picture {}
         pub fn write(path: &Path, picture: &Picture) -> Result<()> {}
+        pub fn packed(picture: &Picture) -> Result<Vec<u8>> {}
     }
     pub mod report {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -1126,12 +1131,25 @@ pub mod gpu {
             Groups([u32; 3]),
             Indirect(Buffer, u64),
         }
+        #[derive(Clone, Copy)]
+        #[private_fields]
+        pub struct Binds {}
+        impl Default for Binds {}
+        impl Binds {
+            pub fn buffer_of(&self, block: Buffer) -> Buffer {}
+        }
+        impl Deref for Binds {
+            type Target = [(Buffer, Buffer)];
+        }
+        impl PartialEq for Binds {}
+        impl Eq for Binds {}
+        impl fmt::Debug for Binds {}
         #[derive(Debug, Clone, PartialEq, Eq)]
         pub enum Command {
             Dispatch {
                 kernel: Kernel,
                 size: Size,
-                bind: Vec<(Buffer, Buffer)>,
+                bind: Binds,
                 push: [u32; PUSH_WORDS],
                 work: u64,
             },
@@ -1173,6 +1191,7 @@ pub mod gpu {
             pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {}
             pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {}
             pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {}
+            pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {}
             pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {}
             pub fn extend(&mut self, other: Schedule) {}
         }
@@ -1222,7 +1241,7 @@ pub mod gpu {
     pub use memory::{Arena, BufferPlan, Place};
     pub use names::{Buffer, Constant, Kernel};
     pub use recording::{HostSpan, KernelMade, Ran, Recording};
-    pub use schedule::{Command, Schedule, Size, Stage};
+    pub use schedule::{Binds, Command, Schedule, Size, Stage};
     #[derive(Debug, Clone, Copy)]
     pub struct KernelCode {
         pub name: &'static str,
@@ -1815,7 +1834,6 @@ pub mod job {
     }
     pub fn load(input: &Input) -> Result<Loaded> {}
     pub fn preset_for(capture: &Capture) -> Preset {}
-    pub fn usual_mask(solver: &SolverOptions) -> Option<f64> {}
     #[derive(Debug, Clone)]
     pub struct Outcome {
         pub report: Report,
@@ -1831,6 +1849,86 @@ pub mod job {
         loaded: &Loaded,
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Outcome> {}
+}
+#[cfg(feature = "formats")]
+pub mod live {
+    mod page {
+        #[private_fields]
+        pub struct Page {}
+        impl Page {
+            pub fn serve(port: u16) -> Result<Page> {}
+            pub fn address(&self) -> SocketAddr {}
+        }
+    }
+    mod stream {
+        pub const MAGIC: [u8; 4] = *b"TBFR";
+        pub const VERSION: u16 = 1;
+        pub const HEADER: usize = 28;
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Format {
+            Float,
+            Short,
+            Word,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Header {
+            pub format: Format,
+            pub frame: u64,
+            pub pairs: u32,
+            pub bins: u32,
+            pub is_partial: bool,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Counts {
+            pub frame: u64,
+            pub values: Vec<f32>,
+            pub measured: Option<Vec<bool>>,
+        }
+        pub fn read(
+            from: &mut impl Read,
+            [pairs,
+            bins,
+            ]: [usize; 2],
+        ) -> Result<Option<Counts>> {}
+        pub fn write(
+            to: &mut impl Write,
+            frame: u64,
+            bins: usize,
+            values: &[f32],
+        ) -> std::io::Result<()> {}
+        impl Header {
+            pub fn bytes(&self) -> [u8; HEADER] {}
+        }
+    }
+    pub use page::Page;
+    pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub enum Source {
+        Folder(PathBuf),
+        Stream(PathBuf),
+        Stdin,
+        Listen(std::net::SocketAddr),
+    }
+    pub enum News<'n> {
+        Solved(&'n Frame, Latency),
+        Wrong(&'n Error),
+        Idle,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Summary {
+        pub latency: Latency,
+        pub arrived: u64,
+        pub wrong: u64,
+    }
+    pub fn run(
+        gpu: &Gpu,
+        scan: &Capture,
+        solver: &SolverOptions,
+        options: SessionOptions,
+        source: &Source,
+        page: Option<&Page>,
+        hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
+    ) -> Result<Summary> {}
 }
 pub mod maps {
     mod confidence {
@@ -1987,6 +2085,34 @@ pub mod measure {
     pub use reach::{Reach, median, reach};
 }
 pub mod session {
+    mod feed {
+        #[derive(Debug, Clone, Copy, Default, PartialEq)]
+        pub enum Feed {
+            One,
+            Newest,
+            Every { most: usize },
+            Sum { decay: f64 },
+        }
+        impl Kept {
+            pub fn new([pairs, bins]: [usize; 2], feed: Feed) -> Kept {}
+            pub fn take(&mut self, counts: &[f32], measured: Option<&[bool]>) {}
+            pub fn give(&self, frame: &mut Vec<f32>) {}
+        }
+    }
+    mod latency {
+        #[derive(Debug, Clone, Copy, Default, PartialEq)]
+        pub struct Latency {
+            pub frames: u64,
+            pub dropped: u64,
+            pub last: Duration,
+            pub median: Duration,
+            pub p90: Duration,
+            pub p99: Duration,
+            pub frames_per_second: f64,
+        }
+    }
+    pub use feed::Feed;
+    pub use latency::Latency;
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
     pub struct FrameId(pub u64);
     #[derive(Debug, Clone)]
@@ -1998,10 +2124,13 @@ pub mod session {
     #[derive(Default)]
     pub struct SessionOptions {
         pub memory: Option<u64>,
+        pub mask_fraction: Option<f64>,
         pub with_volume: bool,
         pub time_limit: Option<Duration>,
         pub hear: Option<Hear>,
         pub maps_every: Option<usize>,
+        pub feed: Feed,
+        pub follow: Option<Follow>,
     }
     #[private_fields]
     pub struct Session {}
@@ -2021,6 +2150,13 @@ pub mod session {
         pub fn gpu(&self) -> &Gpu {}
         pub fn plan(&self) -> &Plan {}
         pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {}
+        pub fn submit_part(
+            &mut self,
+            histograms: &[f32],
+            measured: &[bool],
+        ) -> Result<FrameId> {}
+        pub fn is_idle(&self) -> bool {}
+        pub fn latency(&self) -> Latency {}
         pub fn poll(&mut self) -> Result<Option<&Frame>> {}
         pub fn wait(&mut self) -> Result<&Frame> {}
         pub fn wait_for(&mut self, limit: Duration) -> Result<Option<&Frame>> {}
@@ -2244,6 +2380,14 @@ pub mod solve {
             pub save: &'k mut dyn FnMut(Checkpoint) -> Result<()>,
             pub from: Option<Checkpoint>,
         }
+    }
+    mod conditions {
+        pub fn conclude(
+            capture: &Capture,
+            mask_fraction: Option<f64>,
+            result: &mut Reconstruction,
+            snapshots: &mut [(usize, Maps)],
+        ) {}
     }
     mod domain {
         pub fn compact(plan: &Plan, level: &Level) -> Schedule {}
@@ -2800,6 +2944,7 @@ pub mod solve {
             pub lateral: usize,
             pub volume_iterations: usize,
             pub surface_left: bool,
+            pub is_warm: bool,
             pub beyond: Option<TakenOff>,
             pub kernels: Vec<(&'static str, KernelTime)>,
         }
@@ -2828,6 +2973,11 @@ pub mod solve {
             pub sizes: Sizes,
             pub min_depth: f64,
         }
+        pub fn pixel_of(
+            capture: &Capture,
+            volume: Option<Volume>,
+            lateral: usize,
+        ) -> f64 {}
         pub fn check_solver(name: &str) -> Result<()> {}
         pub fn reflectance(name: &str) -> Result<Reflectance> {}
     }
@@ -2890,8 +3040,10 @@ pub mod solve {
                 plan: &Plan,
                 level: &Level,
                 count: usize,
-                i: usize,
-                at: usize,
+                [i,
+                at,
+                skipped,
+                ]: [usize; 3],
                 through: Option<u32>,
             ) -> Schedule {}
             pub fn extract(
@@ -2941,6 +3093,28 @@ pub mod solve {
         }
     }
     pub mod vector {
+        pub mod follow {
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Follow {
+                pub iterations: Option<[usize; 2]>,
+                pub grow_above: f64,
+                pub cut_above: f64,
+                pub budget: Option<Duration>,
+            }
+            impl Default for Follow {}
+            pub fn look(
+                plan: &Plan,
+                level: &Level,
+                options: &VectorOptions,
+            ) -> Schedule {}
+            pub fn grow(
+                plan: &Plan,
+                level: &Level,
+                options: &VectorOptions,
+                model: &Model,
+                above: f64,
+            ) -> Schedule {}
+        }
         mod hat {
             pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
         }
@@ -2952,6 +3126,15 @@ pub mod solve {
                 options: &VectorOptions,
                 memory: Option<u64>,
                 with_volume: bool,
+            ) -> Result<impl Prepared + use<>> {}
+            pub fn prepare_to_follow(
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                options: &VectorOptions,
+                memory: Option<u64>,
+                with_volume: bool,
+                how: Follow,
             ) -> Result<impl Prepared + use<>> {}
         }
         mod preview {
@@ -3019,9 +3202,10 @@ pub mod solve {
                 pub fn is_less(&self, other: &Left) -> bool {}
             }
         }
+        pub use follow::Follow;
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
-        pub use prepared::prepare;
+        pub use prepared::{prepare, prepare_to_follow};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub use trial::{Left, PAIRS, Start, Trial};
@@ -3039,6 +3223,7 @@ pub mod solve {
         pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {}
     }
     pub use checkpoint::{Checkpoint, Identity, Keep};
+    pub use conditions::conclude;
     pub use domain::{compact, extract};
     pub use drive::{Beside, Doing, Progress, Watch};
     pub use estimate::{background, expected_noise, variance_per_count, variances};
@@ -3054,7 +3239,9 @@ pub mod solve {
     };
     pub use prepared::Prepared;
     pub use result::{Reconstruction, TakenOff};
-    pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
+    pub use solvers::{
+        Common, Solver, SolverOptions, check_solver, pixel_of, reflectance,
+    };
     pub use surface::SurfaceOptions;
     pub use trace::TracePoint;
     pub use vector::VectorOptions;
@@ -3062,6 +3249,7 @@ pub mod solve {
         passes::ALL,
         paper::passes::ALL,
         vector::passes::ALL,
+        vector::follow::passes::ALL,
         surface::passes::ALL,
     ];
     pub fn pass_of(kernel: &str) -> Option<&'static Pass> {}
@@ -3163,6 +3351,13 @@ pub mod transport {
                 general: bool,
             ) -> (Model, Rows) {}
             pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {}
+            pub fn take_times(
+                &mut self,
+                rows: &Rows,
+                capture: &Capture,
+                background: f64,
+                scale: f64,
+            ) {}
             pub fn summed(&self, sum: usize) -> Model {}
             pub fn take_sums(&mut self, narrow: &Model, sum: usize) {}
             pub fn rendered_wall(&self) -> &Wall {}
@@ -3293,6 +3488,7 @@ pub mod transport {
                 fine: &Grid,
                 active: &[bool],
             ) -> Vec<bool> {}
+            pub fn join(active: &[bool], before: &[bool]) -> Vec<bool> {}
             #[derive(Debug, Clone, Copy, PartialEq)]
             pub struct Column {
                 pub albedo: f64,
@@ -3552,6 +3748,15 @@ pub mod transport {
             ) -> Vec<f64> {}
             pub fn variance(twin: &Twin) -> Vec<f64> {}
             pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {}
+            pub fn filter_left(
+                twin: &Twin,
+                hat: &[f64],
+                left: &[f64],
+                bins: usize,
+                [from,
+                to,
+                ]: [usize; 2],
+            ) -> Vec<f64> {}
             pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {}
             pub fn settle(
                 active: &[bool],
@@ -3591,7 +3796,7 @@ pub mod transport {
         }
         pub use domain::{
             Column, carry, carry_doubled, compact, double_domain, extract, gaussian,
-            initialise, initialise_raw, levels, rim, room, smooth, taps, threshold,
+            initialise, initialise_raw, join, levels, rim, room, smooth, taps, threshold,
             touched,
         };
         pub use optimise::{learning_rate, noise, update};
@@ -3608,9 +3813,9 @@ pub mod transport {
         };
         pub use vector::{
             Bound, Momentum, Rough, Told, backproject, bound, expect, extract_behind,
-            extract_vectors, extrapolate, filter, finish_accelerated, forward_bound,
-            gradient_vectors, into_cone, lengths, objective_vectors, points,
-            residual_weighted, roughness, settle, shrink, step, variance,
+            extract_vectors, extrapolate, filter, filter_left, finish_accelerated,
+            forward_bound, gradient_vectors, into_cone, lengths, objective_vectors,
+            points, residual_weighted, roughness, settle, shrink, step, variance,
         };
         #[derive(Debug, Clone, Copy)]
         pub struct Twin<'a> {

@@ -4,6 +4,7 @@
 //! flag.
 
 use std::borrow::Cow;
+use std::ffi::CStr;
 use std::fmt;
 
 use serde::{Serialize, Serializer};
@@ -26,6 +27,16 @@ macro_rules! settings {
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Setting::$setting => $name,)*
+                }
+            }
+
+            /// The same for C.
+            pub const fn c_name(self) -> &'static CStr {
+                match self {
+                    $(Setting::$setting => match CStr::from_bytes_with_nul(concat!($name, "\0").as_bytes()) {
+                        Ok(name) => name,
+                        Err(_) => c"",
+                    },)*
                 }
             }
         }

@@ -7,7 +7,6 @@
 mod advice;
 mod bins;
 pub mod compare;
-mod conditions;
 pub mod demo;
 mod evaluate;
 pub mod inspect;
@@ -208,12 +207,6 @@ pub fn load(input: &Input) -> Result<Loaded> {
 pub fn preset_for(capture: &Capture) -> Preset {
     let measured = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
     if measured { Preset::Captured } else { Preset::Synthetic }
-}
-
-/// The share of the brightest albedo above which the maps of a solver usually count as surface: the paper's, for its
-/// solver. `None`: the albedo's edges tell.
-pub fn usual_mask(solver: &SolverOptions) -> Option<f64> {
-    matches!(solver, SolverOptions::Paper(_)).then_some(Maps::MASK_FRACTION)
 }
 
 /// The result of a run, besides its files.

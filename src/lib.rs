@@ -44,6 +44,8 @@ pub mod files;
 pub mod gpu;
 #[cfg(feature = "formats")]
 pub mod job;
+#[cfg(feature = "formats")]
+pub mod live;
 pub mod maps;
 pub mod measure;
 pub mod session;

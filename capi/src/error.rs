@@ -3,11 +3,14 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
+use std::mem::offset_of;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use engine::advice::Remedy;
 use engine::{Error, Kind, Result};
 
 use crate::log;
+use crate::sized::{self, Versioned};
 
 /// How a call went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,10 +36,74 @@ pub enum TbStatus {
     TbNotYet = 8,
 }
 
-#[derive(Default)]
+/// What was wrong, for programs. Set `size` before the call.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub struct TbProblem {
+    /// sizeof(tb_problem).
+    pub size: usize,
+    /// The status of the call; TB_OK if none failed.
+    pub status: TbStatus,
+    /// How many of `settings` are there.
+    pub setting_count: u32,
+    /// The settings that may mend it, by their names in the library ("lateral", "memory"). They live as long as the program.
+    pub settings: [*const c_char; TB_PROBLEM_SETTINGS],
+    /// What was asked for and what there is, bytes; 0 if unknown or if it is not about memory.
+    pub asked: u64,
+    pub available: u64,
+}
+
+/// Most settings that a `tb_problem` names.
+pub const TB_PROBLEM_SETTINGS: usize = 4;
+
+// SAFETY: it is `repr(C)` and begins with its size; zero is TB_OK, and valid for all fields.
+unsafe impl Versioned for TbProblem {
+    const NAME: &'static str = "tb_problem";
+    const FIRST: usize = offset_of!(TbProblem, available) + size_of::<u64>();
+}
+
+impl TbProblem {
+    fn none() -> TbProblem {
+        TbProblem {
+            size: size_of::<TbProblem>(),
+            status: TbStatus::TbOk,
+            setting_count: 0,
+            settings: [std::ptr::null(); TB_PROBLEM_SETTINGS],
+            asked: 0,
+            available: 0,
+        }
+    }
+
+    fn of(status: TbStatus, error: &Error) -> TbProblem {
+        let mut problem = TbProblem { status, ..TbProblem::none() };
+        for remedy in error.mend.remedies() {
+            match remedy {
+                Remedy::Set(setting) => {
+                    let at = problem.setting_count as usize;
+                    if let Some(place) = problem.settings.get_mut(at) {
+                        *place = setting.c_name().as_ptr();
+                        problem.setting_count += 1;
+                    }
+                }
+                Remedy::SmallerJob { asked, available } => {
+                    (problem.asked, problem.available) = (asked.unwrap_or(0), available.unwrap_or(0));
+                }
+            }
+        }
+        problem
+    }
+}
+
 struct Last {
     what: CString,
     mend: CString,
+    problem: TbProblem,
+}
+
+impl Default for Last {
+    fn default() -> Last {
+        Last { what: CString::default(), mend: CString::default(), problem: TbProblem::none() }
+    }
 }
 
 thread_local! {
@@ -56,6 +123,19 @@ pub extern "C" fn tb_last_remedy() -> *const c_char {
     LAST.with_borrow(|last| last.mend.as_ptr())
 }
 
+/// The same in numbers and names: writes it to `problem`. TB_OPTIONS if `problem` is NULL or too small; the last error stays.
+///
+/// # Safety
+/// `problem` begins with its size, and may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_last_problem(problem: *mut TbProblem) -> TbStatus {
+    // SAFETY: the caller gives a struct that begins with its size.
+    match LAST.with_borrow(|last| unsafe { sized::write(problem, &last.problem) }) {
+        Ok(()) => TbStatus::TbOk,
+        Err(_) => TbStatus::TbOptions,
+    }
+}
+
 pub fn options_error(what: impl Into<String>, mend: &'static str) -> Error {
     Error::options(what, mend)
 }
@@ -64,14 +144,11 @@ pub fn options_error(what: impl Into<String>, mend: &'static str) -> Error {
 pub fn guarded(body: impl FnOnce() -> Result<()>) -> TbStatus {
     let done = catch_unwind(AssertUnwindSafe(|| match body() {
         Ok(()) => TbStatus::TbOk,
-        Err(error) => keep(status_of(error.kind), &error.what, &error.mend.to_string()),
+        Err(error) => keep(status_of(error.kind), &error),
     }));
     done.unwrap_or_else(|panic| {
-        keep(
-            TbStatus::TbDefect,
-            &text_of(&*panic),
-            "report it; handles that the call used must not be used again",
-        )
+        let mend = "report it; handles that the call used must not be used again";
+        keep(TbStatus::TbDefect, &Error::device(text_of(&*panic), mend))
     })
 }
 
@@ -86,10 +163,11 @@ fn status_of(kind: Kind) -> TbStatus {
     }
 }
 
-fn keep(status: TbStatus, what: &str, mend: &str) -> TbStatus {
+fn keep(status: TbStatus, error: &Error) -> TbStatus {
     let text = |text: &str| CString::new(text.replace('\0', "")).unwrap_or_default();
-    LAST.set(Last { what: text(what), mend: text(mend) });
-    log::error(what);
+    let problem = TbProblem::of(status, error);
+    LAST.set(Last { what: text(&error.what), mend: text(&error.mend.to_string()), problem });
+    log::error(&error.what);
     status
 }
 

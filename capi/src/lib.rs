@@ -12,7 +12,7 @@ mod session;
 mod sized;
 mod text;
 
-pub use error::TbStatus;
+pub use error::{TB_PROBLEM_SETTINGS, TbProblem, TbStatus};
 pub use log::{TbLevel, TbLog};
 pub use scan::TbScan;
 pub use session::{TbFrame, TbHear, TbProgress, TbSession, TbSettings};

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions};
 use engine::solve::option::{Suit, Value};
+use engine::solve::vector::Follow;
 use engine::solve::{Progress, SolverOptions};
 use engine::{Error, Result};
 
@@ -57,6 +58,12 @@ pub struct TbSettings {
     pub hear: TbHear,
     /// Given to `hear`.
     pub user: *mut c_void,
+    /// 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
+    pub follow: u32,
+    /// Not used: 0.
+    pub reserved: u32,
+    /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
+    pub budget: f64,
 }
 
 /// A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -85,6 +92,22 @@ pub struct TbFrame {
     pub iterations: usize,
     /// Seconds that solving took.
     pub seconds: f64,
+    /// The depth error that two of three pixels with this value do not exceed, metres; NaN where nothing is. NULL without.
+    pub confidence: *const f32,
+    /// The surfaces behind the first ones, as above; NULL where no pixel has two.
+    pub behind_albedo: *const f32,
+    pub behind_depth: *const f32,
+    pub behind_normal: *const f32,
+    pub behind_mask: *const u8,
+    pub behind_confidence: *const f32,
+    /// The box that is reconstructed: its corners x, y, z, metres, and the voxels of the finest volume along each.
+    pub box_min: [f64; 3],
+    pub box_max: [f64; 3],
+    pub voxels: [usize; 3],
+    /// 1 if it began with the solution of the frame before.
+    pub warm: u32,
+    /// Not used: 0.
+    pub reserved: u32,
 }
 
 // SAFETY: both are `repr(C)` and begin with their size; zero is valid for all fields.
@@ -283,6 +306,13 @@ impl TbSettings {
         let limit = Duration::try_from_secs_f64(self.time_limit).map_err(|_| {
             options_error(format!("the time limit is {} s", self.time_limit), "give seconds, or 0 for none")
         })?;
+        let budget =
+            Duration::try_from_secs_f64(self.budget).ok().filter(|b| b.is_zero() || self.follow != 0);
+        let Some(budget) = budget else {
+            let what = format!("the budget is {} s, and `follow` is {}", self.budget, self.follow);
+            return Err(options_error(what, "give seconds with `follow` 1, or 0 for none"));
+        };
+        let budget = (!budget.is_zero()).then_some(budget);
         let user = User(self.user);
         let hear = self.hear.map(|hear| -> Hear {
             Box::new(move |id: FrameId, progress: &Progress| {
@@ -298,6 +328,7 @@ impl TbSettings {
             memory: (self.memory > 0).then_some(self.memory),
             time_limit: (limit > Duration::ZERO).then_some(limit),
             hear,
+            follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
             ..SessionOptions::default()
         })
     }
@@ -344,6 +375,10 @@ impl TbProgress {
 impl TbFrame {
     fn of(frame: &Frame) -> TbFrame {
         let (maps, result) = (&frame.result.maps, &frame.result);
+        let grid = result.plan.finest().grid;
+        let ([x0, x1, y0, y1], [z0, z1]) = (grid.extent(), grid.depth_range());
+        let (none, behind) = (std::ptr::null(), maps.behind.as_ref());
+        let of = |values: Option<&Vec<f32>>| values.map_or(none, |v| v.as_ptr());
         TbFrame {
             size: size_of::<TbFrame>(),
             id: frame.id.0,
@@ -356,6 +391,17 @@ impl TbFrame {
             mask: maps.mask.as_ptr().cast(),
             iterations: result.trace.last().map_or(0, |p| p.iteration),
             seconds: result.solve_seconds,
+            confidence: of(maps.confidence.as_ref()),
+            behind_albedo: of(behind.map(|l| &l.albedo)),
+            behind_depth: of(behind.map(|l| &l.depth)),
+            behind_normal: behind.map_or(none, |l| l.normal.as_ptr().cast()),
+            behind_mask: behind.map_or(std::ptr::null(), |l| l.mask.as_ptr().cast()),
+            behind_confidence: of(behind.and_then(|l| l.confidence.as_ref())),
+            box_min: [x0, y0, z0],
+            box_max: [x1, y1, z1],
+            voxels: grid.n,
+            warm: result.is_warm.into(),
+            reserved: 0,
         }
     }
 }

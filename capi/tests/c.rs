@@ -68,6 +68,8 @@ fn captures(flags: &[&str], environment: &[(&str, &str)]) {
     let (folder, text) = example("c/capture.c", flags, environment);
     let frames = text.lines().filter(|l| l.starts_with("frame ") && !l.contains(" 0 pixels")).count();
     assert!(frames == 4 && text.contains("heard every frame"), "{text}");
+    // The first one has none before it.
+    assert!(text.contains("surface, cold\n") && text.contains("surface, warm\n"), "{text}");
     let picture = std::fs::read(folder.path().join("last.pgm")).expect("a picture");
     assert!(picture.starts_with(b"P5 32 32 255\n") && picture.len() == 13 + 32 * 32);
     assert!(picture[13..].contains(&255), "the brightest pixel is white");
@@ -80,6 +82,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "NaN",
         "nothing to wait for",
         "no-such=1",
+        "1000 B are there",
         "cancelled after",
         "as it should be",
     ] {

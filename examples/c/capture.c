@@ -29,7 +29,7 @@ static void expose(struct camera *camera, float *counts, int frame) {
     for (int i = 0; i < PAIRS * BINS; i++) counts[i] = (float)(i * 7919 % 11 / 9);
     for (int pair = 0; pair < PAIRS; pair++) {
         for (int part = 0; part < 64; part++) {
-            const double x = 0.1 * frame - 0.2 + 0.04 * (part / 8), y = 0.04 * (part % 8) - 0.1, z = 0.6;
+            const double x = 0.04 * frame - 0.2 + 0.04 * (part / 8), y = 0.04 * (part % 8) - 0.1, z = 0.6;
             const double dx = camera->wall[pair][0] - x, dy = camera->wall[pair][1] - y;
             const double distance = sqrt(dx * dx + dy * dy + z * z);
             counts[pair * BINS + (int)(2.0 * distance / BIN_WIDTH)] += (float)floor(8.0 / pow(distance, 4.0));
@@ -79,7 +79,7 @@ static void write_picture(const char *path, const tb_frame *frame) {
     fprintf(file, "P5 %zu %zu 255\n", frame->nx, frame->ny);
     for (size_t row = frame->ny; row-- > 0;)
         for (size_t ix = 0; ix < frame->nx; ix++)
-            fputc((int)(255.0f * frame->albedo[ix * frame->ny + row] / most), file);
+            fputc((int)(255.0f * frame->albedo[ix * frame->ny + row] / most + 0.5f), file);
     fclose(file);
 }
 
@@ -101,7 +101,7 @@ int main(int count, char **arguments) {
     tb_scan scan = {.size = sizeof scan, .points_x = SIDE, .points_y = SIDE, .laser = &camera->wall[0][0]};
     scan.bins = BINS, scan.bin_width = BIN_WIDTH, scan.photon_counts = 1;
     tb_settings settings = {.size = sizeof settings, .lateral = 32, .hear = hear, .user = &heard};
-    settings.options = "iterations=20 beyond=false";
+    settings.options = "iterations=20 beyond=false", settings.follow = 1;
     must(tb_session_new(device, &scan, &settings, &session), "making a session");
 
     pthread_t thread;
@@ -118,7 +118,7 @@ int main(int count, char **arguments) {
         must(tb_session_wait(session, -1.0, &frame), "solving");
         size_t lit = 0;
         for (size_t pixel = 0; pixel < frame.nx * frame.ny; pixel++) lit += frame.mask[pixel];
-        printf("frame %d: %.0f ms, %zu pixels of surface\n", (int)frame.id, 1e3 * (now() - begun), lit);
+        printf("frame %d: %.0f ms, %zu pixels of surface, %s\n", (int)frame.id, 1e3 * (now() - begun), lit, frame.warm ? "warm" : "cold");
     }
     pthread_join(thread, NULL);
     printf("heard %s\n", atomic_load(&heard) > FRAMES ? "every frame" : "too little");

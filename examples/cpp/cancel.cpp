@@ -63,6 +63,14 @@ int main() {
     unknown.options = "no-such=1";
     good &= refused([&] { Session(device, scan, unknown); }) == TB_OPTIONS;
 
+    tb_settings small = settings;
+    small.memory = 1000;
+    good &= refused([&] { Session(device, scan, small); }) == TB_MEMORY;
+    tb_problem problem{};
+    problem.size = sizeof problem;
+    good &= tb_last_problem(&problem) == TB_OK && problem.status == TB_MEMORY;
+    std::printf("asked for %d MB, %d B are there\n", int(problem.asked >> 20), int(problem.available));
+
     session.submit(counts);
     while (reports == 0) std::this_thread::yield();
     std::thread([&] { session.cancel(); }).join();
@@ -71,7 +79,11 @@ int main() {
     session.submit(counts);
     const tb_frame frame = session.wait();
     std::size_t lit = 0;
-    for (std::size_t i = 0; i < frame.nx * frame.ny; i++) lit += frame.mask[i];
+    for (std::size_t i = 0; i < frame.nx * frame.ny; i++) {
+        lit += frame.mask[i];
+        good &= !frame.mask[i] || (frame.depth[i] > frame.box_min[2] && frame.depth[i] < frame.box_max[2]);
+        good &= !frame.mask[i] || frame.confidence[i] > 0.0f;
+    }
     std::printf("frame %d: %zu pixels of surface\n", int(frame.id), lit);
     std::puts(good && lit > 0 ? "as it should be" : "not as it should be");
     return good && lit > 0 ? 0 : 1;

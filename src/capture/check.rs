@@ -25,7 +25,7 @@ impl Capture {
     /// As [`Capture::check`].
     pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {
         let pairs = self.pair_count();
-        if pairs.checked_mul(self.bins) != Some(histograms.len()) {
+        if !self.is_whole(histograms) {
             return Err(Error::input(
                 format!("{} counts for {pairs} pairs of {} bins", histograms.len(), self.bins),
                 "give pairs x bins counts, bin by bin within a pair",
@@ -33,6 +33,22 @@ impl Capture {
         }
         let seen: Vec<Seen> = histograms.par_chunks_exact(self.bins).map(Seen::of).collect();
         self.check_seen(seen.into_iter())
+    }
+
+    /// Checks how many counts there are, and that all are finite.
+    ///
+    /// # Errors
+    /// As [`Capture::check`].
+    pub fn check_finite(&self, histograms: &[f32]) -> Result<()> {
+        match self.check_counts(histograms) {
+            // Only the signal is missing.
+            Err(_) if self.is_whole(histograms) && histograms.iter().all(|v| v.is_finite()) => Ok(()),
+            checked => checked,
+        }
+    }
+
+    fn is_whole(&self, histograms: &[f32]) -> bool {
+        self.pair_count().checked_mul(self.bins) == Some(histograms.len())
     }
 
     /// Checks everything but the counts.

@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> Result<()> {
             pipeline_cache: args.device.pipeline_cache(),
             validation: args.device.validation,
             truth: Some(args.truth.clone()),
-            mask_fraction: args.mask_fraction.or(job::usual_mask(&solver)),
+            mask_fraction: args.mask_fraction.or(solver.usual_mask()),
             trace_every: spec.trace_every.or(Some(args.trace_every)),
             find_pulse: args.capture.find_pulse(preset, &solver),
             models,

@@ -320,7 +320,7 @@ pub fn request(
         pipeline_cache: device.pipeline_cache(),
         validation: device.validation,
         tuned: true,
-        mask_fraction: job::usual_mask(&solver),
+        mask_fraction: solver.usual_mask(),
         models,
         ..Request::new(solver, "")
     };

@@ -11,6 +11,7 @@ mod evaluate;
 mod info;
 mod input;
 mod interrupt;
+mod live;
 mod methods;
 mod options;
 mod profile;
@@ -60,6 +61,8 @@ enum Verb {
     Reconstruct(Box<reconstruct::Args>),
     /// Make a capture of a known scene, and its truth.
     Simulate(simulate::Args),
+    /// Reconstruct frames as they come, from a folder, a pipe or a connection; show them on a page.
+    Live(Box<live::Args>),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
     /// Compare methods on one capture: error against run time.
@@ -120,6 +123,7 @@ fn run() -> Result<()> {
         Verb::Info(args) => info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
+        Verb::Live(args) => live::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Convert(args) => convert::run(&args),

@@ -21,6 +21,13 @@ pub struct Args {
     /// Capture to write: .npz, or .hdf5 for y-tal
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
+    /// Let the scene move on a circle, and write so many frames to the folder CAPTURE: frame-0000.npz and so on, with
+    /// --truth their truths to the folder TRUTH.npz
+    #[arg(long, value_name = "N")]
+    moving: Option<usize>,
+    /// Metres that the scene moves from frame to frame
+    #[arg(long, value_name = "M", default_value_t = 0.01, requires = "moving")]
+    step: f64,
     /// Also write true depth, normals and mask, to this file
     #[arg(long, value_name = "TRUTH.npz")]
     truth: Option<PathBuf>,
@@ -159,7 +166,29 @@ pub fn run(args: &Args) -> Result<()> {
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
     };
-    let done = job::simulate(&simulation, &mut interrupt::take_care)?;
+    match args.moving {
+        Some(frames) => moving(args, &simulation, frames),
+        None => one(args, &simulation),
+    }
+}
+
+/// Writes the frames of a scene that moves.
+fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
+    for (i, mut scene) in all.scene.moving(frames, args.step)?.into_iter().enumerate() {
+        let name = format!("frame-{i:04}.npz");
+        scene.seed = args.seed.wrapping_add(i as u64);
+        let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
+        let frame = Simulation { scene, out: all.out.join(&name), truth, ..all.clone() };
+        job::simulate(&frame, &mut || {})?;
+        if !args.quiet {
+            print(&format!("wrote     {}", frame.out.display()));
+        }
+    }
+    Ok(())
+}
+
+fn one(args: &Args, simulation: &Simulation) -> Result<()> {
+    let done = job::simulate(simulation, &mut interrupt::take_care)?;
     if !done.converged && !args.quiet {
         say(&format!(
             "note: the noise is {:.4}, above the bound of {}, after the largest number of samples",

@@ -18,7 +18,8 @@ pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
     write(path, &albedo_of(maps))
 }
 
-fn albedo_of(maps: &Maps) -> Picture {
+/// The picture of [`write_albedo`].
+pub fn albedo_of(maps: &Maps) -> Picture {
     let white = Maps::white(&maps.albedo);
     Picture::of_maps(maps, enlargement(maps), |p| {
         let albedo = maps.albedo[p];
@@ -54,7 +55,8 @@ pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {
     write(path, &both)
 }
 
-fn depth_of(maps: &Maps) -> Picture {
+/// The picture of [`write_depth`].
+pub fn depth_of(maps: &Maps) -> Picture {
     let shown = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
     let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shown(p)).map(|p| maps.depth[p]).collect();
     let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
@@ -74,14 +76,18 @@ fn depth_of(maps: &Maps) -> Picture {
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    let picture = Picture::of_maps(maps, enlargement(maps), |p| {
+    write(path, &normal_of(maps))
+}
+
+/// The picture of [`write_normal`].
+pub fn normal_of(maps: &Maps) -> Picture {
+    Picture::of_maps(maps, enlargement(maps), |p| {
         let [x, y, z] = maps.normal[p];
         if !maps.mask[p] || [x, y, z].iter().any(|v| v.is_nan()) {
             return BACKGROUND;
         }
         [x, y, -z].map(|v| (255.0 * ((v + 1.0) / 2.0).clamp(0.0, 1.0)).round() as u8)
-    });
-    write(path, &picture)
+    })
 }
 
 /// The picture with a colour bar at its right: far at the top, near at the bottom.
@@ -101,9 +107,16 @@ fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
 /// # Errors
 /// `Kind::Output` if it cannot be written.
 pub fn write(path: &Path, picture: &Picture) -> Result<()> {
-    let failed = |e: png::EncodingError| {
-        Error::output(format!("{}: cannot be packed as PNG: {e}", path.display()), "use smaller maps")
-    };
+    atomic::write(path, &packed(picture).map_err(|e| e.at(path.display()))?)
+}
+
+/// A picture as the bytes of an 8-bit RGB PNG.
+///
+/// # Errors
+/// `Kind::Output` if it cannot be packed.
+pub fn packed(picture: &Picture) -> Result<Vec<u8>> {
+    let failed =
+        |e: png::EncodingError| Error::output(format!("cannot be packed as PNG: {e}"), "use smaller maps");
     let mut bytes = Vec::new();
     let size = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     let mut encoder = png::Encoder::new(&mut bytes, size(picture.width), size(picture.height));
@@ -112,5 +125,5 @@ pub fn write(path: &Path, picture: &Picture) -> Result<()> {
     let mut writer = encoder.write_header().map_err(failed)?;
     writer.write_image_data(&picture.rgb).map_err(failed)?;
     writer.finish().map_err(failed)?;
-    atomic::write(path, &bytes)
+    Ok(bytes)
 }

@@ -271,10 +271,10 @@ impl Gpu {
     }
 
     /// Opens a label around what is recorded into `commands` from here on: RenderDoc and Nsight show it.
-    pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &str) {
+    pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &dyn std::fmt::Display) {
         let Some(names) = &self.names else { return };
         // A label without its text still closes as it should.
-        let text = std::ffi::CString::new(text).unwrap_or_default();
+        let text = std::ffi::CString::new(text.to_string()).unwrap_or_default();
         let info = vk::DebugUtilsLabelEXT::default().label_name(&text);
         // SAFETY: the caller is recording into `commands`, and the label lives through the call.
         unsafe { names.cmd_begin_debug_utils_label(commands, &info) };

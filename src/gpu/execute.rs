@@ -7,7 +7,7 @@ use ash::vk;
 
 use super::pace::Pace;
 use super::pipeline::{DescriptorSets, Pipeline};
-use super::record::stamps;
+use super::record::{Scratch, stamps};
 use super::recording::Mark;
 use super::{Arena, Buffer, Command, Gpu, Kernel, Place, Point, Schedule, Stage};
 use crate::Result;
@@ -63,6 +63,7 @@ pub struct Executor {
     times: BTreeMap<&'static str, KernelTime>,
     gpu_seconds: f64,
     pace: Pace,
+    pub(super) scratch: Scratch,
 }
 
 impl Executor {
@@ -101,6 +102,7 @@ impl Executor {
             times: BTreeMap::new(),
             gpu_seconds: 0.0,
             pace: Pace::new(gpu.info.kind, gpu.work),
+            scratch: Scratch::default(),
         };
         executor.poison()?;
         executor.set_canaries()?;

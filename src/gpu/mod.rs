@@ -36,7 +36,7 @@ pub use make::Wanted;
 pub use memory::{Arena, BufferPlan, Place};
 pub use names::{Buffer, Constant, Kernel};
 pub use recording::{HostSpan, KernelMade, Ran, Recording};
-pub use schedule::{Command, Schedule, Size, Stage};
+pub use schedule::{Binds, Command, Schedule, Size, Stage};
 
 /// One compiled kernel variant.
 #[derive(Debug, Clone, Copy)]

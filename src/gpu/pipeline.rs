@@ -7,7 +7,7 @@ use ash::vk;
 use super::memory::Made;
 use super::rounding::to_nearest;
 use super::schedule::PUSH_WORDS;
-use super::{Arena, Binding, Buffer, Constant, Gpu, KernelCode, Point, View};
+use super::{Arena, Binding, Binds, Buffer, Constant, Gpu, KernelCode, Point, View};
 use crate::{Error, Result};
 
 pub(super) struct Pipeline {
@@ -147,14 +147,19 @@ impl Pipeline {
 pub(super) struct DescriptorSets {
     pools: Vec<vk::DescriptorPool>,
     views: Vec<vk::BufferView>,
-    made: HashMap<(vk::Pipeline, Vec<vk::Buffer>), vk::DescriptorSet>,
+    made: HashMap<Bound, vk::DescriptorSet>,
+    /// What is looked up; kept, so that looking up allocates nothing.
+    wanted: Bound,
 }
+
+/// A pipeline, and the buffers that its blocks are bound to.
+type Bound = (vk::Pipeline, Vec<vk::Buffer>);
 
 const SETS_PER_POOL: u32 = 64;
 
 impl DescriptorSets {
     pub fn new() -> DescriptorSets {
-        DescriptorSets { pools: vec![], views: vec![], made: HashMap::new() }
+        DescriptorSets { pools: vec![], views: vec![], made: HashMap::new(), wanted: Bound::default() }
     }
 
     pub fn get(
@@ -162,13 +167,17 @@ impl DescriptorSets {
         gpu: &Gpu,
         arena: &Arena,
         pipeline: &Pipeline,
-        buffers: &[Buffer],
+        bind: &Binds,
     ) -> Result<vk::DescriptorSet> {
-        let handles: Vec<_> = buffers.iter().map(|b| arena.get(*b).handle).collect();
-        let key = (pipeline.handle, handles);
-        if let Some(set) = self.made.get(&key) {
+        let named = |b: &Binding| bind.buffer_of(b.block);
+        self.wanted.0 = pipeline.handle;
+        self.wanted.1.clear();
+        self.wanted.1.extend(pipeline.bindings.iter().map(|b| arena.get(named(b)).handle));
+        if let Some(set) = self.made.get(&self.wanted) {
             return Ok(*set);
         }
+        let buffers: &[Buffer] = &pipeline.bindings.iter().map(named).collect::<Vec<_>>();
+        let key = self.wanted.clone();
         let failed = |e| gpu.failed("binding buffers", e);
         let device = gpu.raw();
         if self.made.len().is_multiple_of(SETS_PER_POOL as usize) {

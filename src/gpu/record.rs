@@ -6,7 +6,7 @@ use super::execute::{Executor, Flight};
 use super::pipeline::Pipeline;
 use super::recording::Mark;
 use super::state::pieces;
-use super::{Buffer, Command, Kernel, Schedule, Size, Stage};
+use super::{Binds, Buffer, Command, Kernel, Schedule, Size, Stage};
 use crate::Result;
 
 /// A step of the recording of a schedule: a command, or a label that is opened or closed.
@@ -24,7 +24,8 @@ enum Step<'s> {
 /// A label around every command, and one around the commands of every stage. `open`: the stage that goes on from an
 /// earlier submission.
 fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> Vec<Step<'s>> {
-    let mut all: Vec<Step<'_>> = open.map(Step::Enter).into_iter().collect();
+    let mut all: Vec<Step<'_>> = Vec::with_capacity(3 * commands.len() + 2);
+    all.extend(open.map(Step::Enter));
     let mut in_stage = open.is_some();
     for command in commands {
         if let Command::Stage(stage) = command {
@@ -85,34 +86,37 @@ impl Executor {
             barrier(device, c);
             // When this stamp is taken, everything that the next command may have to wait for is done.
             let mut last = stamp();
-            let mut pending = Pending::default();
+            let Scratch { mut now, mut pending } = std::mem::take(&mut self.scratch);
+            pending.clear();
             let mut labels = 0;
             for step in steps(commands, open) {
                 match step {
                     Step::Enter(stage) => {
                         labels += 1;
-                        gpu.open_label(c, &stage.to_string());
-                        flight.stages.push(stage.clone());
+                        gpu.open_label(c, &stage);
+                        if gpu.recorder.is_some() {
+                            flight.stages.push(stage.clone());
+                        }
                     }
                     Step::Open(name) => {
                         labels += 1;
-                        gpu.open_label(c, name);
+                        gpu.open_label(c, &name);
                     }
                     Step::Close => {
                         labels -= 1;
                         gpu.close_label(c);
                     }
                     Step::Run(command) => {
-                        let (reads, writes) = self.accesses(command);
-                        self.share(flight, &reads, &writes);
-                        if pending.conflicts(&reads, &writes) {
+                        self.accesses(command, &mut now);
+                        self.share(flight, &now.reads, &now.writes);
+                        if pending.conflicts(&now) {
                             barrier(device, c);
                             pending.clear();
                             if gpu.recorder.is_some() {
                                 last = stamp();
                             }
                         }
-                        pending.add(reads, writes);
+                        pending.add(&now);
                         self.record_one(c, command)?;
                         if gpu.recorder.is_some() {
                             let from = last;
@@ -124,6 +128,7 @@ impl Executor {
                 }
             }
             debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
+            self.scratch = Scratch { now, pending };
             // Makes results visible to the host.
             barrier(device, c);
             stamp();
@@ -132,21 +137,25 @@ impl Executor {
         }
     }
 
-    /// Buffers that a command reads and writes.
-    fn accesses(&self, command: &Command) -> (Vec<Buffer>, Vec<Buffer>) {
+    /// Puts the buffers that a command reads and writes into `into`.
+    fn accesses(&self, command: &Command, into: &mut Accesses) {
+        into.clear();
         match command {
             Command::Dispatch { size, bind, kernel, .. } => {
                 let bindings = self.pipeline(*kernel).bindings;
-                let named = |b: &super::Binding| buffer_of(bind, b.block);
-                let mut reads: Vec<_> = bindings.iter().filter(|b| b.reads).map(named).collect();
+                let named = |b: &super::Binding| bind.buffer_of(b.block);
+                into.reads.extend(bindings.iter().filter(|b| b.reads).map(named));
                 if let Size::Indirect(buffer, _) = size {
-                    reads.push(*buffer);
+                    into.reads.push(*buffer);
                 }
-                (reads, bindings.iter().filter(|b| b.writes).map(named).collect())
+                into.writes.extend(bindings.iter().filter(|b| b.writes).map(named));
             }
-            Command::Copy { from, to, .. } => (vec![*from], vec![*to]),
-            Command::Fill { buffer, .. } => (vec![], vec![*buffer]),
-            Command::Stage(_) => (vec![], vec![]),
+            Command::Copy { from, to, .. } => {
+                into.reads.push(*from);
+                into.writes.push(*to);
+            }
+            Command::Fill { buffer, .. } => into.writes.push(*buffer),
+            Command::Stage(_) => {}
         }
     }
 
@@ -171,11 +180,10 @@ impl Executor {
     }
 
     /// The set that binds a kernel's buffers.
-    fn set_of(&mut self, kernel: Kernel, bind: &[(Buffer, Buffer)]) -> Result<vk::DescriptorSet> {
+    fn set_of(&mut self, kernel: Kernel, bind: &Binds) -> Result<vk::DescriptorSet> {
         let pipeline =
             self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
-        let buffers: Vec<_> = pipeline.bindings.iter().map(|b| buffer_of(bind, b.block)).collect();
-        self.sets.get(&self.gpu, &self.arena, pipeline, &buffers)
+        self.sets.get(&self.gpu, &self.arena, pipeline, bind)
     }
 
     unsafe fn record_one(&mut self, c: vk::CommandBuffer, command: &Command) -> Result<()> {
@@ -235,26 +243,32 @@ impl Executor {
     }
 }
 
-fn buffer_of(bind: &[(Buffer, Buffer)], block: Buffer) -> Buffer {
-    bind.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
+/// What recording works with; kept from one submission to the next, so that nothing is allocated.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Those of the command that is recorded.
+    now: Accesses,
+    /// Those since the last barrier.
+    pending: Accesses,
 }
 
-/// Reads and writes since the last barrier.
+/// Buffers that are read and written.
 #[derive(Default)]
-struct Pending {
+struct Accesses {
     reads: Vec<Buffer>,
     writes: Vec<Buffer>,
 }
 
-impl Pending {
-    fn conflicts(&self, reads: &[Buffer], writes: &[Buffer]) -> bool {
-        reads.iter().any(|r| self.writes.contains(r))
-            || writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
+impl Accesses {
+    /// Whether a barrier must stand between these and the `next` ones.
+    fn conflicts(&self, next: &Accesses) -> bool {
+        next.reads.iter().any(|r| self.writes.contains(r))
+            || next.writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
     }
 
-    fn add(&mut self, reads: Vec<Buffer>, writes: Vec<Buffer>) {
-        self.reads.extend(reads);
-        self.writes.extend(writes);
+    fn add(&mut self, more: &Accesses) {
+        self.reads.extend_from_slice(&more.reads);
+        self.writes.extend_from_slice(&more.writes);
     }
 
     fn clear(&mut self) {
@@ -292,17 +306,19 @@ mod tests {
 
     #[test]
     fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
-        let mut p = Pending::default();
+        let mut p = Accesses::default();
+        let of =
+            |reads: &[Buffer], writes: &[Buffer]| Accesses { reads: reads.into(), writes: writes.into() };
         let [a, b, c, d] = ["a", "b", "c", "d"].map(Buffer::named);
-        assert!(!p.conflicts(&[a], &[b]));
-        p.add(vec![a], vec![b]);
-        assert!(!p.conflicts(&[a, c], &[d]), "read after read, and other buffers");
-        assert!(p.conflicts(&[b], &[]), "read after write");
-        assert!(p.conflicts(&[], &[a]), "write after read");
-        assert!(p.conflicts(&[], &[b]), "write after write");
-        assert!(!p.conflicts(&[b.at(0)], &[a.at(0)]), "one of several is another buffer");
+        assert!(!p.conflicts(&of(&[a], &[b])));
+        p.add(&of(&[a], &[b]));
+        assert!(!p.conflicts(&of(&[a, c], &[d])), "read after read, and other buffers");
+        assert!(p.conflicts(&of(&[b], &[])), "read after write");
+        assert!(p.conflicts(&of(&[], &[a])), "write after read");
+        assert!(p.conflicts(&of(&[], &[b])), "write after write");
+        assert!(!p.conflicts(&of(&[b.at(0)], &[a.at(0)])), "one of several is another buffer");
         p.clear();
-        assert!(!p.conflicts(&[b], &[a, b]));
+        assert!(!p.conflicts(&of(&[b], &[a, b])));
     }
 
     #[test]

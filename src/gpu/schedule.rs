@@ -1,6 +1,7 @@
 //! A schedule: what the device does, as plain data over named kernels and buffers.
 
 use std::fmt;
+use std::ops::Deref;
 
 use super::{Buffer, Kernel};
 
@@ -16,8 +17,66 @@ pub enum Size {
     Indirect(Buffer, u64),
 }
 
+/// Most blocks that a dispatch binds to other buffers.
+const MOST_BINDS: usize = 6;
+
+/// Blocks with the buffers that a dispatch binds them to: (block, buffer). They lie in place, so that a schedule is one
+/// allocation.
+#[derive(Clone, Copy)]
+pub struct Binds {
+    all: [(Buffer, Buffer); MOST_BINDS],
+    count: usize,
+}
+
+impl Default for Binds {
+    fn default() -> Binds {
+        let none = Buffer::named("");
+        Binds { all: [(none, none); MOST_BINDS], count: 0 }
+    }
+}
+
+impl Binds {
+    /// # Panics
+    /// There are [`MOST_BINDS`] already.
+    fn add(&mut self, block: Buffer, buffer: Buffer) {
+        self.all[self.count] = (block, buffer);
+        self.count += 1;
+    }
+
+    /// The buffer that `block` is bound to.
+    pub fn buffer_of(&self, block: Buffer) -> Buffer {
+        self.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
+    }
+}
+
+impl Deref for Binds {
+    type Target = [(Buffer, Buffer)];
+
+    fn deref(&self) -> &[(Buffer, Buffer)] {
+        &self.all[..self.count]
+    }
+}
+
+impl PartialEq for Binds {
+    fn eq(&self, other: &Binds) -> bool {
+        **self == **other
+    }
+}
+
+impl Eq for Binds {}
+
+impl fmt::Debug for Binds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        (**self).fmt(f)
+    }
+}
+
 /// One step of a schedule.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "nearly all commands are dispatches, and a schedule is one allocation"
+)]
 pub enum Command {
     /// Runs a kernel.
     Dispatch {
@@ -25,8 +84,8 @@ pub enum Command {
         kernel: Kernel,
         /// How many workgroups.
         size: Size,
-        /// Blocks that do not bind the buffer of their own name: (block, buffer).
-        bind: Vec<(Buffer, Buffer)>,
+        /// Blocks that do not bind the buffer of their own name.
+        bind: Binds,
         /// Push constants as words.
         push: [u32; PUSH_WORDS],
         /// Turns of its main loop at most, over all invocations; 0 if they are few.
@@ -98,7 +157,7 @@ impl Schedule {
         self.push(Command::Dispatch {
             kernel: kernel.into(),
             size: Size::Groups(groups),
-            bind: vec![],
+            bind: Binds::default(),
             push: [0; PUSH_WORDS],
             work: 0,
         })
@@ -109,7 +168,7 @@ impl Schedule {
         self.push(Command::Dispatch {
             kernel: kernel.into(),
             size: Size::Indirect(buffer, offset),
-            bind: vec![],
+            bind: Binds::default(),
             push: [0; PUSH_WORDS],
             work: 0,
         })
@@ -128,6 +187,12 @@ impl Schedule {
     /// Sets the 32-bit word `index` of a buffer.
     pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {
         self.commands.push(Command::Fill { buffer, offset: 4 * u64::from(index), bytes: 4, value });
+    }
+
+    /// Copies the 32-bit word `from` of a buffer to its word `to`.
+    pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {
+        let [from_offset, to_offset] = [from, to].map(|index| 4 * u64::from(index));
+        self.commands.push(Command::Copy { from: buffer, from_offset, to: buffer, to_offset, bytes: 4 });
     }
 
     /// Begins a stage.
@@ -150,7 +215,7 @@ impl Command {
     /// Binds `block` to another buffer than the one of its name. For dispatches.
     pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {
         if let Command::Dispatch { bind, .. } = self {
-            bind.push((block, buffer));
+            bind.add(block, buffer);
         }
         self
     }
@@ -204,7 +269,7 @@ impl fmt::Display for Schedule {
                         Size::Groups([x, y, z]) => write!(f, " {x}x{y}x{z}")?,
                         Size::Indirect(buffer, offset) => write!(f, " by {buffer}+{offset}")?,
                     }
-                    for (block, buffer) in bind {
+                    for (block, buffer) in &**bind {
                         write!(f, " {block}={buffer}")?;
                     }
                     writeln!(f, " {push:?}")?;

@@ -10,12 +10,12 @@ use super::request::Ready;
 use super::sizes;
 use super::state_file::{self, Kept};
 use super::trials::{self, Found};
-use super::{Loaded, Request, SolverOptions, advice, conditions};
+use super::{Loaded, Request, SolverOptions, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::{Beside, Checkpoint, Keep, Progress, Reconstruction, Watch};
+use crate::solve::{Beside, Checkpoint, Keep, Progress, Reconstruction, Watch, conclude};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
@@ -126,8 +126,7 @@ pub fn solve(
     result.solve_seconds += before;
     result.trace.iter_mut().for_each(|p| p.seconds += before);
     let (mut along, mut snapshots) = gathered.into_inner();
-    result.maps.set_mask(request.mask_fraction);
-    conditions::tell(capture, &mut result, &mut snapshots);
+    conclude(capture, request.mask_fraction, &mut result, &mut snapshots);
     let metrics = truth.map(|t| metrics(&result.maps, t, request.mask_fraction)).transpose()?;
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());

@@ -8,7 +8,7 @@ use crate::capture::Capture;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
-use crate::solve::{Preset, default_volume, surface};
+use crate::solve::{Preset, default_volume, pixel_of, surface};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
@@ -81,10 +81,6 @@ pub struct Request {
 /// A bin is at most this share of the pulse's standard deviation. Timing loses about a hundredth of its precision to it:
 /// its variance is a 48th of the pulse's.
 const OF_PULSE: f64 = 0.5;
-
-/// A voxel is at least this share of its width deep. Flatter voxels cost time, and the surface after the volume finds
-/// depths between them.
-const OF_WIDTH: f64 = 0.5;
 
 /// A capture in the bins that the solver takes, with the grid for it.
 pub(super) struct Ready<'c> {
@@ -182,7 +178,7 @@ impl Request {
     /// bins are wide enough for one point to render it: narrower ones take four times the surface's time, and results
     /// are as good (benches/NOTES.md).
     fn bins_to_sum(&self, capture: &Capture) -> usize {
-        if self.pixels_per_voxel().is_none() {
+        if self.solver.pixels_per_voxel().is_none() {
             return 1;
         }
         let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
@@ -192,31 +188,17 @@ impl Request {
         (sum as usize).clamp(1, capture.bins)
     }
 
-    /// The depth of a voxel where none is given: a bin of path, or a share of the voxel's width if that is more. Native
-    /// bins, and solvers that take the capture's own, take the bin.
+    /// The depth of a voxel where none is given: the solver's, and a bin where native bins are asked for.
     fn usual_depth_pitch(&self, capture: &Capture) -> f64 {
-        match self.pixels_per_voxel().filter(|_| self.bins != Bins::Native) {
-            Some(pixels) => capture.bin_width.max(OF_WIDTH * pixels as f64 * self.pixel(capture)),
-            None => capture.bin_width,
+        match self.bins {
+            Bins::Native => capture.bin_width,
+            _ => self.solver.usual_depth_pitch(capture, self.volume),
         }
     }
 
-    /// Pixels that a voxel is wide; `None` for a solver that takes the capture's own bins, as the paper's does.
-    fn pixels_per_voxel(&self) -> Option<usize> {
-        match &self.solver {
-            SolverOptions::Vector(o) => Some(o.pixels_per_voxel()),
-            SolverOptions::Paper(_) => None,
-        }
-    }
-
-    /// Width of a pixel of the maps, metres; of pixels that are not square, the shorter side. It needs no volume: only
-    /// depths depend on the histograms.
+    /// Width of a pixel of the maps, metres ([`pixel_of`]).
     pub(super) fn pixel(&self, capture: &Capture) -> f64 {
-        let [x0, x1, y0, y1] = match self.volume {
-            Some(Volume { min, max }) => [min.x, max.x, min.y, max.y],
-            None => capture.wall_extent(),
-        };
-        (x1 - x0).min(y1 - y0) / self.solver.common().lateral as f64
+        pixel_of(capture, self.volume, self.solver.common().lateral)
     }
 
     pub(super) fn open(&self) -> Result<Gpu> {

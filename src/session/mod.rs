@@ -6,7 +6,8 @@
 //! up whenever a camera or a window keeps that thread busy. So [`Session::submit`] only copies the counts, and
 //! [`Session::poll`] only looks.
 //!
-//! One frame is solved at a time. A session may move between threads. Several sessions may share a device, each with
+//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`Follow`], a frame begins with the
+//! solution of the one before. A session may move between threads. Several sessions may share a device, each with
 //! buffers and a thread of its own.
 
 use std::ops::ControlFlow;
@@ -16,13 +17,18 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::{Plan, Progress, Reconstruction, SolverOptions};
+use crate::solve::vector::{self, Follow};
+use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
+mod feed;
+mod latency;
 mod worker;
 
-use worker::{Phase, Shared, Worker};
+pub use feed::Feed;
+pub use latency::Latency;
+use worker::{Shared, Taken, Worker};
 
 /// Number of a frame, from 1, in the order of submission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -45,6 +51,8 @@ pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
 pub struct SessionOptions {
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
+    /// A pixel is surface above this share of the brightest albedo; `None`: as [`SolverOptions::usual_mask`] says.
+    pub mask_fraction: Option<f64>,
     /// Read the volume of every frame back.
     pub with_volume: bool,
     /// A frame that takes longer is stopped.
@@ -53,6 +61,10 @@ pub struct SessionOptions {
     pub hear: Option<Hear>,
     /// Give `hear` the maps after every Nth iteration.
     pub maps_every: Option<usize>,
+    /// What becomes of frames that are submitted while another one is being solved.
+    pub feed: Feed,
+    /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the vector solver.
+    pub follow: Option<Follow>,
 }
 
 /// A solver with everything that it needs to solve frames of one scan.
@@ -61,6 +73,7 @@ pub struct Session {
     plan: Arc<Plan>,
     /// The scan, without counts.
     scan: Capture,
+    feed: Feed,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     last: Option<Frame>,
@@ -103,18 +116,21 @@ impl Session {
             Some(grid) => grid,
             None => default_grid(scan, solver)?,
         };
-        let mut prepared = solver.prepare(gpu, scan, grid, options.memory, options.with_volume)?;
+        options.feed.check()?;
+        let mut prepared = prepared(gpu, scan, grid, solver, &options)?;
         prepared.allocate()?;
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
-        let shared = Arc::new(Shared::with_room(scan.pair_count() * scan.bins));
-        let worker = Worker { shared: shared.clone(), prepared, scan: scan.clone(), options };
+        let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
+        let feed = options.feed;
+        let mask_fraction = options.mask_fraction.or(solver.usual_mask());
+        let worker = Worker { shared: shared.clone(), prepared, scan: scan.clone(), mask_fraction, options };
         let thread = std::thread::Builder::new()
             .name("thirdbounce session".into())
             .spawn(move || worker.work())
             .map_err(|e| {
                 Error::memory(format!("a session's thread does not start ({e})"), "close programs")
             })?;
-        Ok(Session { gpu: gpu.clone(), plan, scan, shared, thread: Some(thread), last: None })
+        Ok(Session { gpu: gpu.clone(), plan, scan, feed, shared, thread: Some(thread), last: None })
     }
 
     /// The device.
@@ -127,18 +143,50 @@ impl Session {
         &self.plan
     }
 
-    /// Begins to solve a frame of counts, `[pair * bins + bin]`, and returns. The counts are copied. The result of an
-    /// earlier frame that nobody took is dropped.
+    /// Begins to solve a frame of counts, `[pair * bins + bin]`, and returns. The counts are copied. What happens while
+    /// another frame is being solved, [`SessionOptions::feed`] says. The result of an earlier frame that nobody took is
+    /// dropped, unless every frame counts.
     ///
     /// # Errors
-    /// [`Kind::Input`] if there are too few or too many counts, one is not finite, or there is no signal.
-    /// [`Kind::Options`] while another frame is being solved. Nothing changes then.
+    /// [`Kind::Input`] if there are too few or too many counts, one is not finite, or there is no signal; single frames of a
+    /// sum may be dark, the sum may not. [`Kind::Options`] if the feed refuses another frame. Nothing changes then.
     pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {
-        self.scan.check_counts(histograms)?;
-        self.shared.submit(histograms)
+        match self.feed {
+            Feed::Sum { .. } => self.scan.check_finite(histograms)?,
+            _ => self.scan.check_counts(histograms)?,
+        }
+        self.shared.submit(histograms, None, &self.scan)
     }
 
-    /// The frame that was submitted last, if it is solved by now and was not taken before.
+    /// As [`Session::submit`], for a scan that goes on: only the pairs that are `measured` have new counts, `[pair]`. The
+    /// others keep those of the frames before, from the first part on; their places in `histograms` are not used. Pairs that
+    /// were never measured are dark.
+    ///
+    /// # Errors
+    /// As [`Session::submit`]; [`Kind::Input`] if `measured` does not say so for every pair.
+    pub fn submit_part(&mut self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {
+        let pairs = self.scan.pair_count();
+        if measured.len() != pairs {
+            return Err(Error::input(
+                format!("{} values of `measured` for {pairs} pairs", measured.len()),
+                "say for every pair whether it was measured",
+            ));
+        }
+        self.scan.check_finite(histograms)?;
+        self.shared.submit(histograms, Some(measured), &self.scan)
+    }
+
+    /// Whether no frame is being solved, and none waits. A result may be there.
+    pub fn is_idle(&self) -> bool {
+        self.shared.is_idle()
+    }
+
+    /// How long the last frames took, and how many were dropped.
+    pub fn latency(&self) -> Latency {
+        self.shared.latency()
+    }
+
+    /// A frame that is solved by now and was not taken before: the last one, or the oldest if every frame counts.
     ///
     /// # Errors
     /// The frame failed, or was stopped ([`Kind::Cancelled`]). The next one can be submitted.
@@ -146,7 +194,7 @@ impl Session {
         self.wait_until(Some(Instant::now()))
     }
 
-    /// Waits for the frame that was submitted last.
+    /// Waits for the next result.
     ///
     /// # Errors
     /// As [`Session::poll`]; [`Kind::Options`] if no frame was submitted, or its result was taken before.
@@ -166,11 +214,11 @@ impl Session {
 
     fn wait_until(&mut self, end: Option<Instant>) -> Result<Option<&Frame>> {
         match self.shared.taken(end) {
-            Phase::Done(id, result) => {
+            Taken::Done(id, result) => {
                 self.last = Some(Frame { id, result: *result? });
                 Ok(self.last.as_ref())
             }
-            _ => Ok(None),
+            Taken::NotYet | Taken::Nothing => Ok(None),
         }
     }
 
@@ -201,15 +249,34 @@ impl Drop for Session {
     }
 }
 
-/// The grid that a session takes if none is given: the default volume of the scan, with voxels as deep as a bin, or as
-/// half of their width if that is more.
+/// The grid that a session takes if none is given: the default volume of the scan, with voxels of the usual depth
+/// ([`SolverOptions::usual_depth_pitch`]).
 ///
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    let (volume, lateral) = (solver.default_volume(scan)?, solver.common().lateral);
-    let wide = (volume.max.x - volume.min.x).max(volume.max.y - volume.min.y) / lateral as f64;
-    Grid::new(volume, lateral, scan.bin_width.max(0.5 * wide))
+    Grid::new(solver.default_volume(scan)?, solver.common().lateral, solver.usual_depth_pitch(scan, None))
+}
+
+/// The solver, prepared as the options say.
+fn prepared(
+    gpu: &Gpu,
+    scan: &Capture,
+    grid: Grid,
+    solver: &SolverOptions,
+    options: &SessionOptions,
+) -> Result<Box<dyn Prepared>> {
+    let (memory, with_volume) = (options.memory, options.with_volume);
+    match (options.follow, solver) {
+        (None, _) => solver.prepare(gpu, scan, grid, memory, with_volume),
+        (Some(how), SolverOptions::Vector(o)) => {
+            Ok(Box::new(vector::prepare_to_follow(gpu, scan, grid, o, memory, with_volume, how)?))
+        }
+        (Some(_), _) => Err(Error::options(
+            format!("frames of the solver {} do not follow each other", solver.name()),
+            "use the vector solver, or leave `follow` out",
+        )),
+    }
 }
 
 /// The error of a frame that was stopped by its time limit, after what `cancelled` says.

@@ -1,35 +1,54 @@
 //! The thread that solves the frames of a session, and what it shares with the callers.
 
 use std::any::Any;
+use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use super::feed::{Feed, Kept};
+use super::latency::{Latencies, Latency};
 use super::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
-use crate::solve::{Beside, Prepared, Progress, Reconstruction, Watch};
+use crate::solve::{Beside, Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result};
 
-/// What a session is doing.
-pub(super) enum Phase {
-    /// Nothing: the last result was taken, or there was no frame yet.
-    Idle,
-    /// The counts of a frame are there.
-    Submitted(FrameId),
-    /// The thread solves a frame.
-    Solving(FrameId),
-    /// The result of a frame is there.
+/// What there is of the newest frame.
+pub(super) enum Taken {
+    /// Its result.
     Done(FrameId, Result<Box<Reconstruction>>),
+    /// It is being solved, or waits.
+    NotYet,
+    /// Nothing: the last result was taken, or there was no frame yet.
+    Nothing,
+}
+
+/// A frame that waits.
+struct Waiting {
+    id: FrameId,
+    counts: Vec<f32>,
+    since: Instant,
 }
 
 struct State {
-    phase: Phase,
-    /// The counts of the newest frame, while the thread does not have them.
-    counts: Vec<f32>,
+    feed: Feed,
+    /// The last counts of every pair, or their sums, from when they are needed on.
+    kept: Option<Kept>,
+    /// Pairs and bins.
+    size: [usize; 2],
+    /// Frames that wait, the oldest first.
+    waiting: VecDeque<Waiting>,
+    /// Memory for counts.
+    spare: Vec<Vec<f32>>,
+    /// The frame that the thread solves, and when it was submitted.
+    solving: Option<(FrameId, Instant)>,
+    /// The result of a frame, until it is taken.
+    done: Option<(FrameId, Result<Box<Reconstruction>>)>,
     /// The last frame's number.
     newest: FrameId,
+    latencies: Latencies,
     /// The session is being dropped.
     closing: bool,
     /// Why no more frames are solved.
@@ -46,13 +65,19 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// With room for so many counts.
-    pub fn with_room(counts: usize) -> Shared {
+    /// For frames of so many pairs and bins.
+    pub fn new(pairs: usize, bins: usize, feed: Feed) -> Shared {
         Shared {
             state: Mutex::new(State {
-                phase: Phase::Idle,
-                counts: Vec::with_capacity(counts),
+                feed,
+                kept: matches!(feed, Feed::Sum { .. }).then(|| Kept::new([pairs, bins], feed)),
+                size: [pairs, bins],
+                waiting: VecDeque::with_capacity(2),
+                spare: vec![Vec::with_capacity(pairs * bins)],
+                solving: None,
+                done: None,
                 newest: FrameId(0),
+                latencies: Latencies::with_room(),
                 closing: false,
                 broken: None,
             }),
@@ -66,41 +91,57 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives the thread a frame.
-    pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {
+    /// Gives the thread a frame: the counts of the pairs that are `measured`, or of all. `scan` checks what they make.
+    pub fn submit(&self, histograms: &[f32], measured: Option<&[bool]>, scan: &Capture) -> Result<FrameId> {
         let mut state = self.state();
-        if let Some(error) = &state.broken {
-            return Err(error.clone());
+        state.admit()?;
+        let mut counts = state.spare.pop().unwrap_or_default();
+        if measured.is_some() && state.kept.is_none() {
+            state.kept = Some(Kept::new(state.size, state.feed));
         }
-        if let Phase::Submitted(FrameId(id)) | Phase::Solving(FrameId(id)) = state.phase {
-            return Err(Error::options(
-                format!("frame {id} is still being solved, and a session solves one at a time"),
-                "wait for it, poll until it is done, or cancel it and wait",
-            ));
+        counts.clear();
+        match &mut state.kept {
+            None => counts.extend_from_slice(histograms),
+            Some(kept) => {
+                kept.take(histograms, measured);
+                kept.give(&mut counts);
+                if let Err(error) = scan.check_counts(&counts) {
+                    state.spare.push(counts);
+                    return Err(error);
+                }
+            }
         }
-        state.counts.clear();
-        state.counts.extend_from_slice(histograms);
+        let replaces = matches!(state.feed, Feed::Newest | Feed::Sum { .. });
+        if let Some(old) = if replaces { state.waiting.pop_back() } else { None } {
+            state.latencies.dropped += u64::from(state.feed == Feed::Newest);
+            state.spare.push(old.counts);
+        }
+        if state.feed == Feed::One {
+            state.done = None;
+        }
         state.newest.0 += 1;
-        state.phase = Phase::Submitted(state.newest);
+        let id = state.newest;
+        state.waiting.push_back(Waiting { id, counts, since: Instant::now() });
         self.changed.notify_all();
-        Ok(state.newest)
+        Ok(id)
     }
 
-    /// Takes the result of the newest frame, if it is there by `end`; waits as long as it takes without an end.
-    pub fn taken(&self, end: Option<Instant>) -> Phase {
+    /// Takes the result of a frame, if one is there by `end`; waits as long as it takes without an end.
+    pub fn taken(&self, end: Option<Instant>) -> Taken {
         let mut state = self.state();
         loop {
-            let left = end.map(|end| end.saturating_duration_since(Instant::now()));
-            match state.phase {
-                Phase::Idle => return Phase::Idle,
-                Phase::Done(..) => return std::mem::replace(&mut state.phase, Phase::Idle),
-                Phase::Submitted(id) | Phase::Solving(id) if left.is_some_and(|l| l.is_zero()) => {
-                    return Phase::Solving(id);
-                }
-                _ => {}
+            if let Some((id, result)) = state.done.take() {
+                // The next one may wait for this.
+                self.changed.notify_all();
+                return Taken::Done(id, result);
             }
+            if state.solving.is_none() && state.waiting.is_empty() || state.broken.is_some() {
+                return Taken::Nothing;
+            }
+            let left = end.map(|end| end.saturating_duration_since(Instant::now()));
             state = match left {
                 None => self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
+                Some(Duration::ZERO) => return Taken::NotYet,
                 Some(left) => {
                     self.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0
                 }
@@ -108,11 +149,23 @@ impl Shared {
         }
     }
 
-    /// Cancels the frame that is submitted or being solved.
+    /// Cancels the frame that is being solved, or the next one if none is.
     pub fn cancel(&self) {
-        if let Phase::Submitted(id) | Phase::Solving(id) = self.state().phase {
+        let state = self.state();
+        let next = state.solving.map(|s| s.0).or(state.waiting.front().map(|w| w.id));
+        if let Some(id) = next {
             self.cancelled.fetch_max(id.0, Relaxed);
         }
+    }
+
+    pub fn is_idle(&self) -> bool {
+        let state = self.state();
+        state.solving.is_none() && state.waiting.is_empty()
+    }
+
+    /// How long frames take.
+    pub fn latency(&self) -> Latency {
+        self.state().latencies.told()
     }
 
     /// Ends the thread.
@@ -133,22 +186,49 @@ impl Shared {
             if state.closing {
                 return None;
             }
-            if let Phase::Submitted(id) = state.phase {
-                std::mem::swap(&mut scan.histograms, &mut state.counts);
-                state.phase = Phase::Solving(id);
-                return Some(id);
+            // Where every frame counts, no result is dropped.
+            let may = state.done.is_none() || !matches!(state.feed, Feed::Every { .. });
+            if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
+                let old = std::mem::replace(&mut scan.histograms, frame.counts);
+                if old.capacity() > 0 {
+                    state.spare.push(old);
+                }
+                state.solving = Some((frame.id, frame.since));
+                return Some(frame.id);
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
-    /// Leaves the result of a frame, and gives its counts' memory back.
-    fn leave(&self, id: FrameId, result: Result<Reconstruction>, scan: &mut Capture, broken: Option<Error>) {
+    /// Leaves the result of a frame.
+    fn leave(&self, id: FrameId, result: Result<Reconstruction>, broken: Option<Error>) {
         let mut state = self.state();
-        std::mem::swap(&mut scan.histograms, &mut state.counts);
-        state.phase = Phase::Done(id, result.map(Box::new));
+        if let Some((_, since)) = state.solving.take().filter(|_| result.is_ok()) {
+            state.latencies.add(since, Instant::now());
+        }
+        state.done = Some((id, result.map(Box::new)));
         state.broken = broken;
         self.changed.notify_all();
+    }
+}
+
+impl State {
+    /// Whether there is room for another frame.
+    fn admit(&self) -> Result<()> {
+        if let Some(error) = &self.broken {
+            return Err(error.clone());
+        }
+        match (self.feed, self.solving.map(|s| s.0).or(self.waiting.front().map(|w| w.id))) {
+            (Feed::One, Some(FrameId(id))) => Err(Error::options(
+                format!("frame {id} is still being solved, and a session solves one at a time"),
+                "wait for it, poll until it is done, cancel it and wait, or let frames wait (Feed)",
+            )),
+            (Feed::Every { most }, _) if self.waiting.len() >= most => Err(Error::options(
+                format!("{most} frames wait already"),
+                "take results, let more wait, or drop frames (Feed::Newest)",
+            )),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -158,6 +238,8 @@ pub(super) struct Worker {
     pub prepared: Box<dyn Prepared>,
     /// The scan; with the counts of a frame while that is solved.
     pub scan: Capture,
+    /// See [`conclude`].
+    pub mask_fraction: Option<f64>,
     pub options: SessionOptions,
 }
 
@@ -168,10 +250,10 @@ impl Worker {
         while let Some(id) = shared.next(&mut self.scan) {
             let solved = catch_unwind(AssertUnwindSafe(|| self.solve(id)));
             match solved {
-                Ok(result) => shared.leave(id, result, &mut self.scan, None),
+                Ok(result) => shared.leave(id, result, None),
                 Err(panic) => {
                     let error = defect(id, &*panic);
-                    shared.leave(id, Err(error.clone()), &mut self.scan, Some(error));
+                    shared.leave(id, Err(error.clone()), Some(error));
                     return;
                 }
             }
@@ -179,7 +261,7 @@ impl Worker {
     }
 
     fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, options } = self;
+        let Worker { shared, prepared, scan, mask_fraction, options } = self;
         let begun = Instant::now();
         let mut late = false;
         let mut hear = |progress: &Progress| {
@@ -191,10 +273,12 @@ impl Worker {
         };
         let mut watch = Watch { hear: &mut hear, maps_every: options.maps_every, maps_at: &[] };
         let solved = prepared.solve(scan, Beside { watch: &mut watch, keep: None });
-        match (solved, options.time_limit) {
-            (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => Err(too_long(limit, e)),
-            (solved, _) => solved,
-        }
+        let mut result = match (solved, options.time_limit) {
+            (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => return Err(too_long(limit, e)),
+            (solved, _) => solved?,
+        };
+        conclude(scan, *mask_fraction, &mut result, &mut []);
+        Ok(result)
     }
 }
 

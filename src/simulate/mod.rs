@@ -24,6 +24,7 @@ mod letters;
 mod mesh;
 #[cfg(feature = "formats")]
 mod mesh_file;
+mod moving;
 mod noise;
 mod offsets;
 mod pairs;

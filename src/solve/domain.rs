@@ -41,7 +41,7 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
 /// Reduces the mask to `room` voxels at most, by what the pass `first` smooths along x. The old mask stays beside it
 /// with its slots.
 pub(super) fn prune(plan: &Plan, level: &Level, first: &Pass, keep_above: f64, room: usize) -> Schedule {
-    let mut s = smooth(plan, level, first);
+    let mut s = smooth(plan, level, first, None);
     s.extend(remember(plan, level));
     s.extend(keep(plan, level, keep_above, room));
     s
@@ -60,12 +60,16 @@ pub(super) fn remember(plan: &Plan, level: &Level) -> Schedule {
     s
 }
 
-/// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and writes its maximum to `counts`.
-pub(super) fn smooth(plan: &Plan, level: &Level, first: &Pass) -> Schedule {
+/// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and writes its maximum to `counts`: at least
+/// the word `least` of them.
+pub(super) fn smooth(plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
     let [a, b] = plan.volumes;
-    s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, 0);
+    match least {
+        Some(word) => s.copy_word(buffer::COUNTS, word, COUNT_PEAK_SMOOTH),
+        None => s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, 0),
+    }
     s.set(buffer::COUNTS, COUNT_LEAST_SMOOTH, 0);
     let all = groups(level.grid.storage(), WORKGROUP);
     s.dispatch(first, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, b).bind(buffer::TARGET, a);

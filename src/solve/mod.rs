@@ -7,6 +7,7 @@
 
 mod adam;
 mod checkpoint;
+mod conditions;
 mod domain;
 mod drive;
 mod estimate;
@@ -26,6 +27,7 @@ mod trace;
 pub mod vector;
 
 pub use checkpoint::{Checkpoint, Identity, Keep};
+pub use conditions::conclude;
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
@@ -41,14 +43,19 @@ pub use plan::{
 };
 pub use prepared::Prepared;
 pub use result::{Reconstruction, TakenOff};
-pub use solvers::{Common, Solver, SolverOptions, check_solver, reflectance};
+pub use solvers::{Common, Solver, SolverOptions, check_solver, pixel_of, reflectance};
 pub use surface::SurfaceOptions;
 pub use trace::TracePoint;
 pub use vector::VectorOptions;
 
 /// The passes of all solvers: those that they share, then one list for each.
-pub static PASSES: &[&[&Pass]] =
-    &[passes::ALL, paper::passes::ALL, vector::passes::ALL, surface::passes::ALL];
+pub static PASSES: &[&[&Pass]] = &[
+    passes::ALL,
+    paper::passes::ALL,
+    vector::passes::ALL,
+    vector::follow::passes::ALL,
+    surface::passes::ALL,
+];
 
 /// The pass that schedules call by this name. Some names stand for one pass in each solver.
 pub fn pass_of(kernel: &str) -> Option<&'static Pass> {

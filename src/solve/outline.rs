@@ -138,7 +138,7 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
         Command::Dispatch { kernel, size, bind, .. } => {
             let pass = plan.passes.iter().find(|p| p.kernel == *kernel)?;
             let code: &KernelCode = (pass.code)(plan);
-            let buffer = |block: Buffer| bind.iter().find(|b| b.0 == block).map_or(block, |b| b.1);
+            let buffer = |block: Buffer| bind.buffer_of(block);
             // Every pass reads the constants of the scene.
             let bound =
                 || code.bindings.iter().filter(|b| b.view != View::Uniform && b.block != buffer::SCENE);

@@ -53,6 +53,8 @@ pub struct Reconstruction {
     pub volume_iterations: usize,
     /// The surface explained the data far worse than the volume: the maps are the volume's.
     pub surface_left: bool,
+    /// It began with the solution of the frame before ([`super::vector::Follow`]).
+    pub is_warm: bool,
     /// Light from beyond the box was taken off the measurement, and why.
     pub beyond: Option<TakenOff>,
     /// Per kernel, if the device was opened with timings.
@@ -92,6 +94,7 @@ pub(super) fn finish(
         device_bytes: job.executor.arena().bytes(),
         full,
         surface_left: false,
+        is_warm: false,
         beyond: None,
         lateral: driven.level.grid.n[0],
         volume_iterations: done,

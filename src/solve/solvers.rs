@@ -9,6 +9,7 @@ use super::{
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
+use crate::maps::Maps;
 use crate::transport::{Grid, Reflectance, Volume};
 use crate::{Error, Result};
 
@@ -228,6 +229,33 @@ impl SolverOptions {
         default_volume(capture, self.common().min_depth)
     }
 
+    /// The depth of a voxel where none is given, metres: a bin of path, or half of the voxel's width if that is more.
+    /// The surface after the volume finds depths between voxels, so flatter ones would cost time for nothing. Solvers
+    /// that take the capture's own bins take the bin. `volume` is the box if it is not the default one.
+    pub fn usual_depth_pitch(&self, capture: &Capture, volume: Option<Volume>) -> f64 {
+        match self.pixels_per_voxel() {
+            Some(pixels) => {
+                let pixel = pixel_of(capture, volume, self.common().lateral);
+                capture.bin_width.max(OF_WIDTH * pixels as f64 * pixel)
+            }
+            None => capture.bin_width,
+        }
+    }
+
+    /// Pixels that a voxel is wide; `None` for a solver that takes the capture's own bins, as the paper's does.
+    pub fn pixels_per_voxel(&self) -> Option<usize> {
+        match self {
+            SolverOptions::Vector(o) => Some(o.pixels_per_voxel()),
+            SolverOptions::Paper(_) => None,
+        }
+    }
+
+    /// The share of the brightest albedo above which the maps usually count as surface: the paper's, for its solver.
+    /// `None`: the albedo's edges tell.
+    pub fn usual_mask(&self) -> Option<f64> {
+        matches!(self, SolverOptions::Paper(_)).then_some(Maps::MASK_FRACTION)
+    }
+
     /// The plan of a solve.
     ///
     /// # Errors
@@ -289,6 +317,19 @@ impl SolverOptions {
         }
         rows.into_iter().map(|row| (row, help_of(row))).collect()
     }
+}
+
+/// A voxel is at least this share of its width deep.
+const OF_WIDTH: f64 = 0.5;
+
+/// Width of a pixel of maps with `lateral` pixels side by side, metres; of pixels that are not square, the shorter side.
+/// `volume` is the box if it is not the default one, which is as wide as the wall. Counts do not matter.
+pub fn pixel_of(capture: &Capture, volume: Option<Volume>, lateral: usize) -> f64 {
+    let [x0, x1, y0, y1] = match volume {
+        Some(Volume { min, max }) => [min.x, max.x, min.y, max.y],
+        None => capture.wall_extent(),
+    };
+    (x1 - x0).min(y1 - y0) / lateral as f64
 }
 
 /// The text of an option, with its default where that is a value.

@@ -174,7 +174,11 @@ impl Model {
     /// Takes the counts of `capture`: scaled so that the largest of all becomes the peak, less `background` counts per bin.
     pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {
         let largest = capture.histograms.par_iter().copied().reduce(|| 0.0f32, f32::max);
-        let scale = self.peak / f64::from(largest);
+        self.take_times(rows, capture, background, self.peak / f64::from(largest));
+    }
+
+    /// As [`Model::take`], times `scale`.
+    pub fn take_times(&mut self, rows: &Rows, capture: &Capture, background: f64, scale: f64) {
         self.counts_per_unit = 1.0 / scale;
         let below = (background * (1.0 / self.counts_per_unit)) as f32;
         rows.fill(&mut self.measured, capture, scale, below);

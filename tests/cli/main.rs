@@ -4,6 +4,7 @@ mod calibrate;
 mod commands;
 mod compare;
 mod examples;
+mod live;
 mod model;
 mod originals;
 mod preview;

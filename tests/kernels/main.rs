@@ -1,6 +1,7 @@
 //! Every kernel against its float64 twin, and the twins' gradients against finite differences.
 
 mod domain;
+mod follow;
 mod held;
 mod isa;
 mod paper;

@@ -363,8 +363,7 @@ fn check_iterations(
             &job.plan,
             job.plan.finest(),
             field.len(),
-            i,
-            i,
+            [i, i, 0],
             through(i).map(|t| t as u32),
         ));
     }

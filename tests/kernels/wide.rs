@@ -143,7 +143,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     s.extend(surface::start(job.plan.finest(), field.len(), 4));
     runs.run(&mut job, s);
     for i in 0..2 {
-        let s = surface::iteration(&job.plan, job.plan.finest(), field.len(), i, i, None);
+        let s = surface::iteration(&job.plan, job.plan.finest(), field.len(), [i, i, 0], None);
         runs.run(&mut job, s);
     }
     let maps = surface::extract(job.plan.finest(), [field.len(), 0], 0);

@@ -4,6 +4,7 @@ mod beyond;
 mod confidence;
 mod layers;
 mod leave_out;
+mod live;
 mod narrow;
 mod outline;
 mod paper;

@@ -11,6 +11,7 @@ use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Gpu, GpuOptions, Point};
+use thirdbounce::job::{Bins, Input, Request};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
@@ -153,6 +154,32 @@ fn in_turns(
         assert!(solved(&mut session, counts) == *want, "{kind}");
         session.last().unwrap().result.clone()
     })
+}
+
+/// A session ends a frame as the command ends a run: the same grid, mask and confidence, of both layers.
+#[test]
+fn a_session_gives_the_maps_of_the_command() {
+    let gpu = gpu();
+    let scene = Scene { scan: 16, bin_width: 0.02, occlusion: false, ..Scene::named("plates").unwrap() };
+    let capture = simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plates.npz");
+    thirdbounce::capture::write(&capture, &file).unwrap();
+    let input = Input { path: file, no_auto_gate: true, ..Input::default() };
+    let loaded = thirdbounce::job::load(&input).unwrap();
+    let solver = vector(|o| {
+        (o.lateral, o.iterations, o.surface.pixels_per_voxel) = (32, 40, Some(1));
+        o.domain.coarse_iterations = 15;
+    });
+    let request = Request { bins: Bins::Sum(1), ..Request::new(solver.clone(), folder.path().join("out")) };
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let of_command = thirdbounce::job::run(&request, &loaded, &mut hear).unwrap().maps;
+    let mut session = session(&gpu, &loaded.capture, &solver);
+    session.submit(&loaded.capture.histograms).unwrap();
+    let maps = &session.wait().unwrap().result.maps;
+    // No depth is no number, which does not equal itself: as text.
+    assert!(format!("{maps:?}") == format!("{of_command:?}"));
+    assert!(maps.mask_fraction.is_none() && maps.behind.is_some() && maps.confidence.is_some());
 }
 
 #[test]

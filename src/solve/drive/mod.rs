@@ -4,6 +4,7 @@
 use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range};
+use std::time::Instant;
 
 use super::Pass;
 use super::checkpoint::{self, Checkpoint, Keep, Keeper};
@@ -103,6 +104,8 @@ pub(super) struct Steps<'s> {
     /// Stop at the finest level, with all pairs, once the data term of the objective is not above this: the rest is
     /// noise. Computed when it is needed first, while the device works.
     pub stop_below: Option<fn(&OnDevice) -> f64>,
+    /// Stop at the last level at this time. Blocks are short then.
+    pub until: Option<Instant>,
 }
 
 /// The result of driving a solver.
@@ -330,7 +333,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         done == self.iterations
             || self.is_measured(done)
             || !self.change.commands.is_empty()
-            || done - self.block_from >= block_length(self.gpu, pairs)
+            || done - self.block_from >= block_length(self.gpu, pairs, self.steps.until.is_some())
     }
 
     /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the data
@@ -379,7 +382,8 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         }
         let at_end = Some(&flight.level) == self.steps.levels.last();
         let below = |of: fn(&OnDevice) -> f64| objective <= *self.stop_below.get_or_init(|| of(self.device));
-        Ok(at_end && self.steps.stop_below.is_some_and(below))
+        let is_late = self.steps.until.is_some_and(|until| Instant::now() >= until);
+        Ok(at_end && (is_late || self.steps.stop_below.is_some_and(below)))
     }
 
     fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {
@@ -421,7 +425,9 @@ pub(super) fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u
 }
 
 /// Iterations of a block: about a fifth of a second of work at the rate of the device's kind. Progress moves, cancelling is
-/// quick, and the device never waits for the host. The executor divides a block that takes longer.
-fn block_length(gpu: &Gpu, pairs_per_iteration: usize) -> usize {
-    (0.2 * gpu.expected_rate() / pairs_per_iteration.max(1) as f64).clamp(1.0, 50.0) as usize
+/// quick, and the device never waits for the host. The executor divides a block that takes longer. A run that must end in
+/// time has blocks of a few iterations.
+fn block_length(gpu: &Gpu, pairs_per_iteration: usize, must_end: bool) -> usize {
+    let most = if must_end { 4.0 } else { 50.0 };
+    (0.2 * gpu.expected_rate() / pairs_per_iteration.max(1) as f64).clamp(1.0, most) as usize
 }

@@ -152,6 +152,7 @@ fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
         of: options.iterations,
         after: vec![],
         stop_below: None,
+        until: None,
     }
 }
 

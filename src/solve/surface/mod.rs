@@ -25,6 +25,7 @@ use crate::transport::Grid;
 use crate::transport::kernels::*;
 
 pub mod blur;
+mod go_on;
 pub mod layers;
 mod needs;
 mod options;
@@ -33,14 +34,16 @@ mod pixels;
 mod schedule;
 mod weights;
 
+pub(super) use go_on::GoOn;
 pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
 pub use options::SurfaceOptions;
 use pixels::support;
 pub use pixels::{Pixels, SUPPORT};
 use schedule::{bonds, widen};
 pub use schedule::{extract, extract_behind, iteration, points, render, start};
+use weights::coarser;
+pub(super) use weights::energy;
 pub use weights::{Placed, weights};
-use weights::{coarser, energy};
 
 /// The surface is rejected if its objective exceeds the volume's by this ratio.
 const WORSE: f64 = 2.0;
@@ -59,26 +62,37 @@ pub(super) struct Refined {
     pub pixels: usize,
 }
 
-/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels.
+/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. With `on`, it goes
+/// on from an earlier surface, as the second half of twice as many iterations, and all of them take all pairs.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut OnDevice,
     options: &SurfaceOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
+    on: Option<GoOn<'_>>,
 ) -> Result<Refined> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
     let (volume, iterations) = (driven.level, options.iterations);
-    let (levels, beginnings) = stages(&job.plan.pixel_levels, volume.pairs, iterations);
-    let layers = begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?;
+    let skipped = if on.is_some() { iterations } else { 0 };
+    let options = &SurfaceOptions { iterations: iterations + skipped, ..options.clone() };
+    let (levels, beginnings) = match stages(&job.plan.pixel_levels, volume.pairs, iterations) {
+        (levels, _) if on.is_some() => (levels[levels.len() - 1..].to_vec(), vec![0]),
+        all => all,
+    };
+    let mut layers = begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?;
+    if let (Some(on), [only]) = (&on, &mut layers[..]) {
+        on.begin(only, volume.grid.pitch.z);
+    }
     let pixels = Pixels::of(&layers, support(&job.plan), pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
     let first = levels[0];
     let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
     let coarsest = job.plan.levels[0].grid;
     let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
-    let told: Option<Vec<_>> = levels.iter().map(weights).collect();
-    let first_blur = found.filter(|_| is_blurred(&job.plan)).and_then(|_| {
+    let mut told: Option<Vec<_>> = levels.iter().map(weights).collect();
+    on.iter().for_each(|on| told.iter_mut().flatten().for_each(|weights| on.pace(&driven.maps, weights)));
+    let first_blur = found.filter(|_| is_blurred(&job.plan) && on.is_none()).and_then(|_| {
         let wide = options.blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
         let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);
         blur::first(wide / job.model.bin_width, noise)
@@ -104,7 +118,10 @@ pub(super) fn refine(
     let volumes = brightest(&driven);
     let of_layers = pixels.of_layers(volumes.albedo.len());
     let stages = Stages { levels, beginnings, weights: told };
-    let steps = steps(stages, of_layers, begin, iterations, first_blur.map(|_| room));
+    let steps = Steps {
+        until: on.and_then(|on| on.until),
+        ..steps(stages, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
+    };
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without the cost of the prior.
     let most = match volume.sum {
@@ -161,13 +178,13 @@ struct Stages {
 }
 
 /// The steps that the driver runs: `iterations` of a surface with so many pixels in each layer, after `begin` of the
-/// volume. Maps on the way show the first layer. `taps` are the words of a set of taps; with them, residuals go through
+/// volume, as if so many as `skipped` had been done. Maps on the way show the first layer. `taps` are the words of a set of taps; with them, residuals go through
 /// a Gaussian at first.
 fn steps(
     stages: Stages,
     of_layers: [usize; 2],
     begin: usize,
-    iterations: usize,
+    [skipped, iterations]: [usize; 2],
     taps: Option<usize>,
 ) -> Steps<'static> {
     let Stages { levels, beginnings, weights } = stages;
@@ -177,7 +194,7 @@ fn steps(
         start: Schedule::default(),
         iteration: Box::new(move |plan, level, i| {
             let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
-            iteration(plan, level, count, i, i - begin, blur.map(|word| word as u32))
+            iteration(plan, level, count, [i, i - begin, skipped], blur.map(|word| word as u32))
         }),
         due: Box::new(move |_, level, done| {
             let mut s = Schedule::default();
@@ -196,6 +213,7 @@ fn steps(
         of: begin + iterations,
         after: vec![],
         stop_below: None,
+        until: None,
     }
 }
 
@@ -237,7 +255,7 @@ fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
     let stages = Stages { levels, beginnings, weights };
     Some(Steps {
         start: start(&first, count, points_of(plan)),
-        ..steps(stages, [count, 0], begin, iterations, taps)
+        ..steps(stages, [count, 0], begin, [0, iterations], taps)
     })
 }
 

@@ -49,27 +49,28 @@ pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through
     s
 }
 
-/// Iteration `i` of the whole solve (from 0), `at` of the surface: points, forward, weighted residual, gather,
+/// Iteration `i` of the whole solve (from 0), `at` of this surface, as if `skipped` had been before it: points, forward, weighted residual, gather,
 /// combine, pull, step, finish. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
 /// through the pulse's own if there is one.
 pub fn iteration(
     plan: &Plan,
     level: &Level,
     count: usize,
-    i: usize,
-    at: usize,
+    [i, at, skipped]: [usize; 3],
     through: Option<u32>,
 ) -> Schedule {
     let scene = level.scene;
     let mut s = render(plan, level, count, &RESIDUAL, through);
-    let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
+    let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
     s.extend(gather(plan, level, &SURFACE_GATHER, 0, from));
     s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
-    s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP))
-        .bind(buffer::SCENE, scene)
-        .with(unbiased(push, BETAS, push.step));
+    s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(unbiased(
+        push,
+        BETAS,
+        at as u32 + 1,
+    ));
     s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene).with(push);
     s
 }

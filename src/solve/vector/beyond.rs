@@ -199,7 +199,7 @@ impl Search {
         let gpu = self.gpu.clone();
         let Fit { options, grid, plans: [plan, plan_of_held], job } = self.made(which, sides)?;
         let (grid, level) = (*grid, *plan_of_held.finest());
-        let driven = solve_volume(&gpu, job, options, watch, None)?;
+        let driven = solve_volume(&gpu, job, options, watch, None, None)?;
         let active = driven.trace.last().map_or(0, |p| p.active).min(plan.capacity);
         if active == 0 || driven.level.grid != grid {
             return Ok(None);
@@ -291,15 +291,17 @@ fn least_of(at: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
 }
 
 /// Takes `times` this light, `[pair * bins + bin]`, off the measured values of `model`.
-fn take(model: &mut Model, light: &[f32], times: f64) {
+pub(super) fn take(model: &mut Model, light: &[f32], times: f64) {
     model.measured.iter_mut().zip(light).for_each(|(m, l)| *m -= times as f32 * l);
 }
 
 impl Beyond {
-    /// Takes its light off the measured values of `model`.
-    pub fn take_off(&self, model: &mut Model) {
-        let light = self.light(model);
-        take(model, &light, self.told.strength);
+    /// Takes its light off the measured values of `model`, and returns it: it is the same for other counts with the same
+    /// scale.
+    pub fn take_off(&self, model: &mut Model) -> Vec<f32> {
+        let light: Vec<f32> = self.light(model).into_iter().map(|l| self.told.strength as f32 * l).collect();
+        take(model, &light, 1.0);
+        light
     }
 
     /// The light that its samples send to the pairs of `model`, in units of the measured values, `[pair * bins + bin]`.

@@ -10,6 +10,8 @@
 //! comes from a filtered back-projection, so no iteration is dense. The maps of the volume then begin a surface
 //! ([`surface`]).
 
+use std::time::Instant;
+
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{background, expected_noise, variances};
@@ -26,6 +28,7 @@ use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
 mod beyond;
+pub mod follow;
 mod hat;
 mod needs;
 mod options;
@@ -35,9 +38,10 @@ mod preview;
 mod schedule;
 mod trial;
 
+pub use follow::Follow;
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
-pub use prepared::prepare;
+pub use prepared::{prepare, prepare_to_follow};
 pub use preview::preview;
 pub use schedule::{due, iteration, start};
 pub use trial::{Left, PAIRS, Start, Trial};
@@ -73,12 +77,15 @@ fn solve_volume(
     options: &VectorOptions,
     watch: &mut Watch<'_>,
     keeper: Option<Keeper<'_>>,
+    until: Option<Instant>,
 ) -> Result<Driven> {
-    let steps = Steps {
-        stop_below: options.stop.then_some(|job| expected_noise(job.model_of(job.plan.finest()))),
-        ..steps(&job.plan, options)
-    };
+    let steps = Steps { stop_below: stop_below(options), until, ..steps(&job.plan, options) };
     drive(gpu, job, options.iterations, steps, watch, keeper, None)
+}
+
+/// See [`Steps::stop_below`].
+fn stop_below(options: &VectorOptions) -> Option<fn(&OnDevice) -> f64> {
+    options.stop.then_some(|job| expected_noise(job.model_of(job.plan.finest())))
 }
 
 /// Uploads what every solve of a volume begins with.
@@ -106,6 +113,7 @@ fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
         of: options.iterations + options.surface.iterations,
         after: surface::ahead(plan, options.surface.iterations),
         stop_below: None,
+        until: None,
     }
 }
 
@@ -120,7 +128,7 @@ pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
 pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
     let (mut model, rows) = outline_of(capture, grid, options);
     if !capture.histograms.is_empty() {
-        take(capture, options, &rows, &mut model);
+        take(capture, options, &rows, &mut model, None);
     }
     model
 }
@@ -147,11 +155,15 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model
     (model, rows)
 }
 
-/// Takes the counts of a capture, less their background, and estimates their noise.
-fn take(capture: &Capture, options: &VectorOptions, rows: &Rows, model: &mut Model) {
+/// Takes the counts of a capture, less their background, and estimates their noise. `scale`: of the counts, if it is not
+/// to be that of these.
+fn take(capture: &Capture, options: &VectorOptions, rows: &Rows, model: &mut Model, scale: Option<f64>) {
     let level = if options.background { background(capture) } else { 0.0 };
     let [per_count, empty] = variances(capture, level);
-    model.take(rows, capture, level);
+    match scale {
+        Some(scale) => model.take_times(rows, capture, level, scale),
+        None => model.take(rows, capture, level),
+    }
     let scale = 1.0 / model.counts_per_unit;
     model.variance = [per_count * scale, empty * scale * scale];
 }

@@ -3,15 +3,24 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::beyond::{Beyond, Search};
-use super::{VectorOptions, albedo_of, make_ready, outline_of, solve_volume, steps, take};
+use super::beyond::{self, Beyond, Search};
+use super::follow::{self, Follow, Following, Pace, rate};
+use super::{
+    VectorOptions, albedo_of, iteration, make_ready, outline_of, solve_volume, steps, stop_below, take,
+};
 use crate::capture::Capture;
 use crate::gpu::{Gpu, Schedule};
+use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
-use crate::solve::drive::Watch;
+use crate::solve::drive::{Driven, Steps, Watch, drive};
+use crate::solve::on_device::trace_rows;
 use crate::solve::prepared::Planned;
-use crate::solve::result::finish;
-use crate::solve::{Beside, OnDevice, Plan, Prepared, Reconstruction, outline, surface};
+use crate::solve::result::{TakenOff, finish};
+use crate::solve::surface::{self, GoOn, energy};
+use crate::solve::{
+    Beside, Keep, Needs, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
+};
+use crate::transport::kernels::*;
 use crate::transport::{Grid, Rows};
 use crate::{Error, Kind, Result};
 
@@ -28,15 +37,47 @@ pub fn prepare(
     memory: Option<u64>,
     with_volume: bool,
 ) -> Result<impl Prepared + use<>> {
+    prepare_for(gpu, capture, grid, options, memory, with_volume, None)
+}
+
+/// As [`prepare`], for frames that follow each other.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_to_follow(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+    how: Follow,
+) -> Result<impl Prepared + use<>> {
+    prepare_for(gpu, capture, grid, options, memory, with_volume, Some(how))
+}
+
+fn prepare_for(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+    how: Option<Follow>,
+) -> Result<PreparedVector> {
     options.check()?;
+    how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
-    let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
+    let following = Following(options);
+    let needs: &dyn Needs = if how.is_some() { &following } else { options };
+    let plan = Plan::new(&outline, grid, capture.resolution(), needs, &gpu.abilities(), with_volume)?;
     let search = match options.beyond {
         true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
         false => None,
     };
     let planned = Planned::new(gpu, outline, plan, memory);
-    Ok(PreparedVector { planned, rows, search, options: options.clone(), with_volume })
+    let following = how.map(|how| Chain { how, pace: Pace::default(), last: None });
+    Ok(PreparedVector { planned, rows, search, options: options.clone(), with_volume, following })
 }
 
 struct PreparedVector {
@@ -45,6 +86,29 @@ struct PreparedVector {
     search: Option<Search>,
     options: VectorOptions,
     with_volume: bool,
+    /// If frames follow each other.
+    following: Option<Chain>,
+}
+
+/// Frames that follow each other.
+struct Chain {
+    how: Follow,
+    pace: Pace,
+    /// What the next one begins with; `None`: it begins cold.
+    last: Option<Last>,
+}
+
+/// What a frame leaves for the next, beside the state on the device.
+struct Last {
+    /// What the counts were multiplied by.
+    scale: f64,
+    /// The volume's data term at the end.
+    left: f64,
+    /// The maps, and those of the volume before the surface.
+    maps: Maps,
+    volume: Maps,
+    /// Light from beyond the box, `[pair * bins + bin]`, and why it is taken off.
+    beyond: Option<(Vec<f32>, TakenOff)>,
 }
 
 impl Prepared for PreparedVector {
@@ -53,11 +117,14 @@ impl Prepared for PreparedVector {
     }
 
     fn allocate(&mut self) -> Result<()> {
-        let PreparedVector { planned, options, .. } = self;
-        let OnDevice { plan, executor, .. } = planned.made(make_ready)?;
+        let PreparedVector { planned, options, following, .. } = self;
+        let OnDevice { plan, executor, model, .. } = planned.made(make_ready)?;
         let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
         outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)?;
         surface::each(plan, &options.surface, &mut reserve)?;
+        if following.is_some() {
+            follow::each(plan, options, model, &mut reserve)?;
+        }
         if let Some(search) = &mut self.search {
             going_on(search.allocate().map(Some))?;
         }
@@ -66,37 +133,144 @@ impl Prepared for PreparedVector {
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         let Beside { watch, keep } = beside;
+        if self.following.is_none() {
+            return self.cold(capture, watch, keep);
+        }
         let begun = Instant::now();
-        let beyond = self.light_beyond(capture, watch)?;
-        let before = begun.elapsed().as_secs_f64();
-        let PreparedVector { planned, rows, options, with_volume, .. } = self;
-        let gpu = planned.gpu().clone();
-        let job = planned.made(make_ready)?;
-        take(capture, options, rows, &mut job.model);
-        if let Some(beyond) = &beyond {
-            beyond.take_off(&mut job.model);
+        // After an error the state on the device is no frame's: the next one begins cold.
+        let last = self.following.as_mut().and_then(|f| f.last.take());
+        if let Some(last) = last
+            && let Some(done) = self.warm(capture, watch, last, begun)?
+        {
+            return Ok(done);
         }
-        job.upload_counts()?;
-        let keeper = Keeper::new(keep, job, options)?;
-        let mut driven = solve_volume(&gpu, job, options, watch, keeper)?;
-        let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
-        let mut surface_left = false;
-        if options.surface.iterations > 0 {
-            let refined = surface::refine(&gpu, job, &options.surface, watch, driven)?;
-            (driven, surface_left) = (refined.driven, refined.left);
-        }
-        driven.seconds += before;
-        driven.trace.iter_mut().for_each(|p| p.seconds += before);
-        Ok(Reconstruction {
-            volume_iterations,
-            surface_left,
-            beyond: beyond.map(|b| b.told),
-            ..finish(job, driven, with_volume.then_some(albedo_of))?
-        })
+        self.cold(capture, watch, keep)
     }
 }
 
 impl PreparedVector {
+    /// Solves from the beginning.
+    fn cold(
+        &mut self,
+        capture: &Capture,
+        watch: &mut Watch<'_>,
+        keep: Option<Keep<'_>>,
+    ) -> Result<Reconstruction> {
+        let begun = Instant::now();
+        let beyond = self.light_beyond(capture, watch)?;
+        let before = begun.elapsed().as_secs_f64();
+        let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
+        let gpu = planned.gpu().clone();
+        let job = planned.made(make_ready)?;
+        take(capture, options, rows, &mut job.model, None);
+        let light = beyond.as_ref().map(|beyond| (beyond.take_off(&mut job.model), beyond.told));
+        job.upload_counts()?;
+        let keeper = Keeper::new(keep, job, options)?;
+        let budget = following.as_ref().and_then(|f| f.how.budget);
+        let share = following.as_ref().map_or(1.0, |f| f.pace.share(budget));
+        let shortened = shortened(options, share, job.plan.levels.len());
+        let options = shortened.as_ref().unwrap_or(options);
+        let until = |share: f64| budget.map(|b| begun + b.mul_f64(share));
+        let mut driven = solve_volume(&gpu, job, options, watch, keeper, until(VOLUME))?;
+        let volume = Volume::of(job, &driven);
+        let volume_rate = rate_at_end(&driven.trace);
+        let mut surface_left = false;
+        if options.surface.iterations > 0 {
+            let refined = surface::refine(&gpu, job, &options.surface, watch, driven, None)?;
+            (driven, surface_left) = (refined.driven, refined.left);
+        }
+        if let Some(chain) = following {
+            let share = options.iterations as f64 / self.options.iterations as f64;
+            chain.pace.learn_cold(share, begun.elapsed().as_secs_f64());
+            let of_surface = &driven.trace[volume.points.min(driven.trace.len())..];
+            chain.pace.learn_rates([volume_rate, rate(of_surface)]);
+            chain.last = volume.is_whole.then(|| Last {
+                scale: 1.0 / job.model.counts_per_unit,
+                left: volume.left,
+                maps: driven.maps.clone(),
+                volume: volume.maps,
+                beyond: light.clone(),
+            });
+        }
+        driven.seconds += before;
+        driven.trace.iter_mut().for_each(|p| p.seconds += before);
+        Ok(Reconstruction {
+            volume_iterations: volume.iterations,
+            surface_left,
+            beyond: light.map(|(_, told)| told),
+            ..finish(job, driven, with_volume.then_some(albedo_of))?
+        })
+    }
+
+    /// Solves from where the last frame ended; `None` if the scene is another one. Begun at `begun`.
+    fn warm(
+        &mut self,
+        capture: &Capture,
+        watch: &mut Watch<'_>,
+        last: Last,
+        begun: Instant,
+    ) -> Result<Option<Reconstruction>> {
+        let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
+        let Some(Chain { how, pace, last: next }) = following else { return Ok(None) };
+        let gpu = planned.gpu().clone();
+        let job = planned.made(make_ready)?;
+        take(capture, options, rows, &mut job.model, Some(last.scale));
+        if let Some((light, _)) = &last.beyond {
+            beyond::take(&mut job.model, light, 1.0);
+        }
+        job.upload_counts()?;
+        let level = *job.plan.finest();
+        job.executor.run(&follow::look(&job.plan, &level, options))?;
+        let driven = looked(job, &last.maps, begun);
+        let change = follow::change(data_term(job, 0), last.left, energy(job.model_of(&level), level.pairs));
+        if change.is_nan() || change > how.cut_above {
+            return Ok(None);
+        }
+        let [volume_iterations, surface_iterations] = pace.iterations(how.budget, how.wanted(options));
+        let until = |share: f64| how.budget.map(|b| begun + b.mul_f64(share));
+        let steps = Steps {
+            levels: vec![level],
+            start: follow::grow(&job.plan, &level, options, job.model_of(&level), how.grow_above),
+            iteration: Box::new(|plan, level, i| iteration(plan, level, i as u32)),
+            due: Box::new(|_, _, _| Schedule::default()),
+            extract: Box::new(domain::extract),
+            passes: [passes::ALL, super::passes::ALL],
+            l1_weight: Box::new(|_| 1.0),
+            of: 1 + volume_iterations + surface_iterations,
+            after: vec![],
+            stop_below: stop_below(options),
+            until: until(VOLUME),
+        };
+        let mut driven = drive(&gpu, job, 1 + volume_iterations, steps, watch, None, Some(driven))?;
+        let volume = Volume::of(job, &driven);
+        let mut surface_left = false;
+        if surface_iterations > 0 {
+            let mut of_surface = options.surface.clone();
+            of_surface.iterations = surface_iterations;
+            let on = GoOn { maps: &last.maps, volume: &last.volume, until: until(1.0) };
+            let refined = surface::refine(&gpu, job, &of_surface, watch, driven, Some(on))?;
+            (driven, surface_left) = (refined.driven, refined.left);
+        }
+        let [of_volume, of_surface] = {
+            let (volume, surface) = driven.trace.split_at(volume.points.min(driven.trace.len()));
+            // The first point is that of the look, and growing is behind it.
+            [rate(&volume[1..]), rate(surface)]
+        };
+        pace.learn_rates([of_volume, of_surface]);
+        let done = driven.trace.last().map_or(0, |p| p.iteration);
+        let iterations = [volume.iterations - 1, done - volume.iterations];
+        pace.learn_warm(iterations, begun.elapsed().as_secs_f64());
+        let told = last.beyond.as_ref().map(|(_, told)| *told);
+        *next = Some(Last { left: volume.left, maps: driven.maps.clone(), volume: volume.maps, ..last });
+        Ok(Some(Reconstruction {
+            volume_iterations: volume.iterations,
+            surface_left,
+            beyond: told,
+            is_warm: true,
+            ..finish(job, driven, with_volume.then_some(albedo_of))?
+        }))
+    }
+
     /// The light from beyond the box. If everything was allocated before, the search keeps what it has.
     fn light_beyond(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Option<Beyond>> {
         let Some(search) = &mut self.search else { return Ok(None) };
@@ -115,4 +289,82 @@ fn going_on<T>(found: Result<Option<T>>) -> Result<Option<T>> {
         Err(Error { kind, .. }) if !matches!(kind, Kind::Device | Kind::Cancelled) => Ok(None),
         found => found,
     }
+}
+
+/// The share of a frame's time by which the volume must end; the rest is the surface's.
+const VOLUME: f64 = 0.7;
+
+/// What a volume's run leaves, before a surface uses the trace.
+struct Volume {
+    iterations: usize,
+    /// Points of the trace.
+    points: usize,
+    /// Its data term at the end.
+    left: f64,
+    /// Whether it reached the finest grid with all pairs.
+    is_whole: bool,
+    /// Its maps.
+    maps: Maps,
+}
+
+impl Volume {
+    fn of(job: &OnDevice, driven: &Driven) -> Volume {
+        let iterations = driven.trace.last().map_or(0, |p| p.iteration);
+        Volume {
+            iterations,
+            points: driven.trace.len(),
+            left: if iterations > 0 { data_term(job, iterations - 1) } else { f64::NAN },
+            is_whole: iterations > 0 && driven.level == *job.plan.finest(),
+            maps: driven.maps.clone(),
+        }
+    }
+}
+
+/// The data term in row `row` of the trace.
+fn data_term(job: &OnDevice, row: usize) -> f64 {
+    f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
+}
+
+/// Seconds of an iteration at the last level, by the trace of a volume.
+fn rate_at_end(trace: &[TracePoint]) -> Option<f64> {
+    let last = trace.last()?;
+    let same = trace.iter().rposition(|p| (p.lateral, p.pairs) != (last.lateral, last.pairs));
+    rate(&trace[same.map_or(0, |before| before)..])
+}
+
+/// What the look at a new frame tells: the first point of its trace, which is no step. `maps` are those of the last frame.
+fn looked(job: &OnDevice, maps: &Maps, begun: Instant) -> Driven {
+    let row = trace_rows(job, 0..1)[0];
+    let value = |index: u32| f64::from(f32::from_bits(row[index as usize]));
+    let (level, active) = (*job.plan.finest(), row[TRACE_ACTIVE as usize] as usize);
+    let point = TracePoint {
+        iteration: 1,
+        seconds: begun.elapsed().as_secs_f64(),
+        gpu_seconds: 0.0,
+        lateral: level.grid.n[0],
+        pairs: level.pairs,
+        active,
+        active_ratio: active as f64 / level.grid.voxels() as f64,
+        loss: value(TRACE_OBJECTIVE),
+        data_loss: value(TRACE_DATA),
+    };
+    let pairs = (active * level.rendered.count) as u64;
+    Driven { trace: vec![point], pairs, seconds: point.seconds, ..Driven::begun(maps.clone(), level) }
+}
+
+/// The options with a `share` of their iterations; `None` if that is all of them. A solve with `levels` levels reaches the
+/// last one.
+fn shortened(options: &VectorOptions, share: f64, levels: usize) -> Option<VectorOptions> {
+    if share >= 1.0 {
+        return None;
+    }
+    let part = |n: usize, least: usize| ((share * n as f64) as usize).max(least);
+    Some(options.clone().with(|o| {
+        o.iterations = part(o.iterations, 2 * levels).min(options.iterations);
+        o.growth_iterations = part(o.growth_iterations, levels);
+        o.domain.coarse_iterations = part(o.domain.coarse_iterations, 1);
+        o.domain.reduce_every = part(o.domain.reduce_every, 2);
+        o.bound_every = 3 * o.domain.reduce_every;
+        o.surface.iterations = part(o.surface.iterations, o.surface.iterations.min(1));
+    }))
 }

@@ -26,7 +26,7 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
             .with(push)
             .taking(work_of(&push, voxels));
     }
-    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME));
+    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
     s
 }
 
@@ -39,6 +39,7 @@ pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     }
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     s.extend(project(plan, level));
+    s.copy_word(buffer::COUNTS, COUNT_PEAK_SMOOTH, COUNT_PEAK_PROJECTED);
     s.extend(domain::keep(plan, level, options.domain.start_above, plan.capacity));
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
@@ -104,7 +105,7 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
 
 /// Follows a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. The pass `how` moves
 /// them.
-fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
+pub(super) fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
     let mut s = domain::compact(plan, level);
     let sample = arguments(ARGUMENTS_SAMPLE);
     s.indirect(how, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
@@ -121,7 +122,7 @@ fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
 /// D and lambda of the active voxels. `expected` is the pass that estimates brightness, and the power of it that
 /// weights D; without it all voxels weigh alike. Voxels that become active later have no bound and stay zero until the
 /// next call, so the bounds of the others still hold.
-fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedule {
+pub(super) fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedule {
     let mut s = Schedule::default();
     let scene = level.scene;
     let sample = arguments(ARGUMENTS_SAMPLE);

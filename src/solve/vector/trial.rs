@@ -103,13 +103,13 @@ impl Trial {
             }
             None => {
                 make_ready(&mut job)?;
-                solve_volume(&self.gpu, &mut job, &options, watch, None)?
+                solve_volume(&self.gpu, &mut job, &options, watch, None, None)?
             }
         };
         if is_own {
             self.own.get_or_insert_with(|| driven.maps.clone());
         }
-        let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven)?;
+        let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven, None)?;
         if refined.pixels == 0 {
             return Ok(None);
         }
@@ -138,7 +138,7 @@ impl Trial {
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         make_ready(&mut job)?;
-        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None)?;
+        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
         if driven.trace.last().is_none_or(|p| p.active == 0) {
             return Ok(None);
         }

@@ -173,6 +173,11 @@ pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
     (0..fine.storage()).map(|i| fine.voxel(i)).map(|c| fine.contains(c) && active[parent(c)]).collect()
 }
 
+/// The domain with the one before it.
+pub fn join(active: &[bool], before: &[bool]) -> Vec<bool> {
+    active.iter().zip(before).map(|(a, b)| *a || *b).collect()
+}
+
 /// The surface in one column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Column {

@@ -13,7 +13,7 @@ mod vector;
 
 pub use domain::{
     Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
-    levels, rim, room, smooth, taps, threshold, touched,
+    join, levels, rim, room, smooth, taps, threshold, touched,
 };
 pub use optimise::{learning_rate, noise, update};
 pub use pulse::{Way, instrument, pulse, spot, sum_bins};
@@ -28,8 +28,8 @@ pub use surface::{
 };
 pub use vector::{
     Bound, Momentum, Rough, Told, backproject, bound, expect, extract_behind, extract_vectors, extrapolate,
-    filter, finish_accelerated, forward_bound, gradient_vectors, into_cone, lengths, objective_vectors,
-    points, residual_weighted, roughness, settle, shrink, step, variance,
+    filter, filter_left, finish_accelerated, forward_bound, gradient_vectors, into_cone, lengths,
+    objective_vectors, points, residual_weighted, roughness, settle, shrink, step, variance,
 };
 
 use super::{Grid, Model};

@@ -223,6 +223,24 @@ pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
     m.measured.chunks(m.bins).flat_map(|h| (0..m.bins).map(move |b| filtered(h, b))).collect()
 }
 
+/// What is left of the measurement, `left[pair * bins + bin]` in bins of which one is `from` of those that `to` of are one
+/// of the twin's, and weighted there; summed to the twin's bins and convolved along time with `hat`, as in [`filter`].
+pub fn filter_left(twin: &Twin, hat: &[f64], left: &[f64], bins: usize, [from, to]: [usize; 2]) -> Vec<f64> {
+    let m = twin.model;
+    let filtered = |left: &[f64], bin: usize| -> f64 {
+        let mut sums = vec![0.0; m.bins];
+        for (b, value) in left.iter().enumerate() {
+            let middle = (b as f64 + 0.5) * from as f64 / to as f64;
+            if let Some(sum) = sums.get_mut(middle as usize) {
+                *sum += value;
+            }
+        }
+        sums.iter().enumerate().map(|(b, v)| hat.get(b.abs_diff(bin)).map_or(0.0, |h| h * v)).sum()
+    };
+    let rows = left.chunks(bins).take(m.pairs());
+    rows.flat_map(|row| (0..m.bins).map(|bin| filtered(row, bin)).collect::<Vec<_>>()).collect()
+}
+
 /// Back-projection of filtered histograms into every voxel that is not too near, by storage index. It uses the cosine
 /// of a surface that faces the wall and no falloff; negative sums become zero.
 pub fn backproject(twin: &Twin, filtered: &[f64]) -> Vec<f64> {

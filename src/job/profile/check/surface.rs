@@ -50,7 +50,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
     let mut s = zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS]);
     s.extend(surface::start(&level, pixels.len(), points));
-    s.extend(surface::iteration(&job.plan, &level, pixels.len(), 0, 0, None));
+    s.extend(surface::iteration(&job.plan, &level, pixels.len(), [0, 0, 0], None));
     job.executor.run(&s)?;
 
     let mut all = vec![];

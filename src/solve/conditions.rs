@@ -1,17 +1,25 @@
-//! What a solve tells of the depth errors of its maps.
+//! What follows a solve: which pixels are surface, and how far their depths are off.
 
 use glam::DVec3;
 
 use crate::capture::{Capture, Pulse};
 use crate::maps::{Conditions, Maps};
-use crate::solve::{Reconstruction, background, variances};
 use crate::transport::Reflectance;
+
+use super::{Reconstruction, background, variances};
 
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
-/// Sets the confidence of the result's maps and of those after earlier iterations. `capture` is what was solved.
-pub fn tell(capture: &Capture, result: &mut Reconstruction, snapshots: &mut [(usize, Maps)]) {
+/// Sets the mask of the result's maps ([`Maps::set_mask`]), and the confidence of all layers: of the result, and of
+/// `snapshots`, the maps after earlier iterations with the masks that they have. `capture` is what was solved.
+pub fn conclude(
+    capture: &Capture,
+    mask_fraction: Option<f64>,
+    result: &mut Reconstruction,
+    snapshots: &mut [(usize, Maps)],
+) {
+    result.maps.set_mask(mask_fraction);
     let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
     let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
     let all = Conditions {

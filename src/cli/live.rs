@@ -1,0 +1,158 @@
+//! `thirdbounce live SOURCE --capture SCAN`.
+
+use std::net::SocketAddr;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::live::{self, News, Page, Source, Summary};
+use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
+use thirdbounce::solve::vector::Follow;
+use thirdbounce::{Error, Result, capture, export, job};
+
+use super::progress::say;
+use super::solver::SolverArgs;
+use super::{advice, interrupt, print};
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Where frames come from: a folder in which npz captures appear, a pipe or file with a stream of frames
+    /// (docs/live.md), or - for a stream on the standard input
+    #[arg(required_unless_present = "listen")]
+    source: Option<PathBuf>,
+    /// A capture with the points, bins, pulse and spots of all frames; its counts are not used
+    #[arg(long, value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Take streams from programs that connect to this address, such as 127.0.0.1:7000. Other addresses than those of this
+    /// machine let others on the network send frames
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "source")]
+    listen: Option<SocketAddr>,
+    /// Serve a page with the newest maps on this port, for a browser on this machine; 0: a free port
+    #[arg(long, value_name = "PORT")]
+    page: Option<u16>,
+    /// What becomes of frames that come while one is solved: newest keeps the newest, every solves all, sum:D adds all up
+    /// and multiplies the sum by D before each
+    #[arg(long, value_name = "newest|every|sum:D", default_value = "newest")]
+    feed: String,
+    /// Time for a frame in milliseconds: as many iterations as fit
+    #[arg(long, value_name = "MS")]
+    budget: Option<f64>,
+    /// Solve every frame from the beginning, not from the frame before
+    #[arg(long, conflicts_with = "budget")]
+    cold: bool,
+    /// Write the maps of the last frame to this folder at the end
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// End after so many frames
+    #[arg(long, value_name = "N")]
+    frames: Option<u64>,
+    /// Index or part of the name of the Vulkan device [default: the best]
+    #[arg(long, value_name = "DEVICE", help_heading = "Device")]
+    device: Option<String>,
+    /// No line for each frame
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    solver: SolverArgs,
+}
+
+/// Frames that wait where every frame counts.
+const WAITING: usize = 64;
+
+pub fn run(args: &Args) -> Result<()> {
+    args.solver.check(None)?;
+    args.solver.check_fit()?;
+    let options =
+        SessionOptions { feed: feed(&args.feed)?, follow: follow(args)?, ..SessionOptions::default() };
+    let source = match (&args.source, args.listen) {
+        (_, Some(address)) => Source::Listen(address),
+        (Some(path), _) if path.as_os_str() == "-" => Source::Stdin,
+        (Some(path), _) if path.is_dir() => Source::Folder(path.clone()),
+        (Some(path), _) => Source::Stream(path.clone()),
+        (None, None) => unreachable!("one of them is given"),
+    };
+    if let Some(out) = &args.out {
+        job::check_file(&out.join("maps.npz"))?;
+    }
+    let scan = capture::read(&args.capture)?;
+    let solver = args.solver.resolve(None, &scan).solver.without_search();
+    let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
+    let page = args.page.map(Page::serve).transpose()?;
+    if let Some(page) = &page {
+        print(&format!("page      http://{}/", page.address()));
+    }
+    interrupt::take_care();
+    let mut last = None;
+    let done = live::run(&gpu, &scan, &solver, options, &source, page.as_ref(), &mut |news| {
+        match news {
+            News::Solved(frame, latency) => {
+                if !args.quiet {
+                    print(&line(frame, &latency));
+                }
+                last = Some(frame.result.maps.clone());
+                if args.frames.is_some_and(|most| latency.frames >= most) {
+                    return ControlFlow::Break(());
+                }
+            }
+            News::Wrong(error) => {
+                say(&format!("error: {}", error.what));
+                say(&format!("  {}", advice::text(&error.mend)));
+            }
+            News::Idle => {}
+        }
+        interrupt::asked()
+    })?;
+    if let (Some(out), Some(maps)) = (&args.out, &last) {
+        export::write_maps(out, maps)?;
+        print(&format!("wrote     {}", out.display()));
+    }
+    print(&summary(&done));
+    Ok(())
+}
+
+fn line(frame: &Frame, latency: &Latency) -> String {
+    let result = &frame.result;
+    format!(
+        "frame {:<5} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface",
+        frame.id.0,
+        if result.is_warm { "warm" } else { "cold" },
+        result.trace.last().map_or(0, |p| p.iteration),
+        1e3 * latency.last.as_secs_f64(),
+        latency.frames_per_second,
+        result.maps.mask.iter().filter(|m| **m).count()
+    )
+}
+
+fn summary(done: &Summary) -> String {
+    let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
+    let told = &done.latency;
+    format!(
+        "{} frames of {} solved, {} dropped, {} wrong; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
+        told.frames,
+        done.arrived,
+        told.dropped,
+        done.wrong,
+        ms(told.median),
+        ms(told.p90),
+        ms(told.p99),
+        told.frames_per_second
+    )
+}
+
+fn feed(text: &str) -> Result<Feed> {
+    match (text, text.strip_prefix("sum:").map(str::parse)) {
+        ("newest", _) => Ok(Feed::Newest),
+        ("every", _) => Ok(Feed::Every { most: WAITING }),
+        (_, Some(Ok(decay))) => Ok(Feed::Sum { decay }),
+        _ => Err(Error::options(format!("--feed is {text:?}"), "give newest, every, or sum:0.9")),
+    }
+}
+
+fn follow(args: &Args) -> Result<Option<Follow>> {
+    let budget = args.budget.map(|ms| Duration::try_from_secs_f64(1e-3 * ms)).transpose();
+    let budget = budget.map_err(|e| {
+        Error::options(format!("--budget is {}: {e}", args.budget.unwrap_or(f64::NAN)), "give milliseconds")
+    })?;
+    Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
+}

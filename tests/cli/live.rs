@@ -1,0 +1,195 @@
+//! `thirdbounce live`: frames from a folder and from streams, good and broken, and the page in a browser.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use fixtures::command::{fail, program, stderr, stdout, succeed};
+use thirdbounce::capture;
+use thirdbounce::live::write;
+
+/// Options that make frames quick.
+const QUICK: [&str; 8] =
+    ["--lateral", "16", "--iterations", "30", "--coarse-iterations", "5", "--surface-iterations", "12"];
+
+/// Three frames of a letter that moves.
+fn frames() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = folder.path().join("frames");
+    let [to, truth] = [frames.clone(), folder.path().join("truth")].map(|p| p.to_string_lossy().into_owned());
+    let text = succeed(&[
+        "simulate",
+        "letter:T",
+        "--moving",
+        "3",
+        "--step",
+        "0.02",
+        "--scan",
+        "8",
+        "--bin-width",
+        "0.02",
+        "--noise",
+        "0.05",
+        "--out",
+        &to,
+        "--truth",
+        &truth,
+        "--truth-resolution",
+        "32",
+    ]);
+    assert_eq!(text.lines().count(), 3, "{text}");
+    assert!(folder.path().join("truth/frame-0002.npz").exists());
+    (folder, frames)
+}
+
+fn arguments<'a>(source: &'a str, scan: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["live", source, "--capture", scan][..], &QUICK, more].concat()
+}
+
+/// The frames as a stream.
+fn stream(frames: &Path) -> Vec<u8> {
+    let mut bytes = vec![];
+    for i in 0..3 {
+        let capture = capture::read(&frames.join(format!("frame-000{i}.npz"))).unwrap();
+        write(&mut bytes, i, capture.bins, &capture.histograms).unwrap();
+    }
+    bytes
+}
+
+#[test]
+fn frames_of_a_folder_are_solved_in_order() {
+    let (folder, frames) = frames();
+    let [source, scan, out] = [frames.clone(), frames.join("frame-0000.npz"), folder.path().join("out")]
+        .map(|p| p.to_string_lossy().into_owned());
+    // A file that is no capture is one error.
+    std::fs::write(frames.join("frame-0001b.npz"), b"no capture").unwrap();
+    let more = ["--feed", "every", "--frames", "3", "--out", &out];
+    let output = Command::new(program()).args(arguments(&source, &scan, &more)).output().unwrap();
+    let (text, errors) = (stdout(&output), stderr(&output));
+    assert!(output.status.success(), "{errors}");
+    let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
+    assert!(lines.len() == 3 && lines[0].contains(" cold ") && lines[2].contains(" warm "), "{text}");
+    assert!(errors.matches("error:").count() == 1 && errors.contains("frame-0001b.npz"), "{errors}");
+    assert!(text.contains("3 frames of 3 solved, 0 dropped, 1 wrong; latency: median"), "{text}");
+    assert!(Path::new(&out).join("maps.npz").exists());
+}
+
+#[test]
+fn a_stream_that_breaks_off_is_one_error_and_its_frames_are_solved() {
+    let (folder, frames) = frames();
+    let bytes = stream(&frames);
+    let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
+    let file = folder.path().join("stream");
+    for (bytes, words, solved) in [
+        (bytes.clone(), "", 3),
+        (bytes[..bytes.len() - 5].to_vec(), "ends within frame 2", 2),
+        ([&bytes[..bytes.len() / 3], &b"lies"[..], &bytes[4..200]].concat(), "begins with", 1),
+    ] {
+        std::fs::write(&file, bytes).unwrap();
+        let source = file.to_string_lossy();
+        let more = ["--feed", "every", "--cold"];
+        let output = Command::new(program()).args(arguments(&source, &scan, &more)).output().unwrap();
+        let (text, errors) = (stdout(&output), stderr(&output));
+        assert!(output.status.success(), "{errors}");
+        assert_eq!(errors.matches("error:").count(), usize::from(!words.is_empty()), "{errors}");
+        assert!(errors.contains(words), "{errors}");
+        assert!(text.contains(&format!("{solved} frames of {solved} solved")), "{text}");
+    }
+}
+
+#[test]
+fn the_standard_input_is_a_stream_and_frames_may_be_summed_in_time() {
+    let (_folder, frames) = frames();
+    let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
+    let more = ["--feed", "sum:0.5", "--budget", "200", "-q"];
+    let mut child = Command::new(program())
+        .args(arguments("-", &scan, &more))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(&stream(&frames)).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = stdout(&output);
+    assert!(output.status.success() && text.contains("of 3 solved, 0 dropped, 0 wrong"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let (_folder, frames) = frames();
+    let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
+    fail(&arguments("no-such-pipe", &scan, &[]), 1, "no-such-pipe");
+    fail(&arguments("-", &scan, &["--feed", "some"]), 1, "--feed");
+    fail(&arguments("-", &scan, &["--budget", "-3"]), 1, "--budget");
+
+    fail(&["live", "-", "--capture", &scan, "--solver", "paper"], 1, "follow");
+}
+
+/// A program that is ended with the test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The first of these programs that is installed.
+fn browser() -> Option<&'static str> {
+    let there = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
+    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(there)
+}
+
+#[test]
+fn a_browser_shows_the_newest_maps() {
+    let Some(browser) = browser() else {
+        eprintln!("skipped: no chromium is installed");
+        return;
+    };
+    let (folder, frames) = frames();
+    let [source, scan] =
+        [frames.clone(), frames.join("frame-0000.npz")].map(|p| p.to_string_lossy().into_owned());
+    let more = ["--feed", "every", "--page", "0"];
+    let child = Command::new(program())
+        .args(arguments(&source, &scan, &more))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut child = Running(child);
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap()).lines().map(|l| l.unwrap());
+    let address = lines.next().unwrap().split_whitespace().last().unwrap().to_string();
+    assert!(lines.any(|l| l.starts_with("frame 3 ")), "three frames are solved");
+    // The screenshot is taken after five seconds of the page's own time.
+    let picture = std::env::var("THIRDBOUNCE_SCREENSHOT").map(PathBuf::from);
+    let picture = picture.unwrap_or_else(|_| folder.path().join("page.png"));
+    let looked = |more: &[&str]| {
+        let profile = format!("--user-data-dir={}", folder.path().join("profile").display());
+        let common = [
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--window-size=1240,560",
+            "--virtual-time-budget=5000",
+        ];
+        Command::new(browser).args(common).arg(profile).args(more).arg(&address).output().unwrap()
+    };
+    looked(&[&format!("--screenshot={}", picture.display())]);
+    let shown = image_colours(&picture);
+    assert!(shown > 40, "albedo, depth and normals are drawn: {shown} colours");
+    let text = stdout(&looked(&["--dump-dom"]));
+    for words in ["frame 3, warm", "latency: median", "albedo.png?3", "depth.png?3", "normal.png?3"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+/// How many colours a PNG has.
+fn image_colours(path: &Path) -> usize {
+    let file = BufReader::new(std::fs::File::open(path).expect("the browser wrote a picture"));
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    let size = info.color_type.samples();
+    bytes.chunks_exact(size).map(|p| p.to_vec()).collect::<std::collections::BTreeSet<_>>().len()
+}

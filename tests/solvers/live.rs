@@ -1,0 +1,281 @@
+//! Frames that follow each other: what a warm start must keep, find and give up; what becomes of frames that come too fast.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+use fixtures::captures::{assert_error, changed};
+use fixtures::device::*;
+use glam::dvec3;
+use thirdbounce::Kind;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::maps::Truth;
+use thirdbounce::measure::metrics;
+use thirdbounce::session::{Feed, Session, SessionOptions};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::solve::vector::Follow;
+use thirdbounce::solve::{PaperOptions, Preset, Reconstruction, SolverOptions, VectorOptions};
+
+/// A letter of 16 x 16 points, 32 pixels.
+fn options() -> VectorOptions {
+    VectorOptions::default().with(|o| (o.lateral, o.beyond) = (32, false))
+}
+
+fn letter(x: f64) -> Scene {
+    let scene = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("letter:T").unwrap() };
+    let mut moved = scene.clone();
+    for object in &mut moved.objects {
+        object.mesh = object.mesh.clone().translated(dvec3(x, 0.0, 0.0));
+    }
+    moved
+}
+
+fn seen(scene: &Scene) -> (Capture, Truth) {
+    let capture = simulate(scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture;
+    (capture, truth(scene, 96).unwrap())
+}
+
+fn session(gpu: &Gpu, scan: &Capture, options: SessionOptions) -> Session {
+    Session::new(gpu, scan, None, &self::options().into(), options).unwrap()
+}
+
+fn following(gpu: &Gpu, scan: &Capture, follow: Follow) -> Session {
+    session(gpu, scan, SessionOptions { follow: Some(follow), ..SessionOptions::default() })
+}
+
+fn solved(session: &mut Session, counts: &[f32]) -> Reconstruction {
+    session.submit(counts).unwrap();
+    session.wait().unwrap().result.clone()
+}
+
+/// Depth error in millimetres, and the share of the truth that is found.
+fn quality(done: &Reconstruction, truth: &Truth) -> [f64; 2] {
+    let found = metrics(&done.maps, truth, None).unwrap();
+    [1e3 * found.depth_rmse.unwrap_or(f64::INFINITY), found.iou.unwrap_or(0.0)]
+}
+
+#[test]
+fn the_same_frame_again_is_as_good_in_a_fifth_of_the_iterations() {
+    let gpu = gpu();
+    let (capture, truth) = seen(&letter(0.0));
+    let mut session = following(&gpu, &capture, Follow::default());
+    let cold = solved(&mut session, &capture.histograms);
+    let mut warm = cold.clone();
+    for _ in 0..2 {
+        warm = solved(&mut session, &capture.histograms);
+        assert!(warm.is_warm);
+    }
+    assert!(!cold.is_warm);
+    let iterations = |r: &Reconstruction| r.trace.last().unwrap().iteration;
+    assert!(5 * iterations(&warm) <= iterations(&cold) && 4 * warm.pairs < cold.pairs);
+    let [of_cold, of_warm] = [&cold, &warm].map(|r| quality(r, &truth));
+    assert!(
+        of_warm[0] < 1.15 * of_cold[0] + 0.1 && of_warm[1] > of_cold[1] - 0.02,
+        "{of_cold:?} {of_warm:?}"
+    );
+    // The volume's data term does not rise: the look at a frame that is the same begins where the last one ended.
+    assert!(
+        warm.trace[0].data_loss < 1.05 * cold.trace.last().unwrap().data_loss.max(warm.trace[1].data_loss)
+    );
+    assert_valid(&gpu);
+}
+
+#[test]
+fn a_thing_that_appears_where_nothing_was_is_found_within_two_frames() {
+    let gpu = gpu();
+    // A plate far from the letter: its place was left out of the domain long ago.
+    let near = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("plane").unwrap() };
+    let [mut alone, mut both] = [near.clone(), near];
+    let small = |scene: &mut Scene, at| {
+        let mesh = thirdbounce::simulate::rectangle(at, dvec3(0.0, 0.1, 0.0), dvec3(0.1, 0.0, 0.0));
+        scene.objects.push(thirdbounce::simulate::Object { mesh, albedo: 1.0 });
+    };
+    for scene in [&mut alone, &mut both] {
+        scene.objects.clear();
+        small(scene, dvec3(-0.3, -0.3, 0.6));
+    }
+    small(&mut both, dvec3(0.28, 0.25, 0.9));
+    let ((before, _), (after, truth)) = (seen(&alone), seen(&both));
+    let mut session = following(&gpu, &before, Follow { cut_above: 1e9, ..Follow::default() });
+    solved(&mut session, &before.histograms);
+    solved(&mut session, &before.histograms);
+    let lit = |done: &Reconstruction| {
+        let maps = &done.maps;
+        let at = |i: usize| maps.centre(i / maps.ny, i % maps.ny);
+        let there = |i: &usize| at(*i)[0] > 0.1 && at(*i)[1] > 0.1 && maps.mask[*i];
+        (0..maps.mask.len()).filter(there).collect::<Vec<_>>()
+    };
+    assert!(lit(&session.last().unwrap().result).is_empty());
+    solved(&mut session, &after.histograms);
+    let done = solved(&mut session, &after.histograms);
+    assert!(done.is_warm);
+    let found = lit(&done);
+    assert!(found.len() > 8, "{found:?}");
+    let depth: Vec<f32> = found.iter().map(|i| done.maps.depth[*i]).collect();
+    let mean = depth.iter().sum::<f32>() / depth.len() as f32;
+    assert!((mean - 0.9).abs() < 0.03, "{mean}");
+    // And it goes again.
+    for _ in 0..4 {
+        solved(&mut session, &before.histograms);
+    }
+    assert!(lit(&session.last().unwrap().result).is_empty());
+    assert!(truth.mask.contains(&true));
+}
+
+#[test]
+fn a_scene_cut_begins_cold_and_gives_the_bits_of_a_frame_of_its_own() {
+    let gpu = gpu();
+    let (one, _) = seen(&letter(-0.15));
+    let far = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("plane").unwrap() };
+    let (other, _) = seen(&far);
+    let fixed = |follow| {
+        let solver: SolverOptions =
+            options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Fixed).into();
+        let options = SessionOptions { follow, ..SessionOptions::default() };
+        Session::new(&gpu, &one, None, &solver, options).unwrap()
+    };
+    let alone = solved(&mut fixed(None), &other.histograms);
+    let mut session = fixed(Some(Follow::default()));
+    solved(&mut session, &one.histograms);
+    assert!(solved(&mut session, &one.histograms).is_warm);
+    let cut = solved(&mut session, &other.histograms);
+    assert!(!cut.is_warm);
+    assert!(format!("{:?}", cut.maps) == format!("{:?}", alone.maps), "nothing is left of the scene before");
+    assert!(solved(&mut session, &other.histograms).is_warm);
+}
+
+#[test]
+fn a_frame_that_was_cancelled_is_followed_by_a_cold_one() {
+    let gpu = gpu();
+    let (capture, _) = seen(&letter(0.0));
+    let options = SessionOptions {
+        follow: Some(Follow::default()),
+        hear: Some(Box::new(|id, _| match id.0 {
+            2 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        })),
+        ..SessionOptions::default()
+    };
+    let mut session = session(&gpu, &capture, options);
+    solved(&mut session, &capture.histograms);
+    session.submit(&capture.histograms).unwrap();
+    assert_error(session.wait().map(|f| f.id), Kind::Cancelled, &[]);
+    assert!(!solved(&mut session, &capture.histograms).is_warm);
+    assert!(solved(&mut session, &capture.histograms).is_warm);
+}
+
+#[test]
+fn a_short_time_still_gives_a_whole_picture() {
+    let gpu = gpu();
+    let (capture, truth) = seen(&letter(0.0));
+    let budget = Some(Duration::from_millis(1));
+    let mut session = following(&gpu, &capture, Follow { budget, ..Follow::default() });
+    let first = solved(&mut session, &capture.histograms);
+    let all = options();
+    let iterations = |r: &Reconstruction| r.trace.last().unwrap().iteration;
+    assert!(iterations(&first) < (all.iterations + all.surface.iterations) / 2, "{}", iterations(&first));
+    assert_eq!([first.maps.nx, first.maps.ny], [32, 32]);
+    // There is time for one iteration of each, and the picture gets better all the same.
+    let before = quality(&first, &truth);
+    let mut last = first;
+    for _ in 0..12 {
+        last = solved(&mut session, &capture.histograms);
+        assert!(last.is_warm && iterations(&last) == 3, "{}", iterations(&last));
+        assert_eq!(last.maps.nx, 32);
+    }
+    let after = quality(&last, &truth);
+    assert!(after[1] > before[1] && after[1] > 0.7, "{before:?} {after:?}");
+}
+
+#[test]
+fn frames_that_come_too_fast_are_dropped_queued_or_summed() {
+    let gpu = gpu();
+    let (capture, _) = seen(&letter(0.0));
+    let of = |feed: Feed| {
+        let (told, heard) = channel();
+        let (go_on, stays) = channel::<()>();
+        let hear: thirdbounce::session::Hear = Box::new(move |id, _| {
+            let _ = told.send(id.0);
+            // Frame 1 stays here until the test has submitted all others.
+            let _ = stays.recv();
+            ControlFlow::Continue(())
+        });
+        let mut session =
+            session(&gpu, &capture, SessionOptions { feed, hear: Some(hear), ..SessionOptions::default() });
+        session.submit(&capture.histograms).unwrap();
+        heard.recv().unwrap();
+        let submitted: Vec<_> = (2..=4)
+            .map(|k| session.submit(&capture.histograms.iter().map(|c| c * k as f32).collect::<Vec<_>>()))
+            .collect();
+        drop(go_on);
+        let mut solved = vec![];
+        while let Ok(frame) = session.wait() {
+            solved.push((frame.id.0, frame.result.plan.pairs));
+        }
+        (submitted, solved.into_iter().map(|s| s.0).collect::<Vec<_>>(), session.latency())
+    };
+    // With one slot for results, those that nobody took yet give way.
+    let (submitted, solved, told) = of(Feed::Newest);
+    assert!(submitted.iter().all(Result::is_ok) && solved.last() == Some(&4), "{solved:?}");
+    assert_eq!((told.dropped, told.frames), (2, 2));
+    assert!(told.median > Duration::ZERO && told.p99 >= told.median);
+    let (submitted, solved, told) = of(Feed::Every { most: 2 });
+    assert_eq!(submitted.iter().map(Result::is_ok).collect::<Vec<_>>(), [true, true, false]);
+    assert_error(submitted.into_iter().next_back().unwrap(), Kind::Options, &["2 frames wait"]);
+    assert_eq!((solved, told.dropped, told.frames), (vec![1, 2, 3], 0, 3));
+    let (submitted, solved, told) = of(Feed::Sum { decay: 0.5 });
+    assert!(submitted.iter().all(Result::is_ok) && solved.last() == Some(&4), "{solved:?}");
+    assert_eq!((told.dropped, told.frames), (0, 2));
+}
+
+#[test]
+fn dark_frames_are_summed_and_parts_of_a_scan_are_kept() {
+    let gpu = gpu();
+    let (capture, truth) = seen(&letter(0.0));
+    let dark = vec![0.0; capture.histograms.len()];
+    let mut summing = session(
+        &gpu,
+        &capture,
+        SessionOptions { feed: Feed::Sum { decay: 0.9 }, ..SessionOptions::default() },
+    );
+    assert_error(summing.submit(&dark), Kind::Input, &["no signal"]);
+    summing.submit(&capture.histograms).unwrap();
+    summing.wait().unwrap();
+    summing.submit(&dark).unwrap();
+    assert!(quality(&summing.wait().unwrap().result, &truth)[1] > 0.7);
+    // Half of the pairs, then the other half: the picture is that of the whole scan.
+    let mut parts = session(&gpu, &capture, SessionOptions::default());
+    let halves = [0, 1].map(|half| (0..capture.pair_count()).map(|p| p % 2 == half).collect::<Vec<_>>());
+    let unused = changed(&capture, |c| {
+        for (pair, row) in c.histograms.chunks_exact_mut(c.bins).enumerate() {
+            row.iter_mut().for_each(|v| *v = if pair % 2 == 0 { *v } else { 1e6 });
+        }
+    });
+    parts.submit_part(&unused.histograms, &halves[0]).unwrap();
+    parts.wait().unwrap();
+    parts.submit_part(&capture.histograms, &halves[1]).unwrap();
+    let done = parts.wait().unwrap().result.clone();
+    let whole = solved(&mut session(&gpu, &capture, SessionOptions::default()), &capture.histograms);
+    assert!((quality(&done, &truth)[0] - quality(&whole, &truth)[0]).abs() < 0.05);
+    assert!((done.empty_loss - whole.empty_loss).abs() < 1e-6 * whole.empty_loss);
+    assert_error(parts.submit_part(&capture.histograms, &[true]), Kind::Input, &["1 values", "256 pairs"]);
+}
+
+#[test]
+fn what_cannot_follow_is_refused() {
+    let gpu = gpu();
+    let (capture, _) = seen(&letter(0.0));
+    let make = |solver: SolverOptions, follow: Follow, feed: Feed| {
+        let options = SessionOptions { follow: Some(follow), feed, ..SessionOptions::default() };
+        Session::new(&gpu, &capture, None, &solver, options).map(|s| s.plan().pairs)
+    };
+    let paper = PaperOptions::preset(Preset::Synthetic).into();
+    assert_error(make(paper, Follow::default(), Feed::One), Kind::Options, &["paper", "follow"]);
+    let wrong = Follow { cut_above: f64::NAN, ..Follow::default() };
+    assert_error(make(options().into(), wrong, Feed::One), Kind::Options, &["cut_above"]);
+    let many = Follow { iterations: Some([1000, 1]), ..Follow::default() };
+    assert_error(make(options().into(), many, Feed::One), Kind::Options, &["1000 iterations"]);
+    let sum = Feed::Sum { decay: 2.0 };
+    assert_error(make(options().into(), Follow::default(), sum), Kind::Options, &["decay"]);
+}
