@@ -3167,7 +3167,7 @@ pub mod solve {
             #[derive(Debug, Clone)]
             pub enum Start {
                 Own,
-                Of(Maps),
+                Of(Box<Maps>),
             }
             impl Trial {
                 pub fn new(

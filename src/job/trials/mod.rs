@@ -273,7 +273,7 @@ impl<'t> Trials<'t> {
             return Ok(same.left.clone());
         }
         let shared = self.models[0].1.own().filter(|_| *first != reflectance && begun == Begun::Alike);
-        let start = shared.map_or(Start::Own, |maps| Start::Of(maps.clone()));
+        let start = shared.map_or(Start::Own, |maps| Start::Of(Box::new(maps.clone())));
         let left =
             self.with_trial(reflectance, fwhm, |trial, pulse, watch| trial.fit(start, pulse, watch))?;
         self.tried.push(Tried { reflectance, fwhm, begun, left: left.clone() });

@@ -41,7 +41,7 @@ pub enum Start {
     /// A volume of its own. Surfaces of all pulses begin with it.
     Own,
     /// The volume of another trial, with one cosine, as the volume before a Lambertian surface has.
-    Of(Maps),
+    Of(Box<Maps>),
 }
 
 impl Trial {
@@ -85,7 +85,7 @@ impl Trial {
         });
         let begun = match start {
             Start::Own => self.own.clone(),
-            Start::Of(maps) => Some(maps),
+            Start::Of(maps) => Some(*maps),
         };
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, false)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
