@@ -9,6 +9,7 @@ use fixtures::device::vectors::*;
 use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::surface::{self, Placed};
+use thirdbounce::solve::vector::follow::{self, passes::*};
 use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper, sum_bins, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Model, Reflectance};
@@ -44,7 +45,8 @@ impl Runs {
     fn run(&mut self, job: &mut OnDevice, mut schedule: Schedule) {
         for command in &mut schedule.commands {
             let Command::Dispatch { kernel, size, .. } = command else { continue };
-            let pass = job.plan.passes.iter().find(|p| p.kernel == *kernel).expect("a pass of the plan");
+            let mut passes = job.plan.passes.iter().chain(follow::passes::ALL);
+            let pass = passes.find(|p| p.kernel == *kernel).expect("a pass of the plan");
             let source = source_of((pass.code)(&job.plan).name);
             if self.wide && in_rows().contains(&source) {
                 *size = Size::Groups(WIDE);
@@ -122,7 +124,19 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         runs.run(&mut job, s);
     }
     assert_eq!(level, 1, "doubling is among them");
-    left(&mut job, 3, &[buffer::MASK, buffer::COUNTS])
+    // The kernels of frames that follow each other, which are in no plan of a single one.
+    job.executor.add_kernels(&[FILTER_LEFT.wanted(&job.plan), JOIN.wanted(&job.plan)]).unwrap();
+    let finest = *job.plan.finest();
+    let last = finest.bins as u32;
+    let mut s = Schedule::default();
+    s.dispatch(&FILTER_LEFT, [(job.plan.cells_at(&finest) as u32).div_ceil(WORKGROUP), 1, 1])
+        .bind(buffer::SCENE, finest.scene)
+        .bind(buffer::SOURCE, job.plan.volumes[0])
+        .with(Push { first: 1, step: 1, last, flags: 1f32.to_bits(), ..Push::default() });
+    s.dispatch(&JOIN, [(finest.grid.storage() as u32 / 32).div_ceil(WORKGROUP), 1, 1])
+        .bind(buffer::SCENE, finest.scene);
+    runs.run(&mut job, s);
+    left(&mut job, 3, &[buffer::MASK, buffer::COUNTS, buffer::RESIDUAL])
 }
 
 fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
