@@ -234,6 +234,18 @@ fn an_interrupted_batch_leaves_whole_results() {
 }
 
 #[test]
+fn a_folder_that_no_batch_made_stays() {
+    let out = tempfile::tempdir().unwrap();
+    let mine = out.path().join("two/mine.txt");
+    std::fs::create_dir(mine.parent().unwrap()).unwrap();
+    std::fs::write(&mine, "mine").unwrap();
+    let said = batch(&["a/two.npz"], out.path(), &[]);
+    assert_eq!((said.code, said.counts()), (Some(1), [1, 0, 0, 1]), "{}", said.errors);
+    assert!(said.lines["a/two.npz"]["error"].as_str().unwrap().contains("no batch made it"));
+    assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+}
+
+#[test]
 fn truth_and_volume_go_by_the_name_of_the_capture() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, truth) = (folder.path().join("z.npz"), folder.path().join("z_truth.npz"));

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use super::super::run::{self, Solved};
-use super::record::Record;
+use super::record::{Record, check_place};
 use super::{Batch, Caller, Figures, Listed, Status, Told};
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, GpuOptions};
@@ -115,7 +115,7 @@ impl<'b> Lines<'b> {
                 });
                 continue;
             }
-            let loaded = guarded(|| self.caller.load(capture));
+            let loaded = guarded(|| check_place(&folder).and_then(|()| self.caller.load(capture)));
             let seconds = start.elapsed().as_secs_f64();
             match loaded {
                 Ok((loaded, request)) => {

@@ -7,13 +7,28 @@ use std::time::UNIX_EPOCH;
 use serde::{Deserialize, Serialize};
 
 use super::super::words::write_json;
-use crate::Result;
+use crate::{Error, Result};
 
 /// The record's file in a result folder.
 pub const RECORD: &str = "made_from.json";
 
 /// A file with the times of flight that some captures have beside them.
 const BESIDE: &str = "tof.mat";
+
+/// Refuses a folder that no batch made: the result would take its place.
+///
+/// # Errors
+/// `Kind::Output`.
+pub fn check_place(folder: &Path) -> Result<()> {
+    let is_empty = || fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
+    if fs::symlink_metadata(folder).is_err() || folder.join(RECORD).is_file() || is_empty() {
+        return Ok(());
+    }
+    Err(Error::output(
+        format!("{}: is there, but no batch made it", folder.display()),
+        "choose another folder for the results, or move this one away",
+    ))
+}
 
 /// What a result was made from.
 ///
