@@ -3,8 +3,8 @@
     python examples/ray_batch.py captures.txt results --parts 8 -- --stride 2
 
 Without a cluster Ray starts workers on this machine. All workers need the command, the captures and the folder of results,
-by the same paths. A part whose worker died is started again, and skips what is done. The options behind `--` are those of
-`thirdbounce reconstruct`.
+by the same paths; THIRDBOUNCE names another command. A part whose worker died is started again, and skips what is done.
+The options behind `--` are those of `thirdbounce reconstruct`.
 """
 
 import argparse
@@ -17,9 +17,9 @@ import ray
 
 
 @ray.remote(max_retries=3)
-def reconstruct(part, parts, captures, out, options):
+def reconstruct(program, part, parts, captures, out, options):
     """Reconstructs one part of the captures; one dictionary for each, the summary last."""
-    command = [os.environ.get("THIRDBOUNCE", "thirdbounce"), "batch", captures, "--out", out]
+    command = [program, "batch", captures, "--out", out]
     command += ["--shard", f"{part}/{parts}", "--quiet", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     # 1: some captures failed, and their lines say why. A worker that was killed comes again.
@@ -29,21 +29,26 @@ def reconstruct(part, parts, captures, out, options):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0],
+        epilog="Behind -- follow options of `thirdbounce reconstruct`.",
+    )
     parser.add_argument("captures", help="a list of captures (.txt), or a pattern")
     parser.add_argument("out", help="folder of the results")
     parser.add_argument("--parts", type=int, default=2, help="parts of the list, each a Ray task")
     parser.add_argument("--cpus", type=float, default=1, help="CPUs that a task takes")
     parser.add_argument("--gpus", type=float, default=0, help="GPUs that a task takes")
     parser.add_argument("--address", help="the cluster [default: this machine]")
-    parser.add_argument("options", nargs="*", help="options of `thirdbounce reconstruct`, behind --")
-    args = parser.parse_args()
+    given = sys.argv[1:]
+    split = given.index("--") if "--" in given else len(given)
+    args, options = parser.parse_args(given[:split]), given[split + 1 :]
 
     ray.init(address=args.address, log_to_driver=False)
     captures = args.captures if any(c in args.captures for c in "*?[") else os.path.abspath(args.captures)
+    program = os.environ.get("THIRDBOUNCE", "thirdbounce")
     task = reconstruct.options(num_cpus=args.cpus, num_gpus=args.gpus)
     waiting = [
-        task.remote(part, args.parts, captures, os.path.abspath(args.out), args.options)
+        task.remote(program, part, args.parts, captures, os.path.abspath(args.out), options)
         for part in range(1, args.parts + 1)
     ]
     failed = 0

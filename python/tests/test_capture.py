@@ -50,6 +50,8 @@ class OfAnotherLibrary:
 def test_dlpack_arrays_are_used_in_place():
     H = counts()
     capture = tb.Capture(OfAnotherLibrary(H), OfAnotherLibrary(points()), bin_width=0.05)
+    first = OfAnotherLibrary(np.ascontiguousarray(np.moveaxis(H, -1, 0)))
+    np.testing.assert_array_equal(tb.Capture(first, points(), bin_width=0.05, bins_axis=0).H, H)
     assert np.shares_memory(capture.H, H)
     np.testing.assert_array_equal(capture.sensor_xyz, points())
 
@@ -78,6 +80,11 @@ def test_wrong_shapes_are_told(H, sensor, laser, words):
         tb.Capture(H, sensor, laser, bin_width=0.05)
     assert words in str(raised.value)
     assert raised.value.what and raised.value.remedy and raised.value.where is None
+
+
+def test_other_axes_are_refused():
+    with pytest.raises(tb.OptionsError, match="bins_axis is 1"):
+        tb.Capture(counts(), points(), bin_width=0.05, bins_axis=1)
 
 
 def test_a_single_point_is_that_of_every_pair():

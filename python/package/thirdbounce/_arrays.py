@@ -16,31 +16,36 @@ def refuse(what: str, remedy: str) -> OptionsError:
     return error
 
 
-def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
-    """The value as an array in C order. Nothing is copied if it is one of this type, also if another library made it."""
+def plain(value: Any, name: str) -> np.ndarray:
+    """The value as an array of real numbers. Arrays of other libraries are not copied if they speak DLPack."""
     try:
         if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
             value = np.from_dlpack(value)
         array = np.asarray(value)
         if array.dtype.kind not in "biuf":
             raise TypeError(f"its type is {array.dtype}")
-        return np.ascontiguousarray(array, dtype=dtype)
+        return array
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
         remedy = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
         raise refuse(f"{name} is no array of numbers: {error}", remedy) from error
 
 
+def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
+    """The value as an array in C order. Nothing is copied if it is one of this type."""
+    return np.ascontiguousarray(plain(value, name), dtype=dtype)
+
+
 def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
     """Histograms as float32, (X, Y, T). Copied only if they are not in C order in this form."""
-    array = as_array(value, np.float32, "H") if bins_axis in (-1, 2) else np.asarray(value)
-    if bins_axis == 0:
-        array = as_array(np.moveaxis(as_array(array, array.dtype, "H"), 0, -1), np.float32, "H")
-    elif bins_axis not in (-1, 2):
+    if bins_axis not in (-1, 0):
         raise refuse(f"bins_axis is {bins_axis}", "give -1 for H of shape (X, Y, T), or 0 for (T, X, Y)")
+    array = plain(value, "H")
+    if bins_axis == 0 and array.ndim > 1:
+        array = np.moveaxis(array, 0, -1)
     if array.ndim < 2 or array.shape[:-1] not in (scan, (scan[0] * scan[1],)):
         remedy = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
         raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", remedy)
-    return array.reshape(scan + (array.shape[-1],))
+    return np.ascontiguousarray(array, dtype=np.float32).reshape(scan + (array.shape[-1],))
 
 
 def as_points(value: Any, name: str) -> np.ndarray:
