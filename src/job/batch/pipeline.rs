@@ -4,27 +4,41 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use super::super::run::{self, Solved};
 use super::record::{Record, check_place};
 use super::{Batch, Caller, Figures, Listed, Status, Told};
 use crate::files::staging::Staging;
-use crate::gpu::{Gpu, GpuOptions};
+use crate::gpu::{DeviceKind, Gpu, GpuOptions};
 use crate::job::{Loaded, Request};
 use crate::{Error, Kind, Result};
 
 /// A device that is opened anew after it was lost.
 struct Device {
     options: GpuOptions,
+    is_cpu: bool,
     gpu: Mutex<Option<Gpu>>,
 }
 
 impl Device {
-    fn open(options: &GpuOptions) -> Result<Device> {
-        let gpu = Mutex::new(Some(Gpu::open(options)?));
-        Ok(Device { options: options.clone(), gpu })
+    fn open(options: &GpuOptions) -> Result<Arc<Device>> {
+        let gpu = Gpu::open(options)?;
+        let is_cpu = gpu.info.kind == DeviceKind::Cpu;
+        Ok(Arc::new(Device { options: options.clone(), is_cpu, gpu: Mutex::new(Some(gpu)) }))
+    }
+
+    /// The device of every job: they take turns. Jobs share a GPU's queue, which fills the gaps of one with work of another.
+    /// A driver for CPUs works one queue's lists off one by one, so each job opens the device for itself.
+    fn of_jobs(all: &[GpuOptions], jobs: usize) -> Result<Vec<Arc<Device>>> {
+        let mut devices: Vec<Arc<Device>> = vec![];
+        for job in 0..jobs {
+            let same = job.checked_sub(all.len()).map(|before| devices[before].clone());
+            let shared = same.filter(|device| !device.is_cpu);
+            devices.push(shared.map_or_else(|| Device::open(&all[job % all.len()]), Ok)?);
+        }
+        Ok(devices)
     }
 
     fn gpu(&self) -> Result<Gpu> {
@@ -57,7 +71,8 @@ struct Work<T> {
 pub(super) struct Lines<'b> {
     batch: &'b Batch,
     caller: &'b dyn Caller,
-    devices: Vec<Device>,
+    /// That of each job.
+    devices: Vec<Arc<Device>>,
     /// The captures of the shard.
     pub captures: Vec<Listed>,
 }
@@ -68,7 +83,7 @@ impl<'b> Lines<'b> {
     /// # Errors
     /// A device is missing.
     pub fn new(batch: &'b Batch, caller: &'b dyn Caller) -> Result<Lines<'b>> {
-        let devices = batch.devices.iter().map(Device::open).collect::<Result<Vec<_>>>()?;
+        let devices = Device::of_jobs(&batch.devices, batch.jobs)?;
         let captures = batch.captures.iter().filter(|c| batch.shard.holds(&c.name)).cloned().collect();
         Ok(Lines { batch, caller, devices, captures })
     }
@@ -83,11 +98,9 @@ impl<'b> Lines<'b> {
         std::thread::scope(|scope| {
             let (of_reader, of_writer) = (told.clone(), told.clone());
             scope.spawn(move || self.read(&read, &of_reader));
-            for job in 0..jobs {
+            for device in &self.devices {
                 let (solved, told, to_solve) = (solved.clone(), told.clone(), &to_solve);
-                scope.spawn(move || {
-                    self.solve(&self.devices[job % self.devices.len()], to_solve, &solved, &told)
-                });
+                scope.spawn(move || self.solve(device, to_solve, &solved, &told));
             }
             scope.spawn(move || self.write(&to_write, &of_writer));
             drop((solved, told));
