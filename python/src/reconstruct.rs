@@ -22,7 +22,7 @@ pub fn reconstruct<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let capture = guarded(py, None, || arrays.capture())?;
-    let mut teller = Teller::new(progress, true);
+    let teller = Teller::new(progress, true);
     let done = guarded(py, None, || {
         py.detach(|| {
             let choice = settings.choice()?;
@@ -36,7 +36,7 @@ pub fn reconstruct<'py>(
             packed(solved?, &loaded)
         })
     });
-    if let Some(raised) = teller.raised {
+    if let Some(raised) = teller.raised().take() {
         return Err(raised);
     }
     let (solved, report, notes) = done?;

@@ -1,7 +1,6 @@
 //! Sessions: frames of one scan.
 
-use std::ops::ControlFlow;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use engine::maps::Maps;
@@ -17,7 +16,7 @@ use crate::devices;
 use crate::error::guarded;
 use crate::maps;
 use crate::settings::Settings;
-use crate::tell::Teller;
+use crate::tell::{Raised, Teller};
 
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);
@@ -27,7 +26,8 @@ const LOOK: Duration = Duration::from_millis(20);
 pub struct Session {
     session: Mutex<Option<Open>>,
     canceller: Canceller,
-    teller: Arc<Mutex<Teller>>,
+    /// What the progress function raised.
+    raised: Raised,
 }
 
 /// A session that is not closed.
@@ -65,11 +65,6 @@ impl Session {
         // A session is whole after a panic: its thread has the rest.
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
-
-    /// What the progress function raised.
-    fn raised(&self) -> Option<PyErr> {
-        self.teller.lock().unwrap_or_else(PoisonError::into_inner).raised.take()
-    }
 }
 
 #[pymethods]
@@ -85,11 +80,9 @@ impl Session {
     ) -> PyResult<Session> {
         let scan = guarded(py, None, || arrays.capture())?;
         // The session's own thread calls it: signals come to the thread that waits.
-        let teller = Arc::new(Mutex::new(Teller::new(progress, false)));
-        let of_thread = teller.clone();
-        let hear: Hear = Box::new(move |_, p: &Progress| -> ControlFlow<()> {
-            of_thread.lock().unwrap_or_else(PoisonError::into_inner).hear(p)
-        });
+        let teller = Teller::new(progress, false);
+        let raised = teller.raised();
+        let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
         let session = guarded(py, None, || {
             py.detach(|| {
                 let limit = time_limit.map(Duration::try_from_secs_f64).transpose();
@@ -107,7 +100,7 @@ impl Session {
         })?;
         let canceller = session.canceller();
         let open = Open { session, is_pending: false };
-        Ok(Session { canceller, session: Mutex::new(Some(open)), teller })
+        Ok(Session { canceller, session: Mutex::new(Some(open)), raised })
     }
 
     /// Begins to solve a frame, and returns its number. The counts are copied.
@@ -129,7 +122,7 @@ impl Session {
                     session.as_mut().ok_or_else(closed)?.wait_for(left)
                 })
             });
-            if let Some(raised) = self.raised() {
+            if let Some(raised) = self.raised.take() {
                 return Err(raised);
             }
             if let Err(signal) = py.check_signals() {

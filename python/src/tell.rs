@@ -1,6 +1,7 @@
 //! Progress to a Python function, and signals from Python to a solve.
 
 use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use engine::solve::{Doing, Progress};
 use pyo3::prelude::*;
@@ -10,18 +11,37 @@ pub struct Teller {
     progress: Option<Py<PyAny>>,
     /// Only the main thread hears signals.
     hears_signals: bool,
-    /// What the function or a signal raised.
-    pub raised: Option<PyErr>,
+    raised: Raised,
+}
+
+/// What the function or a signal raised. Its lock is never held while a thread waits for the interpreter.
+#[derive(Clone, Default)]
+pub struct Raised(Arc<Mutex<Option<PyErr>>>);
+
+impl Raised {
+    fn slot(&self) -> MutexGuard<'_, Option<PyErr>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes what was raised.
+    pub fn take(&self) -> Option<PyErr> {
+        self.slot().take()
+    }
 }
 
 impl Teller {
     pub fn new(progress: Option<Py<PyAny>>, hears_signals: bool) -> Teller {
-        Teller { progress, hears_signals, raised: None }
+        Teller { progress, hears_signals, raised: Raised::default() }
+    }
+
+    /// Where it leaves what is raised.
+    pub fn raised(&self) -> Raised {
+        self.raised.clone()
     }
 
     /// Breaks if a signal came, or if the function raised or returned `False`.
-    pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
-        if self.raised.is_some() {
+    pub fn hear(&self, progress: &Progress) -> ControlFlow<()> {
+        if self.raised.slot().is_some() {
             return ControlFlow::Break(());
         }
         // No interpreter: it is ending.
@@ -29,7 +49,7 @@ impl Teller {
             Some(Ok(true)) => ControlFlow::Continue(()),
             Some(Ok(false)) | None => ControlFlow::Break(()),
             Some(Err(raised)) => {
-                self.raised = Some(raised);
+                *self.raised.slot() = Some(raised);
                 ControlFlow::Break(())
             }
         }

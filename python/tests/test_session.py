@@ -79,6 +79,15 @@ def test_progress_comes_from_the_session(capture):
                 pass
 
 
+@pytest.mark.parametrize("progress", [None, lambda told: None])
+def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
+    with session(capture, progress=progress, **QUICK) as frames:
+        for _ in range(5):
+            frames.submit(capture.H)
+            while frames.poll() is None:
+                pass
+
+
 def test_a_session_that_is_dropped_while_it_solves_ends(capture):
     told = threading.Event()
     frames = session(capture, progress=lambda p: told.set(), **LONG)
