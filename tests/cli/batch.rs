@@ -264,6 +264,7 @@ fn truth_and_volume_go_by_the_name_of_the_capture() {
 fn what_makes_no_batch_is_refused_at_once() {
     for (more, words) in [
         (&["--jobs", "0"][..], "--jobs is 0"),
+        (&["--jobs", "18446744073709551615"], "give 1 to 256"),
         (&["--shard", "3/2"], "the shard is \"3/2\""),
         (&["--resume", "state"], "--resume is no option of a batch"),
         (&["--lateral", "0"], "--lateral is 0"),

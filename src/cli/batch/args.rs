@@ -16,6 +16,9 @@ const NOT_HERE: [&str; 5] = ["checkpoint", "checkpoint_every", "resume", "no_pre
 const NO_DIFFERENCE: [&str; 7] =
     ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];
 
+/// More solves at once are a slip.
+const MOST_JOBS: usize = 256;
+
 pub struct Args {
     /// Captures, patterns and lists.
     pub captures: Vec<PathBuf>,
@@ -48,8 +51,8 @@ impl Args {
                 "leave it out, or reconstruct this capture by itself",
             ));
         }
-        if self.own.jobs == Some(0) {
-            return Err(Error::options("--jobs is 0", "give 1 or more"));
+        if let Some(jobs) = self.own.jobs.filter(|jobs| !(1..=MOST_JOBS).contains(jobs)) {
+            return Err(Error::options(format!("--jobs is {jobs}"), format!("give 1 to {MOST_JOBS}")));
         }
         self.each.check()
     }
@@ -77,7 +80,7 @@ impl clap::Args for Args {
             .mut_arg("truth", |arg| {
                 arg.help("Measure the results against these truths; {} stands for the capture's name: truth/{}.npz")
             })
-            .mut_arg("quiet", |arg| arg.help("No notes and no line for each capture on stderr"))
+            .mut_arg("quiet", |arg| arg.help("Only errors and the summary on stderr"))
             .mut_arg("device", |arg| {
                 arg.action(ArgAction::Append).help(
                     "Index or part of the name of a device; give it again for several, which then work at once \

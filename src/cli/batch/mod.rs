@@ -33,13 +33,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         jobs: args.jobs(),
     };
     interrupt::take_care();
-    let mut number = 0;
     let tally = job::batch(&batch, args, &mut |told| {
-        number += 1;
         print(&line(told).to_string());
         if !args.each.quiet {
             told.notes.iter().for_each(|note| say(&format!("note: {}: {note}", told.capture.name)));
-            say(&format!("{number}: {}", sentence(told)));
+        }
+        if !args.each.quiet || told.error.is_some() {
+            say(&sentence(told));
         }
     })?;
     let mut summary = json!(tally);
@@ -97,7 +97,7 @@ fn line(told: &Told) -> serde_json::Value {
 fn sentence(told: &Told) -> String {
     let name = &told.capture.name;
     match (&told.error, told.status) {
-        (Some(e), _) => format!("{name} failed: {}\n  {}", e.what, advice::text(&e.mend)),
+        (Some(e), _) => format!("error: {name}: {}\n  {}", e.what, advice::text(&e.mend)),
         (None, Status::Skipped) => format!("{name} is done already"),
         (None, _) => format!("{name} is done after {:.1} s", told.seconds),
     }

@@ -83,14 +83,15 @@ impl<'b> Lines<'b> {
     /// # Errors
     /// A device is missing.
     pub fn new(batch: &'b Batch, caller: &'b dyn Caller) -> Result<Lines<'b>> {
-        let devices = Device::of_jobs(&batch.devices, batch.jobs)?;
-        let captures = batch.captures.iter().filter(|c| batch.shard.holds(&c.name)).cloned().collect();
+        let held = batch.captures.iter().filter(|c| batch.shard.holds(&c.name));
+        let captures: Vec<Listed> = held.cloned().collect();
+        let devices = Device::of_jobs(&batch.devices, batch.jobs.min(captures.len().max(1)))?;
         Ok(Lines { batch, caller, devices, captures })
     }
 
     /// Runs until all captures are through, or the caller stops.
     pub fn run(&self, tell: &mut dyn FnMut(&Told)) {
-        let jobs = self.batch.jobs;
+        let jobs = self.devices.len();
         let (told, all_told) = channel();
         let (read, to_solve) = sync_channel(jobs - 1);
         let (solved, to_write) = sync_channel(jobs);
