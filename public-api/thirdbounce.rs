@@ -660,6 +660,7 @@ pub mod export {
         pub fn albedo_of(maps: &Maps) -> Picture {}
         pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn preview(maps: &Maps) -> Result<Vec<u8>> {}
         pub fn depth_of(maps: &Maps) -> Picture {}
         pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn normal_of(maps: &Maps) -> Picture {}
@@ -1995,21 +1996,6 @@ pub mod job {
     pub fn load(input: &Input) -> Result<Loaded> {}
     pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {}
     pub fn preset_for(capture: &Capture) -> Preset {}
-    #[derive(Debug, Clone)]
-    pub struct Outcome {
-        pub report: Report,
-        pub maps: Maps,
-        pub truth: Option<Truth>,
-        pub kernels: Vec<(&'static str, KernelTime)>,
-        pub validation: Vec<String>,
-        pub notes: Vec<String>,
-        pub files: Vec<PathBuf>,
-    }
-    pub fn run(
-        request: &Request,
-        loaded: &Loaded,
-        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Result<Outcome> {}
 }
 #[cfg(feature = "formats")]
 pub mod live {
