@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build demo test instrumented sanitize soak lint api header install bench clean
+.PHONY: all setup build demo test python-test dist instrumented sanitize soak lint api header install bench clean
 all: build
 
 setup:
@@ -16,6 +16,14 @@ demo: build
 
 test: setup
 	cargo test --locked --package thirdbounce --package thirdbounce-capi
+
+# The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
+python-test: setup
+	@.ci/python-test
+
+# A tarball, a wheel and a Debian package, for Linux with glibc 2.28 or later, in dist/.
+dist: setup
+	@.ci/dist
 
 # Kernels and solvers under GPU-assisted validation: the layer checks every access inside the kernels.
 instrumented: setup
@@ -75,4 +83,4 @@ bench: setup
 
 clean:
 	cargo clean
-	rm -rf out
+	rm -rf out dist

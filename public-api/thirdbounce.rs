@@ -569,6 +569,7 @@ pub mod export {
                 pub normal: DVec3,
                 pub area: f64,
             }
+            pub fn solve(samples: &[Sample], pitch: f64) -> Field {}
         }
         pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
     }
@@ -659,6 +660,7 @@ pub mod export {
         pub fn albedo_of(maps: &Maps) -> Picture {}
         pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {}
+        pub fn preview(maps: &Maps) -> Result<Vec<u8>> {}
         pub fn depth_of(maps: &Maps) -> Picture {}
         pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
         pub fn normal_of(maps: &Maps) -> Picture {}
@@ -817,6 +819,7 @@ pub mod files {
             pub fn new(target: &Path) -> Result<Staging> {}
             pub fn path(&self) -> &Path {}
             pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {}
+            pub fn commit_folder(self, name: &str) -> Result<PathBuf> {}
         }
         impl Drop for Staging {}
     }
@@ -1274,6 +1277,89 @@ pub mod job {
             gpu: &Gpu,
         ) -> Vec<(Setting, String)> {}
     }
+    pub mod batch {
+        mod figures {
+            #[derive(Debug, Clone, PartialEq, Serialize)]
+            pub struct Figures {
+                pub solver: String,
+                pub model: String,
+                pub iterations: usize,
+                pub residual: Option<f64>,
+                pub surface: f64,
+                pub depth: Option<f32>,
+                pub confidence: Option<f32>,
+                pub solve_s: f64,
+                pub iou: Option<f64>,
+                pub depth_mae: Option<f64>,
+                pub normal_error_deg: Option<f64>,
+            }
+        }
+        mod names {
+            #[derive(Debug, Clone, PartialEq, Eq)]
+            pub struct Listed {
+                pub path: PathBuf,
+                pub name: String,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub struct Shard {
+                pub part: u64,
+                pub of: u64,
+            }
+            impl Default for Shard {}
+            impl std::str::FromStr for Shard {
+                type Err = Error;
+            }
+            impl Shard {
+                pub fn holds(self, name: &str) -> bool {}
+            }
+            pub fn named(paths: &[PathBuf]) -> Vec<Listed> {}
+        }
+        pub use figures::Figures;
+        pub use names::{Listed, Shard, named};
+        #[derive(Debug, Clone)]
+        pub struct Batch {
+            pub captures: Vec<Listed>,
+            pub shard: Shard,
+            pub out: PathBuf,
+            pub options: Vec<String>,
+            pub devices: Vec<GpuOptions>,
+            pub jobs: usize,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+        pub enum Status {
+            Done,
+            Skipped,
+            Failed,
+        }
+        #[derive(Debug, Clone)]
+        pub struct Told {
+            pub capture: Listed,
+            pub status: Status,
+            pub seconds: f64,
+            pub error: Option<Error>,
+            pub folder: Option<PathBuf>,
+            pub figures: Option<Figures>,
+            pub notes: Vec<String>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+        pub struct Tally {
+            pub captures: usize,
+            pub done: usize,
+            pub skipped: usize,
+            pub failed: usize,
+            pub stopped: bool,
+            pub seconds: f64,
+        }
+        pub trait Caller: Sync {
+            fn load(&self, capture: &Listed) -> Result<(Loaded, Request)>;
+            fn go_on(&self, progress: Option<(&Listed, &Progress)>) -> ControlFlow<()>;
+        }
+        pub fn batch(
+            what: &Batch,
+            caller: &dyn Caller,
+            tell: &mut dyn FnMut(&Told),
+        ) -> Result<Tally> {}
+    }
     mod bins {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
         pub enum Bins {
@@ -1286,6 +1372,33 @@ pub mod job {
             type Err = Error;
         }
         impl Serialize for Bins {}
+    }
+    mod choice {
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Choice {
+            pub solver: Option<String>,
+            pub model: Option<String>,
+            pub preset: Option<Preset>,
+            pub options: Vec<(&'static str, Value)>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Resolved {
+            pub preset: Preset,
+            pub why: Option<&'static str>,
+            pub solver: SolverOptions,
+            pub models: Vec<SolverOptions>,
+        }
+        impl Choice {
+            pub fn over(self, base: &Choice) -> Choice {}
+            pub fn check(&self) -> Result<()> {}
+            pub fn seed(&self) -> u64 {}
+            pub fn solver_name(&self) -> &str {}
+            pub fn foreign(&self) -> Option<&'static str> {}
+            pub fn resolve(&self, capture: &Capture) -> Resolved {}
+        }
+        impl Resolved {
+            pub fn request(self) -> Request {}
+        }
     }
     pub mod compare {
         #[derive(Debug, Clone, PartialEq)]
@@ -1641,6 +1754,16 @@ pub mod job {
         ) -> Result<Profile> {}
         pub fn device_of(gpu: &Gpu) -> report::Device {}
     }
+    mod reconstruct {
+        pub fn solve(
+            request: &Request,
+            loaded: &Loaded,
+            gpu: &Gpu,
+            truth: Option<&Truth>,
+            preview: Option<&Preview>,
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<Finished> {}
+    }
     mod request {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum FindPulse {
@@ -1684,6 +1807,41 @@ pub mod job {
             pub fn grid(&self, capture: &Capture) -> Result<Grid> {}
         }
         pub fn memory_bytes(text: &str) -> Result<u64> {}
+    }
+    mod run {
+        #[derive(Debug, Clone)]
+        pub struct Outcome {
+            pub report: Report,
+            pub maps: Maps,
+            pub truth: Option<Truth>,
+            pub kernels: Vec<(&'static str, KernelTime)>,
+            pub validation: Vec<String>,
+            pub notes: Vec<String>,
+            pub files: Vec<PathBuf>,
+        }
+        #[private_fields]
+        pub struct Solved {
+            pub report: Report,
+            pub maps: Maps,
+            pub truth: Option<Truth>,
+            pub kernels: Vec<(&'static str, KernelTime)>,
+            pub validation: Vec<String>,
+            pub notes: Vec<String>,
+        }
+        pub fn run(
+            request: &Request,
+            loaded: &Loaded,
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<Outcome> {}
+        pub fn solve(
+            request: &Request,
+            loaded: &Loaded,
+            gpu: &Gpu,
+            hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<Solved> {}
+        impl Solved {
+            pub fn write(mut self, request: &Request) -> Result<Outcome> {}
+        }
     }
     mod simulated {
         #[derive(Debug, Clone, PartialEq)]
@@ -1782,13 +1940,16 @@ pub mod job {
     }
     pub use crate::solve::{SolverOptions, check_solver, reflectance};
     pub use advice::suggestions;
+    pub use batch::{Batch, batch};
     pub use bins::Bins;
+    pub use choice::{Choice, Resolved};
     pub use compare::{Compared, Comparison, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
     pub use inspect::{Inspection, inspect, schedule};
     pub use places::{PREVIEW, check_file};
     pub use request::{FindPulse, Request, memory_bytes};
+    pub use run::{Outcome, Solved, run, solve};
     pub use simulated::{Simulated, Simulation, simulate};
     pub use sizes::usual_pipeline_cache;
     pub use trials::MODELS;
@@ -1833,22 +1994,8 @@ pub mod job {
         pub fn summary(&self) -> Summary {}
     }
     pub fn load(input: &Input) -> Result<Loaded> {}
+    pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {}
     pub fn preset_for(capture: &Capture) -> Preset {}
-    #[derive(Debug, Clone)]
-    pub struct Outcome {
-        pub report: Report,
-        pub maps: Maps,
-        pub truth: Option<Truth>,
-        pub kernels: Vec<(&'static str, KernelTime)>,
-        pub validation: Vec<String>,
-        pub notes: Vec<String>,
-        pub files: Vec<PathBuf>,
-    }
-    pub fn run(
-        request: &Request,
-        loaded: &Loaded,
-        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Result<Outcome> {}
 }
 #[cfg(feature = "formats")]
 pub mod live {

@@ -1,11 +1,13 @@
 //! Whole jobs, from a capture file to result files. The command line calls them.
 //!
-//! [`load`] reads and prepares a capture. [`run`] reconstructs it and writes every result. [`compare()`] does this by
-//! several methods and compares them. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
+//! [`load`] reads and prepares a capture. [`run`] reconstructs it and writes every result. [`batch()`] does this with many
+//! captures. [`compare()`] does it by several methods and compares them. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
 //! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
 
 mod advice;
+pub mod batch;
 mod bins;
+mod choice;
 pub mod compare;
 pub mod demo;
 mod evaluate;
@@ -17,36 +19,33 @@ pub mod profile;
 mod reconstruct;
 mod report;
 mod request;
+mod run;
 mod simulated;
 mod sizes;
 pub mod state_file;
 pub mod trials;
 mod words;
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::Result;
 use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate};
-use crate::export;
-use crate::export::report::Report;
-use crate::files::staging::Staging;
-use crate::gpu::KernelTime;
-use crate::maps::{Maps, Truth};
-use crate::solve::{Preset, Progress, Reconstruction, VolumeMap};
+use crate::solve::Preset;
 
 pub use crate::solve::{SolverOptions, check_solver, reflectance};
-use preview::Preview;
 
 pub use advice::suggestions;
+pub use batch::{Batch, batch};
 pub use bins::Bins;
+pub use choice::{Choice, Resolved};
 pub use compare::{Compared, Comparison, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file};
 pub use request::{FindPulse, Request, memory_bytes};
+pub use run::{Outcome, Solved, run, solve};
 pub use simulated::{Simulated, Simulation, simulate};
 pub use sizes::usual_pipeline_cache;
 pub use trials::MODELS;
@@ -151,6 +150,28 @@ impl Loaded {
 /// # Errors
 /// Those of [`capture::read_kept`]; a wall size that does not fit the capture.
 pub fn load(input: &Input) -> Result<Loaded> {
+    prepared(input, |prepare| {
+        capture::formats::read_prepared(&input.path, &input.given(), &input.keep(), prepare)
+    })
+}
+
+/// Prepares a capture that is in memory as [`load`] prepares one that it reads. The path of `input` is only for the report,
+/// and values that complete a file are not used: `bin_width`, `bounce` and `time_of_flight`.
+///
+/// # Errors
+/// Those of [`Capture::check`]; a wall size that does not fit the capture.
+pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {
+    prepared(input, |prepare| {
+        let mut notes = vec![];
+        let whole = capture::formats::measured(capture, &mut notes)?;
+        capture::formats::keep_prepared(whole, input.turn, &input.keep(), prepare, notes)
+    })
+}
+
+fn prepared(
+    input: &Input,
+    read: impl FnOnce(&mut capture::formats::Prepare) -> Result<capture::Opened>,
+) -> Result<Loaded> {
     let start = Instant::now();
     let mut normals_estimated = false;
     // Before the scan is thinned: near neighbours give better normals, and the outermost points tell the wall's size.
@@ -171,8 +192,7 @@ pub fn load(input: &Input) -> Result<Loaded> {
         }
         Ok(())
     };
-    let capture::Opened { mut capture, dropped, mut notes } =
-        capture::formats::read_prepared(&input.path, &input.given(), &input.keep(), &mut prepare)?;
+    let capture::Opened { mut capture, dropped, mut notes } = read(&mut prepare)?;
     let mut gate = input.gate;
     if gate.is_none() && !input.no_auto_gate {
         let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
@@ -197,7 +217,9 @@ pub fn load(input: &Input) -> Result<Loaded> {
     if let Some(spots) = input.spots {
         [capture.laser_spot, capture.sensor_spot] = spots.map(Some);
     }
-    capture.check().map_err(|e| e.at(input.path.display()))?;
+    // What was never a file has no path.
+    let is_file = !input.path.as_os_str().is_empty();
+    capture.check().map_err(|e| if is_file { e.at(input.path.display()) } else { e })?;
     let seconds = start.elapsed().as_secs_f64();
     Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
 }
@@ -207,134 +229,4 @@ pub fn load(input: &Input) -> Result<Loaded> {
 pub fn preset_for(capture: &Capture) -> Preset {
     let measured = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
     if measured { Preset::Captured } else { Preset::Synthetic }
-}
-
-/// The result of a run, besides its files.
-#[derive(Debug, Clone)]
-pub struct Outcome {
-    /// The report, as `report.json` has it.
-    pub report: Report,
-    /// Albedo, depth, normals and mask.
-    pub maps: Maps,
-    /// The truth, if its file was given.
-    pub truth: Option<Truth>,
-    /// Time per kernel, if it was asked for.
-    pub kernels: Vec<(&'static str, KernelTime)>,
-    /// Messages of the validation layer, if it was on.
-    pub validation: Vec<String>,
-    /// Warnings, as sentences.
-    pub notes: Vec<String>,
-    /// Every file that was written, the report last.
-    pub files: Vec<PathBuf>,
-}
-
-/// Reconstructs a capture. Writes maps, pictures, points, the volume if the request names a file for it, and last the
-/// report: a folder with a report holds a whole result. `hear` is called with the progress and may cancel.
-///
-/// # Errors
-/// Before anything is computed: options out of range, a truth that cannot be read, or a place that cannot be written.
-/// Later: the errors of [`SolverOptions::solve`], or a file that cannot be written. No report is written then.
-pub fn run(
-    request: &Request,
-    loaded: &Loaded,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Outcome> {
-    let truth = request.check()?;
-    // What does not fit is told before a device is asked for.
-    request.grid(&loaded.capture)?;
-    let gpu = request.open()?;
-    let preview = match request.preview {
-        true => Preview::begin(request, &loaded.capture, &gpu, hear)?,
-        false => None,
-    };
-    let mut done = reconstruct::solve(request, loaded, &gpu, truth.as_ref(), preview.as_ref(), hear)?;
-
-    let start = Instant::now();
-    // An older result stays whole until the new one is complete.
-    let staging = Staging::new(&request.out)?;
-    let mut staged = export::write_maps(staging.path(), &done.result.maps)?;
-    let mut files = vec![];
-    if let (Some(file), Some(volume)) = (&request.volume_file, done.result.volume.take()) {
-        export::volume::write(file, &export_volume(volume))?;
-        files.push(file.clone());
-    }
-    for (iteration, maps) in &done.snapshots {
-        staged.extend(export::write_maps(&Request::snapshot_folder(staging.path(), *iteration), maps)?);
-    }
-    let mut notes: Vec<String> = done.found.notes();
-    notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
-    notes.extend(notes_on(request, &done.result));
-    let mut report = report::report_of(request, loaded, &gpu, &done);
-    report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
-    report.totals.export_s = start.elapsed().as_secs_f64();
-    let path = staging.path().join("report.json");
-    export::report::write(&path, &report)?;
-    staged.push(path);
-    files.splice(0..0, staging.commit(&staged)?);
-    // The result shows more. One that a killed run left goes, too.
-    let _ = std::fs::remove_file(request.out.join(PREVIEW));
-    Ok(Outcome {
-        report,
-        maps: done.result.maps,
-        truth,
-        kernels: if request.timings { done.result.kernels } else { vec![] },
-        validation: gpu.validation_messages(),
-        notes,
-        files,
-    })
-}
-
-/// Warnings: an end before the last doubling, a surface that was not taken, an empty result.
-fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
-    let mut notes = Vec::new();
-    let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
-    if reached < wanted {
-        notes.push(format!(
-            "{} iterations end at {reached} lateral voxels, not at {wanted}: give more iterations, double the grid \
-             earlier, or start with the finest grid",
-            request.solver.common().iterations[0]
-        ));
-    }
-    if let Some(beyond) = &solved.beyond {
-        notes.push(format!(
-            "light from beyond the box is taken off: a wider box leaves {:.2} % of pairs that it has not seen, the box \
-             alone {:.2} %; {:.2} times what it has there",
-            100.0 * beyond.left,
-            100.0 * beyond.left_without,
-            beyond.strength
-        ));
-    }
-    if solved.surface_left {
-        notes.push(
-            "a surface explains the data far worse than the volume, for example if three objects lie behind each other: \
-             the maps are those of the volume (with 0 iterations of the surface, a run takes less time and solves \
-             the volume at the resolution of the maps)"
-                .into(),
-        );
-    }
-    if let Some(behind) = &solved.maps.behind {
-        notes.push(format!(
-            "{} pixels have a second surface behind the first: the maps hold the nearer one, layers_* of maps.npz, \
-             points and mesh hold both",
-            behind.mask.iter().filter(|m| **m).count()
-        ));
-    }
-    if !solved.maps.mask.contains(&true) {
-        notes.push(
-            "nothing was found: the maps are empty. Check that volume and gate fit the capture (see \
-             `thirdbounce info`)"
-                .into(),
-        );
-    }
-    notes
-}
-
-fn export_volume(volume: VolumeMap) -> export::volume::Volume {
-    let ([x0, x1, y0, y1], [z0, z1]) = (volume.grid.extent(), volume.grid.depth_range());
-    export::volume::Volume {
-        size: volume.grid.n,
-        extent: [x0, x1, y0, y1, z0, z1],
-        albedo: volume.albedo,
-        normal: None,
-    }
 }

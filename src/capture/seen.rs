@@ -1,6 +1,8 @@
 //! What a histogram holds, in a few figures. They decide whether a pair was measured and whether its counts are valid,
 //! also for histograms that are read bin by bin and not kept.
 
+use super::Capture;
+
 /// Figures of one histogram.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen {
@@ -74,6 +76,14 @@ pub(super) fn whole(counts: &[f32]) -> bool {
     let one =
         |c: f32| c.is_nan() | ((c >= 0.0) & ((c as i32 as f32 == c) | ((c >= WHOLE_FROM) & c.is_finite())));
     counts.chunks(256).all(|run| run.iter().fold(true, |all, c| all & one(*c)))
+}
+
+impl Capture {
+    /// Whether all counts are photon counts, as [`Capture::integer_counts`] of a capture that was read tells.
+    #[cfg(feature = "formats")]
+    pub fn has_whole_counts(&self) -> bool {
+        whole(&self.histograms)
+    }
 }
 
 #[cfg(all(test, feature = "formats"))]

@@ -9,7 +9,7 @@ use thirdbounce::{Error, Result};
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
 use super::methods;
 use super::progress::{Meter, say};
-use super::solver::{Resolved, SolverArgs};
+use super::solver::SolverArgs;
 use super::{interrupt, print};
 
 const METHODS: &str = "\
@@ -55,7 +55,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.solver.check(None)?;
+    args.solver.choice().check()?;
     let specs = specs(args)?;
     let (input, memory, volume) =
         (args.capture.input(&args.solver)?, args.device.memory()?, args.grid.volume_only()?);
@@ -65,10 +65,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let bins = args.grid.bins()?;
     let method = |spec: &methods::Spec| {
-        let Resolved { preset, solver, models, .. } =
-            spec.solver.resolve(Some(&args.solver), &loaded.capture);
+        let usual = spec.choice.resolve(&loaded.capture).request();
         let request = Request {
-            preset: Some(preset),
+            tuned: false,
             bins,
             depth_pitch: spec.depth_pitch.or(args.grid.depth_pitch),
             volume,
@@ -77,11 +76,10 @@ pub fn run(args: &Args) -> Result<()> {
             pipeline_cache: args.device.pipeline_cache(),
             validation: args.device.validation,
             truth: Some(args.truth.clone()),
-            mask_fraction: args.mask_fraction.or(solver.usual_mask()),
+            mask_fraction: args.mask_fraction.or(usual.mask_fraction),
             trace_every: spec.trace_every.or(Some(args.trace_every)),
-            find_pulse: args.capture.find_pulse(preset, &solver),
-            models,
-            ..Request::new(solver, "")
+            find_pulse: args.capture.find_pulse(usual.find_pulse),
+            ..usual
         };
         Method { name: spec.name.clone(), spec: spec.text.clone(), request }
     };
@@ -119,10 +117,11 @@ fn specs(args: &Args) -> Result<Vec<methods::Spec>> {
     if asked.is_empty() && !args.method.is_empty() {
         return Err(Error::options("--method is empty", "name a solver: --method paper"));
     }
-    let all = match &args.solver.solver {
+    let base = args.solver.choice();
+    let all = match &base.solver {
         Some(name) => vec![name.as_str()],
         None => SolverOptions::NAMES.to_vec(),
     };
     let asked = if asked.is_empty() { all } else { asked };
-    asked.into_iter().map(|text| methods::parse(text, &args.solver)).collect()
+    asked.into_iter().map(|text| methods::parse(text, &base)).collect()
 }

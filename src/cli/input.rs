@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use thirdbounce::capture::{Bounce, Capture, Gate, Given, Pulse, Turn};
-use thirdbounce::job::{self, Bins, FindPulse, GivenPulse, Loaded, Request, SolverOptions};
-use thirdbounce::solve::Preset;
+use thirdbounce::job::{self, Bins, FindPulse, GivenPulse, Loaded, Request};
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
-use super::solver::{Resolved, SolverArgs};
+use super::solver::SolverArgs;
 
 /// The capture, and the part of it that is used.
 #[derive(Args)]
@@ -110,7 +109,7 @@ impl CaptureArgs {
             turn: Turn::parse(self.flip.as_deref(), self.rotate)?,
             stride: self.stride,
             subset: self.subset,
-            subset_seed: solver.seed(),
+            subset_seed: solver.choice().seed(),
             gate: self.gate.as_deref().map(Gate::parse).transpose()?,
             no_auto_gate: self.no_auto_gate,
             pulse: match self.pulse.as_deref() {
@@ -124,16 +123,12 @@ impl CaptureArgs {
         })
     }
 
-    /// Whether a run finds the pulse first: with `auto`, and by default for a vector solve with a surface, always if the
-    /// values are captured counts. The paper's solver takes paths as sharp.
-    pub fn find_pulse(&self, preset: Preset, solver: &SolverOptions) -> FindPulse {
-        match (self.pulse.as_deref(), solver) {
-            (Some("auto"), _) => FindPulse::Always,
-            (None, SolverOptions::Vector(o)) if o.surface.iterations > 0 => match preset {
-                Preset::Captured => FindPulse::Always,
-                _ => FindPulse::IfItShows,
-            },
-            _ => FindPulse::Never,
+    /// Whether a run finds the pulse first: with `auto`, or if that is `usual` and no pulse is given.
+    pub fn find_pulse(&self, usual: FindPulse) -> FindPulse {
+        match self.pulse.as_deref() {
+            None => usual,
+            Some("auto") => FindPulse::Always,
+            Some(_) => FindPulse::Never,
         }
     }
 }
@@ -285,19 +280,33 @@ pub fn load(
     grid: &VolumeArgs,
     device: &DeviceArgs,
 ) -> Result<(Loaded, Request)> {
-    solver.check(None)?;
-    solver.check_fit()?;
-    let input = capture.input(solver)?;
-    // Options are wrong before a file is read.
-    device.memory()?;
-    grid.volume()?;
+    load_file(&capture.capture, capture, solver, grid, device)
+}
+
+/// As [`load`], for a capture of another path.
+pub fn load_file(
+    path: &Path,
+    capture: &CaptureArgs,
+    solver: &SolverArgs,
+    grid: &VolumeArgs,
+    device: &DeviceArgs,
+) -> Result<(Loaded, Request)> {
+    check(solver, grid, device)?;
+    let input = job::Input { path: path.into(), ..capture.input(solver)? };
     let mut loaded = job::load(&input)?;
     let (mut request, notes) = request(&loaded.capture, solver, grid, device)?;
     loaded.notes.extend(notes);
-    if let Some(preset) = request.preset {
-        request.find_pulse = capture.find_pulse(preset, &request.solver);
-    }
+    request.find_pulse = capture.find_pulse(request.find_pulse);
     Ok((loaded, request))
+}
+
+/// Refuses options that no capture makes good.
+pub fn check(solver: &SolverArgs, grid: &VolumeArgs, device: &DeviceArgs) -> Result<()> {
+    solver.choice().check()?;
+    solver.check_fit()?;
+    device.memory()?;
+    grid.bins()?;
+    grid.volume().map(drop)
 }
 
 /// The request for a capture that no arguments change, and notes on what was chosen.
@@ -308,9 +317,10 @@ pub fn request(
     device: &DeviceArgs,
 ) -> Result<(Request, Vec<String>)> {
     let (volume, volume_file) = grid.volume()?;
-    let Resolved { preset, notes, solver, models } = solver.resolve(None, capture);
+    let resolved = solver.choice().resolve(capture);
+    let note = |why| format!("{why}: --preset {} is used", job::plain(&resolved.preset));
+    let notes = resolved.why.map(note).into_iter().collect();
     let request = Request {
-        preset: Some(preset),
         bins: grid.bins()?,
         depth_pitch: grid.depth_pitch,
         volume,
@@ -319,10 +329,7 @@ pub fn request(
         device: device.device.clone(),
         pipeline_cache: device.pipeline_cache(),
         validation: device.validation,
-        tuned: true,
-        mask_fraction: solver.usual_mask(),
-        models,
-        ..Request::new(solver, "")
+        ..resolved.request()
     };
     Ok((request, notes))
 }

@@ -61,7 +61,7 @@ pub struct Args {
 const WAITING: usize = 64;
 
 pub fn run(args: &Args) -> Result<()> {
-    args.solver.check(None)?;
+    args.solver.choice().check()?;
     args.solver.check_fit()?;
     let options =
         SessionOptions { feed: feed(&args.feed)?, follow: follow(args)?, ..SessionOptions::default() };
@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> Result<()> {
         job::check_file(&out.join("maps.npz"))?;
     }
     let scan = capture::read(&args.capture)?;
-    let solver = args.solver.resolve(None, &scan).solver.without_search();
+    let solver = args.solver.choice().resolve(&scan).solver.without_search();
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {

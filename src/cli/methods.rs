@@ -2,6 +2,7 @@
 //! `reconstruct` without their dashes. The key `name` sets the method's name in plots.
 
 use clap::Parser;
+use thirdbounce::job::Choice;
 use thirdbounce::{Error, Result};
 
 use super::solver::SolverArgs;
@@ -11,7 +12,8 @@ pub struct Spec {
     pub text: String,
     /// Its name in plots and folders: the given one, or its text.
     pub name: String,
-    pub solver: SolverArgs,
+    /// Its options over those of all methods.
+    pub choice: Choice,
     pub depth_pitch: Option<f64>,
     pub trace_every: Option<usize>,
 }
@@ -31,7 +33,7 @@ struct SpecArgs {
 ///
 /// # Errors
 /// An unknown solver, an unknown key or a value out of range, each with the method's text.
-pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
+pub fn parse(text: &str, base: &Choice) -> Result<Spec> {
     let text = text.trim();
     let mend =
         "write solver:key=value,key=value with the options of `thirdbounce reconstruct --help` as keys";
@@ -52,11 +54,9 @@ pub fn parse(text: &str, base: &SolverArgs) -> Result<Spec> {
         let said = e.to_string();
         wrong(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string())
     })?;
-    args.solver
-        .check_fit()
-        .and_then(|()| args.solver.check(Some(base)))
-        .map_err(|e| e.at(format!("method {text:?}")))?;
+    let choice = args.solver.choice().over(base);
+    args.solver.check_fit().and_then(|()| choice.check()).map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
-    let SpecArgs { solver, depth_pitch, trace_every } = args;
-    Ok(Spec { text: text.to_string(), name, solver, depth_pitch, trace_every })
+    let SpecArgs { depth_pitch, trace_every, .. } = args;
+    Ok(Spec { text: text.to_string(), name, choice, depth_pitch, trace_every })
 }

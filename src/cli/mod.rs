@@ -1,6 +1,7 @@
 //! The command line: one file per verb. The library does the work of a verb.
 
 mod advice;
+mod batch;
 mod calibrate;
 mod compare;
 mod compiled;
@@ -33,6 +34,7 @@ Examples:
   thirdbounce info capture.npz
   thirdbounce reconstruct capture.npz --out result
   thirdbounce reconstruct statue.hdf5 --stride 2 --lateral 64 --preset captured --out statue
+  thirdbounce batch 'scans/*.npz' --out results
   thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
   thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
   thirdbounce profile capture.npz --trace timeline.json
@@ -59,6 +61,8 @@ enum Verb {
     Info(Box<info::Args>),
     /// Reconstruct a capture: maps, pictures, points and a report.
     Reconstruct(Box<reconstruct::Args>),
+    /// Reconstruct many captures. Skips those that are done; one line of JSON each.
+    Batch(Box<batch::Args>),
     /// Make a capture of a known scene, and its truth.
     Simulate(simulate::Args),
     /// Reconstruct frames as they come, from a folder, a pipe or a connection; show them on a page.
@@ -97,7 +101,7 @@ pub fn main() -> ExitCode {
         ));
     }));
     match std::panic::catch_unwind(run) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Ok(code)) => code,
         Ok(Err(e)) if e.kind == Kind::Cancelled => {
             progress::say(&format!("{}, no result was written", e.what));
             ExitCode::from(130)
@@ -111,7 +115,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run() -> Result<()> {
+fn run() -> Result<ExitCode> {
     let cli = match command().try_get_matches().and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,
         // Prints help, version or what is wrong, and ends with 0 or 2.
@@ -119,6 +123,7 @@ fn run() -> Result<()> {
     };
     interrupt::listen()?;
     match cli.verb {
+        Verb::Batch(args) => return batch::run(&args),
         Verb::Demo(args) => demo::run(&args),
         Verb::Info(args) => info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
@@ -131,7 +136,8 @@ fn run() -> Result<()> {
         Verb::Profile(args) => profile::run(&args),
         Verb::Schedule(args) => schedule::run(&args),
         Verb::Devices(args) => devices::run(&args),
-    }
+    }?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.

@@ -19,27 +19,16 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
 pub struct Given(Vec<(&'static str, Value)>);
 
 impl Given {
-    pub fn get(&self, key: &str) -> Option<&Value> {
-        self.0.iter().find(|g| g.0 == key).map(|g| &g.1)
+    pub fn all(&self) -> impl Iterator<Item = &(&'static str, Value)> {
+        self.0.iter()
     }
+}
 
-    /// Sets the given options that the solver has.
-    pub fn over(&self, options: &mut SolverOptions) {
-        self.0.iter().for_each(|(key, value)| {
-            options.set(key, value);
-        });
-    }
-
-    /// The name of the first given option that `options` lack. The seed fits every solver: it also draws the pairs of
-    /// `--subset`.
-    pub fn foreign(&self, options: &SolverOptions) -> Option<String> {
-        let lacks = |(key, _): &&(&str, Value)| *key != "seed" && options.get(key).is_none();
-        let lacking = self.0.iter().find(lacks)?.0;
-        let rows = SolverOptions::all_rows();
-        rows.iter()
-            .find(|(row, _)| row.key == lacking)
-            .map(|(row, _)| flag_of(row).unwrap_or_else(|| row.name()))
-    }
+/// The name of the option of this key, without dashes before it.
+pub fn flag(key: &str) -> String {
+    let rows = SolverOptions::all_rows();
+    let named = rows.iter().find(|(row, _)| row.key == key);
+    named.map_or_else(|| key.replace('_', "-"), |(row, _)| flag_of(row).unwrap_or_else(|| row.name()))
 }
 
 /// The flag of an option that is on or off: `name`, or `no-name` if it is on by default.

@@ -122,7 +122,7 @@ fn compile(args: &Args) -> Result<()> {
             (loaded.capture, request, loaded.notes)
         }
         None => {
-            args.solver.check(None)?;
+            args.solver.choice().check()?;
             args.solver.check_fit()?;
             let usual = profile::compile::usual_capture()?;
             let (request, notes) = request(&usual, &args.solver, &args.grid, &args.device)?;

@@ -1,11 +1,11 @@
 //! `thirdbounce reconstruct CAPTURE --out DIR`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thirdbounce::Result;
-use thirdbounce::job::{self, Request};
+use thirdbounce::job::{self, Loaded, Request};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file};
 use super::progress::{Meter, say};
 use super::solver::SolverArgs;
 use super::{interrupt, print, tables};
@@ -13,10 +13,10 @@ use super::{interrupt, print, tables};
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    capture: CaptureArgs,
+    pub capture: CaptureArgs,
     /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, mesh.ply, report.json
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    pub out: PathBuf,
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
@@ -47,33 +47,50 @@ pub struct Args {
     timings: bool,
     /// No progress and no notes, errors only
     #[arg(long, short)]
-    quiet: bool,
+    pub quiet: bool,
     #[command(flatten)]
     solver: SolverArgs,
     #[command(flatten)]
     grid: VolumeArgs,
     #[command(flatten)]
-    device: DeviceArgs,
+    pub device: DeviceArgs,
+}
+
+impl Args {
+    /// Refuses options that no capture makes good.
+    pub fn check(&self) -> Result<()> {
+        check(&self.solver, &self.grid, &self.device)
+    }
+
+    /// Reads a capture as the options say, and makes a request of those that other verbs have, too.
+    pub fn load(&self, path: &Path) -> Result<(Loaded, Request)> {
+        load_file(path, &self.capture, &self.solver, &self.grid, &self.device)
+    }
+
+    /// The request with the options that only this verb has.
+    pub fn over(&self, request: Request) -> Request {
+        Request {
+            timings: self.timings,
+            truth: self.truth.clone(),
+            mask_fraction: self.mask_fraction.or(request.mask_fraction),
+            trace_every: self.trace_every,
+            snapshots: self.snapshots.clone(),
+            checkpoint: self.checkpoint.clone(),
+            checkpoint_every: self.checkpoint_every,
+            resume: self.resume.clone(),
+            out: self.out.clone(),
+            preview: !self.no_preview,
+            ..request
+        }
+    }
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
+    let (loaded, request) = args.load(&args.capture.capture)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    let request = Request {
-        timings: args.timings,
-        truth: args.truth.clone(),
-        mask_fraction: args.mask_fraction.or(request.mask_fraction),
-        trace_every: args.trace_every,
-        snapshots: args.snapshots.clone(),
-        checkpoint: args.checkpoint.clone(),
-        checkpoint_every: args.checkpoint_every,
-        resume: args.resume.clone(),
-        out: args.out.clone(),
-        preview: !args.no_preview,
-        ..request
-    };
+    let request = args.over(request);
     interrupt::take_care();
     let mut meter = Meter::new(args.quiet);
     let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));

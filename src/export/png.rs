@@ -46,13 +46,26 @@ pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {
-    const BETWEEN: usize = 8;
     maps.check()?;
+    write(path, &preview_of(maps))
+}
+
+/// The bytes of the picture that [`write_preview`] writes.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the maps are too large for a picture.
+pub fn preview(maps: &Maps) -> Result<Vec<u8>> {
+    maps.check()?;
+    packed(&preview_of(maps))
+}
+
+fn preview_of(maps: &Maps) -> Picture {
+    const BETWEEN: usize = 8;
     let (albedo, depth) = (albedo_of(maps), depth_of(maps));
     let mut both = Picture::new(albedo.width + BETWEEN + depth.width, albedo.height.max(depth.height));
     both.paste(&albedo, 0, 0);
     both.paste(&depth, albedo.width + BETWEEN, 0);
-    write(path, &both)
+    both
 }
 
 /// The picture of [`write_depth`].

@@ -68,6 +68,22 @@ impl Staging {
         }
         Ok(places)
     }
+
+    /// Moves the folder `name` (inside [`Staging::path`]) to its place in the target, whole. An older folder of that name
+    /// goes. A process that is killed in between leaves the old folder, the new one, or none, never a part.
+    ///
+    /// # Errors
+    /// `Kind::Output` if a folder cannot be moved, or if another process keeps the target locked for too long.
+    pub fn commit_folder(self, name: &str) -> Result<PathBuf> {
+        let _lock = alone_in(&self.target)?;
+        let (place, old) = (self.target.join(name), self.folder.join(".old"));
+        match fs::rename(&place, &old) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(cannot(&place, &e)),
+            _ => {}
+        }
+        fs::rename(self.folder.join(name), &place).map_err(|e| cannot(&place, &e))?;
+        Ok(place)
+    }
 }
 
 impl Drop for Staging {

@@ -178,7 +178,9 @@ impl Comparison {
             method.request.out = self.out.join(&folder);
             taken.push(folder);
             (method.request.volume_file, method.request.snapshots) = (None, vec![]);
-            let found = method.request.check().map_err(|e| e.at(format!("method {:?}", method.name)))?;
+            let found =
+                method.request.check().and_then(|found| method.request.check_places().map(|()| found));
+            let found = found.map_err(|e| e.at(format!("method {:?}", method.name)))?;
             truth = truth.or(found);
         }
         for at in 1..methods.len() {

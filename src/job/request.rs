@@ -212,7 +212,7 @@ impl Request {
         })
     }
 
-    /// Checks everything that can be checked before the work begins. Returns the truth, if its file is given.
+    /// Checks everything but places that can be checked before the work begins. Returns the truth, if its file is given.
     pub(super) fn check(&self) -> Result<Option<Truth>> {
         self.solver.check()?;
         if let Some(fraction) = self.mask_fraction.filter(|f| !(0.0..1.0).contains(f)) {
@@ -231,13 +231,6 @@ impl Request {
                 format!("give iterations from 1 to the last, {iterations}"),
             ));
         }
-        places::check_results(&self.out)?;
-        for iteration in &self.snapshots {
-            places::check_results(&Request::snapshot_folder(&self.out, *iteration))?;
-        }
-        if let Some(file) = &self.volume_file {
-            places::check_volume(file)?;
-        }
         if self.checkpoint_every == 0 {
             return Err(Error::options(
                 "the number of iterations between checkpoints is 0",
@@ -246,6 +239,15 @@ impl Request {
         }
         self.checkpoint.as_deref().map(places::check_file).transpose()?;
         self.truth.as_deref().map(export::npz::read_truth).transpose()
+    }
+
+    /// Checks that the results can be written.
+    pub(super) fn check_places(&self) -> Result<()> {
+        places::check_results(&self.out)?;
+        for iteration in &self.snapshots {
+            places::check_results(&Request::snapshot_folder(&self.out, *iteration))?;
+        }
+        self.volume_file.as_deref().map_or(Ok(()), places::check_volume)
     }
 
     /// Iterations between measured points of the trace; 0 measures only the end.

@@ -1,5 +1,6 @@
 //! The built command, as people run it.
 
+mod batch;
 mod calibrate;
 mod commands;
 mod compare;

@@ -3,6 +3,7 @@
 //! A test whose captures or Python packages are missing is shown as ignored. THIRDBOUNCE_DATA names the folder of captures,
 //! THIRDBOUNCE_PYTHON a Python (else `python3`).
 
+mod batch;
 mod native;
 mod opened;
 mod real;
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
+    all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
     libtest_mimic::run(&Arguments::from_args(), all).exit_code()
 }

@@ -41,6 +41,7 @@ fn base(verb: &str) -> Vec<String> {
         "info" => format!("{capture} --lateral 8"),
         "schedule" => format!("{capture} --lateral 8 --iterations 3"),
         "reconstruct" => format!("{capture} --out {{}}/r --model cosine --lateral 8 --iterations 3 --quiet"),
+        "batch" => format!("{capture} --out {{}}/r --model cosine --lateral 8 --iterations 3 --quiet"),
         "simulate" => "plane --out {}/c.npz --scan 3 --bin-width 0.05 --noise 0.5".into(),
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
         "compare" => {

@@ -36,7 +36,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Capture, Keep};
+use super::{Capture, Keep, Turn};
 use crate::error::{Error, Result};
 
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -137,11 +137,28 @@ pub(crate) fn read_prepared(
         }
         Found::Whole(capture) => Capture { name, ..capture },
     };
-    let (capture, dropped, missing) = capture.without_missing().map_err(place)?;
+    let whole = measured(capture, &mut notes).map_err(place)?;
+    keep_prepared(whole, given.turn, keep, prepare, notes)
+}
+
+/// Leaves out pairs that were not measured, and checks the rest. Also returns how many were left out.
+pub(crate) fn measured(capture: Capture, notes: &mut Vec<String>) -> Result<(Capture, usize)> {
+    let (capture, dropped, missing) = capture.without_missing()?;
     notes.extend(missing);
-    capture.check().map_err(place)?;
-    notes.extend(given.turn.note());
-    let mut capture = capture.turned(given.turn);
+    capture.check()?;
+    Ok((capture, dropped))
+}
+
+/// Turns a whole capture, calls `prepare`, and keeps a part of it.
+pub(crate) fn keep_prepared(
+    (capture, dropped): (Capture, usize),
+    turn: Turn,
+    keep: &Keep,
+    prepare: &mut Prepare,
+    mut notes: Vec<String>,
+) -> Result<Opened> {
+    notes.extend(turn.note());
+    let mut capture = capture.turned(turn);
     prepare(&mut capture, &mut notes)?;
     let capture = keep.apply(capture, &mut notes)?;
     notes.extend(capture.negative_note());

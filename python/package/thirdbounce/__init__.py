@@ -1,0 +1,58 @@
+"""Sees around corners: reconstructs a hidden scene from light that bounced three times.
+
+    import thirdbounce as tb
+    capture = tb.read("capture.npz")
+    maps = tb.reconstruct(capture)
+    maps.save("result")
+
+All lengths are metres. Times are metres of path: seconds times 299 792 458. The relay wall lies near z = 0, the hidden scene
+at z > 0, and y is up. The first index of arrays runs along +x, the second along +y.
+"""
+
+import atexit
+
+from . import _native
+from ._capture import Capture, Pulse, read
+from ._maps import Layer, Maps, load_maps
+from ._native import (
+    CancelledError,
+    DefectError,
+    DeviceError,
+    Error,
+    InputError,
+    OptionsError,
+    OutOfMemoryError,
+    OutputError,
+    __version__,
+)
+from ._session import Session
+from ._solve import Progress, devices, options, reconstruct
+from ._simulate import scenes, simulate
+
+# Compiled kernels are kept for later runs when a device closes.
+atexit.register(_native.close_devices)
+
+__all__ = [
+    "CancelledError",
+    "Capture",
+    "DefectError",
+    "DeviceError",
+    "Error",
+    "InputError",
+    "Layer",
+    "Maps",
+    "OptionsError",
+    "OutOfMemoryError",
+    "OutputError",
+    "Progress",
+    "Pulse",
+    "Session",
+    "__version__",
+    "devices",
+    "load_maps",
+    "options",
+    "read",
+    "reconstruct",
+    "scenes",
+    "simulate",
+]

@@ -1,0 +1,70 @@
+"""Arrays of callers as flat arrays in C order."""
+
+from __future__ import annotations
+
+from typing import Any, Optional, Tuple
+
+import numpy as np
+
+from ._native import OptionsError
+
+
+def refuse(what: str, remedy: str) -> OptionsError:
+    """The error of an argument."""
+    error = OptionsError(f"{what}\n  {remedy}")
+    error.what, error.where, error.remedy = what, None, remedy
+    return error
+
+
+def plain(value: Any, name: str) -> np.ndarray:
+    """The value as an array of real numbers. Arrays of other libraries are not copied if they speak DLPack."""
+    try:
+        if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
+            value = np.from_dlpack(value)
+        array = np.asarray(value)
+        if array.dtype.kind not in "biuf":
+            raise TypeError(f"its type is {array.dtype}")
+        return array
+    except (TypeError, ValueError, BufferError, RuntimeError) as error:
+        remedy = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
+        raise refuse(f"{name} is no array of numbers: {error}", remedy) from error
+
+
+def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
+    """The value as an array in C order. Nothing is copied if it is one of this type."""
+    return np.ascontiguousarray(plain(value, name), dtype=dtype)
+
+
+def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
+    """Histograms as float32, (X, Y, T). Copied only if they are not in C order in this form."""
+    if bins_axis not in (-1, 0):
+        raise refuse(f"bins_axis is {bins_axis}", "give -1 for H of shape (X, Y, T), or 0 for (T, X, Y)")
+    array = plain(value, "H")
+    if bins_axis == 0 and array.ndim > 1:
+        array = np.moveaxis(array, 0, -1)
+    if array.ndim < 2 or array.shape[:-1] not in (scan, (scan[0] * scan[1],)):
+        remedy = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
+        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", remedy)
+    return np.ascontiguousarray(array, dtype=np.float32).reshape(scan + (array.shape[-1],))
+
+
+def as_points(value: Any, name: str) -> np.ndarray:
+    """Points as float64, (X, Y, 3). A list of points (P, 3) becomes (P, 1, 3)."""
+    array = as_array(value, np.float64, name)
+    if array.ndim not in (1, 2, 3) or array.shape[-1] != 3 or array.size == 0:
+        raise refuse(f"{name} has shape {array.shape}", "give points as (X, Y, 3), or as a list (P, 3), in metres")
+    if array.ndim == 1:
+        return array.reshape(1, 1, 3)
+    return array if array.ndim == 3 else array.reshape(-1, 1, 3)
+
+
+def like_points(value: Any, scan: Tuple[int, int], name: str) -> Optional[np.ndarray]:
+    """As `as_points`; a single point is repeated for every pair."""
+    if value is None:
+        return None
+    points = as_points(value, name)
+    if points.shape[:2] == (1, 1):
+        points = np.ascontiguousarray(np.broadcast_to(points, scan + (3,)))
+    if points.shape[0] * points.shape[1] != scan[0] * scan[1]:
+        raise refuse(f"{name} has {points.shape[:2]} points, the scan {scan}", "give one for each pair, or a single one")
+    return points.reshape(scan + (3,))

@@ -1,0 +1,180 @@
+"""Maps: the result of a reconstruction."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from typing import Any, Dict, List, Optional, Tuple, Union
+
+import numpy as np
+
+from . import _native
+
+Path = Union[str, "os.PathLike[str]"]
+
+
+@dataclasses.dataclass(eq=False)
+class Layer:
+    """Surfaces behind the first ones, by the same pixels."""
+
+    albedo: np.ndarray
+    """(nx, ny) float32; 0 where there is no second surface."""
+    depth: np.ndarray
+    """(nx, ny) float32, metres; NaN where there is no second surface."""
+    normals: np.ndarray
+    """(nx, ny, 3) float32, unit vectors; NaN where there is no second surface."""
+    mask: np.ndarray
+    """(nx, ny) bool: where there is surface."""
+    confidence: Optional[np.ndarray]
+    """(nx, ny) float32: expected depth error, metres."""
+
+
+@dataclasses.dataclass(eq=False)
+class Maps:
+    """Albedo, depth and normals of a hidden scene, as seen from the wall. The first index runs along +x, the second along +y."""
+
+    albedo: np.ndarray
+    """(nx, ny) float32, in the solver's own scale; 0 where there is no surface. Of truth 1 where there is one."""
+    depth: np.ndarray
+    """(nx, ny) float32: distance from the plane z = 0, metres; NaN where there is no surface."""
+    normals: np.ndarray
+    """(nx, ny, 3) float32: unit vectors towards the wall (z < 0); NaN where there is no surface."""
+    mask: np.ndarray
+    """(nx, ny) bool: pixels that count as surface."""
+    extent: Tuple[float, float, float, float]
+    """Outer edges of the pixels: x min, x max, y min, y max, metres."""
+    confidence: Optional[np.ndarray] = None
+    """(nx, ny) float32: the depth error that two of three such pixels do not exceed, metres; None if nobody told it."""
+    behind: Optional[Layer] = None
+    """The surfaces behind the first ones; None where no pixel has two."""
+    mask_fraction: Optional[float] = None
+    """Share of the brightest albedo above which a pixel counts as surface; None: the albedo's edges tell."""
+    report: Optional[Dict[str, Any]] = None
+    """What report.json of the command holds: settings, plan, trace, times; None of truth and of frames."""
+    notes: List[str] = dataclasses.field(default_factory=list)
+    """What was done to the capture, and warnings, as sentences."""
+    frame: Optional[int] = None
+    """The number of a session's frame."""
+    seconds: Optional[float] = None
+    """Seconds that solving took."""
+
+    @property
+    def shape(self) -> Tuple[int, int]:
+        """Pixels along x and along y."""
+        return (self.albedo.shape[0], self.albedo.shape[1])
+
+    @property
+    def x(self) -> np.ndarray:
+        """(nx,) float64: x of the pixels' centres, metres."""
+        return _centres(self.extent[0], self.extent[1], self.shape[0])
+
+    @property
+    def y(self) -> np.ndarray:
+        """(ny,) float64: y of the pixels' centres, metres."""
+        return _centres(self.extent[2], self.extent[3], self.shape[1])
+
+    @property
+    def layers(self) -> List[Layer]:
+        """The first surfaces, and those behind them if there are any."""
+        first = Layer(self.albedo, self.depth, self.normals, self.mask, self.confidence)
+        return [first] if self.behind is None else [first, self.behind]
+
+    def points(self) -> np.ndarray:
+        """(n, 3) float32: the surface's points, x, y, z in metres."""
+        x, y = np.meshgrid(self.x, self.y, indexing="ij")
+        return np.stack([x, y, self.depth], axis=-1)[self.mask].astype(np.float32)
+
+    def save(self, path: Path) -> List[str]:
+        """Writes the maps, and returns the paths of the files.
+
+        A path that ends in .npz is one file of arrays; any other is a folder with what the command writes: maps.npz,
+        maps.exr, pictures, points.ply, mesh.ply, and report.json if there is a report.
+        """
+        report = None if self.report is None else json.dumps(self.report, indent=2) + "\n"
+        return [os.fspath(p) for p in _native.write_maps(self._arrays(), path, report)]
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draws albedo, depth, normals and, if it is known, the confidence, by matplotlib. Returns the figure.
+
+        axes: draw into these axes, one for each picture, instead of a new figure.
+        """
+        try:
+            import matplotlib.pyplot as plt
+        except ImportError as error:
+            raise ImportError("plot() needs matplotlib: pip install matplotlib") from error
+        shown = self._shown()
+        if axes is None:
+            _, axes = plt.subplots(1, len(shown), figsize=(3.6 * len(shown), 3.4), layout="constrained")
+        for ax, (title, image, colours, unit) in zip(np.ravel(axes), shown):
+            picture = ax.imshow(np.swapaxes(image, 0, 1), origin="lower", extent=self.extent, cmap=colours)
+            ax.set(title=title, xlabel="x in m")
+            ax.set_facecolor("black")
+            if unit:
+                ax.figure.colorbar(picture, ax=ax, label=unit, shrink=0.8)
+        first = np.ravel(axes)[0]
+        first.set_ylabel("y in m")
+        return first.figure
+
+    def _shown(self) -> List[Tuple[str, np.ndarray, Optional[str], Optional[str]]]:
+        """Title, image, colours and unit of each picture."""
+        off = ~self.mask
+        colour = np.clip(0.5 * (self.normals * (1, 1, -1) + 1), 0, 1)
+        colour[off | ~np.isfinite(colour).all(axis=2)] = 0
+        shown = [
+            ("albedo", self.albedo, "gray", None),
+            ("depth", np.where(off, np.nan, self.depth), "viridis_r", "m"),
+            ("normals", colour, None, None),
+        ]
+        if self.confidence is not None:
+            shown.append(("expected depth error", np.where(off, np.nan, 1e3 * self.confidence), "magma", "mm"))
+        return shown
+
+    def _repr_png_(self) -> bytes:
+        """Albedo and depth side by side: notebooks show it."""
+        return _native.picture(self._arrays())
+
+    def __repr__(self) -> str:
+        x, y = self.shape
+        found = f"{100 * self.mask.mean():.1f} % surface"
+        if self.mask.any():
+            near, far = np.nanmin(self.depth[self.mask]), np.nanmax(self.depth[self.mask])
+            found += f", {near:.3f} to {far:.3f} m deep"
+        return f"<Maps of {x} x {y} pixels, {found}>"
+
+    def _arrays(self) -> Dict[str, Any]:
+        def flat(layer: Union[Maps, Layer]) -> Dict[str, Any]:
+            def array(value: Any, dtype: Any) -> Optional[np.ndarray]:
+                return None if value is None else np.ascontiguousarray(value, dtype=dtype).reshape(-1)
+
+            floats = ["albedo", "depth", "normals", "confidence"]
+            made = {key: array(getattr(layer, key), np.float32) for key in floats}
+            made["mask"] = array(layer.mask, np.bool_)
+            return made
+
+        made = flat(self)
+        made["shape"] = self.shape
+        made["extent"] = tuple(map(float, self.extent))
+        made["mask_fraction"] = self.mask_fraction
+        made["behind"] = None if self.behind is None else flat(self.behind)
+        return made
+
+    @classmethod
+    def _of(cls, arrays: Dict[str, Any]) -> Maps:
+        """The maps of what the native part gives. Nothing is copied."""
+        arrays["extent"] = tuple(arrays["extent"])
+        if arrays["behind"] is not None:
+            arrays["behind"] = Layer(**arrays["behind"])
+        if "report" in arrays:
+            arrays["report"] = json.loads(arrays["report"])
+            arrays["seconds"] = arrays["report"]["totals"]["solve_s"]
+        return cls(**arrays)
+
+
+def _centres(low: float, high: float, count: int) -> np.ndarray:
+    return low + (np.arange(count) + 0.5) * (high - low) / count
+
+
+def load_maps(path: Path) -> Maps:
+    """Reads maps.npz of an earlier result."""
+    return Maps._of(_native.read_maps(path))

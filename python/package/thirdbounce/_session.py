@@ -1,0 +1,132 @@
+"""Sessions: frame after frame of one scan."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any, Optional, Type, Union
+
+import numpy as np
+
+from . import _native
+from ._arrays import as_counts, as_points, like_points
+from ._capture import Capture
+from ._maps import Maps
+from ._solve import Hear, _hear, _settings
+
+
+class Session:
+    """A solver that is made once for a scan: planned, compiled and allocated. Then frames of counts go in, and maps come out.
+
+        with tb.Session(points, bins=512, bin_width=0.006, pixels=64) as session:
+            for H in camera:
+                session.submit(H)
+                show(session.wait())
+
+    One frame at a time is solved, in a thread of the session's own; `submit` returns at once. Methods may be called from any
+    thread. A session finds neither a model nor a pulse: name them.
+    """
+
+    def __init__(
+        self,
+        sensor_xyz: Any,
+        laser_xyz: Any = None,
+        *,
+        bins: Optional[int] = None,
+        bin_width: Optional[float] = None,
+        t0: float = 0.0,
+        photon_counts: bool = False,
+        pixels: Optional[int] = None,
+        solver: str = "vector",
+        model: str = "cosine",
+        preset: Optional[str] = None,
+        device: Union[None, str, int] = None,
+        memory: Union[None, str, int] = None,
+        time_limit: Optional[float] = None,
+        progress: Optional[Hear] = None,
+        **options: Any,
+    ) -> None:
+        """Prepares for frames of a scan.
+
+        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture`, whose points, bins, pulse and
+            spots are those of the frames, and whose counts tell how deep the volume is.
+        bins, bin_width, t0: number and width of the bins, and leading edge of bin 0, metres of path.
+        photon_counts: whether counts are photon counts; else the noise of each frame is estimated, which takes longer.
+        time_limit: a frame that takes longer is stopped, seconds.
+        progress: is called with a `Progress` by the session's thread, and stops the frame if it returns False.
+        The other arguments are those of `reconstruct`.
+        """
+        if isinstance(sensor_xyz, Capture):
+            arrays = sensor_xyz._arrays()
+        else:
+            arrays = _scan(sensor_xyz, laser_xyz, bins, bin_width, t0)
+        if arrays["photon_counts"] is None or photon_counts:
+            arrays["photon_counts"] = photon_counts
+        self._scan = tuple(arrays["scan"])
+        settings = _settings(solver, pixels, options, device, memory)
+        settings.update(model=model, preset=preset or "synthetic")
+        self._native = _native.Session(arrays, settings, time_limit, _hear(progress))
+
+    def submit(self, H: Any, *, bins_axis: int = -1) -> int:
+        """Begins to solve a frame, and returns its number.
+
+        H: (X, Y, T) or (P, T) counts, as for `Capture`. float32 in C order is read in place; the engine copies it.
+        Raises OptionsError while another frame is being solved, and InputError for counts that cannot be used.
+        """
+        return self._native.submit(as_counts(H, self._scan, bins_axis).reshape(-1))
+
+    def wait(self, timeout: Optional[float] = None) -> Optional[Maps]:
+        """Waits for the frame that was submitted last; None if it is not solved after `timeout` seconds.
+
+        Raises CancelledError if the frame was stopped. Ctrl-C stops it: KeyboardInterrupt; the session can be used on.
+        """
+        found = self._native.wait(timeout)
+        return None if found is None else Maps._of(found)
+
+    def poll(self) -> Optional[Maps]:
+        """The frame that was submitted last, if it is solved by now."""
+        return self.wait(0.0)
+
+    def solve(self, H: Any, *, bins_axis: int = -1) -> Maps:
+        """Submits a frame and waits for it."""
+        self.submit(H, bins_axis=bins_axis)
+        maps = self.wait()
+        assert maps is not None
+        return maps
+
+    def cancel(self) -> None:
+        """Stops the frame that is being solved: its `wait` raises CancelledError."""
+        self._native.cancel()
+
+    def close(self) -> None:
+        """Stops what the session does, and gives its memory back."""
+        self._native.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self,
+        kind: Optional[Type[BaseException]],
+        error: Optional[BaseException],
+        trace: Optional[TracebackType],
+    ) -> None:
+        self.close()
+
+
+def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t0: float) -> Any:
+    """A capture without counts, as the native part takes it."""
+    if bins is None or bin_width is None:
+        raise TypeError("a session of points needs bins and bin_width")
+    sensor = as_points(sensor_xyz, "sensor_xyz")
+    laser = sensor if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
+    widest = sensor if sensor.size >= laser.size else laser
+    scan = (widest.shape[0], widest.shape[1])
+    arrays = dict.fromkeys(
+        ["counts", "laser_normal", "sensor_normal", "pulse", "laser_spot", "sensor_spot", "cycles", "photon_counts"]
+    )
+    sensor_points = like_points(sensor, scan, "sensor_xyz")
+    laser_points = like_points(laser, scan, "laser_xyz")
+    assert isinstance(sensor_points, np.ndarray) and isinstance(laser_points, np.ndarray)
+    arrays.update(name="session", scan=scan, bins=bins, bin_width=float(bin_width), t0=float(t0))
+    arrays.update(sensor=sensor_points.reshape(-1), laser=laser_points.reshape(-1))
+    return arrays

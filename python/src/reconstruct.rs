@@ -1,0 +1,55 @@
+//! A whole reconstruction, as the command does it.
+
+use engine::job::{self, Loaded, Solved};
+use engine::{Error, Kind, Result};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::capture::Arrays;
+use crate::devices;
+use crate::error::guarded;
+use crate::maps;
+use crate::settings::Settings;
+use crate::tell::Teller;
+
+/// Reconstructs a capture: maps, with `report` as JSON and `notes` as sentences. `progress` is called with (doing,
+/// iteration, iterations, seconds, remaining, loss, lateral) and stops the solve with `False`.
+#[pyfunction]
+pub fn reconstruct<'py>(
+    py: Python<'py>,
+    arrays: Arrays<'py>,
+    settings: Settings,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let capture = guarded(py, None, || arrays.capture())?;
+    let teller = Teller::new(progress, true);
+    let done = guarded(py, None, || {
+        py.detach(|| {
+            let choice = settings.choice()?;
+            let loaded = job::take(capture, &settings.input(&choice)?)?;
+            let request = settings.request(choice.resolve(&loaded.capture).request())?;
+            let gpu = devices::open(&settings.device)?;
+            let solved = job::solve(&request, &loaded, &gpu, &mut |p| teller.hear(p));
+            if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
+                devices::forget(&settings.device);
+            }
+            packed(solved?, &loaded)
+        })
+    });
+    if let Some(raised) = teller.raised().take() {
+        return Err(raised);
+    }
+    let (solved, report, notes) = done?;
+    let made = maps::dictionary(py, solved.maps)?;
+    made.set_item("report", report)?;
+    made.set_item("notes", notes)?;
+    Ok(made)
+}
+
+/// The result with its report as text and all notes.
+fn packed(solved: Solved, loaded: &Loaded) -> Result<(Solved, String, Vec<String>)> {
+    let report = serde_json::to_string_pretty(&solved.report)
+        .map_err(|e| Error::output(format!("the report cannot be packed: {e}"), "report this as a bug"))?;
+    let notes = [&loaded.notes[..], &solved.notes].concat();
+    Ok((solved, report, notes))
+}

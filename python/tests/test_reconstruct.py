@@ -1,0 +1,188 @@
+"""Reconstruction: the same maps as the command, and a solve that stops when it is told."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import thirdbounce as tb
+from conftest import SHORT
+
+FIVE_LINES = """\
+import thirdbounce as tb
+capture, truth = tb.simulate("sphere", scan=8, bin_width=0.03, noise=0.3)
+maps = tb.reconstruct(capture, pixels=16)
+maps.save("result")
+print(round(float(abs(maps.depth - 0.7)[maps.mask].mean()), 3), int(maps.mask.sum()))
+"""
+
+
+def test_five_lines_reconstruct_a_capture(tmp_path):
+    assert len(FIVE_LINES.splitlines()) == 5
+    done = subprocess.run([sys.executable, "-c", FIVE_LINES], cwd=tmp_path, capture_output=True, text=True, check=True)
+    error, pixels = done.stdout.split()
+    assert float(error) < 0.3 and int(pixels) > 10
+    names = {p.name for p in (tmp_path / "result").iterdir()}
+    assert {"maps.npz", "report.json", "depth.png", "mesh.ply", "maps.exr"} <= names
+    report = json.loads((tmp_path / "result/report.json").read_text())
+    # The way of the command: models are tried.
+    assert len(report["settings"]["model_found"]["trials"]) >= 3
+
+
+def test_maps_are_those_of_the_command_to_the_bit(tmp_path, capture, maps, command):
+    capture.save(tmp_path / "z.npz")
+    options = "--model cosine --lateral 16 --iterations 12 --surface-iterations 12 --deterministic --no-preview -q"
+    run = [command, "reconstruct", "z.npz", "--out", "out", *options.split()]
+    subprocess.run(run, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    theirs = tb.load_maps(tmp_path / "out/maps.npz")
+    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+        mine = getattr(maps, name)
+        assert mine.tobytes() == getattr(theirs, name).tobytes(), name
+    assert tuple(maps.extent) == theirs.extent
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    # The capture's path, and the command's note on the preset.
+    different = {"capture", "notes"}
+    for key, value in report["settings"].items():
+        assert key in different or maps.report["settings"][key] == value, key
+
+
+def test_arrays_give_the_same_as_a_capture(capture, maps):
+    H = np.moveaxis(capture.H, -1, 0)
+    again = tb.reconstruct(H, capture.sensor_xyz, bin_width=capture.bin_width, bins_axis=0, **SHORT)
+    assert again.albedo.tobytes() == maps.albedo.tobytes()
+
+
+def test_maps_have_shapes_and_units(maps, rendered):
+    assert maps.shape == (16, 16) and maps.normals.shape == (16, 16, 3)
+    assert maps.mask.dtype == bool and maps.albedo.dtype == maps.depth.dtype == np.float32
+    assert maps.x[0] == pytest.approx(maps.extent[0] + 0.5 * (maps.extent[1] - maps.extent[0]) / 16)
+    assert (np.diff(maps.y) > 0).all() and len(maps.layers) in (1, 2)
+    lengths = np.linalg.norm(maps.normals[maps.mask], axis=1)
+    np.testing.assert_allclose(lengths, 1, atol=1e-3)
+    assert (maps.normals[maps.mask][:, 2] < 0).mean() > 0.9
+    truth = rendered[1]
+    depth = np.median(truth.depth[truth.mask])
+    assert abs(np.median(maps.depth[maps.mask]) - depth) < 0.1
+    assert maps.points().shape == (maps.mask.sum(), 3)
+    assert "deep" in repr(maps) and maps.report["totals"]["solve_s"] == maps.seconds
+
+
+def test_maps_are_saved_and_loaded(tmp_path, maps):
+    (file,) = maps.save(tmp_path / "m.npz")
+    again = tb.load_maps(file)
+    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+        assert getattr(again, name).tobytes() == getattr(maps, name).tobytes(), name
+    assert maps._repr_png_().startswith(b"\x89PNG")
+
+
+def test_drawing_needs_matplotlib(tmp_path, maps):
+    try:
+        import matplotlib
+    except ImportError:
+        with pytest.raises(ImportError, match="pip install matplotlib"):
+            maps.plot()
+        return
+    matplotlib.use("Agg")
+    figure = maps.plot()
+    titles = [ax.get_title() for ax in figure.axes]
+    assert {"albedo", "depth", "normals", "expected depth error"} <= set(titles)
+    figure.savefig(os.environ.get("THIRDBOUNCE_FIGURE", tmp_path / "maps.png"))
+
+
+def test_progress_is_told_and_may_stop_the_solve(capture):
+    told = []
+
+    def hear(progress):
+        told.append(progress)
+        return len(told) < 2
+
+    with pytest.raises(tb.CancelledError):
+        tb.reconstruct(capture, progress=hear, model="cosine", pixels=32, iterations=200)
+    assert len(told) == 2 and isinstance(told[0], tb.Progress) and told[0].iterations >= 200
+
+
+def test_what_a_progress_function_raises_comes_back(capture):
+    def hear(progress):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        tb.reconstruct(capture, progress=hear, **SHORT)
+    assert tb.reconstruct(capture, **SHORT).mask.any()
+
+
+LONG = {"model": "cosine", "pixels": 64, "iterations": 100000, "stop": "never"}
+
+
+def test_ctrl_c_stops_a_solve_soon(capture):
+    after = []
+    timer = threading.Timer(1.0, lambda: (after.append(time.monotonic()), os.kill(os.getpid(), signal.SIGINT)))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        tb.reconstruct(capture, **LONG)
+    assert time.monotonic() - after[0] < 5
+    assert tb.reconstruct(capture, **SHORT).mask.any()
+
+
+def test_other_threads_run_during_a_solve(capture):
+    ticks, done = [], threading.Event()
+
+    def tick():
+        while not done.wait(0.01):
+            ticks.append(time.monotonic())
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    start = time.monotonic()
+    tb.reconstruct(capture, **{**SHORT, "pixels": 32, "iterations": 60})
+    taken = time.monotonic() - start
+    done.set()
+    thread.join()
+    assert len(ticks) > 10 * taken, (len(ticks), taken)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "words"),
+    [
+        ({"iterations": 0}, tb.OptionsError, "iterations is 0"),
+        ({"iterations": 2.5}, tb.OptionsError, "iterations does not take"),
+        ({"nonsense": 1}, tb.OptionsError, "nonsense is no option"),
+        ({"learning_rate": 0.1}, tb.OptionsError, "learning_rate is no option of the vector"),
+        ({"solver": "fk"}, tb.OptionsError, "solver fk is not in this version"),
+        ({"model": "shiny"}, tb.OptionsError, "model shiny is not known"),
+        ({"preset": "real"}, tb.OptionsError, "preset"),
+        ({"pulse": "wide"}, tb.OptionsError, "pulse"),
+        ({"device": "no such device"}, tb.OptionsError, "no such device"),
+        ({"volume": ((0, 1), (0, 1), (2, 1))}, tb.Error, ""),
+        ({"gate": (90.0, None)}, tb.Error, ""),
+        ({"memory": "1K"}, tb.OutOfMemoryError, ""),
+    ],
+)
+def test_wrong_arguments_are_told(capture, arguments, kind, words):
+    with pytest.raises(kind) as raised:
+        tb.reconstruct(capture, **{**SHORT, **arguments})
+    assert words in str(raised.value) and raised.value.remedy
+    assert "--" not in str(raised.value), "the words of the command line"
+
+
+def test_wrong_counts_are_told(capture):
+    for value in [np.nan, np.inf]:
+        H = capture.H.copy()
+        H[2, 3, 4] = value
+        with pytest.raises(tb.InputError):
+            tb.reconstruct(H, capture.sensor_xyz, bin_width=capture.bin_width, **SHORT)
+    with pytest.raises(tb.InputError):
+        tb.reconstruct(0 * capture.H, capture.sensor_xyz, bin_width=capture.bin_width, **SHORT)
+    with pytest.raises(tb.OptionsError, match="sensor_xyz"):
+        tb.reconstruct(capture.H)
+
+
+def test_options_and_devices_are_listed():
+    assert "roughness" in tb.options() and "learning_rate" in tb.options("paper")
+    devices = tb.devices()
+    assert devices and {"index", "name", "kind", "memory", "driver"} <= set(devices[0])

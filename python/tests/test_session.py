@@ -1,0 +1,133 @@
+"""Sessions: frame after frame."""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import thirdbounce as tb
+
+QUICK = {"pixels": 16, "iterations": 12, "surface_iterations": 12, "deterministic": True, "beyond": False}
+LONG = {"pixels": 64, "iterations": 100000, "stop": "never", "beyond": False}
+
+
+def session(capture, **more):
+    bins = capture.H.shape[2]
+    return tb.Session(capture.sensor_xyz, bins=bins, bin_width=capture.bin_width, **more)
+
+
+def test_frames_go_in_and_maps_come_out(capture):
+    with session(capture, **QUICK) as frames:
+        first = frames.solve(capture.H)
+        assert first.frame == 1 and first.mask.any() and first.shape == (16, 16)
+        assert frames.submit(np.moveaxis(2 * capture.H, -1, 0), bins_axis=0) == 2
+        second = frames.wait()
+        np.testing.assert_array_equal(second.mask, first.mask)
+        # The first result is the program's own.
+        again = frames.solve(capture.H)
+        assert again.albedo.tobytes() == first.albedo.tobytes()
+
+
+def test_a_frame_may_be_polled_and_stopped(capture):
+    with session(capture, **LONG) as frames:
+        frames.submit(capture.H)
+        assert frames.poll() is None and frames.wait(0.05) is None
+        with pytest.raises(tb.OptionsError, match="still being solved"):
+            frames.submit(capture.H)
+        frames.cancel()
+        with pytest.raises(tb.CancelledError):
+            frames.wait()
+        with pytest.raises(tb.OptionsError, match="no frame"):
+            frames.wait()
+
+
+def test_a_time_limit_stops_a_frame(capture):
+    with session(capture, time_limit=0.2, **LONG) as frames:
+        with pytest.raises(tb.CancelledError, match="limit"):
+            frames.solve(capture.H)
+
+
+def test_ctrl_c_stops_a_frame_and_the_session_lives(capture):
+    with session(capture, **{**LONG, "iterations": 4000}) as frames:
+        frames.submit(capture.H)
+        sent = []
+        timer = threading.Timer(0.5, lambda: (sent.append(time.monotonic()), os.kill(os.getpid(), signal.SIGINT)))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            frames.wait()
+        assert time.monotonic() - sent[0] < 3
+        with pytest.raises(tb.CancelledError):
+            frames.wait()
+
+
+def test_progress_comes_from_the_session(capture):
+    told = []
+    with session(capture, progress=told.append, **QUICK) as frames:
+        frames.solve(capture.H)
+    assert told and told[-1].iteration == told[-1].iterations
+
+    def refuse(progress):
+        raise KeyError("mine")
+
+    with session(capture, progress=refuse, **QUICK) as frames:
+        frames.submit(capture.H)
+        with pytest.raises(KeyError, match="mine"):
+            while frames.wait(1.0) is None:
+                pass
+
+
+@pytest.mark.parametrize("progress", [None, lambda told: None])
+def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
+    with session(capture, progress=progress, **QUICK) as frames:
+        for _ in range(5):
+            frames.submit(capture.H)
+            while frames.poll() is None:
+                pass
+
+
+def test_a_session_that_is_dropped_while_it_solves_ends(capture):
+    told = threading.Event()
+    frames = session(capture, progress=lambda p: told.set(), **LONG)
+    frames.submit(capture.H)
+    assert told.wait(30)
+    start = time.monotonic()
+    del frames
+    assert time.monotonic() - start < 10
+
+
+def test_a_closed_session_says_so(capture):
+    frames = session(capture, **QUICK)
+    frames.close()
+    frames.close()
+    with pytest.raises(tb.OptionsError, match="closed"):
+        frames.submit(capture.H)
+
+
+def test_wrong_frames_change_nothing(capture):
+    with session(capture, **QUICK) as frames:
+        for wrong in [capture.H[:4], capture.H[..., :-1]]:
+            with pytest.raises(tb.Error):
+                frames.submit(wrong)
+        with pytest.raises(tb.InputError):
+            frames.submit(np.nan * capture.H)
+        assert frames.solve(capture.H).mask.any()
+    with pytest.raises(TypeError, match="bins"):
+        tb.Session(capture.sensor_xyz)
+
+
+def test_two_sessions_in_two_threads(capture):
+    found = {}
+
+    def work(name):
+        with session(capture, **QUICK) as frames:
+            found[name] = [frames.solve(capture.H).albedo.tobytes() for _ in range(2)]
+
+    threads = [threading.Thread(target=work, args=(name,)) for name in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len({bits for all in found.values() for bits in all}) == 1

@@ -1,0 +1,111 @@
+//! `thirdbounce batch LIST|CAPTURE|GLOB.. --out DIR`.
+
+mod args;
+mod list;
+
+use std::ops::ControlFlow;
+use std::process::ExitCode;
+
+use serde_json::json;
+use thirdbounce::job::batch::{Caller, Listed, Status, Tally, Told, named};
+use thirdbounce::job::{self, Batch, Loaded, Request};
+use thirdbounce::solve::Progress;
+use thirdbounce::{Result, gpu};
+
+use super::progress::say;
+use super::{advice, interrupt, print};
+pub use args::Args;
+
+/// The word that stands for a capture's name in paths.
+const NAME: &str = "{}";
+
+/// Exit code after Ctrl-C, as for the other verbs.
+const STOPPED: u8 = 130;
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    args.check()?;
+    let batch = Batch {
+        captures: named(&list::captures(&args.captures)?),
+        shard: args.shard()?,
+        out: args.each.out.clone(),
+        options: args.told.clone(),
+        devices: devices(args),
+        jobs: args.jobs(),
+    };
+    interrupt::take_care();
+    let tally = job::batch(&batch, args, &mut |told| {
+        print(&line(told).to_string());
+        if !args.each.quiet {
+            told.notes.iter().for_each(|note| say(&format!("note: {}: {note}", told.capture.name)));
+        }
+        if !args.each.quiet || told.error.is_some() {
+            say(&sentence(told));
+        }
+    })?;
+    let mut summary = json!(tally);
+    summary["summary"] = true.into();
+    print(&summary.to_string());
+    say(&text(&tally));
+    Ok(match (tally.stopped, tally.failed) {
+        (true, _) => ExitCode::from(STOPPED),
+        (false, 0) => ExitCode::SUCCESS,
+        (false, _) => ExitCode::from(1),
+    })
+}
+
+fn devices(args: &Args) -> Vec<gpu::GpuOptions> {
+    let of = |device: Option<&String>| gpu::GpuOptions {
+        device: device.cloned(),
+        pipeline_cache: args.each.device.pipeline_cache(),
+        validation: args.each.device.validation,
+        ..gpu::GpuOptions::default()
+    };
+    if args.devices.is_empty() { vec![of(None)] } else { args.devices.iter().map(Some).map(of).collect() }
+}
+
+impl Caller for Args {
+    fn load(&self, capture: &Listed) -> Result<(Loaded, Request)> {
+        let each = &self.each;
+        let (loaded, request) = each.load(&capture.path)?;
+        let mut request = each.over(request);
+        for file in [&mut request.truth, &mut request.volume_file].into_iter().flatten() {
+            *file = file.to_string_lossy().replace(NAME, &capture.name).into();
+        }
+        Ok((loaded, request))
+    }
+
+    fn go_on(&self, _: Option<(&Listed, &Progress)>) -> ControlFlow<()> {
+        interrupt::asked()
+    }
+}
+
+/// What happened to a capture, as one line of JSON.
+fn line(told: &Told) -> serde_json::Value {
+    json!({
+        "capture": told.capture.path,
+        "name": told.capture.name,
+        "status": told.status,
+        "seconds": told.seconds,
+        "error": told.error.as_ref().map(|e| &e.what),
+        "remedy": told.error.as_ref().map(|e| advice::text(&e.mend)),
+        "folder": told.folder,
+        "figures": told.figures,
+    })
+}
+
+/// The same as a sentence.
+fn sentence(told: &Told) -> String {
+    let name = &told.capture.name;
+    match (&told.error, told.status) {
+        (Some(e), _) => format!("error: {name}: {}\n  {}", e.what, advice::text(&e.mend)),
+        (None, Status::Skipped) => format!("{name} is done already"),
+        (None, _) => format!("{name} is done after {:.1} s", told.seconds),
+    }
+}
+
+fn text(tally: &Tally) -> String {
+    let Tally { captures, done, skipped, failed, stopped, seconds } = tally;
+    let left = captures - done - skipped - failed;
+    let left = if *stopped { format!(", {left} left") } else { String::new() };
+    format!("{captures} captures: {done} done, {skipped} skipped, {failed} failed{left}, in {seconds:.1} s")
+}

@@ -1,0 +1,251 @@
+//! The threads of a batch: a reader, solvers, a writer. Each hands its work on through a short queue, so that at most
+//! `jobs` captures are read ahead and `jobs` results wait to be written.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use super::super::run::{self, Solved};
+use super::record::{Record, check_place};
+use super::{Batch, Caller, Figures, Listed, Status, Told};
+use crate::files::staging::Staging;
+use crate::gpu::{DeviceKind, Gpu, GpuOptions};
+use crate::job::{Loaded, Request};
+use crate::{Error, Kind, Result};
+
+/// A device that is opened anew after it was lost.
+struct Device {
+    options: GpuOptions,
+    is_cpu: bool,
+    gpu: Mutex<Option<Gpu>>,
+}
+
+impl Device {
+    fn open(options: &GpuOptions) -> Result<Arc<Device>> {
+        let gpu = Gpu::open(options)?;
+        let is_cpu = gpu.info.kind == DeviceKind::Cpu;
+        Ok(Arc::new(Device { options: options.clone(), is_cpu, gpu: Mutex::new(Some(gpu)) }))
+    }
+
+    /// The device of every job: they take turns. Jobs share a GPU's queue, which fills the gaps of one with work of another.
+    /// A driver for CPUs works one queue's lists off one by one, so each job opens the device for itself.
+    fn of_jobs(all: &[GpuOptions], jobs: usize) -> Result<Vec<Arc<Device>>> {
+        let mut devices: Vec<Arc<Device>> = vec![];
+        for job in 0..jobs {
+            let same = job.checked_sub(all.len()).map(|before| devices[before].clone());
+            let shared = same.filter(|device| !device.is_cpu);
+            devices.push(shared.map_or_else(|| Device::open(&all[job % all.len()]), Ok)?);
+        }
+        Ok(devices)
+    }
+
+    fn gpu(&self) -> Result<Gpu> {
+        let mut slot = self.gpu.lock().unwrap_or_else(PoisonError::into_inner);
+        let gpu = match slot.take() {
+            Some(gpu) => gpu,
+            None => Gpu::open(&self.options)?,
+        };
+        Ok(slot.insert(gpu).clone())
+    }
+
+    fn forget(&self) {
+        *self.gpu.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+/// A capture on its way.
+struct Work<T> {
+    capture: Listed,
+    record: Record,
+    /// Seconds that it took so far.
+    seconds: f64,
+    request: Request,
+    notes: Vec<String>,
+    /// What the last stage made of it.
+    made: T,
+}
+
+/// A batch that is ready to run.
+pub(super) struct Lines<'b> {
+    batch: &'b Batch,
+    caller: &'b dyn Caller,
+    /// That of each job.
+    devices: Vec<Arc<Device>>,
+    /// The captures of the shard.
+    pub captures: Vec<Listed>,
+}
+
+impl<'b> Lines<'b> {
+    /// Opens the devices.
+    ///
+    /// # Errors
+    /// A device is missing.
+    pub fn new(batch: &'b Batch, caller: &'b dyn Caller) -> Result<Lines<'b>> {
+        let held = batch.captures.iter().filter(|c| batch.shard.holds(&c.name));
+        let captures: Vec<Listed> = held.cloned().collect();
+        let devices = Device::of_jobs(&batch.devices, batch.jobs.min(captures.len().max(1)))?;
+        Ok(Lines { batch, caller, devices, captures })
+    }
+
+    /// Runs until all captures are through, or the caller stops.
+    pub fn run(&self, tell: &mut dyn FnMut(&Told)) {
+        let jobs = self.devices.len();
+        let (told, all_told) = channel();
+        let (read, to_solve) = sync_channel(jobs - 1);
+        let (solved, to_write) = sync_channel(jobs);
+        let to_solve = Mutex::new(to_solve);
+        std::thread::scope(|scope| {
+            let (of_reader, of_writer) = (told.clone(), told.clone());
+            scope.spawn(move || self.read(&read, &of_reader));
+            for device in &self.devices {
+                let (solved, told, to_solve) = (solved.clone(), told.clone(), &to_solve);
+                scope.spawn(move || self.solve(device, to_solve, &solved, &told));
+            }
+            scope.spawn(move || self.write(&to_write, &of_writer));
+            drop((solved, told));
+            all_told.iter().for_each(|one| tell(&one));
+        });
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.caller.go_on(None).is_break()
+    }
+
+    fn read(&self, next: &SyncSender<Work<Loaded>>, told: &Sender<Told>) {
+        for capture in &self.captures {
+            if self.is_stopped() {
+                return;
+            }
+            let start = Instant::now();
+            let record = Record::of(&capture.path, &self.batch.options);
+            let folder = self.batch.out.join(&capture.name);
+            if record.is_done(&folder) {
+                let _ = told.send(Told {
+                    status: Status::Skipped,
+                    folder: Some(folder),
+                    ..of(capture, start.elapsed().as_secs_f64())
+                });
+                continue;
+            }
+            let loaded = guarded(|| check_place(&folder).and_then(|()| self.caller.load(capture)));
+            let seconds = start.elapsed().as_secs_f64();
+            match loaded {
+                Ok((loaded, request)) => {
+                    let request = Request { preview: false, ..request };
+                    let notes = loaded.notes.clone();
+                    let capture = capture.clone();
+                    // It waits until a solver takes it. No solver left is the end.
+                    if next.send(Work { capture, record, seconds, request, notes, made: loaded }).is_err() {
+                        return;
+                    }
+                }
+                Err(error) => fail(told, capture, seconds, error),
+            }
+        }
+    }
+
+    fn solve(
+        &self,
+        device: &Device,
+        from: &Mutex<Receiver<Work<Loaded>>>,
+        next: &SyncSender<Work<Solved>>,
+        told: &Sender<Told>,
+    ) {
+        loop {
+            let work = from.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let Ok(Work { capture, record, seconds, request, notes, made: loaded }) = work else { return };
+            if self.is_stopped() {
+                continue;
+            }
+            let start = Instant::now();
+            let mut hear = |p: &_| self.caller.go_on(Some((&capture, p)));
+            let solved = guarded(|| run::solve(&request, &loaded, &device.gpu()?, &mut hear));
+            let seconds = seconds + start.elapsed().as_secs_f64();
+            match solved {
+                Ok(made) => {
+                    let notes = [&notes[..], &made.notes, &made.validation].concat();
+                    if next.send(Work { capture, record, seconds, request, notes, made }).is_err() {
+                        return;
+                    }
+                }
+                // It is left for the next start.
+                Err(error) if error.kind == Kind::Cancelled => {}
+                Err(error) => {
+                    if error.kind == Kind::Device {
+                        device.forget();
+                    }
+                    fail(told, &capture, seconds, error);
+                }
+            }
+        }
+    }
+
+    fn write(&self, from: &Receiver<Work<Solved>>, told: &Sender<Told>) {
+        for Work { capture, record, seconds, mut request, notes, made } in from {
+            let start = Instant::now();
+            let figures = Figures::of(&made);
+            let written = guarded(|| {
+                let staging = Staging::new(&self.batch.out)?;
+                request.out = staging.path().join(&capture.name);
+                made.write(&request)?;
+                record.write(&request.out)?;
+                staging.commit_folder(&capture.name)
+            });
+            let seconds = seconds + start.elapsed().as_secs_f64();
+            match written {
+                Ok(folder) => {
+                    let _ = told.send(Told {
+                        folder: Some(folder),
+                        figures: Some(figures),
+                        notes,
+                        ..of(&capture, seconds)
+                    });
+                }
+                Err(error) => fail(told, &capture, seconds, error),
+            }
+        }
+    }
+}
+
+/// A capture that is done.
+fn of(capture: &Listed, seconds: f64) -> Told {
+    Told {
+        capture: capture.clone(),
+        status: Status::Done,
+        seconds,
+        error: None,
+        folder: None,
+        figures: None,
+        notes: vec![],
+    }
+}
+
+fn fail(told: &Sender<Told>, capture: &Listed, seconds: f64, error: Error) {
+    // The receiver lives as long as the threads.
+    let _ = told.send(Told { status: Status::Failed, error: Some(error), ..of(capture, seconds) });
+}
+
+/// A panic as an error: one capture must not end the batch.
+fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(defect(&*panic)))
+}
+
+fn defect(panic: &(dyn Any + Send)) -> Error {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+    Error::device(format!("internal error: {text}"), "report it with the capture")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_error_of_one_capture() {
+        let error = guarded::<()>(|| panic!("a defect")).unwrap_err();
+        assert!(error.what.contains("a defect"), "{error}");
+        assert_eq!(guarded(|| Ok(1)).unwrap(), 1);
+    }
+}

@@ -1,0 +1,135 @@
+//! A solver and its options as somebody chooses them: what is not chosen follows from the capture.
+
+use super::{FindPulse, Request, SolverOptions, preset_for, reflectance, trials};
+use crate::Result;
+use crate::capture::Capture;
+use crate::solve::option::{Suit, Value};
+use crate::solve::{Preset, check_solver};
+use crate::transport::Reflectance;
+
+/// The choice of a solver and of its options; nothing is chosen by default.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Choice {
+    /// The solver's name.
+    pub solver: Option<String>,
+    /// The model's name, or `auto`.
+    pub model: Option<String>,
+    /// The published parameters to start from.
+    pub preset: Option<Preset>,
+    /// Options by their keys.
+    pub options: Vec<(&'static str, Value)>,
+}
+
+/// What a choice makes of a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Resolved {
+    /// The preset in force.
+    pub preset: Preset,
+    /// Why, if nobody chose it.
+    pub why: Option<&'static str>,
+    /// The solver with its options.
+    pub solver: SolverOptions,
+    /// The options for each model, if trials choose it.
+    pub models: Vec<SolverOptions>,
+}
+
+impl Choice {
+    /// This choice, and that of `base` where this one leaves something open.
+    #[must_use]
+    pub fn over(self, base: &Choice) -> Choice {
+        Choice {
+            solver: self.solver.or_else(|| base.solver.clone()),
+            model: self.model.or_else(|| base.model.clone()),
+            preset: self.preset.or(base.preset),
+            options: base.options.iter().cloned().chain(self.options).collect(),
+        }
+    }
+
+    /// Refuses unknown names and values out of range. The ranges do not depend on the capture.
+    ///
+    /// # Errors
+    /// `Kind::Options`.
+    pub fn check(&self) -> Result<()> {
+        self.solver.as_deref().map_or(Ok(()), check_solver)?;
+        if let Some(model) = self.model.as_deref().filter(|m| *m != "auto") {
+            reflectance(model)?;
+        }
+        self.options(&Suit::USUAL).check()
+    }
+
+    /// The seed that was chosen, else 0.
+    pub fn seed(&self) -> u64 {
+        match self.options.iter().find(|(key, _)| *key == "seed") {
+            Some((_, Value::Count(seed))) => *seed as u64,
+            _ => 0,
+        }
+    }
+
+    /// The solver's name.
+    pub fn solver_name(&self) -> &str {
+        self.solver.as_deref().unwrap_or(SolverOptions::DEFAULT)
+    }
+
+    /// The key of the first option that only other solvers have. The seed fits every solver: it also draws pairs.
+    pub fn foreign(&self) -> Option<&'static str> {
+        let options = SolverOptions::suited_to(self.solver_name(), &Suit::USUAL)?;
+        let lacks = |key: &&str| *key != "seed" && options.get(key).is_none();
+        self.options.iter().map(|(key, _)| *key).find(lacks)
+    }
+
+    /// What the choice makes of `capture`.
+    pub fn resolve(&self, capture: &Capture) -> Resolved {
+        let preset = self.preset.unwrap_or_else(|| preset_for(capture));
+        let why = self.preset.is_none().then_some(match preset {
+            _ if capture.integer_counts => "the counts are whole numbers",
+            Preset::Captured => "some counts are negative",
+            Preset::Synthetic => "the counts are not whole numbers",
+        });
+        let of_model = |reflectance| self.options(&Suit { preset, reflectance, ..Suit::of(capture) });
+        // `check` has refused unknown names.
+        let named = self.model.as_deref().and_then(|name| reflectance(name).ok());
+        let solver = of_model(named.unwrap_or(Reflectance::Cosine));
+        // The paper's solver has the paper's model.
+        let usual = self.model.is_none() && solver.name() != SolverOptions::DEFAULT;
+        let models = if named.is_some() || usual { vec![] } else { trials::MODELS.map(of_model).to_vec() };
+        Resolved { preset, why, solver, models }
+    }
+
+    /// The defaults for such scenes, then the options that were chosen. Later ones replace earlier ones.
+    fn options(&self, suit: &Suit) -> SolverOptions {
+        // `check` has refused unknown names.
+        let mut options = SolverOptions::suited_to(self.solver_name(), suit)
+            .or_else(|| SolverOptions::suited_to(SolverOptions::DEFAULT, suit))
+            .expect("the default solver");
+        self.options.iter().for_each(|(key, value)| {
+            options.set(key, value);
+        });
+        options
+    }
+}
+
+impl Resolved {
+    /// The request for a capture whose pulse nobody gave: kept sizes, the solver's usual mask, and a search for the pulse
+    /// where that is usual. The rest is that of [`Request::new`].
+    pub fn request(self) -> Request {
+        Request {
+            preset: Some(self.preset),
+            tuned: true,
+            mask_fraction: self.solver.usual_mask(),
+            find_pulse: find_pulse(self.preset, &self.solver),
+            models: self.models,
+            ..Request::new(self.solver, "")
+        }
+    }
+}
+
+/// Whether a run finds an unknown pulse first, if nobody says so: for a vector solve with a surface, always if the values are
+/// captured counts. The paper's solver takes paths as sharp.
+fn find_pulse(preset: Preset, solver: &SolverOptions) -> FindPulse {
+    match (solver, preset) {
+        (SolverOptions::Vector(o), _) if o.surface.iterations == 0 => FindPulse::Never,
+        (SolverOptions::Vector(_), Preset::Captured) => FindPulse::Always,
+        (SolverOptions::Vector(_), Preset::Synthetic) => FindPulse::IfItShows,
+        (SolverOptions::Paper(_), _) => FindPulse::Never,
+    }
+}

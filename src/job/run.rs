@@ -1,0 +1,216 @@
+//! A whole run: what is checked first, the solve, and the files.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::places::PREVIEW;
+use super::preview::Preview;
+use super::{Loaded, Request, reconstruct, report, request};
+use crate::Result;
+use crate::export;
+use crate::export::report::Report;
+use crate::files::staging::Staging;
+use crate::gpu::{Gpu, KernelTime};
+use crate::maps::{Maps, Truth};
+use crate::solve::{Progress, Reconstruction, VolumeMap};
+
+/// The result of a run, besides its files.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The report, as `report.json` has it.
+    pub report: Report,
+    /// Albedo, depth, normals and mask.
+    pub maps: Maps,
+    /// The truth, if its file was given.
+    pub truth: Option<Truth>,
+    /// Time per kernel, if it was asked for.
+    pub kernels: Vec<(&'static str, KernelTime)>,
+    /// Messages of the validation layer, if it was on.
+    pub validation: Vec<String>,
+    /// Warnings, as sentences.
+    pub notes: Vec<String>,
+    /// Every file that was written, the report last.
+    pub files: Vec<PathBuf>,
+}
+
+/// A capture that is reconstructed. Nothing is written yet.
+pub struct Solved {
+    /// The report, without the time of the export.
+    pub report: Report,
+    /// Albedo, depth, normals and mask.
+    pub maps: Maps,
+    /// The truth, if its file was given.
+    pub truth: Option<Truth>,
+    /// Time per kernel, if it was asked for.
+    pub kernels: Vec<(&'static str, KernelTime)>,
+    /// Messages of the validation layer, if it was on.
+    pub validation: Vec<String>,
+    /// Warnings, as sentences.
+    pub notes: Vec<String>,
+    volume: Option<VolumeMap>,
+    snapshots: Vec<(usize, Maps)>,
+    /// It goes when the result is there.
+    preview: Option<Preview>,
+}
+
+/// Reconstructs a capture. Writes maps, pictures, points, the volume if the request names a file for it, and last the
+/// report: a folder with a report holds a whole result. `hear` is called with the progress and may cancel.
+///
+/// # Errors
+/// Before anything is computed: options out of range, a truth that cannot be read, or a place that cannot be written.
+/// Later: the errors of [`SolverOptions::solve`](super::SolverOptions::solve), or a file that cannot be written. No report
+/// is written then.
+pub fn run(
+    request: &Request,
+    loaded: &Loaded,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Outcome> {
+    let truth = request.check()?;
+    request.check_places()?;
+    // What does not fit is told before a device is asked for.
+    request.grid(&loaded.capture)?;
+    let gpu = request.open()?;
+    solve_checked(request, loaded, &gpu, truth, hear)?.write(request)
+}
+
+/// Reconstructs a capture on a device that is open. Writes nothing but the preview, if the request asks for one.
+///
+/// # Errors
+/// Options out of range, a truth that cannot be read, and the errors of
+/// [`SolverOptions::solve`](super::SolverOptions::solve).
+pub fn solve(
+    request: &Request,
+    loaded: &Loaded,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Solved> {
+    let truth = request.check()?;
+    request.grid(&loaded.capture)?;
+    solve_checked(request, loaded, gpu, truth, hear)
+}
+
+fn solve_checked(
+    request: &Request,
+    loaded: &Loaded,
+    gpu: &Gpu,
+    truth: Option<Truth>,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Solved> {
+    let preview = match request.preview {
+        true => Preview::begin(request, &loaded.capture, gpu, hear)?,
+        false => None,
+    };
+    let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
+    let mut notes: Vec<String> = done.found.notes();
+    notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
+    notes.extend(notes_on(request, &done.result));
+    let mut report = report::report_of(request, loaded, gpu, &done);
+    report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
+    let result = done.result;
+    Ok(Solved {
+        report,
+        maps: result.maps,
+        truth,
+        kernels: if request.timings { result.kernels } else { vec![] },
+        validation: gpu.validation_messages(),
+        notes,
+        volume: result.volume,
+        snapshots: done.snapshots,
+        preview,
+    })
+}
+
+impl Solved {
+    /// Writes every file that `request` asks for, the report last.
+    ///
+    /// # Errors
+    /// A file that cannot be written. No report is written then.
+    pub fn write(mut self, request: &Request) -> Result<Outcome> {
+        let start = Instant::now();
+        // An older result stays whole until the new one is complete.
+        let staging = Staging::new(&request.out)?;
+        let mut staged = export::write_maps(staging.path(), &self.maps)?;
+        let mut files = vec![];
+        if let (Some(file), Some(volume)) = (&request.volume_file, self.volume.take()) {
+            export::volume::write(file, &export_volume(volume))?;
+            files.push(file.clone());
+        }
+        for (iteration, maps) in &self.snapshots {
+            let folder = Request::snapshot_folder(staging.path(), *iteration);
+            staged.extend(export::write_maps(&folder, maps)?);
+        }
+        self.report.totals.export_s = start.elapsed().as_secs_f64();
+        let path = staging.path().join("report.json");
+        export::report::write(&path, &self.report)?;
+        staged.push(path);
+        files.splice(0..0, staging.commit(&staged)?);
+        // The result shows more. One that a killed run left goes, too.
+        drop(self.preview);
+        let _ = std::fs::remove_file(request.out.join(PREVIEW));
+        Ok(Outcome {
+            report: self.report,
+            maps: self.maps,
+            truth: self.truth,
+            kernels: self.kernels,
+            validation: self.validation,
+            notes: self.notes,
+            files,
+        })
+    }
+}
+
+/// Warnings: an end before the last doubling, a surface that was not taken, an empty result.
+fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
+    let mut notes = Vec::new();
+    let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
+    if reached < wanted {
+        notes.push(format!(
+            "{} iterations end at {reached} lateral voxels, not at {wanted}: give more iterations, double the grid \
+             earlier, or start with the finest grid",
+            request.solver.common().iterations[0]
+        ));
+    }
+    if let Some(beyond) = &solved.beyond {
+        notes.push(format!(
+            "light from beyond the box is taken off: a wider box leaves {:.2} % of pairs that it has not seen, the box \
+             alone {:.2} %; {:.2} times what it has there",
+            100.0 * beyond.left,
+            100.0 * beyond.left_without,
+            beyond.strength
+        ));
+    }
+    if solved.surface_left {
+        notes.push(
+            "a surface explains the data far worse than the volume, for example if three objects lie behind each other: \
+             the maps are those of the volume (with 0 iterations of the surface, a run takes less time and solves \
+             the volume at the resolution of the maps)"
+                .into(),
+        );
+    }
+    if let Some(behind) = &solved.maps.behind {
+        notes.push(format!(
+            "{} pixels have a second surface behind the first: the maps hold the nearer one, layers_* of maps.npz, \
+             points and mesh hold both",
+            behind.mask.iter().filter(|m| **m).count()
+        ));
+    }
+    if !solved.maps.mask.contains(&true) {
+        notes.push(
+            "nothing was found: the maps are empty. Check that volume and gate fit the capture (see \
+             `thirdbounce info`)"
+                .into(),
+        );
+    }
+    notes
+}
+
+fn export_volume(volume: VolumeMap) -> export::volume::Volume {
+    let ([x0, x1, y0, y1], [z0, z1]) = (volume.grid.extent(), volume.grid.depth_range());
+    export::volume::Volume {
+        size: volume.grid.n,
+        extent: [x0, x1, y0, y1, z0, z1],
+        albedo: volume.albedo,
+        normal: None,
+    }
+}
