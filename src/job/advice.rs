@@ -59,7 +59,7 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
 
 fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
     let with_volume = request.volume_file.is_some();
-    let Ok(Ready { capture, grid, .. }) = trials::to_plan(request, capture) else { return false };
+    let Ok(Ready { capture, grid, .. }) = trials::at_most(request, capture) else { return false };
     let plan = request.solver.plan(&capture, grid, &gpu.abilities(), with_volume);
     plan.is_ok_and(|plan| check(&plan.buffers, &gpu.memory(), request.memory).is_ok())
 }

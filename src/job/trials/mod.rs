@@ -79,9 +79,18 @@ impl Found {
     }
 }
 
+/// Whether a run finds the pulse of this capture: there is none yet, and only trials of the model can show one.
+fn find_pulse(request: &Request, capture: &Capture) -> FindPulse {
+    match (request.find_pulse, &capture.pulse) {
+        (_, Some(_)) => FindPulse::Never,
+        (FindPulse::IfItShows, None) if request.models.len() < 2 => FindPulse::Never,
+        (asked, None) => asked,
+    }
+}
+
 /// Whether a run finds the pulse first, whatever the trials of the model show.
 pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
-    request.find_pulse == FindPulse::Always && capture.pulse.is_none()
+    find_pulse(request, capture) == FindPulse::Always
 }
 
 /// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
@@ -90,7 +99,19 @@ pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
 /// # Errors
 /// A bin width that makes no pulse, and those of [`Request::ready`].
 pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
-    let pulse = match finds_pulse(request, capture) {
+    planned(request, capture, finds_pulse(request, capture))
+}
+
+/// What needs the most memory, whatever trials find; see [`to_plan`].
+///
+/// # Errors
+/// Those of [`to_plan`].
+pub(super) fn at_most(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
+    planned(request, capture, find_pulse(request, capture) != FindPulse::Never)
+}
+
+fn planned(request: &Request, capture: &Capture, with_pulse: bool) -> Result<Ready<'static>> {
+    let pulse = match with_pulse {
         true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
         false => capture.pulse.clone(),
     };
@@ -112,11 +133,7 @@ pub(super) fn find(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Found> {
     let finds_model = request.models.len() > 1;
-    let find_pulse = match (request.find_pulse, &capture.pulse) {
-        (_, Some(_)) => FindPulse::Never,
-        (FindPulse::IfItShows, None) if !finds_model => FindPulse::Never,
-        (asked, None) => asked,
-    };
+    let find_pulse = find_pulse(request, capture);
     if !finds_model && find_pulse == FindPulse::Never {
         return Ok(Found::default());
     }
