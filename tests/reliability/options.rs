@@ -43,6 +43,9 @@ fn base(verb: &str) -> Vec<String> {
         "reconstruct" => format!("{capture} --out {{}}/r --model cosine --lateral 8 --iterations 3 --quiet"),
         "batch" => format!("{capture} --out {{}}/r --model cosine --lateral 8 --iterations 3 --quiet"),
         "simulate" => "plane --out {}/c.npz --scan 3 --bin-width 0.05 --noise 0.5".into(),
+        "live" => {
+            format!("- --capture {capture} --model cosine --lateral 8 --iterations 3 --frames 1 --quiet")
+        }
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
         "compare" => {
             format!(
