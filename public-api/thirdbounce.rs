@@ -482,6 +482,7 @@ pub mod error {
         pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
         pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
     }
+    pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {}
     pub type Result<T> = std::result::Result<T, Error>;
 }
 #[cfg(feature = "formats")]
@@ -1821,12 +1822,7 @@ pub mod job {
         }
         #[private_fields]
         pub struct Solved {
-            pub report: Report,
-            pub maps: Maps,
-            pub truth: Option<Truth>,
-            pub kernels: Vec<(&'static str, KernelTime)>,
-            pub validation: Vec<String>,
-            pub notes: Vec<String>,
+            pub outcome: Outcome,
         }
         pub fn run(
             request: &Request,
@@ -1840,7 +1836,7 @@ pub mod job {
             hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
         ) -> Result<Solved> {}
         impl Solved {
-            pub fn write(mut self, request: &Request) -> Result<Outcome> {}
+            pub fn write(self, request: &Request) -> Result<Outcome> {}
         }
     }
     mod simulated {
@@ -3281,7 +3277,7 @@ pub mod solve {
                 options: &VectorOptions,
                 memory: Option<u64>,
                 with_volume: bool,
-                how: Follow,
+                how: Option<Follow>,
             ) -> Result<impl Prepared + use<>> {}
         }
         mod preview {
@@ -4016,4 +4012,4 @@ pub mod transport {
     pub use spread::spread_order;
     pub use wall::{Geometry, Wall};
 }
-pub use error::{Error, Kind, Result};
+pub use error::{Error, Kind, Result, panic_message};

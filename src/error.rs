@@ -1,5 +1,7 @@
 //! The one error type: what is wrong, and how to mend it.
 
+use std::any::Any;
+
 use crate::advice::Advice;
 
 /// The subject of an [`Error`].
@@ -67,6 +69,11 @@ impl Error {
         self.what = format!("{place}: {}", self.what);
         self
     }
+}
+
+/// The message of a panic that was caught; `None` if it has none that is text.
+pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {
+    panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied())
 }
 
 /// The result of everything that can fail.

@@ -53,4 +53,4 @@ pub mod simulate;
 pub mod solve;
 pub mod transport;
 
-pub use error::{Error, Kind, Result};
+pub use error::{Error, Kind, Result, panic_message};

@@ -1,13 +1,12 @@
 //! Status codes, and the last error of each thread.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::mem::offset_of;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::advice::Remedy;
-use engine::{Error, Kind, Result};
+use engine::{Error, Kind, Result, panic_message};
 
 use crate::log;
 use crate::sized::{self, Versioned};
@@ -148,7 +147,8 @@ pub fn guarded(body: impl FnOnce() -> Result<()>) -> TbStatus {
     }));
     done.unwrap_or_else(|panic| {
         let mend = "report it; handles that the call used must not be used again";
-        keep(TbStatus::TbDefect, &Error::device(text_of(&*panic), mend))
+        let text = panic_message(&*panic).unwrap_or("a defect");
+        keep(TbStatus::TbDefect, &Error::device(text, mend))
     })
 }
 
@@ -169,9 +169,4 @@ fn keep(status: TbStatus, error: &Error) -> TbStatus {
     LAST.set(Last { what: text(&error.what), mend: text(&error.mend.to_string()), problem });
     log::error(&error.what);
     status
-}
-
-fn text_of(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().cloned();
-    text.or_else(|| panic.downcast_ref::<&str>().map(|t| t.to_string())).unwrap_or("a defect".into())
 }

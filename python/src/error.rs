@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::advice::{Look, Remedy};
 use engine::solve::SolverOptions;
-use engine::{Error as EngineError, Kind};
+use engine::{Error as EngineError, Kind, panic_message};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -85,8 +85,7 @@ fn with_parts(py: Python<'_>, made: PyErr, what: &str, place: Option<&str>, reme
 }
 
 fn defect(py: Python<'_>, panic: &(dyn Any + Send)) -> PyErr {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let what = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a defect");
+    let what = panic_message(panic).unwrap_or("a defect");
     let remedy = "report it; do not use the objects of this call again";
     with_parts(py, DefectError::new_err(format!("{what}\n  {remedy}")), what, None, remedy)
 }

@@ -1,6 +1,6 @@
 //! A whole reconstruction, as the command does it.
 
-use engine::job::{self, Loaded, Solved};
+use engine::job::{self, Loaded, Outcome};
 use engine::{Error, Kind, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -33,23 +33,23 @@ pub fn reconstruct<'py>(
             if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
                 devices::forget(&settings.device);
             }
-            packed(solved?, &loaded)
+            packed(solved?.outcome, &loaded)
         })
     });
     if let Some(raised) = teller.raised().take() {
         return Err(raised);
     }
-    let (solved, report, notes) = done?;
-    let made = maps::dictionary(py, solved.maps)?;
+    let (found, report, notes) = done?;
+    let made = maps::dictionary(py, found)?;
     made.set_item("report", report)?;
     made.set_item("notes", notes)?;
     Ok(made)
 }
 
 /// The result with its report as text and all notes.
-fn packed(solved: Solved, loaded: &Loaded) -> Result<(Solved, String, Vec<String>)> {
-    let report = serde_json::to_string_pretty(&solved.report)
+fn packed(outcome: Outcome, loaded: &Loaded) -> Result<(engine::maps::Maps, String, Vec<String>)> {
+    let report = serde_json::to_string_pretty(&outcome.report)
         .map_err(|e| Error::output(format!("the report cannot be packed: {e}"), "report this as a bug"))?;
-    let notes = [&loaded.notes[..], &solved.notes].concat();
-    Ok((solved, report, notes))
+    let notes = [&loaded.notes[..], &outcome.notes].concat();
+    Ok((outcome.maps, report, notes))
 }

@@ -90,7 +90,9 @@ pub fn run(args: &Args) -> Result<()> {
                 if !args.quiet {
                     print(&line(frame, &latency));
                 }
-                last = Some(frame.result.maps.clone());
+                if args.out.is_some() {
+                    last = Some(frame.result.maps.clone());
+                }
                 if args.frames.is_some_and(|most| latency.frames >= most) {
                     return ControlFlow::Break(());
                 }

@@ -89,10 +89,7 @@ pub fn main() -> ExitCode {
         if thirdbounce::capture::formats::hdf5::is_guarded() {
             return;
         }
-        let payload = panic.payload();
-        let message = payload.downcast_ref::<&str>().copied();
-        let message =
-            message.or(payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message");
+        let message = thirdbounce::panic_message(panic.payload()).unwrap_or("no message");
         let place = panic.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
         progress::say(&format!("error: internal error: {message}{place}"));
         progress::say(&format!(

@@ -30,24 +30,14 @@ pub struct Outcome {
     pub validation: Vec<String>,
     /// Warnings, as sentences.
     pub notes: Vec<String>,
-    /// Every file that was written, the report last.
+    /// Every file that was written, the report last; none yet in [`Solved`].
     pub files: Vec<PathBuf>,
 }
 
 /// A capture that is reconstructed. Nothing is written yet.
 pub struct Solved {
-    /// The report, without the time of the export.
-    pub report: Report,
-    /// Albedo, depth, normals and mask.
-    pub maps: Maps,
-    /// The truth, if its file was given.
-    pub truth: Option<Truth>,
-    /// Time per kernel, if it was asked for.
-    pub kernels: Vec<(&'static str, KernelTime)>,
-    /// Messages of the validation layer, if it was on.
-    pub validation: Vec<String>,
-    /// Warnings, as sentences.
-    pub notes: Vec<String>,
+    /// The result. Its report is without the time of the export.
+    pub outcome: Outcome,
     volume: Option<VolumeMap>,
     snapshots: Vec<(usize, Maps)>,
     /// It goes when the result is there.
@@ -109,12 +99,15 @@ fn solve_checked(
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     let result = done.result;
     Ok(Solved {
-        report,
-        maps: result.maps,
-        truth,
-        kernels: if request.timings { result.kernels } else { vec![] },
-        validation: gpu.validation_messages(),
-        notes,
+        outcome: Outcome {
+            report,
+            maps: result.maps,
+            truth,
+            kernels: if request.timings { result.kernels } else { vec![] },
+            validation: gpu.validation_messages(),
+            notes,
+            files: vec![],
+        },
         volume: result.volume,
         snapshots: done.snapshots,
         preview,
@@ -126,37 +119,29 @@ impl Solved {
     ///
     /// # Errors
     /// A file that cannot be written. No report is written then.
-    pub fn write(mut self, request: &Request) -> Result<Outcome> {
+    pub fn write(self, request: &Request) -> Result<Outcome> {
         let start = Instant::now();
+        let Solved { mut outcome, volume, snapshots, preview } = self;
         // An older result stays whole until the new one is complete.
         let staging = Staging::new(&request.out)?;
-        let mut staged = export::write_maps(staging.path(), &self.maps)?;
-        let mut files = vec![];
-        if let (Some(file), Some(volume)) = (&request.volume_file, self.volume.take()) {
+        let mut staged = export::write_maps(staging.path(), &outcome.maps)?;
+        if let (Some(file), Some(volume)) = (&request.volume_file, volume) {
             export::volume::write(file, &export_volume(volume))?;
-            files.push(file.clone());
+            outcome.files.push(file.clone());
         }
-        for (iteration, maps) in &self.snapshots {
+        for (iteration, maps) in &snapshots {
             let folder = Request::snapshot_folder(staging.path(), *iteration);
             staged.extend(export::write_maps(&folder, maps)?);
         }
-        self.report.totals.export_s = start.elapsed().as_secs_f64();
+        outcome.report.totals.export_s = start.elapsed().as_secs_f64();
         let path = staging.path().join("report.json");
-        export::report::write(&path, &self.report)?;
+        export::report::write(&path, &outcome.report)?;
         staged.push(path);
-        files.splice(0..0, staging.commit(&staged)?);
+        outcome.files.splice(0..0, staging.commit(&staged)?);
         // The result shows more. One that a killed run left goes, too.
-        drop(self.preview);
+        drop(preview);
         let _ = std::fs::remove_file(request.out.join(PREVIEW));
-        Ok(Outcome {
-            report: self.report,
-            maps: self.maps,
-            truth: self.truth,
-            kernels: self.kernels,
-            validation: self.validation,
-            notes: self.notes,
-            files,
-        })
+        Ok(outcome)
     }
 }
 

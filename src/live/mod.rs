@@ -108,13 +108,13 @@ pub fn run(
         }
         let patience = if ended || held.is_some() { 10 * MOMENT } else { Duration::ZERO };
         let solved = session.wait_for(patience);
-        let solved = solved.map(|frame| frame.cloned());
+        let solved = solved.map(|frame| frame.map(|frame| Arc::new(frame.clone())));
         let mut heard = ControlFlow::Continue(());
         match solved {
             Ok(Some(frame)) => {
                 summary.latency = session.latency();
                 if let Some(page) = page {
-                    page.show(Arc::new(frame.clone()), summary.latency);
+                    page.show(frame.clone(), summary.latency);
                 }
                 heard = hear(News::Solved(&frame, summary.latency));
             }

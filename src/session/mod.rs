@@ -270,7 +270,7 @@ fn prepared(
     match (options.follow, solver) {
         (None, _) => solver.prepare(gpu, scan, grid, memory, with_volume),
         (Some(how), SolverOptions::Vector(o)) => {
-            Ok(Box::new(vector::prepare_to_follow(gpu, scan, grid, o, memory, with_volume, how)?))
+            Ok(Box::new(vector::prepare_to_follow(gpu, scan, grid, o, memory, with_volume, Some(how))?))
         }
         (Some(_), _) => Err(Error::options(
             format!("frames of the solver {} do not follow each other", solver.name()),

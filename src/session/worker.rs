@@ -13,7 +13,7 @@ use super::latency::{Latencies, Latency};
 use super::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
 use crate::solve::{Beside, Prepared, Progress, Reconstruction, Watch, conclude};
-use crate::{Error, Kind, Result};
+use crate::{Error, Kind, Result, panic_message};
 
 /// What there is of the newest frame.
 pub(super) enum Taken {
@@ -284,8 +284,7 @@ impl Worker {
 
 /// The error of a frame whose solve panicked.
 fn defect(id: FrameId, panic: &(dyn Any + Send)) -> Error {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+    let text = panic_message(panic).unwrap_or("no message");
     Error::device(
         format!("frame {}: the solve stopped at a defect ({text})", id.0),
         "make a new session, and report the defect with the frame's counts",

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::super::run::Solved;
+use super::super::run::Outcome;
 use crate::maps::percentile;
 
 /// Key figures.
@@ -34,7 +34,7 @@ pub struct Figures {
 
 impl Figures {
     /// The figures of a solve.
-    pub(super) fn of(solved: &Solved) -> Figures {
+    pub(super) fn of(solved: &Outcome) -> Figures {
         let (report, maps) = (&solved.report, &solved.maps);
         let median = |values: &[f32]| {
             let surface: Vec<f32> =

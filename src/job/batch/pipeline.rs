@@ -13,7 +13,7 @@ use super::{Batch, Caller, Figures, Listed, Status, Told};
 use crate::files::staging::Staging;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions};
 use crate::job::{Loaded, Request};
-use crate::{Error, Kind, Result};
+use crate::{Error, Kind, Result, panic_message};
 
 /// A device that is opened anew after it was lost.
 struct Device {
@@ -165,7 +165,7 @@ impl<'b> Lines<'b> {
             let seconds = seconds + start.elapsed().as_secs_f64();
             match solved {
                 Ok(made) => {
-                    let notes = [&notes[..], &made.notes, &made.validation].concat();
+                    let notes = [&notes[..], &made.outcome.notes, &made.outcome.validation].concat();
                     if next.send(Work { capture, record, seconds, request, notes, made }).is_err() {
                         return;
                     }
@@ -185,7 +185,7 @@ impl<'b> Lines<'b> {
     fn write(&self, from: &Receiver<Work<Solved>>, told: &Sender<Told>) {
         for Work { capture, record, seconds, mut request, notes, made } in from {
             let start = Instant::now();
-            let figures = Figures::of(&made);
+            let figures = Figures::of(&made.outcome);
             let written = guarded(|| {
                 let staging = Staging::new(&self.batch.out)?;
                 request.out = staging.path().join(&capture.name);
@@ -233,8 +233,7 @@ fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
 }
 
 fn defect(panic: &(dyn Any + Send)) -> Error {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+    let text = panic_message(panic).unwrap_or("no message");
     Error::device(format!("internal error: {text}"), "report it with the capture")
 }
 

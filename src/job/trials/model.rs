@@ -32,8 +32,8 @@ pub struct Refuted {
 pub struct FoundModel {
     /// How surfaces reflect.
     pub reflectance: Reflectance,
-    /// The trials that began alike: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and the share of
-    /// other pairs' squares that its surface leaves.
+    /// The trials that began alike: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and
+    /// the share of other pairs' squares that its surface leaves.
     pub trials: Vec<(Reflectance, f64, Option<f64>)>,
     /// The model that would have been chosen, if its surface is worse than its volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]

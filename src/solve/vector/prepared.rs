@@ -37,10 +37,10 @@ pub fn prepare(
     memory: Option<u64>,
     with_volume: bool,
 ) -> Result<impl Prepared + use<>> {
-    prepare_for(gpu, capture, grid, options, memory, with_volume, None)
+    prepare_to_follow(gpu, capture, grid, options, memory, with_volume, None)
 }
 
-/// As [`prepare`], for frames that follow each other.
+/// As [`prepare`]. With `how`, for frames that follow each other.
 ///
 /// # Errors
 /// As [`prepare`].
@@ -51,20 +51,8 @@ pub fn prepare_to_follow(
     options: &VectorOptions,
     memory: Option<u64>,
     with_volume: bool,
-    how: Follow,
-) -> Result<impl Prepared + use<>> {
-    prepare_for(gpu, capture, grid, options, memory, with_volume, Some(how))
-}
-
-fn prepare_for(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     how: Option<Follow>,
-) -> Result<PreparedVector> {
+) -> Result<impl Prepared + use<>> {
     options.check()?;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
@@ -172,14 +160,14 @@ impl PreparedVector {
         let options = shortened.as_ref().unwrap_or(options);
         let until = |share: f64| budget.map(|b| begun + b.mul_f64(share));
         let mut driven = solve_volume(&gpu, job, options, watch, keeper, until(VOLUME))?;
-        let volume = Volume::of(job, &driven);
-        let volume_rate = rate_at_end(&driven.trace);
+        let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
+        let volume = following.is_some().then(|| (Volume::of(job, &driven), rate_at_end(&driven.trace)));
         let mut surface_left = false;
         if options.surface.iterations > 0 {
             let refined = surface::refine(&gpu, job, &options.surface, watch, driven, None)?;
             (driven, surface_left) = (refined.driven, refined.left);
         }
-        if let Some(chain) = following {
+        if let (Some(chain), Some((volume, volume_rate))) = (following, volume) {
             let share = options.iterations as f64 / self.options.iterations as f64;
             chain.pace.learn_cold(share, begun.elapsed().as_secs_f64());
             let of_surface = &driven.trace[volume.points.min(driven.trace.len())..];
@@ -195,7 +183,7 @@ impl PreparedVector {
         driven.seconds += before;
         driven.trace.iter_mut().for_each(|p| p.seconds += before);
         Ok(Reconstruction {
-            volume_iterations: volume.iterations,
+            volume_iterations,
             surface_left,
             beyond: light.map(|(_, told)| told),
             ..finish(job, driven, with_volume.then_some(albedo_of))?
