@@ -9,6 +9,7 @@ use std::time::Duration;
 use ash::{ext, khr, vk};
 
 use super::budget::Kinds;
+use super::caller::{BlockSource, QueueLock};
 use super::faults::{Faults, Struck};
 use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
 use super::kept::Cache;
@@ -21,7 +22,7 @@ use crate::{Error, Result};
 /// How to open a device.
 #[derive(Debug, Clone, Default)]
 pub struct GpuOptions {
-    /// Index in [`super::devices`], or part of a name in any case; otherwise the best kind there is.
+    /// Index in [`super::devices`], part of a name in any case, or a UUID; otherwise the best kind there is.
     pub device: Option<String>,
     /// Turn on the Khronos validation layer with synchronisation checks.
     pub validation: bool,
@@ -118,6 +119,12 @@ pub struct Opened {
     pub(super) tick: f64,
     // Vulkan lets one thread at a time use a queue: only `queue()` gives access.
     queue: Mutex<vk::Queue>,
+    /// A caller's lock of the queue, taken as well.
+    lock: Option<Arc<dyn QueueLock>>,
+    /// A caller's memory for buffers.
+    pub(super) blocks: Option<Arc<dyn BlockSource>>,
+    /// Imports memory of other programs, where the device does.
+    pub(super) external_memory: Option<khr::external_memory_fd::Device>,
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
@@ -140,6 +147,8 @@ pub(super) struct OwnedDevice {
     pub raw: ash::Device,
     /// It did not come back from work in time, and may still be at it.
     hung: AtomicBool,
+    /// A caller's device stays open.
+    is_callers: bool,
     // The instance must outlive its device.
     instance: Arc<Instance>,
 }
@@ -151,6 +160,13 @@ impl OwnedDevice {
     }
 }
 
+impl OwnedDevice {
+    /// A caller's device.
+    pub fn of_caller(raw: ash::Device, instance: Arc<Instance>) -> OwnedDevice {
+        OwnedDevice { raw, hung: AtomicBool::new(false), is_callers: true, instance }
+    }
+}
+
 impl Drop for OwnedDevice {
     fn drop(&mut self) {
         if self.has_hung() {
@@ -158,10 +174,47 @@ impl Drop for OwnedDevice {
             std::mem::forget(self.instance.clone());
             return;
         }
+        if self.is_callers {
+            return;
+        }
         // SAFETY: the last owner is gone, so nothing made from this device is left. Every executor has waited for its own
         // work, so the queue is idle. `vkDeviceWaitIdle` would add nothing, and RADV's null device (Mesa 22.3), which
         // only compiles, calls through a null pointer there.
         unsafe { self.raw.destroy_device(None) };
+    }
+}
+
+/// What a device is made of.
+pub(super) struct Parts {
+    pub instance: Arc<Instance>,
+    pub device: Arc<OwnedDevice>,
+    pub physical: vk::PhysicalDevice,
+    pub info: DeviceInfo,
+    pub queue: vk::Queue,
+    pub family: u32,
+    pub offered: Offered,
+    pub cache: Cache,
+    pub lock: Option<Arc<dyn QueueLock>>,
+    pub blocks: Option<Arc<dyn BlockSource>>,
+}
+
+/// The queue, while this thread alone may use it.
+pub(super) struct Queue<'g> {
+    queue: MutexGuard<'g, vk::Queue>,
+    lock: Option<&'g dyn QueueLock>,
+}
+
+impl Deref for Queue<'_> {
+    type Target = vk::Queue;
+
+    fn deref(&self) -> &vk::Queue {
+        &self.queue
+    }
+}
+
+impl Drop for Queue<'_> {
+    fn drop(&mut self) {
+        self.lock.into_iter().for_each(QueueLock::unlock);
     }
 }
 
@@ -207,19 +260,53 @@ impl Gpu {
                 advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
             ));
         }
-        let (family, has_timestamps) = compute_family(&instance, physical, &info)?;
-
+        let (family, _) = compute_family(&instance, physical, &info)?;
         let offered = Offered::by(&instance, physical, &info, options)?;
         let raw = offered.create(&instance, physical, &info, family)?;
         // SAFETY: the family was asked for with one queue.
         let queue = unsafe { raw.get_device_queue(family, 0) };
-        let names = instance.debug_names.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
+        let device = Arc::new(OwnedDevice {
+            raw,
+            hung: AtomicBool::new(false),
+            is_callers: false,
+            instance: instance.clone(),
+        });
+        let cache = Cache::open(device.clone(), options.pipeline_cache.as_deref(), &properties);
+        let parts = Parts {
+            instance,
+            device,
+            physical,
+            info,
+            queue,
+            family,
+            offered,
+            cache,
+            lock: None,
+            blocks: None,
+        };
+        let gpu = Gpu::of(parts, options);
+        gpu.name(queue, "compute queue");
+        Ok(gpu)
+    }
+
+    /// The device that is made of these parts.
+    pub(super) fn of(parts: Parts, options: &GpuOptions) -> Gpu {
+        let Parts { instance, device, physical, info, queue, family, offered, cache, lock, blocks } = parts;
+        // SAFETY: the physical device is the instance's.
+        let (properties, families) = unsafe {
+            let properties = instance.raw.get_physical_device_properties(physical);
+            (properties, instance.raw.get_physical_device_queue_family_properties(physical))
+        };
+        let has_timestamps = families.get(family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
+        let names = instance.debug_names.then(|| ext::debug_utils::Device::new(&instance.raw, &device.raw));
         let statistics = offered
             .has_statistics
-            .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw));
-        let device = Arc::new(OwnedDevice { raw, hung: AtomicBool::new(false), instance: instance.clone() });
+            .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &device.raw));
+        let external_memory = offered
+            .has_external_memory
+            .then(|| khr::external_memory_fd::Device::new(&instance.raw, &device.raw));
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
-        let gpu = Gpu(Arc::new(Opened {
+        Gpu(Arc::new(Opened {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
             limits: limits_of(&instance, physical, &properties.limits, work),
@@ -230,6 +317,9 @@ impl Gpu {
             statistics,
             tick: if has_timestamps { f64::from(properties.limits.timestamp_period) } else { 0.0 },
             queue: Mutex::new(queue),
+            lock,
+            blocks,
+            external_memory,
             family,
             physical,
             has_budget: offered.has_budget,
@@ -237,12 +327,15 @@ impl Gpu {
             kinds: Kinds::of(&instance, physical),
             allocated: AtomicU64::new(0),
             names,
-            cache: Cache::open(device.clone(), options.pipeline_cache.as_deref(), &properties),
+            cache,
             device,
             instance,
-        }));
-        gpu.name(queue, "compute queue");
-        Ok(gpu)
+        }))
+    }
+
+    /// Whether both are handles of one opened device.
+    pub fn is(&self, other: &Gpu) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
     }
 
     /// What a plan must know of this device.
@@ -256,9 +349,12 @@ impl Gpu {
     }
 
     /// The queue, for this thread alone as long as the guard is held.
-    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+    pub(super) fn queue(&self) -> Queue<'_> {
         // A handle cannot be left half-changed, so a thread that panicked has damaged nothing.
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+        let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = self.lock.as_deref();
+        lock.into_iter().for_each(QueueLock::lock);
+        Queue { queue, lock }
     }
 
     /// Gives a Vulkan object the name that the plan uses, for validation messages, RenderDoc and Nsight.
@@ -325,6 +421,12 @@ impl Gpu {
     }
 }
 
+/// Whether a device has this UUID, with or without hyphens, or a name with this in it.
+fn is_called(device: &DeviceInfo, text: &str) -> bool {
+    let text = text.to_lowercase();
+    device.uuid == text.replace('-', "") || device.name.to_lowercase().contains(&text)
+}
+
 fn choose(
     all: &[(vk::PhysicalDevice, DeviceInfo)],
     wanted: Option<&str>,
@@ -341,19 +443,19 @@ fn choose(
         None => all.iter().min_by_key(|(_, d)| if d.kind == DeviceKind::Other { 9 } else { d.kind as u32 }),
         Some(text) => match text.parse::<usize>() {
             Ok(index) => all.get(index),
-            Err(_) => all.iter().find(|(_, d)| d.name.to_lowercase().contains(&text.to_lowercase())),
+            Err(_) => all.iter().find(|(_, d)| is_called(d, text)),
         },
     };
     found.cloned().ok_or_else(|| {
         Error::options(
             format!("no device is called {:?}", wanted.unwrap_or_default()),
-            advice!["give " Device " an index or part of a name out of: " (list())],
+            advice!["give " Device " an index, part of a name or a UUID out of: " (list())],
         )
     })
 }
 
 /// A queue family that computes, one without graphics preferred, and whether it has timestamps.
-fn compute_family(
+pub(super) fn compute_family(
     instance: &Instance,
     physical: vk::PhysicalDevice,
     info: &DeviceInfo,

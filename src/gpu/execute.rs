@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use ash::vk;
 
+use super::caller::Moment;
 use super::pace::Pace;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::{Scratch, stamps};
@@ -43,6 +44,8 @@ pub(super) struct Flight {
     pub work: u64,
     /// Host-visible buffers that it reads, and that it writes.
     pub shared: [BTreeSet<Buffer>; 2],
+    /// A caller's moments: it begins after the first, and brings the second about.
+    pub between: [Option<Moment>; 2],
 }
 
 /// Runs schedules over the buffers of an arena, in order of submission.
@@ -178,13 +181,28 @@ impl Executor {
     pub(super) fn launch(&mut self, flight: Flight) -> Result<Ticket> {
         let gpu = self.gpu.clone();
         let _span = gpu.span("submit");
-        let values = [flight.ticket.0];
-        let semaphores = [self.timeline];
+        let [after, before] = flight.between;
+        // Without a moment, the second of both is not used.
+        let null = Moment::NONE;
+        let (after, before, waits, signals) = (
+            after.unwrap_or(null),
+            before.unwrap_or(null),
+            usize::from(after.is_some()),
+            1 + usize::from(before.is_some()),
+        );
+        let values = [flight.ticket.0, before.value];
+        let semaphores = [self.timeline, before.semaphore];
+        let (wait_values, wait_semaphores) = ([after.value], [after.semaphore]);
+        let stages = [vk::PipelineStageFlags::ALL_COMMANDS];
         let buffers = [flight.commands];
-        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
+        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&wait_values[..waits])
+            .signal_semaphore_values(&values[..signals]);
         let info = [vk::SubmitInfo::default()
             .command_buffers(&buffers)
-            .signal_semaphores(&semaphores)
+            .wait_semaphores(&wait_semaphores[..waits])
+            .wait_dst_stage_mask(&stages[..waits])
+            .signal_semaphores(&semaphores[..signals])
             .push_next(&mut timeline)];
         let submitted = gpu.strike(Point::Submission).and_then(|()| {
             let queue = gpu.queue();

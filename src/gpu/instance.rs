@@ -49,6 +49,9 @@ pub struct DeviceInfo {
     pub driver: String,
     /// Vulkan version of the device, "1.3.230".
     pub api: String,
+    /// UUID of the device, 32 hexadecimal digits: the same in every program and in CUDA on this machine.
+    #[serde(default)]
+    pub uuid: String,
     /// Bytes of the largest device-local heap.
     pub memory: u64,
 }
@@ -57,8 +60,9 @@ pub struct DeviceInfo {
 pub(super) type Messages = Arc<Mutex<Vec<String>>>;
 
 pub(super) struct Instance {
-    // Held because everything below calls into the library it keeps loaded.
-    _entry: ash::Entry,
+    /// Held because everything below calls into the library it keeps loaded. `None`: the instance is a caller's, who
+    /// keeps both.
+    entry: Option<ash::Entry>,
     pub raw: ash::Instance,
     pub debug_names: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
@@ -157,7 +161,12 @@ impl Instance {
         } else {
             None
         };
-        Ok(Instance { _entry: entry, raw, debug_names, messenger, messages })
+        Ok(Instance { entry: Some(entry), raw, debug_names, messenger, messages })
+    }
+
+    /// A caller's instance, which stays the caller's. `debug_names`: it was made with VK_EXT_debug_utils.
+    pub fn of_caller(raw: ash::Instance, debug_names: bool) -> Instance {
+        Instance { entry: None, raw, debug_names, messenger: None, messages: Arc::default() }
     }
 
     /// Physical devices with their descriptions, in the loader's order.
@@ -167,9 +176,12 @@ impl Instance {
         all.into_iter().enumerate().map(|(index, p)| (p, self.describe(index, p))).collect()
     }
 
-    fn describe(&self, index: usize, physical: vk::PhysicalDevice) -> DeviceInfo {
+    /// Describes a device, which is at `index` in the loader's list.
+    pub fn describe(&self, index: usize, physical: vk::PhysicalDevice) -> DeviceInfo {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
-        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        let mut id = vk::PhysicalDeviceIDProperties::default();
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut id);
         // SAFETY: the handle comes from this instance; the chain holds structs of Vulkan 1.2.
         unsafe { self.raw.get_physical_device_properties2(physical, &mut properties) };
         let p = properties.properties;
@@ -196,6 +208,7 @@ impl Instance {
                 text(driver.driver_info_as_c_str())
             ),
             api: version_text(p.api_version),
+            uuid: id.device_uuid.iter().map(|byte| format!("{byte:02x}")).collect(),
             memory: largest.unwrap_or(0),
         }
     }
@@ -203,6 +216,9 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        if self.entry.is_none() {
+            return;
+        }
         // SAFETY: the device, a child of this instance, is dropped before it (field order in `Gpu`).
         unsafe {
             if let Some((loader, handle)) = &self.messenger {

@@ -36,6 +36,8 @@ pub(super) struct Cache {
     file: Option<PathBuf>,
     /// Bytes of the cache as it was read from the file.
     found: usize,
+    /// The cache is a caller's, who destroys it.
+    is_callers: bool,
     device: Arc<OwnedDevice>,
 }
 
@@ -49,7 +51,14 @@ impl Cache {
         let file = folder.map(|folder| folder.join(name_of(properties)));
         let kept = file.as_deref().and_then(read).unwrap_or_default();
         let handle = create(&device, &kept);
-        Cache { handle, file, found: kept.len().max(EMPTY), device }
+        Cache { handle, file, found: kept.len().max(EMPTY), is_callers: false, device }
+    }
+
+    /// A caller's cache. Null: one of its own, without a file.
+    pub fn of_caller(device: Arc<OwnedDevice>, handle: vk::PipelineCache) -> Cache {
+        let is_callers = handle != vk::PipelineCache::null();
+        let handle = if is_callers { handle } else { create(&device, &[]) };
+        Cache { handle, file: None, found: EMPTY, is_callers, device }
     }
 
     /// Writes the file if there are more kernels than it held. What another process has kept meanwhile stays.
@@ -84,7 +93,7 @@ impl Cache {
 
 impl Drop for Cache {
     fn drop(&mut self) {
-        if self.device.has_hung() {
+        if self.device.has_hung() || self.is_callers {
             return;
         }
         self.save();

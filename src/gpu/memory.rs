@@ -11,6 +11,7 @@ use gpu_allocator::vulkan::{
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
 use super::budget::{Layout, Whose, check, over, size};
+use super::caller::Block;
 use super::guard::{CANARY_BACK, CANARY_PART, LEAST_CANARY};
 use super::state::SIZE_BACK;
 use super::{Buffer, Gpu, Point};
@@ -59,10 +60,41 @@ pub(super) struct Made {
     pub place: Place,
 }
 
+/// The memory of a buffer.
+enum Held {
+    Own(Allocation),
+    /// A caller's, with its size.
+    Callers(Block, u64),
+}
+
+impl Held {
+    fn bytes(&self) -> u64 {
+        match self {
+            Held::Own(own) => own.size(),
+            Held::Callers(_, bytes) => *bytes,
+        }
+    }
+
+    fn place(&self) -> (vk::DeviceMemory, u64) {
+        match self {
+            // SAFETY: the handle is only bound.
+            Held::Own(own) => (unsafe { own.memory() }, own.offset()),
+            Held::Callers(block, _) => (block.memory, block.offset),
+        }
+    }
+
+    fn mapped(&self) -> Option<NonNull<u8>> {
+        match self {
+            Held::Own(own) => own.mapped_ptr().map(NonNull::cast),
+            Held::Callers(block, _) => NonNull::new(block.mapped.cast()),
+        }
+    }
+}
+
 /// All buffers of one job.
 pub struct Arena {
     gpu: Gpu,
-    buffers: BTreeMap<Buffer, (Made, Option<Allocation>)>,
+    buffers: BTreeMap<Buffer, (Made, Option<Held>)>,
     // Dropped before the device, which `gpu` keeps open.
     allocator: Option<Allocator>,
     bytes: u64,
@@ -140,35 +172,55 @@ impl Arena {
         let made = Made { handle, bytes: plan.bytes, canary, place: plan.place };
         self.buffers.insert(plan.buffer, (made, None));
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
-        let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");
         strike().map_err(|e| refused(e.to_string()))?;
-        let allocation = allocator
-            .allocate(&AllocationCreateDesc {
-                name: &name,
-                requirements,
-                location: match plan.place {
-                    Place::Device => MemoryLocation::GpuOnly,
-                    // Uploads only pass through: they take the kind of memory that readbacks take, and share its block.
-                    // The part of a card's own memory that the host sees is often as small as 256 MiB.
-                    Place::Upload | Place::Readback => MemoryLocation::GpuToCpu,
-                },
-                linear: true,
-                allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
-                    AllocationScheme::GpuAllocatorManaged
-                } else {
-                    AllocationScheme::DedicatedBuffer(handle)
-                },
-            })
-            .map_err(|e| refused(e.to_string()))?;
-        let (memory, offset) = unsafe { (allocation.memory(), allocation.offset()) };
-        self.bytes += allocation.size() - canary;
-        self.gpu.allocated.fetch_add(allocation.size(), Relaxed);
-        if let Some((_, held)) = self.buffers.get_mut(&plan.buffer) {
-            *held = Some(allocation);
+        let held = self.memory_for(plan, &name, handle, requirements).map_err(refused)?;
+        let (memory, offset) = held.place();
+        self.bytes += held.bytes() - canary;
+        self.gpu.allocated.fetch_add(held.bytes(), Relaxed);
+        if let Some((_, of_buffer)) = self.buffers.get_mut(&plan.buffer) {
+            *of_buffer = Some(held);
         }
         strike()
             .and_then(|()| unsafe { device.bind_buffer_memory(handle, memory, offset) })
             .map_err(|e| refused(e.to_string()))
+    }
+
+    /// Memory for a buffer; else why there is none.
+    fn memory_for(
+        &mut self,
+        plan: &BufferPlan,
+        name: &str,
+        handle: vk::Buffer,
+        requirements: vk::MemoryRequirements,
+    ) -> std::result::Result<Held, String> {
+        if let Some(blocks) = &self.gpu.blocks {
+            let block =
+                blocks.allocate(&requirements, plan.place).ok_or("the program has no memory for it")?;
+            let held = Held::Callers(block, requirements.size);
+            if plan.place != Place::Device && held.mapped().is_none() {
+                blocks.free(block);
+                return Err("the program gave memory that is not mapped".into());
+            }
+            return Ok(held);
+        }
+        let allocator = self.allocator.as_mut().expect("set in new, taken in drop only");
+        let made = allocator.allocate(&AllocationCreateDesc {
+            name,
+            requirements,
+            location: match plan.place {
+                Place::Device => MemoryLocation::GpuOnly,
+                // Uploads only pass through: they take the kind of memory that readbacks take, and share its block.
+                // The part of a card's own memory that the host sees is often as small as 256 MiB.
+                Place::Upload | Place::Readback => MemoryLocation::GpuToCpu,
+            },
+            linear: true,
+            allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
+                AllocationScheme::GpuAllocatorManaged
+            } else {
+                AllocationScheme::DedicatedBuffer(handle)
+            },
+        });
+        made.map(Held::Own).map_err(|e| e.to_string())
     }
 
     /// Bytes of all buffers, host-visible ones included, canaries not.
@@ -178,7 +230,10 @@ impl Arena {
 
     /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
     pub fn taken(&self) -> u64 {
-        self.allocator.as_ref().map_or(0, Allocator::capacity)
+        match self.gpu.blocks {
+            Some(_) => self.bytes,
+            None => self.allocator.as_ref().map_or(0, Allocator::capacity),
+        }
     }
 
     /// Every buffer.
@@ -203,15 +258,15 @@ impl Arena {
         &self.held(buffer).0
     }
 
-    fn held(&self, buffer: Buffer) -> &(Made, Option<Allocation>) {
+    fn held(&self, buffer: Buffer) -> &(Made, Option<Held>) {
         self.buffers.get(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"))
     }
 
     /// Where an upload or readback buffer begins in the host's memory: valid for its bytes and its canary, as
     /// long as the arena lives. The device may be writing there.
     pub(super) fn pointer(&self, buffer: Buffer) -> NonNull<u8> {
-        let mapped = self.held(buffer).1.as_ref().and_then(Allocation::mapped_ptr);
-        mapped.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible")).cast()
+        let mapped = self.held(buffer).1.as_ref().and_then(Held::mapped);
+        mapped.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
     }
 }
 
@@ -223,14 +278,21 @@ impl Drop for Arena {
             return;
         }
         // SAFETY: the executor that used these buffers waits for its work before it is dropped.
-        for (_, (b, allocation)) in std::mem::take(&mut self.buffers) {
+        for (_, (b, held)) in std::mem::take(&mut self.buffers) {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
-            if let (Some(a), Some(allocator)) = (allocation, self.allocator.as_mut()) {
-                let bytes = a.size();
-                // Memory that is not given back still counts as allocated.
-                if allocator.free(a).is_ok() {
-                    self.gpu.allocated.fetch_sub(bytes, Relaxed);
+            let Some(held) = held else { continue };
+            let bytes = held.bytes();
+            let is_freed = match (held, self.allocator.as_mut(), &self.gpu.blocks) {
+                (Held::Own(own), Some(allocator), _) => allocator.free(own).is_ok(),
+                (Held::Callers(block, _), _, Some(blocks)) => {
+                    blocks.free(block);
+                    true
                 }
+                _ => false,
+            };
+            // Memory that is not given back still counts as allocated.
+            if is_freed {
+                self.gpu.allocated.fetch_sub(bytes, Relaxed);
             }
         }
         self.allocator = None;

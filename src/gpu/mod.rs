@@ -4,6 +4,7 @@
 //! barriers that its hazards need and submits it. All `unsafe` of the crate is in this folder.
 
 mod budget;
+pub mod caller;
 mod device;
 mod executables;
 mod execute;

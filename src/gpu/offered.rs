@@ -26,6 +26,8 @@ pub(super) struct Offered {
     pub is_subset: bool,
     /// fp32 operations round to nearest where a kernel asks for it.
     pub rounding: bool,
+    /// Memory of other programs and interfaces by a file descriptor.
+    pub has_external_memory: bool,
 }
 
 impl Offered {
@@ -76,16 +78,18 @@ impl Offered {
             // Where the modes of all widths must be the same, fp32 alone cannot declare one.
             rounding: controls.shader_rounding_mode_rte_float32 == vk::TRUE
                 && controls.rounding_mode_independence != vk::ShaderFloatControlsIndependence::NONE,
+            has_external_memory: offers(khr::external_memory_fd::NAME),
         })
     }
 
     /// The extensions to open the device with.
-    fn extensions(&self) -> Vec<&'static CStr> {
+    pub fn extensions(&self) -> Vec<&'static CStr> {
         let all = [
             (self.float, ext::shader_atomic_float::NAME),
             (self.has_budget, ext::memory_budget::NAME),
             (self.has_statistics, khr::pipeline_executable_properties::NAME),
             (self.is_subset, khr::portability_subset::NAME),
+            (self.has_external_memory, khr::external_memory_fd::NAME),
         ];
         all.into_iter().filter(|(offered, _)| *offered).map(|(_, name)| name).collect()
     }

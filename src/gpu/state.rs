@@ -3,6 +3,7 @@
 
 use ash::vk;
 
+use super::caller::Moment;
 use super::execute::{Executor, Ticket};
 use super::faults::shuffled;
 use super::memory::Made;
@@ -22,8 +23,21 @@ impl Executor {
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<()> {
+        let ticket = self.submit_between([None; 2], [reads, writes], write)?;
+        self.wait(ticket)
+    }
+
+    /// Submits what `write` records, after a caller's first moment, and before the second, which it brings about. It uses
+    /// the buffers `reads` and `writes`.
+    pub(super) fn submit_between(
+        &mut self,
+        moments: [Option<Moment>; 2],
+        [reads, writes]: [&[Buffer]; 2],
+        write: impl FnOnce(&ash::Device, vk::CommandBuffer),
+    ) -> Result<Ticket> {
         let commands = self.command_buffer()?;
         let mut flight = self.flight(commands);
+        flight.between = moments;
         self.share(&mut flight, reads, writes);
         let gpu = self.gpu.clone();
         let device = gpu.raw();
@@ -49,8 +63,7 @@ impl Executor {
             self.land(flight);
             return Err(gpu.failed("recording", e));
         }
-        let ticket = self.launch(flight)?;
-        self.wait(ticket)
+        self.launch(flight)
     }
 
     /// Reads a device buffer through the readback buffer `through`, whose content is lost. Waits for all earlier

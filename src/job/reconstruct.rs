@@ -113,7 +113,7 @@ pub fn solve(
     let maps_at = [&request.snapshots[..], &previews].concat();
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
     let with_volume = request.volume_file.is_some();
-    let beside = Beside { watch: &mut watch, keep: Some(keep) };
+    let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
     let solver = sizes::with_kept(request, gpu, capture);
     let done = solver.solve(gpu, capture, grid, request.memory, with_volume, beside);
     let mut result = match failed {

@@ -17,17 +17,20 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::vector::{self, Follow};
+use crate::solve::check_lent_scan;
+use crate::solve::vector::{self, Follow, Frames};
 use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
 mod feed;
 mod latency;
+mod lent;
 mod worker;
 
 pub use feed::Feed;
 pub use latency::Latency;
+pub use lent::LentFrame;
 use worker::{Shared, Taken, Worker};
 
 /// Number of a frame, from 1, in the order of submission.
@@ -65,6 +68,9 @@ pub struct SessionOptions {
     pub feed: Feed,
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the vector solver.
     pub follow: Option<Follow>,
+    /// Frames may lie in buffers of the caller's ([`Session::submit_lent`]). For the vector solver, and for photon counts.
+    /// Light from beyond the box is not searched for: that needs the counts on the host.
+    pub lent: bool,
 }
 
 /// A solver with everything that it needs to solve frames of one scan.
@@ -123,7 +129,14 @@ impl Session {
         let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
         let feed = options.feed;
         let mask_fraction = options.mask_fraction.or(solver.usual_mask());
-        let worker = Worker { shared: shared.clone(), prepared, scan: scan.clone(), mask_fraction, options };
+        let worker = Worker {
+            gpu: gpu.clone(),
+            shared: shared.clone(),
+            prepared,
+            scan: scan.clone(),
+            mask_fraction,
+            options,
+        };
         let thread = std::thread::Builder::new()
             .name("thirdbounce session".into())
             .spawn(move || worker.work())
@@ -174,6 +187,20 @@ impl Session {
         }
         self.scan.check_finite(histograms)?;
         self.shared.submit(histograms, Some(measured), &self.scan)
+    }
+
+    /// Begins to solve a frame whose counts lie in a buffer of the caller's on the device, and returns. The counts are never on
+    /// the host. The session needs [`SessionOptions::lent`].
+    ///
+    /// A frame that fails or is stopped brings its moments about, too, from the host, so that nobody waits for ever. One that is
+    /// dropped because another came does not: the moments of that one are later.
+    ///
+    /// # Errors
+    /// [`Kind::Options`] if the session was not made for lent frames, the buffers are too small, sums are fed, or the feed
+    /// refuses another frame. Nothing changes then. What is wrong with the counts shows when the frame is taken.
+    pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {
+        frame.check(self)?;
+        self.shared.submit_lent(frame)
     }
 
     /// Whether no frame is being solved, and none waits. A result may be there.
@@ -267,14 +294,21 @@ fn prepared(
     options: &SessionOptions,
 ) -> Result<Box<dyn Prepared>> {
     let (memory, with_volume) = (options.memory, options.with_volume);
-    match (options.follow, solver) {
-        (None, _) => solver.prepare(gpu, scan, grid, memory, with_volume),
-        (Some(how), SolverOptions::Vector(o)) => {
-            Ok(Box::new(vector::prepare_to_follow(gpu, scan, grid, o, memory, with_volume, Some(how))?))
+    let frames = Frames { follow: options.follow, lent: options.lent };
+    if options.lent {
+        check_lent_scan(scan.integer_counts)?;
+    }
+    match solver {
+        _ if frames == Frames::default() => solver.prepare(gpu, scan, grid, memory, with_volume),
+        SolverOptions::Vector(o) => {
+            Ok(Box::new(vector::prepare_for_frames(gpu, scan, grid, o, memory, with_volume, frames)?))
         }
-        (Some(_), _) => Err(Error::options(
-            format!("frames of the solver {} do not follow each other", solver.name()),
-            "use the vector solver, or leave `follow` out",
+        _ => Err(Error::options(
+            format!(
+                "frames of the solver {} neither follow each other nor lie in lent buffers",
+                solver.name()
+            ),
+            "use the vector solver, or leave `follow` and `lent` out",
         )),
     }
 }

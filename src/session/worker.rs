@@ -10,10 +10,15 @@ use std::time::{Duration, Instant};
 
 use super::feed::{Feed, Kept};
 use super::latency::{Latencies, Latency};
-use super::{FrameId, SessionOptions, too_long};
+use super::{FrameId, LentFrame, SessionOptions, too_long};
 use crate::capture::Capture;
-use crate::solve::{Beside, Prepared, Progress, Reconstruction, Watch, conclude};
+use crate::gpu::Gpu;
+use crate::gpu::caller::Moment;
+use crate::solve::{Beside, LentCounts, Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result, panic_message};
+
+/// How often a frame that waits for its counts looks whether it was cancelled.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// What there is of the newest frame.
 pub(super) enum Taken {
@@ -28,8 +33,13 @@ pub(super) enum Taken {
 /// A frame that waits.
 struct Waiting {
     id: FrameId,
-    counts: Vec<f32>,
+    counts: Counts,
     since: Instant,
+}
+
+enum Counts {
+    Host(Vec<f32>),
+    Lent(LentFrame),
 }
 
 struct State {
@@ -113,15 +123,21 @@ impl Shared {
         }
         let replaces = matches!(state.feed, Feed::Newest | Feed::Sum { .. });
         if let Some(old) = if replaces { state.waiting.pop_back() } else { None } {
-            state.latencies.dropped += u64::from(state.feed == Feed::Newest);
-            state.spare.push(old.counts);
+            state.drop_frame(old);
         }
-        if state.feed == Feed::One {
-            state.done = None;
+        let id = state.add(Counts::Host(counts));
+        self.changed.notify_all();
+        Ok(id)
+    }
+
+    /// Gives the thread a frame that lies in a caller's buffer.
+    pub fn submit_lent(&self, frame: LentFrame) -> Result<FrameId> {
+        let mut state = self.state();
+        state.admit()?;
+        if let Some(old) = if state.feed == Feed::Newest { state.waiting.pop_back() } else { None } {
+            state.drop_frame(old);
         }
-        state.newest.0 += 1;
-        let id = state.newest;
-        state.waiting.push_back(Waiting { id, counts, since: Instant::now() });
+        let id = state.add(Counts::Lent(frame));
         self.changed.notify_all();
         Ok(id)
     }
@@ -175,12 +191,12 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    fn is_cancelled(&self, id: FrameId) -> bool {
+    pub(super) fn is_cancelled(&self, id: FrameId) -> bool {
         id.0 <= self.cancelled.load(Relaxed)
     }
 
-    /// Waits for a frame, and puts its counts into `scan`; `None` at the end of the session.
-    fn next(&self, scan: &mut Capture) -> Option<FrameId> {
+    /// Waits for a frame, and puts its counts into `scan` or returns it, if it is lent; `None` at the end of the session.
+    fn next(&self, scan: &mut Capture) -> Option<(FrameId, Option<LentFrame>)> {
         let mut state = self.state();
         loop {
             if state.closing {
@@ -189,14 +205,27 @@ impl Shared {
             // Where every frame counts, no result is dropped.
             let may = state.done.is_none() || !matches!(state.feed, Feed::Every { .. });
             if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
-                let old = std::mem::replace(&mut scan.histograms, frame.counts);
+                let (counts, lent) = match frame.counts {
+                    Counts::Host(counts) => (counts, None),
+                    Counts::Lent(lent) => (vec![], Some(lent)),
+                };
+                let old = std::mem::replace(&mut scan.histograms, counts);
                 if old.capacity() > 0 {
                     state.spare.push(old);
                 }
                 state.solving = Some((frame.id, frame.since));
-                return Some(frame.id);
+                return Some((frame.id, lent));
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Gives the buffers of frames back that nobody will solve.
+    fn release_all(&self, gpu: &Gpu) {
+        for frame in std::mem::take(&mut self.state().waiting) {
+            if let Counts::Lent(mut lent) = frame.counts {
+                lent.release(gpu);
+            }
         }
     }
 
@@ -213,6 +242,24 @@ impl Shared {
 }
 
 impl State {
+    /// A frame that another one takes the place of.
+    fn drop_frame(&mut self, old: Waiting) {
+        self.latencies.dropped += u64::from(self.feed == Feed::Newest);
+        if let Counts::Host(counts) = old.counts {
+            self.spare.push(counts);
+        }
+    }
+
+    /// Lets a frame wait.
+    fn add(&mut self, counts: Counts) -> FrameId {
+        if self.feed == Feed::One {
+            self.done = None;
+        }
+        self.newest.0 += 1;
+        self.waiting.push_back(Waiting { id: self.newest, counts, since: Instant::now() });
+        self.newest
+    }
+
     /// Whether there is room for another frame.
     fn admit(&self) -> Result<()> {
         if let Some(error) = &self.broken {
@@ -234,6 +281,7 @@ impl State {
 
 /// What the thread has.
 pub(super) struct Worker {
+    pub gpu: Gpu,
     pub shared: Arc<Shared>,
     pub prepared: Box<dyn Prepared>,
     /// The scan; with the counts of a frame while that is solved.
@@ -247,21 +295,56 @@ impl Worker {
     /// Solves frames until the session ends, or until a solve panics.
     pub fn work(mut self) {
         let shared = self.shared.clone();
-        while let Some(id) = shared.next(&mut self.scan) {
-            let solved = catch_unwind(AssertUnwindSafe(|| self.solve(id)));
+        while let Some((id, mut lent)) = shared.next(&mut self.scan) {
+            let solved = catch_unwind(AssertUnwindSafe(|| match &mut lent {
+                Some(lent) => self.solve_lent(id, lent),
+                None => self.solve(id, None),
+            }));
             match solved {
                 Ok(result) => shared.leave(id, result, None),
                 Err(panic) => {
+                    lent.iter_mut().for_each(|lent| lent.release(&self.gpu));
                     let error = defect(id, &*panic);
                     shared.leave(id, Err(error.clone()), Some(error));
-                    return;
+                    break;
                 }
             }
         }
+        shared.release_all(&self.gpu);
     }
 
-    fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, mask_fraction, options } = self;
+    /// Solves a frame in a caller's buffer, and gives its maps back.
+    fn solve_lent(&mut self, id: FrameId, lent: &mut LentFrame) -> Result<Reconstruction> {
+        let solved = self
+            .wait_for(id, lent.counts.after)
+            .and_then(|()| self.solve(id, Some(&mut lent.counts)))
+            .and_then(|result| lent.give(&mut *self.prepared, &result.maps, &self.gpu).map(|()| result));
+        if solved.is_err() {
+            lent.release(&self.gpu);
+        }
+        solved
+    }
+
+    /// Waits until a frame's counts are there: here, where it can be cancelled, and where no time limit of the device's runs.
+    fn wait_for(&self, id: FrameId, after: Option<Moment>) -> Result<()> {
+        let Some(after) = after else { return Ok(()) };
+        let begun = Instant::now();
+        while !self.gpu.wait_for(after, LOOK)? {
+            let late = self.options.time_limit.filter(|limit| begun.elapsed() > *limit);
+            if late.is_some() || self.shared.is_cancelled(id) {
+                let stopped = Error::new(
+                    Kind::Cancelled,
+                    "the frame was cancelled before its counts were there",
+                    "submit it again, or the next one",
+                );
+                return Err(late.map_or(stopped.clone(), |limit| too_long(limit, stopped)));
+            }
+        }
+        Ok(())
+    }
+
+    fn solve(&mut self, id: FrameId, lent: Option<&mut LentCounts>) -> Result<Reconstruction> {
+        let Worker { shared, prepared, scan, mask_fraction, options, .. } = self;
         let begun = Instant::now();
         let mut late = false;
         let mut hear = |progress: &Progress| {
@@ -272,7 +355,7 @@ impl Worker {
             options.hear.as_mut().map_or(ControlFlow::Continue(()), |hear| hear(id, progress))
         };
         let mut watch = Watch { hear: &mut hear, maps_every: options.maps_every, maps_at: &[] };
-        let solved = prepared.solve(scan, Beside { watch: &mut watch, keep: None });
+        let solved = prepared.solve(scan, Beside { watch: &mut watch, keep: None, lent });
         let mut result = match (solved, options.time_limit) {
             (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => return Err(too_long(limit, e)),
             (solved, _) => solved?,

@@ -12,7 +12,8 @@ use super::{Reconstruction, background, variances};
 const SLANT: f64 = 0.35;
 
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), and the confidence of all layers: of the result, and of
-/// `snapshots`, the maps after earlier iterations with the masks that they have. `capture` is what was solved.
+/// `snapshots`, the maps after earlier iterations with the masks that they have. `capture` is what was solved; its counts
+/// are not looked at if the result says how strong their noise is.
 pub fn conclude(
     capture: &Capture,
     mask_fraction: Option<f64>,
@@ -23,7 +24,7 @@ pub fn conclude(
     let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
     let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
     let all = Conditions {
-        noise: noise(capture),
+        noise: result.noise.unwrap_or_else(|| noise(capture)),
         width: capture.bin_width.hypot(pulse).hypot(spots[0]).hypot(spots[1]),
         aperture: aperture(capture),
         voxel: [0.0; 2],

@@ -10,13 +10,20 @@ use crate::transport::Model;
 pub fn expected_noise(model: &Model) -> f64 {
     let [per_value, floor] = model.variance;
     // A count is its own unbiased variance; `measured` is the count less the background.
-    weighted_sum(model, &model.measured, |m| per_value * m + floor) / model.elements as f64
+    weighted_sum(model, model.pairs(), [floor, per_value, 0.0]) / model.elements as f64
 }
 
-/// The sum over measured values of what `of` makes of each, with the weights of their bins.
-pub fn weighted_sum(model: &Model, measured: &[f32], of: impl Fn(f64) -> f64) -> f64 {
+/// The sum over the measured values of the first `pairs` of what the polynomial `of` (constant, linear, quadratic) makes
+/// of each, with the weights of their bins.
+pub fn weighted_sum(model: &Model, pairs: usize, [constant, linear, quadratic]: [f64; 3]) -> f64 {
     let weights: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin)).collect();
-    let rows = measured.chunks_exact(model.bins);
+    if let Some(moments) = &model.moments {
+        let bins = moments.first(pairs).iter().zip(weights);
+        let of = |[sum, squares]: &[f64; 2]| constant * pairs as f64 + linear * sum + quadratic * squares;
+        return bins.map(|(sums, weight)| weight * of(sums)).sum();
+    }
+    let of = |m: f64| constant + linear * m + quadratic * (m * m);
+    let rows = model.measured.chunks_exact(model.bins).take(pairs);
     rows.flat_map(|row| row.iter().zip(&weights)).map(|(m, weight)| weight * of(f64::from(*m))).sum()
 }
 

@@ -132,7 +132,7 @@ pub struct VolumeMap {
 }
 
 /// Copies to device buffers through the upload buffer: as many in one schedule as it has room for.
-struct Uploads<'e> {
+pub(super) struct Uploads<'e> {
     executor: &'e mut Executor,
     /// Bytes of the upload buffer that are taken.
     at: u64,
@@ -142,7 +142,7 @@ struct Uploads<'e> {
 
 impl<'e> Uploads<'e> {
     /// Waits for what is under way: it may use the upload buffer.
-    fn begin(executor: &'e mut Executor) -> Result<Uploads<'e>> {
+    pub fn begin(executor: &'e mut Executor) -> Result<Uploads<'e>> {
         executor.settle()?;
         Ok(Uploads { executor, at: 0, schedule: Schedule::default() })
     }
@@ -170,13 +170,26 @@ impl<'e> Uploads<'e> {
         Ok(())
     }
 
+    /// Adds more work, after the copies so far.
+    pub fn then(&mut self, more: Schedule) {
+        self.schedule.extend(more);
+    }
+
     /// Runs what is left, and waits for it.
-    fn run(self) -> Result<()> {
+    pub fn run(self) -> Result<()> {
         self.executor.run(&self.schedule)
     }
 
-    /// Adds the measured values, their sums, and the scenes, which hold their variance.
+    /// Adds the scenes, the measured values and their sums.
     fn add_counts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
+        self.add_scenes(plan, model, summed)?;
+        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
+        self.then(sum_bins(plan));
+        Ok(())
+    }
+
+    /// Adds the scenes, which hold the variance of the measured values.
+    pub fn add_scenes(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
         for level in plan.levels.iter().chain(plan.pixels_only()) {
             let own = in_bins_of(level, model, summed);
             let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
@@ -189,8 +202,6 @@ impl<'e> Uploads<'e> {
                 self.add(level.rendered.scene, bytemuck::bytes_of(&scene))?;
             }
         }
-        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
-        self.schedule.extend(sum_bins(plan));
         Ok(())
     }
 }

@@ -3,10 +3,11 @@
 
 use std::sync::Arc;
 
-use super::{Beside, OnDevice, Plan, Reconstruction};
+use super::{Beside, OnDevice, Plan, Reconstruction, UPLOAD};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
+use crate::gpu::caller::{Lent, Moment};
 use crate::transport::Model;
 
 /// A solver that is prepared for captures of one scan.
@@ -27,6 +28,12 @@ pub trait Prepared: Send {
     /// # Errors
     /// See [`super::paper::reconstruct`].
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction>;
+
+    /// Writes `content` into a lent buffer, and brings the moment `done` about when it is there.
+    ///
+    /// # Errors
+    /// The device fails. Then `done` has not come.
+    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()>;
 }
 
 /// A planned solve, on the device from its first use on.
@@ -60,6 +67,14 @@ impl Planned {
     /// Whether the device has it.
     pub fn is_made(&self) -> bool {
         matches!(self.state, State::Made(_))
+    }
+
+    /// See [`Prepared::give`].
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
+        self.made(|_| Ok(()))?.executor.give_lent(content, UPLOAD, to, done)
     }
 
     /// The solve on the device, where nothing is under way. `first` runs when it is made.

@@ -57,6 +57,8 @@ pub struct Reconstruction {
     pub is_warm: bool,
     /// Light from beyond the box was taken off the measurement, and why.
     pub beyond: Option<TakenOff>,
+    /// The share of noise in the energy of the counts, if these were on the device only.
+    pub noise: Option<f64>,
     /// Per kernel, if the device was opened with timings.
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
@@ -96,6 +98,7 @@ pub(super) fn finish(
         surface_left: false,
         is_warm: false,
         beyond: None,
+        noise: None,
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
         kernels: job.executor.take_times().into_iter().collect(),
@@ -104,5 +107,9 @@ pub(super) fn finish(
 }
 
 fn empty_loss(model: &Model) -> f64 {
-    model.measured.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / model.elements as f64
+    let squares = match &model.moments {
+        Some(moments) => moments.all().iter().map(|[_, squares]| squares).sum::<f64>(),
+        None => model.measured.iter().map(|v| f64::from(*v).powi(2)).sum(),
+    };
+    squares / model.elements as f64
 }

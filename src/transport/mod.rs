@@ -5,6 +5,7 @@ mod fine;
 mod grid;
 pub mod kernels;
 mod model;
+mod moments;
 mod reach;
 mod reflectance;
 mod rows;
@@ -15,6 +16,7 @@ mod wall;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
 pub use model::{Binning, Gradient, Model, Sampling, cells};
+pub use moments::Moments;
 pub use reflectance::Reflectance;
 pub use rows::Rows;
 pub use spot::{Rendered, Spot, SpotTaps};

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::Moments;
 use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::scan::unit_of;
@@ -57,6 +58,8 @@ pub struct Model {
     pub t_start: f64,
     /// Measured histograms after scaling, `[pair * bins + bin]`.
     pub measured: Vec<f32>,
+    /// Sums over the measured values, if these are on the device only and `measured` is empty.
+    pub moments: Option<Moments>,
     /// Number of bins of all pairs over which the loss is a mean: those of the capture, even if some are left out.
     pub elements: usize,
     /// How the instrument spreads a path over bins; `None` treats paths as sharp.
@@ -142,6 +145,7 @@ impl Model {
             bin_width: capture.bin_width,
             t_start: capture.t_start,
             measured: vec![],
+            moments: None,
             // A capture's check refuses a pulse without taps.
             pulse: match &capture.pulse {
                 Some(pulse) => pulse.taps(capture.bin_width).ok(),
@@ -180,6 +184,7 @@ impl Model {
     /// As [`Model::take`], times `scale`.
     pub fn take_times(&mut self, rows: &Rows, capture: &Capture, background: f64, scale: f64) {
         self.counts_per_unit = 1.0 / scale;
+        self.moments = None;
         let below = (background * (1.0 / self.counts_per_unit)) as f32;
         rows.fill(&mut self.measured, capture, scale, below);
     }
@@ -205,6 +210,7 @@ impl Model {
 
     /// Takes the measured values of `narrow`, every `sum` neighbouring bins as one, and what belongs to them.
     pub fn take_sums(&mut self, narrow: &Model, sum: usize) {
+        self.moments = None;
         // Like the kernel that sums on the device.
         self.measured.clear();
         for histogram in narrow.measured.chunks_exact(narrow.bins) {

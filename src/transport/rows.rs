@@ -21,6 +21,16 @@ impl Rows {
         Rows { pairs, bins: 0..bins }
     }
 
+    /// The capture's pair for each row.
+    pub fn pairs(&self) -> &[usize] {
+        &self.pairs
+    }
+
+    /// The capture's bins that are kept.
+    pub fn bins(&self) -> Range<usize> {
+        self.bins.clone()
+    }
+
     /// Puts row `order[i]` in place i, for all i.
     pub fn reorder(&mut self, order: &[usize]) {
         self.pairs = order.iter().map(|row| self.pairs[*row]).collect();

@@ -9,7 +9,7 @@ use thirdbounce::solve::passes::*;
 use thirdbounce::solve::surface::passes::*;
 use thirdbounce::solve::{PASSES, Pass, Twin, paper, vector};
 
-use crate::{domain, follow, paper as of_paper, surface, surface_gather, vector as of_vector};
+use crate::{domain, follow, intake, paper as of_paper, surface, surface_gather, vector as of_vector};
 use crate::{vector_domain, vector_forward, vector_momentum};
 
 /// Passes, and the tests that compare them with their twins.
@@ -67,6 +67,8 @@ static HELD: &[Held] = held! {
     SURFACE_FINISH, SURFACE_FORWARD => surface::iterations_in_a_row;
     SURFACE_EXTRACT => surface::extract;
     vector::follow::passes::FILTER_LEFT => follow::what_is_left_is_summed_and_filtered;
+    TALLY => intake::counts_are_summed_over_slices_of_pairs;
+    INTAKE => intake::counts_become_the_measurement;
     vector::follow::passes::JOIN => follow::the_domain_before_is_joined_to_the_new_one;
 };
 

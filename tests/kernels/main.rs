@@ -3,6 +3,7 @@
 mod domain;
 mod follow;
 mod held;
+mod intake;
 mod isa;
 mod paper;
 mod paper_gradient;

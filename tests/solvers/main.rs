@@ -4,6 +4,7 @@ mod beyond;
 mod confidence;
 mod layers;
 mod leave_out;
+mod lent;
 mod live;
 mod narrow;
 mod outline;

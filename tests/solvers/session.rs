@@ -20,7 +20,7 @@ use thirdbounce::solve::{
 use thirdbounce::transport::Reflectance;
 
 /// A scan of `side` × `side` confocal points on a 1 m wall, with bins of this width and without counts.
-fn scan(side: usize, bin_width: f64) -> Capture {
+pub fn scan(side: usize, bin_width: f64) -> Capture {
     let at = |i: usize| (i as f64 + 0.5) / side as f64 - 0.5;
     let wall: Vec<DVec3> = (0..side * side).map(|p| dvec3(at(p / side), at(p % side), 0.0)).collect();
     let bins = (2.4 / bin_width) as usize;
@@ -51,14 +51,14 @@ fn frame(scan: &Capture, centre: DVec3) -> Vec<f32> {
 }
 
 /// Two frames: a plate, and two others behind each other, with a third beside the box.
-fn frames(scan: &Capture) -> [Vec<f32>; 2] {
+pub fn frames(scan: &Capture) -> [Vec<f32>; 2] {
     let [near, far, beside] =
         [dvec3(-0.15, 0.1, 0.6), dvec3(-0.1, 0.1, 0.95), dvec3(1.0, 0.0, 0.5)].map(|at| frame(scan, at));
     let three = near.iter().zip(&far).zip(&beside).map(|((n, f), b)| n + 4.0 * f + 4.0 * b).collect();
     [frame(scan, dvec3(0.1, -0.05, 0.6)), three]
 }
 
-fn vector(change: impl FnOnce(&mut VectorOptions)) -> SolverOptions {
+pub fn vector(change: impl FnOnce(&mut VectorOptions)) -> SolverOptions {
     let options = VectorOptions::default().with(|o| {
         (o.lateral, o.iterations, o.growth_iterations) = (24, 9, 3);
         o.domain.coarse_iterations = 3;
@@ -84,7 +84,7 @@ fn session(gpu: &Gpu, scan: &Capture, solver: &SolverOptions) -> Session {
 }
 
 /// The bits of everything that a solve finds.
-fn bits(done: &Reconstruction) -> Vec<u32> {
+pub fn bits(done: &Reconstruction) -> Vec<u32> {
     let maps = &done.maps;
     let of_map = [&maps.albedo[..], &maps.depth, maps.normal.as_flattened()].concat();
     let behind = maps.behind.iter().flat_map(|l| l.albedo.iter().chain(&l.depth));

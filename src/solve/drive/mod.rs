@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use super::Pass;
 use super::checkpoint::{self, Checkpoint, Keep, Keeper};
+use super::intake::LentCounts;
 use super::on_device::{OnDevice, read_maps};
 use super::{Level, Plan, TracePoint};
 use crate::gpu::{Gpu, Schedule, Ticket};
@@ -66,11 +67,13 @@ pub struct Beside<'b, 'w> {
     pub watch: &'b mut Watch<'w>,
     /// Saves and resumes, if asked for.
     pub keep: Option<Keep<'b>>,
+    /// The counts, if they lie in a caller's buffer; else they are the capture's. For a solver that was prepared for it.
+    pub lent: Option<&'b mut LentCounts>,
 }
 
 impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
     fn from(watch: &'b mut Watch<'w>) -> Beside<'b, 'w> {
-        Beside { watch, keep: None }
+        Beside { watch, keep: None, lent: None }
     }
 }
 

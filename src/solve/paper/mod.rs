@@ -11,6 +11,7 @@ use super::result::{Reconstruction, finish};
 use super::{Plan, domain};
 use crate::Result;
 use crate::capture::Capture;
+use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Gpu, Schedule};
 use crate::transport::{Grid, Model, Rows};
 
@@ -134,6 +135,10 @@ impl Prepared for PreparedPaper {
         let steps = steps(&plan, options);
         let driven = drive(&gpu, job, options.iterations, steps, beside.watch, keeper, None)?;
         finish(job, driven, with_volume.then_some(albedo_of))
+    }
+
+    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
+        self.planned.give(content, to, done)
     }
 }
 

@@ -43,6 +43,10 @@ impl Plan {
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
+        if self.lent {
+            let bytes = u64::from(TALLY_SLICES) * self.all_bins as u64 * 16;
+            on_host.push((buffer::TALLY, bytes, Place::Readback));
+        }
         if with_volume {
             on_host.push((RAW_HOST, self.capacity as u64 * 16, Place::Readback));
             on_host.push((MASK_HOST, self.finest().grid.storage() as u64 / 8, Place::Readback));
@@ -78,12 +82,14 @@ impl Plan {
         let cells = super::cells(self.pairs, self.bins) as u64;
         let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
         let rendered = self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells);
+        // A caller's counts lie where rendered histograms will.
+        let lent = if self.lent { (self.pairs * self.all_bins) as u64 } else { 0 };
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let mut all = vec![
             (buffer::WALL, self.wall_bytes(self.finest())),
             (buffer::MEASURED, elements * 4),
-            (buffer::HISTOGRAMS, rendered * if self.fixed_point() { 8 } else { 4 }),
+            (buffer::HISTOGRAMS, (rendered * if self.fixed_point() { 8 } else { 4 }).max(lent * 4)),
             (buffer::RESIDUAL, cells * 4),
             (buffer::RAW, touched * 16),
             (buffer::LEVELS, u64::from(LEVELS) * 4),
@@ -104,6 +110,9 @@ impl Plan {
             (buffer::LOSS_PARTIALS, losses * 8),
             (buffer::COLUMNS, columns),
         ];
+        if self.lent {
+            all.push((buffer::ROWS, 8 + self.pairs as u64 * 4));
+        }
         if self.tap_sets > 0 {
             all.push((buffer::SPREAD, cells * 4));
             all.push((buffer::PULSE_TAPS, (self.tap_sets * self.tap_room * 4) as u64));

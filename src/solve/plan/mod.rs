@@ -59,6 +59,8 @@ pub struct Demand {
     pub more_taps: [usize; 2],
     /// Solve the volume of a Lambertian scene with one cosine.
     pub cosine_volume: bool,
+    /// Counts may lie in a caller's buffer.
+    pub lent: bool,
 }
 
 /// What a solver needs of a plan. Its options implement this.
@@ -140,6 +142,8 @@ pub struct Plan {
     pub tap_sets: usize,
     /// Words of each set of taps.
     pub tap_room: usize,
+    /// Counts may lie in a caller's buffer.
+    pub lent: bool,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side.
@@ -248,6 +252,7 @@ impl Plan {
             tap_sets: if pulse > 0 || more_sets > 0 { 1 + more_sets } else { 0 },
             // The same for all pulses but the longest, so that a plan made before the pulse is found stays valid.
             tap_room: (pulse + 2 + more_bins).max(256),
+            lent: demand.lent,
             curved: model.wall.normals.is_some(),
             scanned: model.wall.scanned.len(),
             others: model.wall.others.len(),

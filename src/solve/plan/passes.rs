@@ -18,6 +18,12 @@ passes! {
         ..Pass::of("sum_bins", |_| &kernel::SUM_BINS)
     };
 
+    /// Sums a caller's counts over pairs.
+    TALLY = Pass { when: |p| p.lent, twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
+
+    /// Takes a caller's counts as the measurement.
+    INTAKE = Pass { when: |p| p.lent, twin: twin!(intake), ..Pass::of("intake", |_| &kernel::INTAKE) };
+
     /// Renders the sampled points into the histograms.
     FORWARD = Pass {
         pairs: Some(Voxels::Active),

@@ -49,8 +49,7 @@ pub struct Placed {
 
 /// The weighted mean of the squared measurement over the first `pairs`.
 pub fn energy(model: &Model, pairs: usize) -> f64 {
-    let sum = weighted_sum(model, &model.measured[..pairs * model.bins], |m| m.powi(2));
-    sum / model.elements_of(pairs).max(1) as f64
+    weighted_sum(model, pairs, [0.0, 0.0, 1.0]) / model.elements_of(pairs).max(1) as f64
 }
 
 /// The part of the data term that no surface need explain: photon noise, and the misfit of the model to the

@@ -41,7 +41,7 @@ mod trial;
 pub use follow::Follow;
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
-pub use prepared::{prepare, prepare_to_follow};
+pub use prepared::{Frames, prepare, prepare_for_frames};
 pub use preview::preview;
 pub use schedule::{due, iteration, start};
 pub use trial::{Left, PAIRS, Start, Trial};

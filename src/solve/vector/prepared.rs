@@ -9,10 +9,12 @@ use super::{
     VectorOptions, albedo_of, iteration, make_ready, outline_of, solve_volume, steps, stop_below, take,
 };
 use crate::capture::Capture;
+use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
+use crate::solve::intake::{self, Lending, LentCounts};
 use crate::solve::on_device::trace_rows;
 use crate::solve::prepared::Planned;
 use crate::solve::result::{TakenOff, finish};
@@ -37,29 +39,42 @@ pub fn prepare(
     memory: Option<u64>,
     with_volume: bool,
 ) -> Result<impl Prepared + use<>> {
-    prepare_to_follow(gpu, capture, grid, options, memory, with_volume, None)
+    prepare_for_frames(gpu, capture, grid, options, memory, with_volume, Frames::default())
 }
 
-/// As [`prepare`]. With `how`, for frames that follow each other.
+/// What frames of a session ask of their solver beside what single captures do.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Frames {
+    /// They begin with the frame before.
+    pub follow: Option<Follow>,
+    /// Their counts may lie in a caller's buffer. The search for light from beyond the box needs them on the host, and
+    /// is left out.
+    pub lent: bool,
+}
+
+/// As [`prepare`], for frames of a session.
 ///
 /// # Errors
 /// As [`prepare`].
-pub fn prepare_to_follow(
+pub fn prepare_for_frames(
     gpu: &Gpu,
     capture: &Capture,
     grid: Grid,
     options: &VectorOptions,
     memory: Option<u64>,
     with_volume: bool,
-    how: Option<Follow>,
+    frames: Frames,
 ) -> Result<impl Prepared + use<>> {
     options.check()?;
+    let how = frames.follow;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
     let following = Following(options);
     let needs: &dyn Needs = if how.is_some() { &following } else { options };
+    let lending = Lending(needs);
+    let needs: &dyn Needs = if frames.lent { &lending } else { needs };
     let plan = Plan::new(&outline, grid, capture.resolution(), needs, &gpu.abilities(), with_volume)?;
-    let search = match options.beyond {
+    let search = match options.beyond && !frames.lent {
         true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
         false => None,
     };
@@ -105,13 +120,16 @@ impl Prepared for PreparedVector {
     }
 
     fn allocate(&mut self) -> Result<()> {
-        let PreparedVector { planned, options, following, .. } = self;
-        let OnDevice { plan, executor, model, .. } = planned.made(make_ready)?;
+        let PreparedVector { planned, options, rows, following, .. } = self;
+        let OnDevice { plan, executor, model, .. } = planned.made(|job| make_all_ready(job, rows))?;
         let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
         outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)?;
         surface::each(plan, &options.surface, &mut reserve)?;
         if following.is_some() {
             follow::each(plan, options, model, &mut reserve)?;
+        }
+        if plan.lent {
+            intake::each(plan, rows, &mut reserve)?;
         }
         if let Some(search) = &mut self.search {
             going_on(search.allocate().map(Some))?;
@@ -120,39 +138,79 @@ impl Prepared for PreparedVector {
     }
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
-        let Beside { watch, keep } = beside;
+        let Beside { watch, keep, lent } = beside;
+        let mut counts = Counts { capture, lent };
         if self.following.is_none() {
-            return self.cold(capture, watch, keep);
+            return self.cold(&mut counts, watch, keep);
         }
         let begun = Instant::now();
         // After an error the state on the device is no frame's: the next one begins cold.
         let last = self.following.as_mut().and_then(|f| f.last.take());
         if let Some(last) = last
-            && let Some(done) = self.warm(capture, watch, last, begun)?
+            && let Some(done) = self.warm(&mut counts, watch, last, begun)?
         {
             return Ok(done);
         }
-        self.cold(capture, watch, keep)
+        self.cold(&mut counts, watch, keep)
     }
+
+    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
+        self.planned.give(content, to, done)
+    }
+}
+
+/// The counts of a frame: in a caller's buffer, or the capture's.
+struct Counts<'c> {
+    capture: &'c Capture,
+    lent: Option<&'c mut LentCounts>,
+}
+
+impl Counts<'_> {
+    /// Takes them as the measurement of `job`, less the `light` from beyond the box, and uploads what is on the host.
+    /// `scale`: see [`take`]. `keep`: a lent buffer is not given back yet. Returns the share of noise in the energy of lent counts.
+    fn take(
+        &mut self,
+        job: &mut OnDevice,
+        options: &VectorOptions,
+        rows: &Rows,
+        scale: Option<f64>,
+        keep: bool,
+    ) -> Result<Option<f64>> {
+        match &mut self.lent {
+            Some(lent) => intake::take(job, rows, lent, [options.background, keep], scale).map(Some),
+            None => {
+                take(self.capture, options, rows, &mut job.model, scale);
+                Ok(None)
+            }
+        }
+    }
+}
+
+/// Uploads what every solve begins with, and which rows are the model's.
+fn make_all_ready(job: &mut OnDevice, rows: &Rows) -> Result<()> {
+    make_ready(job)?;
+    if job.plan.lent { intake::upload_rows(job, rows) } else { Ok(()) }
 }
 
 impl PreparedVector {
     /// Solves from the beginning.
     fn cold(
         &mut self,
-        capture: &Capture,
+        counts: &mut Counts<'_>,
         watch: &mut Watch<'_>,
         keep: Option<Keep<'_>>,
     ) -> Result<Reconstruction> {
         let begun = Instant::now();
-        let beyond = self.light_beyond(capture, watch)?;
+        let beyond = self.light_beyond(counts.capture, watch)?;
         let before = begun.elapsed().as_secs_f64();
         let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
         let gpu = planned.gpu().clone();
-        let job = planned.made(make_ready)?;
-        take(capture, options, rows, &mut job.model, None);
+        let job = planned.made(|job| make_all_ready(job, rows))?;
+        let noise = counts.take(job, options, rows, None, false)?;
         let light = beyond.as_ref().map(|beyond| (beyond.take_off(&mut job.model), beyond.told));
-        job.upload_counts()?;
+        if noise.is_none() {
+            job.upload_counts()?;
+        }
         let keeper = Keeper::new(keep, job, options)?;
         let budget = following.as_ref().and_then(|f| f.how.budget);
         let share = following.as_ref().map_or(1.0, |f| f.pace.share(budget));
@@ -186,6 +244,7 @@ impl PreparedVector {
             volume_iterations,
             surface_left,
             beyond: light.map(|(_, told)| told),
+            noise,
             ..finish(job, driven, with_volume.then_some(albedo_of))?
         })
     }
@@ -193,7 +252,7 @@ impl PreparedVector {
     /// Solves from where the last frame ended; `None` if the scene is another one. Begun at `begun`.
     fn warm(
         &mut self,
-        capture: &Capture,
+        counts: &mut Counts<'_>,
         watch: &mut Watch<'_>,
         last: Last,
         begun: Instant,
@@ -202,17 +261,22 @@ impl PreparedVector {
         let Some(Chain { how, pace, last: next }) = following else { return Ok(None) };
         let gpu = planned.gpu().clone();
         let job = planned.made(make_ready)?;
-        take(capture, options, rows, &mut job.model, Some(last.scale));
+        let noise = counts.take(job, options, rows, Some(last.scale), true)?;
         if let Some((light, _)) = &last.beyond {
             beyond::take(&mut job.model, light, 1.0);
         }
-        job.upload_counts()?;
+        if noise.is_none() {
+            job.upload_counts()?;
+        }
         let level = *job.plan.finest();
         job.executor.run(&follow::look(&job.plan, &level, options))?;
         let driven = looked(job, &last.maps, begun);
         let change = follow::change(data_term(job, 0), last.left, energy(job.model_of(&level), level.pairs));
         if change.is_nan() || change > how.cut_above {
             return Ok(None);
+        }
+        if let Some(lent) = &mut counts.lent {
+            lent.release(&gpu)?;
         }
         let [volume_iterations, surface_iterations] = pace.iterations(how.budget, how.wanted(options));
         let until = |share: f64| how.budget.map(|b| begun + b.mul_f64(share));
@@ -255,6 +319,7 @@ impl PreparedVector {
             surface_left,
             beyond: told,
             is_warm: true,
+            noise,
             ..finish(job, driven, with_volume.then_some(albedo_of))?
         }))
     }

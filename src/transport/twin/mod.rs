@@ -4,6 +4,7 @@
 //! State is in the grid's storage order ([`Grid::index`]); lists hold storage indices in that order.
 
 mod domain;
+mod intake;
 mod optimise;
 mod pulse;
 mod random;
@@ -15,6 +16,7 @@ pub use domain::{
     Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
     join, levels, rim, room, smooth, taps, threshold, touched,
 };
+pub use intake::{intake, tally};
 pub use optimise::{learning_rate, noise, update};
 pub use pulse::{Way, instrument, pulse, spot, sum_bins};
 pub use random::random3;
