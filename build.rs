@@ -92,11 +92,15 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("variance", "variance.comp", &[]),
 ];
 
+/// The passes of `examples/vulkan`.
+const EXAMPLES: &[&str] = &["light", "colour"];
+
 /// If this environment variable is set, kernels are compiled without optimisation.
 const UNOPTIMISED: &str = "THIRDBOUNCE_UNOPTIMISED";
 
 fn main() {
     println!("cargo:rerun-if-changed=glsl");
+    println!("cargo:rerun-if-changed=examples/vulkan");
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-env-changed={UNOPTIMISED}");
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
@@ -109,7 +113,7 @@ fn main() {
     let mut modules = String::new();
     let (mut blocks, mut constants) = (BTreeSet::new(), BTreeSet::new());
     for (name, source, macros) in KERNELS {
-        let words = compile(&compiler, source, macros);
+        let words = compile(&compiler, &Path::new("glsl").join(source), macros);
         let file = out.join(format!("{name}.spv"));
         let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         fs::write(&file, bytes).expect("OUT_DIR is writable");
@@ -164,9 +168,14 @@ fn main() {
     }
     rust.push_str("}\n");
     fs::write(out.join("kernels.rs"), rust).expect("OUT_DIR is writable");
+    for name in EXAMPLES {
+        let words = compile(&compiler, &Path::new("examples/vulkan").join(format!("{name}.comp")), &[]);
+        let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        fs::write(out.join(format!("example_{name}.spv")), bytes).expect("OUT_DIR is writable");
+    }
 }
 
-fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u32> {
+fn compile(compiler: &shaderc::Compiler, path: &Path, macros: &[&str]) -> Vec<u32> {
     let mut options = shaderc::CompileOptions::new().expect("shaderc gives options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_2 as u32);
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
@@ -190,8 +199,7 @@ fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u
         };
         Ok(shaderc::ResolvedInclude { resolved_name: wanted.to_string(), content })
     });
-    let path = Path::new("glsl").join(source);
-    let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let text = fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let artifact = compiler
         .compile_into_spirv(
             &text,
@@ -200,6 +208,6 @@ fn compile(compiler: &shaderc::Compiler, source: &str, macros: &[&str]) -> Vec<u
             "main",
             Some(&options),
         )
-        .unwrap_or_else(|e| panic!("{source} {macros:?}: {e}"));
+        .unwrap_or_else(|e| panic!("{} {macros:?}: {e}", path.display()));
     artifact.as_binary().to_vec()
 }

@@ -12,6 +12,30 @@
 // Most settings that a `tb_problem` names.
 #define TB_PROBLEM_SETTINGS 4
 
+// Most extensions that `tb_requirements` names.
+#define TB_EXTENSIONS 8
+
+// VkPhysicalDeviceVulkan12Features::timelineSemaphore. It must be enabled.
+#define TB_FEATURE_TIMELINE_SEMAPHORE 1
+
+// VkPhysicalDeviceFeatures::shaderInt64 and VkPhysicalDeviceVulkan12Features::shaderBufferInt64Atomics.
+#define TB_FEATURE_INT64_ATOMICS 2
+
+// VK_EXT_shader_atomic_float with shaderBufferFloat32AtomicAdd.
+#define TB_FEATURE_FLOAT_ATOMICS 4
+
+// VK_EXT_memory_budget.
+#define TB_FEATURE_MEMORY_BUDGET 8
+
+// VK_KHR_portability_subset.
+#define TB_FEATURE_PORTABILITY_SUBSET 16
+
+// VK_KHR_external_memory_fd.
+#define TB_FEATURE_EXTERNAL_MEMORY_FD 32
+
+// VK_EXT_debug_utils, of the instance.
+#define TB_FEATURE_DEBUG_UTILS 64
+
 // How a call went.
 typedef enum tb_status {
     // It went well.
@@ -41,6 +65,19 @@ typedef enum tb_level {
     // Why a call failed.
     TB_ERROR = 1,
 } tb_level;
+
+// What counts in a buffer are.
+typedef enum tb_format {
+    // 32-bit floats.
+    TB_F32 = 0,
+    // 32-bit unsigned integers.
+    TB_U32 = 1,
+    // 16-bit unsigned integers, two to a word.
+    TB_U16 = 2,
+} tb_format;
+
+// A buffer over memory that another program or interface shares.
+typedef struct tb_buffer tb_buffer;
 
 // An opened Vulkan device. Any thread may use it, and any number of sessions at once.
 typedef struct tb_device tb_device;
@@ -134,8 +171,8 @@ typedef struct tb_settings {
     void *user;
     // 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
     uint32_t follow;
-    // Not used: 0.
-    uint32_t reserved;
+    // 1: frames may lie in buffers of the program's (`tb_session_submit_lent`). For "vector", and for photon counts.
+    uint32_t lent;
     // Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
     double budget;
 } tb_settings;
@@ -182,6 +219,93 @@ typedef struct tb_frame {
     uint32_t reserved;
 } tb_frame;
 
+// A function of any kind: PFN_vkVoidFunction.
+typedef void (*tb_function)(void);
+
+// Handles of a program's own Vulkan. Zero everything, then set `size`.
+typedef struct tb_vulkan {
+    // sizeof(tb_vulkan).
+    size_t size;
+    // vkGetInstanceProcAddr of the loader that made the instance.
+    tb_function get_instance_proc_addr;
+    // VkInstance, and VkApplicationInfo::apiVersion that it was made with: at least 1.2.
+    void *instance;
+    uint32_t api_version;
+    // Family of `queue`. Not used by `tb_vulkan_requirements`, as all that follows.
+    uint32_t queue_family;
+    // VkPhysicalDevice. `tb_vulkan_requirements` uses it, too.
+    void *physical_device;
+    // VkDevice, and a VkQueue of it that computes.
+    void *device;
+    void *queue;
+    // TB_FEATURE_ bits of what was enabled.
+    uint32_t enabled;
+    // Not used: 0.
+    uint32_t reserved;
+    // Called around submissions to the queue, by any thread; both NULL if nobody else uses the queue.
+    void (*lock)(void *user);
+    void (*unlock)(void *user);
+    // Given to both.
+    void *user;
+    // VkPipelineCache for the library's kernels; 0: one of its own.
+    uint64_t pipeline_cache;
+} tb_vulkan;
+
+// What a device is to be made with. Set `size` before the call.
+typedef struct tb_requirements {
+    // sizeof(tb_requirements).
+    size_t size;
+    // Least VkApplicationInfo::apiVersion.
+    uint32_t api_version;
+    // A family whose queues compute; any other that computes will do.
+    uint32_t queue_family;
+    // TB_FEATURE_ bits of what the device offers of that which the library uses: enable all, or less.
+    uint32_t features;
+    // The extensions of the device for them; they live as long as the program.
+    uint32_t extension_count;
+    const char *extensions[TB_EXTENSIONS];
+} tb_requirements;
+
+// A part of a program's VkBuffer: whole words of 4 bytes.
+typedef struct tb_part {
+    // VkBuffer; 0: none.
+    uint64_t buffer;
+    // First byte, and how many.
+    uint64_t offset;
+    uint64_t bytes;
+} tb_part;
+
+// A value of a program's timeline semaphore.
+typedef struct tb_moment {
+    // VkSemaphore; 0: none.
+    uint64_t semaphore;
+    // Its value.
+    uint64_t value;
+} tb_moment;
+
+// A frame whose counts lie in a program's buffer, and whose maps go into one. Zero everything, then set `size`.
+typedef struct tb_lent_frame {
+    // sizeof(tb_lent_frame).
+    size_t size;
+    // The counts, those of bin b of pair p as number p * bins + b. The buffer has VK_BUFFER_USAGE_TRANSFER_SRC_BIT.
+    struct tb_part counts;
+    // Imported memory in place of `counts`; NULL: none.
+    const struct tb_buffer *imported;
+    // What they are: a tb_format.
+    uint32_t format;
+    // Not used: 0.
+    uint32_t reserved;
+    // The counts are there from then on; without a semaphore: now.
+    struct tb_moment after;
+    // Brought about when the counts were copied.
+    struct tb_moment taken;
+    // Where the maps go, as floats one after the other for n pixels: albedo, depth, normals (x, y, z of each), mask (1 or 0),
+    // confidence; `tb_session_maps_bytes` bytes. The buffer has VK_BUFFER_USAGE_TRANSFER_DST_BIT.
+    struct tb_part maps;
+    // Brought about when the maps are there.
+    struct tb_moment done;
+} tb_lent_frame;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -190,7 +314,7 @@ extern "C" {
 const char *tb_version(void);
 
 // Opens a device into `device`. `api_version` is `TB_API_VERSION`: a library of another version refuses it. `name` is a
-// part of the device's name or its index, or NULL for the best one. Any thread.
+// part of the device's name, its index or its UUID, or NULL for the best one. Any thread.
 //
 // # Safety
 // `name` is NULL or a string that ends with a zero; `device` points to a pointer.
@@ -276,6 +400,60 @@ enum tb_status tb_session_cancel(const struct tb_session *session);
 // # Safety
 // `session` lives, and nobody uses the handle meanwhile or afterwards.
 void tb_session_free(struct tb_session *session);
+
+// Says what a device of the program's own is to be made with: `vulkan` needs no more than an instance and a physical device.
+// Any thread.
+//
+// # Safety
+// `vulkan` and `out` begin with their sizes. The handles are valid and belong together.
+enum tb_status tb_vulkan_requirements(const struct tb_vulkan *vulkan,
+                                      struct tb_requirements *out);
+
+// Makes a device of a program's own handles into `device`: see `tb_device_open`. Nothing of them is destroyed by
+// `tb_device_close`. Any thread.
+//
+// # Safety
+// `vulkan` begins with its size. The handles are valid, belong together, and live until the device and all sessions of it are
+// gone; `enabled` says no more than was enabled; `lock` and `unlock` may be called by any thread meanwhile. `device` points to a
+// pointer.
+enum tb_status tb_device_of_vulkan(uint32_t api_version,
+                                   const struct tb_vulkan *vulkan,
+                                   struct tb_device **device);
+
+// Begins to solve a frame in buffers of the program's, and returns: see `tb_session_submit`. The session was made with `lent`
+// in its settings. A frame that fails or is stopped brings its moments about, too. Any thread; calls for one session wait for each
+// other.
+//
+// # Safety
+// `session` lives. `lent` begins with its size. Buffers and semaphores are of the session's device and live until the frame is
+// over; nobody writes the counts from `after` to `taken`, or uses the maps' buffer before `done`. `frame` is NULL or may be written.
+enum tb_status tb_session_submit_lent(const struct tb_session *session,
+                                      const struct tb_lent_frame *lent,
+                                      uint64_t *frame);
+
+// Bytes of a frame's maps in a program's buffer; 0 without a session. Any thread.
+//
+// # Safety
+// `session` lives, or is NULL.
+uint64_t tb_session_maps_bytes(const struct tb_session *session);
+
+// Imports memory of another program or interface (CUDA, another device of the same GPU) into `buffer`: the first `bytes` bytes
+// of the memory behind the opaque file descriptor `fd`, which has `memory_bytes` in all. The descriptor belongs to the library
+// afterwards, if this succeeds. Any thread.
+//
+// # Safety
+// `device` is open. `fd` is one of memory of this GPU, of so many bytes. `buffer` points to a pointer.
+enum tb_status tb_buffer_import_fd(const struct tb_device *device,
+                                   int32_t fd,
+                                   uint64_t memory_bytes,
+                                   uint64_t bytes,
+                                   struct tb_buffer **buffer);
+
+// Gives imported memory back; NULL does nothing. Frames that use it keep it. Any thread, once.
+//
+// # Safety
+// `buffer` lives, and nobody uses the handle meanwhile or afterwards.
+void tb_buffer_free(struct tb_buffer *buffer);
 
 #ifdef __cplusplus
 }  // extern "C"

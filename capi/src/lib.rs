@@ -11,11 +11,18 @@ mod scan;
 mod session;
 mod sized;
 mod text;
+mod vulkan;
 
 pub use error::{TB_PROBLEM_SETTINGS, TbProblem, TbStatus};
 pub use log::{TbLevel, TbLog};
 pub use scan::TbScan;
 pub use session::{TbFrame, TbHear, TbProgress, TbSession, TbSettings};
+pub use vulkan::{
+    TB_EXTENSIONS, TB_FEATURE_DEBUG_UTILS, TB_FEATURE_EXTERNAL_MEMORY_FD, TB_FEATURE_FLOAT_ATOMICS,
+    TB_FEATURE_INT64_ATOMICS, TB_FEATURE_MEMORY_BUDGET, TB_FEATURE_PORTABILITY_SUBSET,
+    TB_FEATURE_TIMELINE_SEMAPHORE, TbBuffer, TbFormat, TbFunction, TbLentFrame, TbMoment, TbPart,
+    TbRequirements, TbVulkan,
+};
 
 use std::ffi::{CStr, CString, c_char};
 
@@ -31,6 +38,28 @@ pub struct TbDevice {
     name: CString,
 }
 
+impl TbDevice {
+    fn of(gpu: Gpu) -> TbDevice {
+        log::note(&format!("opened {}", gpu.info.name.trim()));
+        let name = CString::new(gpu.info.name.trim().replace('\0', "")).unwrap_or_default();
+        TbDevice { gpu, name }
+    }
+}
+
+/// # Errors
+/// The program was compiled for another version of this interface.
+fn check_version(api_version: u32) -> engine::Result<()> {
+    if api_version == TB_API_VERSION {
+        return Ok(());
+    }
+    Err(options_error(
+        format!(
+            "the program was compiled for version {api_version} of the interface, this library has {TB_API_VERSION}"
+        ),
+        "compile the program with this library's header",
+    ))
+}
+
 /// Version of the library, "0.1.0". Any thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn tb_version() -> *const c_char {
@@ -38,7 +67,7 @@ pub extern "C" fn tb_version() -> *const c_char {
 }
 
 /// Opens a device into `device`. `api_version` is `TB_API_VERSION`: a library of another version refuses it. `name` is a
-/// part of the device's name or its index, or NULL for the best one. Any thread.
+/// part of the device's name, its index or its UUID, or NULL for the best one. Any thread.
 ///
 /// # Safety
 /// `name` is NULL or a string that ends with a zero; `device` points to a pointer.
@@ -49,21 +78,12 @@ pub unsafe extern "C" fn tb_device_open(
     device: *mut *mut TbDevice,
 ) -> TbStatus {
     guarded(|| {
-        if api_version != TB_API_VERSION {
-            return Err(options_error(
-                format!(
-                    "the program was compiled for version {api_version} of the interface, this library has {TB_API_VERSION}"
-                ),
-                "compile the program with this library's header",
-            ));
-        }
+        check_version(api_version)?;
         // SAFETY: the caller gives NULL or a string.
         let name = unsafe { text::of(name, "name")? };
         let gpu = Gpu::open(&GpuOptions { device: name.map(str::to_string), ..GpuOptions::default() })?;
-        let shown = CString::new(gpu.info.name.trim().replace('\0', "")).unwrap_or_default();
-        log::note(&format!("opened {}", gpu.info.name.trim()));
         // SAFETY: the caller gives a pointer to write to.
-        unsafe { sized::give_handle(device, TbDevice { gpu, name: shown }, "device") }
+        unsafe { sized::give_handle(device, TbDevice::of(gpu), "device") }
     })
 }
 

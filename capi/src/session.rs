@@ -60,8 +60,8 @@ pub struct TbSettings {
     pub user: *mut c_void,
     /// 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
     pub follow: u32,
-    /// Not used: 0.
-    pub reserved: u32,
+    /// 1: frames may lie in buffers of the program's (`tb_session_submit_lent`). For "vector", and for photon counts.
+    pub lent: u32,
     /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
     pub budget: f64,
 }
@@ -129,7 +129,7 @@ pub struct TbSession {
 }
 
 impl TbSession {
-    fn session(&self) -> MutexGuard<'_, Session> {
+    pub fn session(&self) -> MutexGuard<'_, Session> {
         // A session is whole after a panic: its thread has the rest.
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -261,7 +261,7 @@ pub unsafe extern "C" fn tb_session_free(session: *mut TbSession) {
     });
 }
 
-fn no_handle(what: &str) -> Error {
+pub fn no_handle(what: &str) -> Error {
     options_error(format!("`{what}` is NULL"), "give the handle that was made")
 }
 
@@ -329,6 +329,7 @@ impl TbSettings {
             time_limit: (limit > Duration::ZERO).then_some(limit),
             hear,
             follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
+            lent: self.lent != 0,
             ..SessionOptions::default()
         })
     }

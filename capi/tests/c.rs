@@ -56,6 +56,7 @@ fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempf
         .arg(root().join("examples").join(source))
         .arg("-L")
         .arg(library())
+        .args(if source.ends_with("vulkan.c") { &["-lvulkan"][..] } else { &[] })
         .args(["-lthirdbounce", "-lpthread", "-lm", "-o"])
         .arg(&program));
     let mut command = Command::new(&program);
@@ -73,6 +74,14 @@ fn captures(flags: &[&str], environment: &[(&str, &str)]) {
     let picture = std::fs::read(folder.path().join("last.pgm")).expect("a picture");
     assert!(picture.starts_with(b"P5 32 32 255\n") && picture.len() == 13 + 32 * 32);
     assert!(picture[13..].contains(&255), "the brightest pixel is white");
+}
+
+fn lends(flags: &[&str], environment: &[(&str, &str)]) {
+    let (folder, text) = example("c/vulkan.c", flags, environment);
+    let frames = text.lines().filter(|l| l.contains("pixels of surface") && l.ends_with("maps done"));
+    assert_eq!(frames.filter(|l| !l.contains(" 0 pixels")).count(), 2, "{text}");
+    let picture = std::fs::read(folder.path().join("last.pgm")).expect("a picture");
+    assert!(picture.len() == 13 + 32 * 32 && picture[13..].contains(&255));
 }
 
 fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
@@ -96,6 +105,11 @@ fn a_c_program_captures() {
 }
 
 #[test]
+fn a_c_program_lends_its_own_vulkan() {
+    lends(&[], &[]);
+}
+
+#[test]
 fn a_cpp_program_cancels() {
     cancels(&[], &[]);
 }
@@ -114,6 +128,7 @@ fn the_sanitizers_have_nothing_to_say() {
     ];
     for flags in ["-fsanitize=address,undefined", "-fsanitize=thread"] {
         captures(&[flags], &quiet);
+        lends(&[flags], &quiet);
         cancels(&[flags], &quiet);
     }
 }

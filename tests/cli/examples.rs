@@ -47,6 +47,21 @@ fn arrays_in_memory_become_a_place() {
 }
 
 #[test]
+fn a_program_with_a_vulkan_device_of_its_own_gets_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("letter.ppm");
+    example("vulkan", &[file.to_str().unwrap()]);
+    let all = std::fs::read(&file).unwrap();
+    let head = b"P6 32 32 255\n";
+    assert!(all.starts_with(head) && all.len() == head.len() + 32 * 32 * 3);
+    let is_lit = |x: usize, y: usize| all[head.len() + 3 * (y * 32 + x)..][..3].iter().any(|v| *v > 60);
+    let row = |y: usize| (0..32).filter(|x| is_lit(*x, y)).count();
+    // A letter T: a bar, and a stem of a third of its width below it.
+    assert!((13..=17).contains(&row(10)) && (3..=6).contains(&row(18)), "{} {}", row(10), row(18));
+    assert!(is_lit(9, 9) && is_lit(15, 20) && !is_lit(9, 20) && row(4) == 0 && row(28) == 0);
+}
+
+#[test]
 fn frames_of_a_session_become_places() {
     assert_eq!(places_found(&example("session", &[])), 3);
 }

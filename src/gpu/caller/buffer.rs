@@ -94,10 +94,9 @@ impl Imported {
     ///
     /// # Safety
     /// The descriptor is one of memory of this GPU, of so many bytes.
-    #[cfg(unix)]
     pub unsafe fn by_fd(
         gpu: &Gpu,
-        fd: std::os::fd::RawFd,
+        fd: i32,
         memory_bytes: u64,
         bytes: u64,
     ) -> Result<Imported> {
