@@ -1,7 +1,7 @@
 // Takes a caller's counts as the measurement: the bins that are kept, pairs in the order of the model, scaled, without
 // background. One invocation owns one measured value.
-// push.first: first bin that is kept; push.last: bins of a caller's row; push.step: bins that are kept;
-// push.iteration: pairs; push.flags: the format.
+// push.first: first bin that is kept; push.step: bins that are kept; push.iteration: pairs; push.flags: the rows
+// (lent.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -16,6 +16,6 @@ void main() {
     uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     uint row = index / push.step;
     if (row >= push.iteration) return;
-    float count = count_of(rows[2u + row] * push.last + push.first + index % push.step, push.flags);
+    float count = bin_of(rows[2u + row], push.first + index % push.step, row_of(push.flags));
     measured[index] = count * uintBitsToFloat(rows[0]) - uintBitsToFloat(rows[1]);
 }

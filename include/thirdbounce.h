@@ -175,6 +175,8 @@ typedef struct tb_settings {
     uint32_t lent;
     // Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
     double budget;
+    // How many neighbouring bins are one for the solver; 0: as many as the maps' pixels do not tell apart.
+    size_t sum;
 } tb_settings;
 
 // A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,

@@ -64,6 +64,8 @@ pub struct TbSettings {
     pub lent: u32,
     /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
     pub budget: f64,
+    /// How many neighbouring bins are one for the solver; 0: as many as the maps' pixels do not tell apart.
+    pub sum: usize,
 }
 
 /// A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -330,6 +332,7 @@ impl TbSettings {
             hear,
             follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
             lent: self.lent != 0,
+            sum: (self.sum > 0).then_some(self.sum),
             ..SessionOptions::default()
         })
     }

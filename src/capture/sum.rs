@@ -24,6 +24,14 @@ impl Capture {
         Ok(self.with_bins(self.bins.div_ceil(n), width, self.t_start, histograms))
     }
 
+    /// Takes the counts of `narrow`, of which this is a [`Capture::binned`] one. Nothing is allocated if it had counts before.
+    pub(crate) fn take_sums(&mut self, narrow: &Capture) {
+        let n = (self.bin_width / narrow.bin_width).round() as usize;
+        self.histograms.clear();
+        let rows = narrow.histograms.chunks_exact(narrow.bins);
+        self.histograms.extend(rows.flat_map(|h| h.chunks(n).map(|bins| bins.iter().sum::<f32>())));
+    }
+
     /// Sums every `n` x `n` neighbouring histograms of the scan into one, at the mean of their points and with the mean
     /// of their normals. Every count is kept.
     ///

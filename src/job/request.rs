@@ -8,7 +8,7 @@ use crate::capture::Capture;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
-use crate::solve::{Preset, default_volume, pixel_of, surface};
+use crate::solve::{Preset, default_volume, pixel_of};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
@@ -77,10 +77,6 @@ pub struct Request {
     /// File for the volume, .npz or .hdf5.
     pub volume_file: Option<PathBuf>,
 }
-
-/// A bin is at most this share of the pulse's standard deviation. Timing loses about a hundredth of its precision to it:
-/// its variance is a 48th of the pulse's.
-const OF_PULSE: f64 = 0.5;
 
 /// A capture in the bins that the solver takes, with the grid for it.
 pub(super) struct Ready<'c> {
@@ -170,22 +166,8 @@ impl Request {
         match self.bins {
             Bins::Native => 1,
             Bins::Sum(n) => n,
-            Bins::Auto => self.bins_to_sum(capture),
+            Bins::Auto => self.solver.usual_sum(capture, self.volume),
         }
-    }
-
-    /// How many bins the maps' pixels and the pulse do not tell apart. Over a pixel, paths differ by about its width. So
-    /// bins are wide enough for one point to render it: narrower ones take four times the surface's time, and results
-    /// are as good (benches/NOTES.md).
-    fn bins_to_sum(&self, capture: &Capture) -> usize {
-        if self.solver.pixels_per_voxel().is_none() {
-            return 1;
-        }
-        let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
-        let of_pixel = self.pixel(capture) / (surface::SMALL_PIXEL * capture.bin_width);
-        let of_pulse = OF_PULSE * pulse / capture.bin_width;
-        let sum = (of_pixel - 1e-6).ceil().max((of_pulse + 1e-6).floor());
-        (sum as usize).clamp(1, capture.bins)
     }
 
     /// The depth of a voxel where none is given: the solver's, and a bin where native bins are asked for.

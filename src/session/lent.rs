@@ -37,12 +37,12 @@ impl LentFrame {
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
         let refused = |what: String, mend: &str| Err(Error::options(what, mend.to_string()));
-        if !session.plan().lent {
+        let Some(rows) = session.plan().lent else {
             return refused(
                 "this session takes counts from the host only".into(),
                 "make it with `lent` in its options",
             );
-        }
+        };
         if matches!(session.feed, Feed::Sum { .. }) {
             return refused(
                 "frames in lent buffers cannot be summed".into(),
@@ -50,14 +50,14 @@ impl LentFrame {
             );
         }
         let plan = session.plan();
-        let wanted = self.counts.format.bytes_of(plan.pairs * plan.all_bins);
+        let wanted = self.counts.format.bytes_of(plan.pairs * rows.counts);
         if self.counts.counts.bytes() != wanted {
             return refused(
                 format!(
                     "{} bytes of counts for {} pairs of {} bins, which are {wanted} bytes",
                     self.counts.counts.bytes(),
                     plan.pairs,
-                    plan.all_bins
+                    rows.counts
                 ),
                 "lend pairs x bins counts in the format that was named, bin by bin within a pair",
             );

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::check_lent_scan;
 use crate::solve::vector::{self, Follow, Frames};
+use crate::solve::{LentRows, check_lent_scan};
 use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
@@ -52,6 +52,9 @@ pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
 /// What a session may take and tell.
 #[derive(Default)]
 pub struct SessionOptions {
+    /// How many neighbouring bins are one for the solver; `None`: as many as the command takes
+    /// ([`SolverOptions::usual_sum`]).
+    pub sum: Option<usize>,
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
     /// A pixel is surface above this share of the brightest albedo; `None`: as [`SolverOptions::usual_mask`] says.
@@ -118,14 +121,18 @@ impl Session {
         if !scan.histograms.is_empty() {
             scan.check_counts(&scan.histograms)?;
         }
+        let sum = options.sum.unwrap_or_else(|| solver.usual_sum(scan, None));
+        let summed = scan.binned(sum)?;
         let grid = match grid {
             Some(grid) => grid,
-            None => default_grid(scan, solver)?,
+            None => grid_of(&summed, solver)?,
         };
         options.feed.check()?;
-        let mut prepared = prepared(gpu, scan, grid, solver, &options)?;
+        let lent = options.lent.then_some(LentRows { counts: scan.bins, sum });
+        let mut prepared = prepared(gpu, &summed, grid, solver, &options, lent)?;
         prepared.allocate()?;
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
+        let summed = (sum > 1).then(|| summed.outline());
         let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
         let feed = options.feed;
         let mask_fraction = options.mask_fraction.or(solver.usual_mask());
@@ -134,6 +141,7 @@ impl Session {
             shared: shared.clone(),
             prepared,
             scan: scan.clone(),
+            summed,
             mask_fraction,
             options,
         };
@@ -282,6 +290,11 @@ impl Drop for Session {
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
+    grid_of(&scan.binned(solver.usual_sum(scan, None))?, solver)
+}
+
+/// The grid of a scan in the bins that the solver takes.
+fn grid_of(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
     Grid::new(solver.default_volume(scan)?, solver.common().lateral, solver.usual_depth_pitch(scan, None))
 }
 
@@ -292,11 +305,12 @@ fn prepared(
     grid: Grid,
     solver: &SolverOptions,
     options: &SessionOptions,
+    lent: Option<LentRows>,
 ) -> Result<Box<dyn Prepared>> {
     let (memory, with_volume) = (options.memory, options.with_volume);
-    let frames = Frames { follow: options.follow, lent: options.lent };
-    if options.lent {
-        check_lent_scan(scan.integer_counts)?;
+    let frames = Frames { follow: options.follow, lent };
+    if let Some(rows) = lent {
+        check_lent_scan(scan.integer_counts, rows)?;
     }
     match solver {
         _ if frames == Frames::default() => solver.prepare(gpu, scan, grid, memory, with_volume),

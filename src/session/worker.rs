@@ -286,6 +286,8 @@ pub(super) struct Worker {
     pub prepared: Box<dyn Prepared>,
     /// The scan; with the counts of a frame while that is solved.
     pub scan: Capture,
+    /// The same in the wider bins that the solver takes, if it does.
+    pub summed: Option<Capture>,
     /// See [`conclude`].
     pub mask_fraction: Option<f64>,
     pub options: SessionOptions,
@@ -344,8 +346,15 @@ impl Worker {
     }
 
     fn solve(&mut self, id: FrameId, lent: Option<&mut LentCounts>) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, mask_fraction, options, .. } = self;
+        let Worker { shared, prepared, scan, summed, mask_fraction, options, .. } = self;
         let begun = Instant::now();
+        let scan = match summed {
+            Some(summed) => {
+                summed.take_sums(scan);
+                &*summed
+            }
+            None => &*scan,
+        };
         let mut late = false;
         let mut hear = |progress: &Progress| {
             late = options.time_limit.is_some_and(|limit| begun.elapsed() > limit);

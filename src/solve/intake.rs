@@ -4,7 +4,7 @@
 use super::on_device::{OnDevice, Uploads, upload};
 use super::over_pairs::groups;
 use super::passes::{INTAKE, TALLY};
-use super::{Demand, LeftOut, Level, Needs, Pass, Plan};
+use super::{Demand, LeftOut, LentRows, Level, Needs, Pass, Plan};
 use crate::capture::negative::quiet_bins;
 use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Buffer, Constant, Gpu, Schedule};
@@ -63,12 +63,12 @@ impl LentCounts {
     }
 }
 
-/// What a solver needs of a plan if counts may lie in a caller's buffer.
-pub struct Lending<'n>(pub &'n dyn Needs);
+/// What a solver needs of a plan if such rows of counts may lie in a caller's buffer.
+pub struct Lending<'n>(pub &'n dyn Needs, pub LentRows);
 
 impl Needs for Lending<'_> {
     fn demand(&self) -> Demand {
-        Demand { lent: true, ..self.0.demand() }
+        Demand { lent: Some(self.1), ..self.0.demand() }
     }
 
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
@@ -100,6 +100,22 @@ impl Needs for Lending<'_> {
     }
 }
 
+impl LentRows {
+    /// Rows of so many bins.
+    pub fn of_bins(bins: usize) -> LentRows {
+        LentRows { counts: bins, sum: 1 }
+    }
+
+    fn bins(&self) -> usize {
+        self.counts.div_ceil(self.sum)
+    }
+
+    /// What kernels are told (`glsl/include/lent.glsl`).
+    fn word(&self, format: Format) -> u32 {
+        format.word() | (self.sum as u32) << 2 | (self.counts as u32) << 16
+    }
+}
+
 /// What is known of counts on the device.
 pub(super) struct Tally {
     /// Their sums.
@@ -127,19 +143,19 @@ fn slices(ends: &[usize]) -> Vec<[usize; 4]> {
     starts.zip(ends).map(|(from, to)| [*from, *to, of_slice, (to - from).div_ceil(of_slice)]).collect()
 }
 
-/// Sums the rows of `bins` counts in the buffer `from` over the pairs up to each of `ends`.
-pub fn tally_of(from: Buffer, bins: usize, format: Format, ends: &[usize]) -> Schedule {
+/// Sums the `rows` in the buffer `from` over the pairs up to each of `ends`.
+pub fn tally_of(from: Buffer, rows: LentRows, format: Format, ends: &[usize]) -> Schedule {
     let mut s = Schedule::default();
     let mut at = 0;
     for [first, last, of_slice, count] in slices(ends) {
-        s.dispatch(&TALLY, [bins.div_ceil(WORKGROUP as usize) as u32, count as u32, 1])
+        s.dispatch(&TALLY, [rows.bins().div_ceil(WORKGROUP as usize) as u32, count as u32, 1])
             .bind(buffer::SOURCE, from)
             .with(Push {
                 first: first as u32,
                 last: last as u32,
                 step: of_slice as u32,
                 iteration: at as u32,
-                flags: (bins as u32) << 2 | format.word(),
+                flags: rows.word(format),
                 ..Default::default()
             });
         at += count;
@@ -148,8 +164,9 @@ pub fn tally_of(from: Buffer, bins: usize, format: Format, ends: &[usize]) -> Sc
 }
 
 /// Runs [`tally_of`], and adds up what it leaves.
-fn tally(job: &mut OnDevice, from: Buffer, bins: usize, format: Format, ends: &[usize]) -> Result<Tally> {
-    job.executor.run(&tally_of(from, bins, format, ends))?;
+fn tally(job: &mut OnDevice, from: Buffer, rows: LentRows, format: Format, ends: &[usize]) -> Result<Tally> {
+    job.executor.run(&tally_of(from, rows, format, ends))?;
+    let bins = rows.bins();
     let slices = slices(ends);
     let count: usize = slices.iter().map(|[.., count]| count).sum();
     let read: Vec<[f32; 4]> = job.executor.read(buffer::TALLY, ..count * bins);
@@ -170,7 +187,13 @@ fn tally(job: &mut OnDevice, from: Buffer, bins: usize, format: Format, ends: &[
 }
 
 /// Scales the counts in [`buffer::HISTOGRAMS`] and takes off `below`, into [`buffer::MEASURED`].
-pub fn intake(plan: &Plan, rows: &Rows, format: Format, [factor, below]: [f64; 2]) -> Schedule {
+pub fn intake(
+    plan: &Plan,
+    rows: &Rows,
+    lent: LentRows,
+    format: Format,
+    [factor, below]: [f64; 2],
+) -> Schedule {
     let mut s = Schedule::default();
     s.set(buffer::ROWS, 0, (factor as f32).to_bits());
     s.set(buffer::ROWS, 1, (below as f32).to_bits());
@@ -178,10 +201,9 @@ pub fn intake(plan: &Plan, rows: &Rows, format: Format, [factor, below]: [f64; 2
         .bind(buffer::SOURCE, buffer::HISTOGRAMS)
         .with(Push {
             first: rows.bins().start as u32,
-            last: plan.all_bins as u32,
             step: plan.bins as u32,
             iteration: plan.pairs as u32,
-            flags: format.word(),
+            flags: lent.word(format),
             ..Default::default()
         });
     s
@@ -193,9 +215,9 @@ pub fn intake(plan: &Plan, rows: &Rows, format: Format, [factor, below]: [f64; 2
 /// Those of `reserve`.
 pub(super) fn each(plan: &Plan, rows: &Rows, reserve: &mut dyn FnMut(&Schedule) -> Result<()>) -> Result<()> {
     for source in std::iter::once(buffer::HISTOGRAMS).chain(measured(plan)) {
-        reserve(&tally_of(source, plan.bins, Format::F32, &ends(plan)))?;
+        reserve(&tally_of(source, LentRows::of_bins(plan.bins), Format::F32, &ends(plan)))?;
     }
-    reserve(&intake(plan, rows, Format::F32, [1.0, 0.0]))
+    reserve(&intake(plan, rows, LentRows::of_bins(plan.bins), Format::F32, [1.0, 0.0]))
 }
 
 /// The measurement in the bins of all levels: the model's own first, then that of [`Plan::summed`].
@@ -225,13 +247,14 @@ pub(super) fn take(
     [background, keep]: [bool; 2],
     scale: Option<f64>,
 ) -> Result<f64> {
-    let (pairs, bins) = (job.plan.pairs, job.plan.all_bins);
+    let pairs = job.plan.pairs;
+    let lent = job.plan.lent.expect("the session was made for lent counts");
     let taken = frame.taken.filter(|_| !keep);
     job.executor.take_lent(&frame.counts, buffer::HISTOGRAMS, [frame.after, taken])?;
     if !keep {
         frame.taken = None;
     }
-    let counts = tally(job, buffer::HISTOGRAMS, bins, frame.format, &[pairs])?;
+    let counts = tally(job, buffer::HISTOGRAMS, lent, frame.format, &[pairs])?;
     check(&counts)?;
     let sums = counts.moments.all();
     let mean: Vec<f64> = sums.iter().map(|[sum, _]| sum / pairs as f64).collect();
@@ -242,28 +265,28 @@ pub(super) fn take(
     job.model.measured.clear();
     job.model.counts_per_unit = 1.0 / scale;
     job.model.variance = [scale, empty * scale * scale];
-    upload_measurement(job, rows, frame.format, [scale, level * scale])?;
+    upload_measurement(job, intake(&job.plan, rows, lent, frame.format, [scale, level * scale]))?;
     let ends = ends(&job.plan);
     let plan = job.plan.clone();
     let bins: Vec<usize> = std::iter::once(&job.model).chain(&job.summed).map(|m| m.bins).collect();
     let mut found = vec![];
     for (source, bins) in measured(&plan).zip(bins) {
-        found.push(Some(tally(job, source, bins, Format::F32, &ends)?.moments));
+        found.push(Some(tally(job, source, LentRows::of_bins(bins), Format::F32, &ends)?.moments));
     }
     let models = std::iter::once(&mut job.model).chain(&mut job.summed);
     models.zip(found).for_each(|(model, moments)| model.moments = moments);
     Ok(noise(sums, pairs, level))
 }
 
-/// Leaves the measurement in the bins of all levels, and their scenes.
-fn upload_measurement(job: &mut OnDevice, rows: &Rows, format: Format, how: [f64; 2]) -> Result<()> {
+/// Leaves the measurement in the bins of all levels, by `intake` at first, and their scenes.
+fn upload_measurement(job: &mut OnDevice, intake: Schedule) -> Result<()> {
     let OnDevice { plan, model, summed, executor } = job;
     for (wide, level) in summed.iter_mut().zip(plan.summed()) {
         wide.take_sums(model, level.sum);
     }
     let mut all = Uploads::begin(executor)?;
     all.add_scenes(plan, model, summed)?;
-    all.then(intake(plan, rows, format, how));
+    all.then(intake);
     all.then(super::sum_bins(plan));
     all.run()
 }
@@ -303,11 +326,17 @@ fn check(counts: &Tally) -> Result<()> {
     Ok(())
 }
 
-/// Why counts of a scan cannot lie in a caller's buffer.
+/// Whether counts of a scan can lie in a caller's buffer.
 ///
 /// # Errors
-/// They are no photon counts.
-pub(crate) fn check_scan(is_photons: bool) -> Result<()> {
+/// They are no photon counts, or rows are too long.
+pub(crate) fn check_scan(is_photons: bool, rows: LentRows) -> Result<()> {
+    if rows.counts >= 1 << 16 || rows.sum >= 1 << 14 {
+        return Err(Error::options(
+            format!("rows of {} counts in a buffer, {} of them for a bin", rows.counts, rows.sum),
+            "lend fewer than 65536 counts for a pair, with fewer than 16384 for a bin",
+        ));
+    }
     if is_photons {
         return Ok(());
     }

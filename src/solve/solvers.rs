@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
     Accumulation, Beside, PaperOptions, Part, Plan, Prepared, Reconstruction, Sizes, VectorOptions,
-    default_volume,
+    default_volume, surface,
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -242,6 +242,22 @@ impl SolverOptions {
         }
     }
 
+    /// How many neighbouring bins are one for the solver if nothing else is asked for: those that the maps' pixels and the
+    /// pulse do not tell apart. Over a pixel, paths differ by about its width. So bins are wide enough for one point to
+    /// render it: narrower ones take four times the surface's time, and results are as good (benches/NOTES.md). Solvers
+    /// that take the capture's own bins sum none. `volume` is the box if it is not the default one. Counts do not matter.
+    pub fn usual_sum(&self, capture: &Capture, volume: Option<Volume>) -> usize {
+        if self.pixels_per_voxel().is_none() {
+            return 1;
+        }
+        let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
+        let pixel = pixel_of(capture, volume, self.common().lateral);
+        let of_pixel = pixel / (surface::SMALL_PIXEL * capture.bin_width);
+        let of_pulse = OF_PULSE * pulse / capture.bin_width;
+        let sum = (of_pixel - 1e-6).ceil().max((of_pulse + 1e-6).floor());
+        (sum as usize).clamp(1, capture.bins)
+    }
+
     /// Pixels that a voxel is wide; `None` for a solver that takes the capture's own bins, as the paper's does.
     pub fn pixels_per_voxel(&self) -> Option<usize> {
         match self {
@@ -318,6 +334,10 @@ impl SolverOptions {
         rows.into_iter().map(|row| (row, help_of(row))).collect()
     }
 }
+
+/// A bin is at most this share of the pulse's standard deviation. Timing loses about a hundredth of its precision to it:
+/// its variance is a 48th of the pulse's.
+const OF_PULSE: f64 = 0.5;
 
 /// A voxel is at least this share of its width deep.
 const OF_WIDTH: f64 = 0.5;

@@ -4,35 +4,40 @@ use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::capture::Capture;
-use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Format, Lending, OnDevice, intake, tally_of};
+use thirdbounce::gpu::{Command, Gpu, Schedule};
+use thirdbounce::solve::passes::TALLY;
+use thirdbounce::solve::{Format, Lending, LentRows, OnDevice, intake, tally_of};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model, Reflectance, Rows, twin};
+
+/// Counts of 30 pairs: three for a bin but the last, which has two.
+const ROWS: LentRows = LentRows { counts: 122, sum: 3 };
+const BINS: usize = 41;
 
 /// A plan for lent counts of 30 pairs with 41 bins, of which bins 3 to 36 are kept, in another order of pairs.
 fn lending(gpu: &Gpu, grid: &Grid) -> (OnDevice, Rows) {
     let points: Vec<_> =
         (0..30).map(|i| dvec3(0.1 * f64::from(i % 6), 0.1 * f64::from(i / 6), 0.0)).collect();
-    let scan = Capture::new([6, 5], points.clone(), points, 41, 0.05, vec![]);
+    let scan = Capture::new([6, 5], points.clone(), points, BINS, 0.05, vec![]);
     let (mut model, mut rows): (Model, Rows) = Model::outline(&scan, Reflectance::Cosine, 1.0, false);
     rows.reorder(&(0..30).map(|i| i * 7 % 30).collect::<Vec<_>>());
     rows.crop(3..36);
     model.bins = 33;
-    let job = job(gpu, &model, grid, &Lending(&vector_options(grid)));
+    let job = job(gpu, &model, grid, &Lending(&vector_options(grid), ROWS));
     (job, rows)
 }
 
-/// Counts of the pairs as a buffer has them in this format, and their values.
+/// Counts of the pairs as a buffer has them in this format, and the values of their bins.
 fn counts(format: Format, random: &mut Random) -> (Vec<u32>, Vec<f64>) {
-    let values: Vec<f64> = (0..30 * 41).map(|_| random.uniform(0.0, 60_000.0).floor()).collect();
-    let words = match format {
+    let values: Vec<f64> = (0..30 * ROWS.counts).map(|_| random.uniform(0.0, 60_000.0).floor()).collect();
+    let words: Vec<u32> = match format {
         Format::F32 => values.iter().map(|v| (*v as f32).to_bits()).collect(),
         Format::U32 => values.iter().map(|v| *v as u32).collect(),
-        Format::U16 => {
-            values.chunks(2).map(|two| two[0] as u32 | (two.get(1).map_or(0, |v| *v as u32)) << 16).collect()
-        }
+        Format::U16 => values.chunks(2).map(|two| two[0] as u32 | (two[1] as u32) << 16).collect(),
     };
-    (words, values)
+    assert_eq!(words.len() as u64 * 4, format.bytes_of(values.len()));
+    let rows = values.chunks(ROWS.counts);
+    (words, rows.flat_map(|row| row.chunks(ROWS.sum).map(|bins| bins.iter().sum::<f64>())).collect())
 }
 
 const FORMATS: [Format; 3] = [Format::F32, Format::U32, Format::U16];
@@ -45,30 +50,26 @@ pub fn counts_are_summed_over_slices_of_pairs() {
     let mut random = Random::new(3);
     for format in FORMATS {
         let (words, values) = counts(format, &mut random);
-        assert_eq!(words.len() as u64 * 4, format.bytes_of(values.len()));
         write(&mut job, buffer::HISTOGRAMS, &words);
         // So few pairs are a slice each; the second part begins in the middle.
-        job.executor.run(&tally_of(buffer::HISTOGRAMS, 41, format, &[11, 30])).unwrap();
-        let want = twin::tally(&values, 41, 1);
-        let got: Vec<[f32; 4]> = job.executor.read(buffer::TALLY, ..want.len());
-        let flat = got.as_flattened().iter().map(|v| f64::from(*v));
-        assert!(error(flat, want.into_iter().flatten()) < 1e-6, "{format:?}");
-        // Slices of several pairs: the last one is shorter.
-        let mut s = Schedule::default();
-        s.dispatch(&thirdbounce::solve::passes::TALLY, [1, 5, 1])
-            .bind(buffer::SOURCE, buffer::HISTOGRAMS)
-            .with(Push {
+        let mut s = tally_of(buffer::HISTOGRAMS, ROWS, format, &[11, 30]);
+        for of_slice in [1, 7] {
+            job.executor.run(&s).unwrap();
+            let want = twin::tally(&values, BINS, of_slice);
+            assert_eq!(want.len(), 30usize.div_ceil(of_slice) * BINS);
+            let got: Vec<[f32; 4]> = job.executor.read(buffer::TALLY, ..want.len());
+            let flat = got.as_flattened().iter().map(|v| f64::from(*v));
+            assert!(error(flat, want.into_iter().flatten()) < 1e-6, "{format:?} {of_slice}");
+            // Slices of several pairs: the last one is shorter.
+            let Command::Dispatch { push, .. } = s.commands[0].clone() else { panic!("dispatches only") };
+            let told: Push = bytemuck::cast(push);
+            s = Schedule::default();
+            s.dispatch(&TALLY, [1, 5, 1]).bind(buffer::SOURCE, buffer::HISTOGRAMS).with(Push {
                 last: 30,
                 step: 7,
-                flags: 41 << 2 | [COUNTS_F32, COUNTS_U32, COUNTS_U16][format as usize],
-                ..Default::default()
+                ..told
             });
-        job.executor.run(&s).unwrap();
-        let want = twin::tally(&values, 41, 7);
-        assert_eq!(want.len(), 5 * 41);
-        let got: Vec<[f32; 4]> = job.executor.read(buffer::TALLY, ..want.len());
-        let flat = got.as_flattened().iter().map(|v| f64::from(*v));
-        assert!(error(flat, want.into_iter().flatten()) < 1e-6, "{format:?}");
+        }
     }
     assert_valid(&gpu);
 }
@@ -85,9 +86,9 @@ pub fn counts_become_the_measurement() {
         let (words, values) = counts(format, &mut random);
         write(&mut job, buffer::HISTOGRAMS, &words);
         let how = [0.125, 300.0];
-        let schedule = intake(&job.plan.clone(), &rows, format, how);
+        let schedule = intake(&job.plan.clone(), &rows, ROWS, format, how);
         job.executor.run(&schedule).unwrap();
-        let want = twin::intake(&values, 41, &rows, how);
+        let want = twin::intake(&values, BINS, &rows, how);
         assert_eq!(want.len(), 30 * 33);
         assert!(error(read_floats(&mut job, buffer::MEASURED, want.len()), want) < 1e-6, "{format:?}");
     }

@@ -89,12 +89,15 @@ fn a_callers_device_gives_the_bits_of_an_own_one() {
 
 #[test]
 fn lent_counts_give_the_maps_of_counts_on_the_host() {
-    // Voxels are deeper than the narrow bins, which the volume sums.
-    for bin_width in [0.03, 0.01] {
+    // Of the narrowest bins, four are one for the solver; voxels are deeper than the middle ones, which the volume sums.
+    let mut summed = 0;
+    for (bin_width, sum) in [(0.03, 1), (0.02, 1), (0.005, 4)] {
         let (scan, frames) = photons(bin_width);
         let caller = Caller::new();
         let gpu = caller.gpu();
         let mut session = Session::new(&gpu, &scan, None, &vector(|_| ()), lending()).unwrap();
+        assert_eq!(session.plan().lent.unwrap().sum, sum);
+        summed += session.plan().summed().count();
         for (counts, format) in
             frames.iter().zip([Format::F32, Format::U16]).chain([(&frames[0], Format::U32)])
         {
@@ -116,6 +119,7 @@ fn lent_counts_give_the_maps_of_counts_on_the_host() {
         drop((session, gpu));
         assert_eq!(caller.messages(), Vec::<String>::new());
     }
+    assert!(summed > 0, "levels sum bins");
 }
 
 #[test]

@@ -110,6 +110,24 @@ fn alone(gpu: &Gpu, scan: &Capture, solver: &SolverOptions, counts: &[f32]) -> V
     bits(&solver.solve(gpu, &capture, grid, None, true, &mut unwatched(&mut hear)).unwrap())
 }
 
+#[test]
+fn narrow_bins_are_summed_as_the_command_sums_them() {
+    let gpu = gpu();
+    let scan = scan(12, 0.0125);
+    let [counts, _] = frames(&scan);
+    let solver = vector(|o| o.lateral = 16);
+    let sum = solver.usual_sum(&scan, None);
+    assert_eq!(sum, 3, "a pixel is 62.5 mm wide");
+    let summed = changed(&scan, |c| c.histograms = counts.clone()).binned(sum).unwrap();
+    let mut session = session(&gpu, &scan, &solver);
+    assert_eq!(session.plan().all_bins, summed.bins);
+    let want = alone(&gpu, &summed, &solver, &summed.histograms);
+    assert_eq!(solved(&mut session, &counts), want);
+    assert_eq!(solved(&mut session, &counts), want);
+    let own = SessionOptions { sum: Some(1), ..SessionOptions::default() };
+    assert_eq!(Session::new(&gpu, &scan, None, &solver, own).unwrap().plan().all_bins, scan.bins);
+}
+
 /// Solvers and scans that take different ways through the engine.
 fn kinds() -> Vec<(&'static str, SolverOptions, Capture)> {
     let plain = scan(12, 0.03);

@@ -26,7 +26,7 @@ impl Needs for PaperOptions {
             refined: None,
             smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
             cosine_volume: false,
-            lent: false,
+            lent: None,
             more_taps: [0, 0],
         }
     }

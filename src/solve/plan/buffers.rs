@@ -43,7 +43,7 @@ impl Plan {
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
-        if self.lent {
+        if self.lent.is_some() {
             let bytes = u64::from(TALLY_SLICES) * self.all_bins as u64 * 16;
             on_host.push((buffer::TALLY, bytes, Place::Readback));
         }
@@ -83,7 +83,7 @@ impl Plan {
         let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
         let rendered = self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells);
         // A caller's counts lie where rendered histograms will.
-        let lent = if self.lent { (self.pairs * self.all_bins) as u64 } else { 0 };
+        let lent = (self.pairs * self.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let mut all = vec![
@@ -110,7 +110,7 @@ impl Plan {
             (buffer::LOSS_PARTIALS, losses * 8),
             (buffer::COLUMNS, columns),
         ];
-        if self.lent {
+        if self.lent.is_some() {
             all.push((buffer::ROWS, 8 + self.pairs as u64 * 4));
         }
         if self.tap_sets > 0 {

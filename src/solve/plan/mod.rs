@@ -59,8 +59,17 @@ pub struct Demand {
     pub more_taps: [usize; 2],
     /// Solve the volume of a Lambertian scene with one cosine.
     pub cosine_volume: bool,
-    /// Counts may lie in a caller's buffer.
-    pub lent: bool,
+    /// Rows of counts that may lie in a caller's buffer.
+    pub lent: Option<LentRows>,
+}
+
+/// Rows of counts in a caller's buffer, one for each pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LentRows {
+    /// Counts of a row.
+    pub counts: usize,
+    /// How many neighbouring counts are one bin; those missing from the last are 0.
+    pub sum: usize,
 }
 
 /// What a solver needs of a plan. Its options implement this.
@@ -142,8 +151,8 @@ pub struct Plan {
     pub tap_sets: usize,
     /// Words of each set of taps.
     pub tap_room: usize,
-    /// Counts may lie in a caller's buffer.
-    pub lent: bool,
+    /// Rows of counts that may lie in a caller's buffer.
+    pub lent: Option<LentRows>,
     /// Normals of the wall are used.
     pub curved: bool,
     /// Wall points of the scanned side.

@@ -19,10 +19,10 @@ passes! {
     };
 
     /// Sums a caller's counts over pairs.
-    TALLY = Pass { when: |p| p.lent, twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
+    TALLY = Pass { when: |p| p.lent.is_some(), twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
 
     /// Takes a caller's counts as the measurement.
-    INTAKE = Pass { when: |p| p.lent, twin: twin!(intake), ..Pass::of("intake", |_| &kernel::INTAKE) };
+    INTAKE = Pass { when: |p| p.lent.is_some(), twin: twin!(intake), ..Pass::of("intake", |_| &kernel::INTAKE) };
 
     /// Renders the sampled points into the histograms.
     FORWARD = Pass {

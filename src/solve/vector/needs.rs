@@ -29,7 +29,7 @@ impl Needs for VectorOptions {
             smooth: [SMOOTH_SIGMA, 4.0],
             more_taps: surface::more_taps(&self.surface),
             cosine_volume: self.cosine_volume && self.surface.iterations > 0,
-            lent: false,
+            lent: None,
         }
     }
 

@@ -16,6 +16,7 @@ use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::intake::{self, Lending, LentCounts};
 use crate::solve::on_device::trace_rows;
+use crate::solve::plan::LentRows;
 use crate::solve::prepared::Planned;
 use crate::solve::result::{TakenOff, finish};
 use crate::solve::surface::{self, GoOn, energy};
@@ -47,9 +48,9 @@ pub fn prepare(
 pub struct Frames {
     /// They begin with the frame before.
     pub follow: Option<Follow>,
-    /// Their counts may lie in a caller's buffer. The search for light from beyond the box needs them on the host, and
-    /// is left out.
-    pub lent: bool,
+    /// Their counts may lie in a caller's buffer, in these rows. The search for light from beyond the box needs them on
+    /// the host, and is left out.
+    pub lent: Option<LentRows>,
 }
 
 /// As [`prepare`], for frames of a session.
@@ -71,10 +72,10 @@ pub fn prepare_for_frames(
     let (outline, rows) = outline_of(capture, &grid, options);
     let following = Following(options);
     let needs: &dyn Needs = if how.is_some() { &following } else { options };
-    let lending = Lending(needs);
-    let needs: &dyn Needs = if frames.lent { &lending } else { needs };
+    let lending = frames.lent.map(|rows| Lending(needs, rows));
+    let needs = lending.as_ref().map_or(needs, |lending| lending as &dyn Needs);
     let plan = Plan::new(&outline, grid, capture.resolution(), needs, &gpu.abilities(), with_volume)?;
-    let search = match options.beyond && !frames.lent {
+    let search = match options.beyond && frames.lent.is_none() {
         true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
         false => None,
     };
@@ -128,7 +129,7 @@ impl Prepared for PreparedVector {
         if following.is_some() {
             follow::each(plan, options, model, &mut reserve)?;
         }
-        if plan.lent {
+        if plan.lent.is_some() {
             intake::each(plan, rows, &mut reserve)?;
         }
         if let Some(search) = &mut self.search {
@@ -189,7 +190,7 @@ impl Counts<'_> {
 /// Uploads what every solve begins with, and which rows are the model's.
 fn make_all_ready(job: &mut OnDevice, rows: &Rows) -> Result<()> {
     make_ready(job)?;
-    if job.plan.lent { intake::upload_rows(job, rows) } else { Ok(()) }
+    if job.plan.lent.is_some() { intake::upload_rows(job, rows) } else { Ok(()) }
 }
 
 impl PreparedVector {
