@@ -89,13 +89,14 @@ fn a_callers_device_gives_the_bits_of_an_own_one() {
 
 #[test]
 fn lent_counts_give_the_maps_of_counts_on_the_host() {
-    // Of the narrowest bins, four are one for the solver; voxels are deeper than the middle ones, which the volume sums.
+    // Of the narrowest bins, four are one for the solver; where none are, the volume sums those that are finer than voxels.
     let mut summed = 0;
-    for (bin_width, sum) in [(0.03, 1), (0.02, 1), (0.005, 4)] {
+    for (bin_width, asked, sum) in [(0.03, None, 1), (0.005, None, 4), (0.01, Some(1), 1)] {
         let (scan, frames) = photons(bin_width);
         let caller = Caller::new();
         let gpu = caller.gpu();
-        let mut session = Session::new(&gpu, &scan, None, &vector(|_| ()), lending()).unwrap();
+        let options = SessionOptions { sum: asked, ..lending() };
+        let mut session = Session::new(&gpu, &scan, None, &vector(|_| ()), options).unwrap();
         assert_eq!(session.plan().lent.unwrap().sum, sum);
         summed += session.plan().summed().count();
         for (counts, format) in
