@@ -22,6 +22,7 @@ mod schedule;
 mod simulate;
 mod solver;
 mod tables;
+mod view;
 
 use std::process::ExitCode;
 
@@ -67,6 +68,8 @@ enum Verb {
     Simulate(simulate::Args),
     /// Reconstruct frames as they come, from a folder, a pipe or a connection; show them on a page.
     Live(Box<live::Args>),
+    /// Open the page of a result in a browser: pictures, histograms, surface, trace, settings.
+    View(view::Args),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
     /// Compare methods on one capture: error against run time.
@@ -126,6 +129,7 @@ fn run() -> Result<ExitCode> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),
+        Verb::View(args) => view::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Convert(args) => convert::run(&args),

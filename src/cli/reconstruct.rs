@@ -14,7 +14,7 @@ use super::{interrupt, print, tables};
 pub struct Args {
     #[command(flatten)]
     pub capture: CaptureArgs,
-    /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, mesh.ply, report.json
+    /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, mesh.ply, report.html, report.json
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Measure the result against this truth

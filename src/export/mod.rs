@@ -12,6 +12,7 @@ pub mod figure;
 pub mod inspection;
 pub mod mesh;
 pub mod npz;
+pub mod page;
 pub mod picture;
 pub mod plot;
 pub mod ply;

@@ -10,8 +10,11 @@ use crate::{Error, Result};
 /// The picture that a run shows, in the folder of its results.
 pub const PREVIEW: &str = "preview.png";
 
+/// The page of a result, in its folder.
+pub const PAGE: &str = "report.html";
+
 /// Files that a run writes into its folder, the preview among them.
-const RESULTS: [&str; 10] = [
+const RESULTS: [&str; 11] = [
     "maps.npz",
     "maps.exr",
     "albedo.png",
@@ -21,6 +24,7 @@ const RESULTS: [&str; 10] = [
     "points.ply",
     "mesh.ply",
     "report.json",
+    PAGE,
     PREVIEW,
 ];
 

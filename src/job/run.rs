@@ -1,10 +1,10 @@
 //! A whole run: what is checked first, the solve, and the files.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::places::PREVIEW;
+use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
 use super::{Loaded, Request, reconstruct, report, request};
 use crate::Result;
@@ -40,6 +40,9 @@ pub struct Solved {
     pub outcome: Outcome,
     volume: Option<VolumeMap>,
     snapshots: Vec<(usize, Maps)>,
+    /// The capture's name, and what the page shows of it.
+    title: String,
+    light: export::page::Light,
     /// It goes when the result is there.
     preview: Option<Preview>,
 }
@@ -110,6 +113,8 @@ fn solve_checked(
         },
         volume: result.volume,
         snapshots: done.snapshots,
+        title: title(&loaded.input.path),
+        light: export::page::Light::of(&loaded.capture),
         preview,
     })
 }
@@ -121,7 +126,7 @@ impl Solved {
     /// A file that cannot be written. No report is written then.
     pub fn write(self, request: &Request) -> Result<Outcome> {
         let start = Instant::now();
-        let Solved { mut outcome, volume, snapshots, preview } = self;
+        let Solved { mut outcome, volume, snapshots, title, light, preview } = self;
         // An older result stays whole until the new one is complete.
         let staging = Staging::new(&request.out)?;
         let mut staged = export::write_maps(staging.path(), &outcome.maps)?;
@@ -133,6 +138,9 @@ impl Solved {
             let folder = Request::snapshot_folder(staging.path(), *iteration);
             staged.extend(export::write_maps(&folder, maps)?);
         }
+        let page = staging.path().join(PAGE);
+        export::page::write(&page, &title, &outcome.maps, &light, &outcome.report, &outcome.notes)?;
+        staged.push(page);
         outcome.report.totals.export_s = start.elapsed().as_secs_f64();
         let path = staging.path().join("report.json");
         export::report::write(&path, &outcome.report)?;
@@ -143,6 +151,11 @@ impl Solved {
         let _ = std::fs::remove_file(request.out.join(PREVIEW));
         Ok(outcome)
     }
+}
+
+/// The name of a capture's file.
+fn title(capture: &Path) -> String {
+    capture.file_name().map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned())
 }
 
 /// Warnings: an end before the last doubling, a surface that was not taken, an empty result.

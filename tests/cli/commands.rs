@@ -107,6 +107,7 @@ fn from_a_simulated_capture_to_measured_maps() {
         "confidence.png",
         "points.ply",
         "mesh.ply",
+        "report.html",
         "report.json",
     ];
     for name in names {

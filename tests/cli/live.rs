@@ -8,6 +8,8 @@ use fixtures::command::{fail, program, stderr, stdout, succeed};
 use thirdbounce::capture;
 use thirdbounce::live::write;
 
+use crate::browser::{browser, image_colours, look};
+
 /// Options that make frames quick.
 const QUICK: [&str; 8] =
     ["--lateral", "16", "--iterations", "30", "--coarse-iterations", "5", "--surface-iterations", "12"];
@@ -136,12 +138,6 @@ impl Drop for Running {
     }
 }
 
-/// The first of these programs that is installed.
-fn browser() -> Option<&'static str> {
-    let there = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
-    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(there)
-}
-
 #[test]
 fn a_browser_shows_the_newest_maps() {
     let Some(browser) = browser() else {
@@ -164,17 +160,7 @@ fn a_browser_shows_the_newest_maps() {
     // The screenshot is taken after five seconds of the page's own time.
     let picture = std::env::var("THIRDBOUNCE_SCREENSHOT").map(PathBuf::from);
     let picture = picture.unwrap_or_else(|_| folder.path().join("page.png"));
-    let looked = |more: &[&str]| {
-        let profile = format!("--user-data-dir={}", folder.path().join("profile").display());
-        let common = [
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--window-size=1240,560",
-            "--virtual-time-budget=5000",
-        ];
-        Command::new(browser).args(common).arg(profile).args(more).arg(&address).output().unwrap()
-    };
+    let looked = |more: &[&str]| look(browser, &address, "1240,560", folder.path(), more);
     looked(&[&format!("--screenshot={}", picture.display())]);
     let shown = image_colours(&picture);
     assert!(shown > 40, "albedo, depth and normals are drawn: {shown} colours");
@@ -182,14 +168,4 @@ fn a_browser_shows_the_newest_maps() {
     for words in ["frame 3, warm", "latency: median", "albedo.png?3", "depth.png?3", "normal.png?3"] {
         assert!(text.contains(words), "{words}: {text}");
     }
-}
-
-/// How many colours a PNG has.
-fn image_colours(path: &Path) -> usize {
-    let file = BufReader::new(std::fs::File::open(path).expect("the browser wrote a picture"));
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    let info = reader.next_frame(&mut bytes).unwrap();
-    let size = info.color_type.samples();
-    bytes.chunks_exact(size).map(|p| p.to_vec()).collect::<std::collections::BTreeSet<_>>().len()
 }

@@ -1,6 +1,7 @@
 //! The built command, as people run it.
 
 mod batch;
+mod browser;
 mod calibrate;
 mod commands;
 mod compare;
@@ -8,6 +9,7 @@ mod examples;
 mod live;
 mod model;
 mod originals;
+mod page;
 mod preview;
 mod profile;
 mod pulse;
