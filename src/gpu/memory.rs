@@ -26,6 +26,9 @@ pub enum Place {
     Upload,
     /// Written by the device, read by the host.
     Readback,
+    /// On the host, for the device to copy from and to while it computes: what does not fit on the device. A budget does
+    /// not count it.
+    Store,
 }
 
 /// A buffer to allocate.
@@ -66,6 +69,8 @@ pub struct Arena {
     // Dropped before the device, which `gpu` keeps open.
     allocator: Option<Allocator>,
     bytes: u64,
+    /// Bytes of [`Place::Store`].
+    stored: u64,
     /// Buffers from this size on have memory of their own, bytes: on the device, and on the host.
     own_from: [u64; 2],
 }
@@ -82,8 +87,8 @@ impl Arena {
         check(plan, &gpu.memory(), budget)?;
         let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
-        let mut arena =
-            Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
+        let (buffers, bytes, stored) = (BTreeMap::new(), 0, 0);
+        let mut arena = Arena { gpu: gpu.clone(), buffers, allocator: None, bytes, stored, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),
@@ -150,10 +155,12 @@ impl Arena {
                     Place::Device => MemoryLocation::GpuOnly,
                     // Uploads only pass through: they take the kind of memory that readbacks take, and share its block.
                     // The part of a card's own memory that the host sees is often as small as 256 MiB.
-                    Place::Upload | Place::Readback => MemoryLocation::GpuToCpu,
+                    Place::Upload | Place::Readback | Place::Store => MemoryLocation::GpuToCpu,
                 },
                 linear: true,
-                allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
+                allocation_scheme: if plan.place != Place::Store
+                    && plan.bytes < self.own_from[usize::from(plan.place != Place::Device)]
+                {
                     AllocationScheme::GpuAllocatorManaged
                 } else {
                     AllocationScheme::DedicatedBuffer(handle)
@@ -161,7 +168,10 @@ impl Arena {
             })
             .map_err(|e| refused(e.to_string()))?;
         let (memory, offset) = unsafe { (allocation.memory(), allocation.offset()) };
-        self.bytes += allocation.size() - canary;
+        match plan.place {
+            Place::Store => self.stored += allocation.size(),
+            _ => self.bytes += allocation.size() - canary,
+        }
         self.gpu.allocated.fetch_add(allocation.size(), Relaxed);
         if let Some((_, held)) = self.buffers.get_mut(&plan.buffer) {
             *held = Some(allocation);
@@ -171,14 +181,20 @@ impl Arena {
             .map_err(|e| refused(e.to_string()))
     }
 
-    /// Bytes of all buffers, host-visible ones included, canaries not.
+    /// Bytes of all buffers, host-visible ones included, canaries and [`Place::Store`] not.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
+    /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks. Those of
+    /// [`Place::Store`] do not count.
     pub fn taken(&self) -> u64 {
-        self.allocator.as_ref().map_or(0, Allocator::capacity)
+        self.allocator.as_ref().map_or(0, Allocator::capacity).saturating_sub(self.stored)
+    }
+
+    /// Bytes of [`Place::Store`].
+    pub fn stored(&self) -> u64 {
+        self.stored
     }
 
     /// Every buffer.

@@ -8,6 +8,7 @@ use super::follow::{self, Follow, Following, Pace, rate};
 use super::{
     VectorOptions, albedo_of, iteration, make_ready, outline_of, solve_volume, steps, stop_below, take,
 };
+use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
@@ -59,6 +60,13 @@ pub fn prepare_to_follow(
     let following = Following(options);
     let needs: &dyn Needs = if how.is_some() { &following } else { options };
     let plan = Plan::new(&outline, grid, capture.resolution(), needs, &gpu.abilities(), with_volume)?;
+    let plan = plan.within(needs, &gpu.memory(), memory)?;
+    if how.is_some() && plan.cut.is_some() {
+        return Err(Error::memory(
+            "frames that follow each other need all pairs on the device at once: they fit only in parts",
+            advice!["allow more with " Memory ", use " {Remedy::SMALLER_JOB} ", or solve each frame from the beginning"],
+        ));
+    }
     let search = match options.beyond {
         true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
         false => None,
