@@ -19,6 +19,11 @@ impl Buffer {
     pub const fn at(self, index: u16) -> Buffer {
         Buffer { name: self.name, at: Some(index) }
     }
+
+    /// What all buffers of that name are called, without the index.
+    pub const fn family(self) -> Buffer {
+        Buffer { name: self.name, at: None }
+    }
 }
 
 impl fmt::Display for Buffer {

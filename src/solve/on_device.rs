@@ -229,7 +229,9 @@ impl<'e> Uploads<'e> {
             }
             // Levels with fewer pairs in the same bins have the first of them.
             let most = plan.cut_levels().filter(|l| l.sum == level.sum).map(|l| l.pairs).max();
-            if most == Some(level.pairs) && !stored.contains(&level.sum) {
+            let is_first = most == Some(level.pairs) && !stored.contains(&level.sum);
+            // An outline has no counts yet.
+            if is_first && !own.measured.is_empty() {
                 stored.push(level.sum);
                 for part in plan.parts(level) {
                     let bins = part.first * level.bins..(part.first + part.own.count) * level.bins;

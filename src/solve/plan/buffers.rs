@@ -30,6 +30,8 @@ impl Plan {
         let mut all: Vec<BufferPlan> = vec![];
         for (buffer, bytes) in self.shared_buffers(columns).into_iter().chain(own).chain(self.level_buffers())
         {
+            // The noise term of cut pairs is stored part by part.
+            let bytes = if buffer == buffer::NOISE_STATE && self.is_cut(self.finest()) { 0 } else { bytes };
             let made = BufferPlan::new(buffer, bytes, Place::Device);
             // A solver may need a shared one to be larger.
             match all.iter_mut().find(|b| b.buffer == buffer) {

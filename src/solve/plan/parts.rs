@@ -156,6 +156,13 @@ impl Plan {
         self.cut.is_some() && (0..MOST_PARTS as u16).any(|number| STORED_NOISE.at(number) == buffer)
     }
 
+    /// Whether two buffers are the same, or those of two parts.
+    pub(in crate::solve) fn of_same_kind(one: Buffer, other: Buffer) -> bool {
+        const ALL: [Buffer; 7] =
+            [PART_MEASURED, PART_WALL, PART_NOISE, PART_SCENE, STORED_MEASURED, STORED_WALL, STORED_NOISE];
+        one == other || one.family() == other.family() && ALL.contains(&one.family())
+    }
+
     /// Bytes of buffers on the host that the device copies from and to while it computes.
     pub fn stored_bytes(&self) -> u64 {
         self.stores().iter().map(|(_, bytes)| bytes).sum()
