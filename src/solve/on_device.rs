@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::over_pairs::sum_bins;
-use super::plan::{COLUMNS_HOST, MASK_HOST, Part, RAW_HOST, UPLOAD};
+use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
 use super::{Level, Plan, rounding};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
@@ -243,7 +243,7 @@ impl<'e> Uploads<'e> {
     }
 
     /// Writes what the device copies to `device` for a part.
-    fn store(&mut self, part: &Part, device: Buffer, bytes: &[u8]) {
+    fn store(&mut self, part: &PairPart, device: Buffer, bytes: &[u8]) {
         for stored in part.stored.iter().filter(|stored| stored.device == device) {
             self.executor.write_at(stored.host, stored.offset, bytes);
         }

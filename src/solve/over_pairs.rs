@@ -2,7 +2,7 @@
 
 use super::Pass;
 use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
-use super::plan::{BETWEEN, Pairs, Part, SEEN, Spots};
+use super::plan::{BETWEEN, Pairs, PairPart, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};
 use crate::transport::kernels::*;
@@ -10,7 +10,7 @@ use crate::transport::{Geometry, SpotTaps, cells};
 
 /// Runs what `each` gives for a part of the pairs of `level`, for all its parts in order. Where there are several, the next
 /// one is copied to the device while one is computed: no barrier stands between the copies and what renders.
-pub(super) fn over_parts(plan: &Plan, level: &Level, mut each: impl FnMut(&Part) -> Schedule) -> Schedule {
+pub(super) fn over_parts(plan: &Plan, level: &Level, mut each: impl FnMut(&PairPart) -> Schedule) -> Schedule {
     let parts = plan.parts(level);
     let mut s = parts.first().map(bring).unwrap_or_default();
     let mut sized = None;
@@ -30,7 +30,7 @@ pub(super) fn over_parts(plan: &Plan, level: &Level, mut each: impl FnMut(&Part)
 }
 
 /// Copies what a part is computed from to its slot on the device.
-fn bring(part: &Part) -> Schedule {
+fn bring(part: &PairPart) -> Schedule {
     let mut s = Schedule::default();
     for stored in &part.stored {
         s.copy_from([stored.host, stored.device], stored.offset, stored.bytes);
@@ -44,7 +44,7 @@ pub(super) fn scene_of_sums(plan: &Plan, level: &Level) -> Buffer {
 }
 
 /// A forward pass by `pass` over a part of the pairs, in as many dispatches as its accumulation takes.
-pub(super) fn forward(plan: &Plan, level: &Level, part: &Part, pass: &Pass) -> Schedule {
+pub(super) fn forward(plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) -> Schedule {
     let mut s = Schedule::default();
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     let chunks = plan.set_chunks(part.rendered.count);
@@ -65,7 +65,7 @@ pub(super) fn forward(plan: &Plan, level: &Level, part: &Part, pass: &Pass) -> S
 pub(super) fn compare(
     plan: &Plan,
     level: &Level,
-    part: &Part,
+    part: &PairPart,
     residual: &Pass,
     push: Push,
     through: Option<u32>,
@@ -108,7 +108,7 @@ pub(super) fn compare(
 pub(super) fn instrument_back(
     plan: &Plan,
     level: &Level,
-    part: &Part,
+    part: &PairPart,
     [pulse, spots]: [&Pass; 2],
     through: Option<u32>,
 ) -> Schedule {
@@ -191,7 +191,7 @@ pub fn sum_bins(plan: &Plan) -> Schedule {
 pub(super) fn gather(
     plan: &Plan,
     level: &Level,
-    part: &Part,
+    part: &PairPart,
     pass: &Pass,
     flags: u32,
     from: Buffer,
@@ -223,7 +223,7 @@ pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
 /// Push constants of a gather over the measured or rendered pairs of a part, `all`, for `voxels` voxels, in as many
 /// dispatches as the limits of loops and of the work of a dispatch need. A product is cut into whole rows of scanned
 /// points where they fit, else into stretches of one row.
-pub(super) fn pair_chunks(plan: &Plan, part: &Part, all: &Pairs, voxels: usize) -> Vec<Push> {
+pub(super) fn pair_chunks(plan: &Plan, part: &PairPart, all: &Pairs, voxels: usize) -> Vec<Push> {
     let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));
     let several = plan.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };

@@ -50,7 +50,24 @@ fn assert_known(plan: &Plan, parts: &[Part]) {
 
 #[test]
 fn the_outline_is_what_runs() {
-    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::default() }).expect("a device");
+    outline_is_what_runs(None);
+}
+
+/// Steps that repeat for every part are told as one block.
+#[test]
+fn the_outline_of_pairs_in_parts_is_what_runs() {
+    let parts = outline_is_what_runs(Some(90 << 10));
+    let cut = parts.iter().find(|p| p.in_parts > 3).expect("pairs in several parts");
+    assert!(cut.to_string().contains(&format!("pairs in {} parts)", cut.in_parts)), "{cut}");
+    let forward = || cut.steps.iter().filter(|s| s.name == "forward");
+    // The first part, those between, and the last, which may be smaller.
+    assert!(forward().count() <= 3, "{cut}");
+    assert_eq!(forward().map(|s| s.sizes.len()).sum::<usize>(), cut.in_parts, "{cut}");
+}
+
+/// Holds outlines against runs on a device that binds so many bytes. Returns that of the vector solver's volume.
+fn outline_is_what_runs(binding: Option<u64>) -> Vec<Part> {
+    let gpu = Gpu::open(&GpuOptions { timings: true, binding, ..GpuOptions::default() }).expect("a device");
     let scene = Scene { scan: 8, bin_width: 0.02, ..Scene::named("letter-L").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
@@ -81,8 +98,8 @@ fn the_outline_is_what_runs() {
         o.stop = false;
     });
     let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
-    let parts = vector::outline(&done.plan, &o);
-    check(done, parts);
+    let volume = vector::outline(&done.plan, &o);
+    check(done, volume.clone());
 
     let o = o.with(|o| o.surface.iterations = 12);
     let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
@@ -93,4 +110,5 @@ fn the_outline_is_what_runs() {
         assert!(told[pass] > 0);
         assert_eq!(told.get(pass), ran.get(pass), "{pass}");
     }
+    volume
 }

@@ -26,7 +26,7 @@ mod tuning;
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
 pub use levels::{AMPLE, Level, Pairs, sum_of};
-pub use parts::Part;
+pub use parts::PairPart;
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};

@@ -35,7 +35,7 @@ const MOST_VALUES: u64 = 1 << 30;
 
 /// A part of the pairs of a level: those whose histograms are on the device at once.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
+pub struct PairPart {
     /// Its number among those of the level.
     pub number: usize,
     /// How many the level has.
@@ -69,7 +69,7 @@ pub struct Stored {
     pub changes: bool,
 }
 
-impl Part {
+impl PairPart {
     /// Whether it is one of several.
     pub fn is_cut(&self) -> bool {
         self.of > 1
@@ -88,10 +88,10 @@ impl Part {
 
 impl Plan {
     /// The parts of a level, in order: the first ones are the largest. One where all its pairs are on the device.
-    pub fn parts(&self, level: &Level) -> Vec<Part> {
+    pub fn parts(&self, level: &Level) -> Vec<PairPart> {
         let held = self.held(level);
         if held == level.pairs {
-            return vec![Part {
+            return vec![PairPart {
                 number: 0,
                 of: 1,
                 first: 0,
@@ -128,7 +128,7 @@ impl Plan {
                 stored.push(one(STORED_NOISE.at(number as u16), 0, PART_NOISE, noise, true));
             }
             let (measured, noise) = (PART_MEASURED.at(slot), PART_NOISE.at(slot));
-            let part = Part { number, of, first, own, rendered: own, measured, noise, stored };
+            let part = PairPart { number, of, first, own, rendered: own, measured, noise, stored };
             (first, wall_offset) = (first + count, wall_offset + wall);
             part
         };

@@ -5,7 +5,7 @@ use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{compare, forward, gather, gathered, groups, over_parts, scene_of_sums};
 use crate::solve::passes::{ARGUMENTS, RESIDUAL};
-use crate::solve::plan::{COLUMNS_HOST, Part};
+use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
@@ -49,7 +49,7 @@ pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through
 }
 
 /// Renders the samples of the surface for a part of the pairs, and compares it.
-fn rendered(plan: &Plan, level: &Level, part: &Part, residual: &Pass, through: Option<u32>) -> Schedule {
+fn rendered(plan: &Plan, level: &Level, part: &PairPart, residual: &Pass, through: Option<u32>) -> Schedule {
     let mut s = forward(plan, level, part, forward_of(plan));
     s.extend(compare(plan, level, part, residual, Push::default(), through));
     s

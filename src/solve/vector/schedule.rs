@@ -8,7 +8,7 @@ use crate::solve::over_pairs::{
     work_of,
 };
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
-use crate::solve::plan::Part;
+use crate::solve::plan::PairPart;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
 use crate::transport::cells;
@@ -29,7 +29,7 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
 }
 
 /// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`].
-pub(super) fn backproject(plan: &Plan, level: &Level, part: &Part) -> Schedule {
+pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart) -> Schedule {
     let mut s = Schedule::default();
     let voxels = level.grid.storage();
     for push in pair_chunks(plan, part, &part.own, voxels) {
