@@ -79,7 +79,10 @@ pub struct Limits {
 
 impl Limits {
     fn binding_at_most(self, bytes: Option<u64>) -> Limits {
-        Limits { storage_range: bytes.map_or(self.storage_range, |most| most.min(self.storage_range)), ..self }
+        Limits {
+            storage_range: bytes.map_or(self.storage_range, |most| most.min(self.storage_range)),
+            ..self
+        }
     }
 }
 

@@ -141,13 +141,15 @@ fn folded(steps: Vec<Step>) -> Vec<Step> {
     let same = |a: &[Buffer], b: &[Buffer]| {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Plan::of_same_kind(*a, *b))
     };
-    let alike = |a: &Step, b: &Step| a.name == b.name && same(&a.reads, &b.reads) && same(&a.writes, &b.writes);
+    let alike =
+        |a: &Step, b: &Step| a.name == b.name && same(&a.reads, &b.reads) && same(&a.writes, &b.writes);
     let mut all: Vec<Step> = vec![];
     let mut rest = &steps[..];
     while let Some(first) = rest.first() {
         let repeats = |wide: &usize| {
             let block = rest.get(..*wide)?;
-            let times = rest.chunks_exact(*wide).take_while(|b| b.iter().zip(block).all(|(a, b)| alike(a, b)));
+            let times =
+                rest.chunks_exact(*wide).take_while(|b| b.iter().zip(block).all(|(a, b)| alike(a, b)));
             Some((*wide, times.count())).filter(|(_, times)| *times > 1)
         };
         // Other steps may repeat, too, but mean something each.

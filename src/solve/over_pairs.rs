@@ -2,7 +2,7 @@
 
 use super::Pass;
 use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
-use super::plan::{BETWEEN, Pairs, PairPart, SEEN, Spots};
+use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};
 use crate::transport::kernels::*;
@@ -10,7 +10,11 @@ use crate::transport::{Geometry, SpotTaps, cells};
 
 /// Runs what `each` gives for a part of the pairs of `level`, for all its parts in order. Where there are several, the next
 /// one is copied to the device while one is computed: no barrier stands between the copies and what renders.
-pub(super) fn over_parts(plan: &Plan, level: &Level, mut each: impl FnMut(&PairPart) -> Schedule) -> Schedule {
+pub(super) fn over_parts(
+    plan: &Plan,
+    level: &Level,
+    mut each: impl FnMut(&PairPart) -> Schedule,
+) -> Schedule {
     let parts = plan.parts(level);
     let mut s = parts.first().map(bring).unwrap_or_default();
     let mut sized = None;

@@ -44,7 +44,10 @@ fn kinds() -> Vec<(&'static str, Capture)> {
     let bump = Scene { wall_shape: WallShape::Bump, reflectance: Reflectance::Lambertian, ..scene(24) };
     vec![
         ("confocal", confocal()),
-        ("one laser point", render(&Scene { layout: Layout::OneLaser { point: dvec2(0.1, -0.1) }, ..scene(24) })),
+        (
+            "one laser point",
+            render(&Scene { layout: Layout::OneLaser { point: dvec2(0.1, -0.1) }, ..scene(24) }),
+        ),
         ("exhaustive, parts of several rows", exhaustive(12, 3)),
         ("exhaustive, rows of several parts", exhaustive(24, 2)),
         ("irregular, a curved wall", render(&Scene { layout: Layout::Irregular { seed: 4 }, ..bump })),
@@ -104,7 +107,13 @@ fn assert_same(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
     assert!(whole.plan.stored_bytes() == 0 && parts.plan.stored_bytes() > 0, "{what}");
     assert_eq!(whole.pairs, parts.pairs, "{what}: the same work");
     for (a, b) in whole.trace.iter().zip(&parts.trace) {
-        assert!((a.loss / b.loss - 1.0).abs() < 1e-4, "{what}, iteration {}: {} {}", a.iteration, a.loss, b.loss);
+        assert!(
+            (a.loss / b.loss - 1.0).abs() < 1e-4,
+            "{what}, iteration {}: {} {}",
+            a.iteration,
+            a.loss,
+            b.loss
+        );
         assert!((a.data_loss / b.data_loss - 1.0).abs() < 1e-4, "{what}, iteration {}", a.iteration);
     }
     let brightest = whole.maps.albedo.iter().fold(0.0f32, |a, b| a.max(*b));
@@ -173,7 +182,9 @@ fn a_budget_holds_what_is_on_the_device() {
 
 #[test]
 fn a_solve_in_parts_goes_on_from_a_checkpoint_with_the_same_bits() {
-    for (options, binding) in [(paper(NoiseTerm::Bin), SMALL_FOR_PAPER), (vector_with(Accumulation::Auto), SMALL)] {
+    for (options, binding) in
+        [(paper(NoiseTerm::Bin), SMALL_FOR_PAPER), (vector_with(Accumulation::Auto), SMALL)]
+    {
         let gpu = open(Some(binding));
         let capture = confocal();
         let (unbroken, states) = solve_keeping(&gpu, &options, &capture, 3, None).expect("it solves");
@@ -211,8 +222,12 @@ fn what_cannot_be_divided_says_so() {
 
 /// A model with that many pairs, but without their histograms.
 fn claimed(geometry: Geometry, scanned: usize, others: usize, bins: usize) -> Model {
-    let wall =
-        Wall { geometry, scanned: vec![DVec3::ZERO; scanned], others: vec![DVec3::ZERO; others], normals: None };
+    let wall = Wall {
+        geometry,
+        scanned: vec![DVec3::ZERO; scanned],
+        others: vec![DVec3::ZERO; others],
+        normals: None,
+    };
     let t = Model { bins, bin_width: 0.004, ..model(2, 64, 1) };
     Model { elements: wall.pairs() * bins, wall, is_spread: true, measured: vec![], ..t }
 }

@@ -4,9 +4,7 @@ use super::PaperOptions;
 use super::passes::*;
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
-use crate::solve::over_pairs::{
-    arguments, compare, forward, gather, groups, over_parts, scene_of_sums,
-};
+use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, over_parts, scene_of_sums};
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};

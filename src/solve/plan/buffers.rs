@@ -41,7 +41,8 @@ impl Plan {
         }
         let rows = self.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
         // Parts are copied from where they are stored.
-        let uploaded = if self.cut.is_some() { self.cells_held() * 4 } else { (self.pairs * self.bins * 4) as u64 };
+        let uploaded =
+            if self.cut.is_some() { self.cells_held() * 4 } else { (self.pairs * self.bins * 4) as u64 };
         let mut on_host = vec![
             (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),

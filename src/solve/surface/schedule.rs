@@ -5,8 +5,8 @@ use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{compare, forward, gather, gathered, groups, over_parts, scene_of_sums};
 use crate::solve::passes::{ARGUMENTS, RESIDUAL};
-use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::plan::pass::Pass;
+use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 
