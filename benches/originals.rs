@@ -34,10 +34,11 @@ fn main() {
         let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
         let name = path.to_str().expect("a path of ASCII letters");
         let program = Path::new(env!("CARGO_BIN_EXE_thirdbounce"));
-        let row = [&["info", name][..], &["info", name, "--stride", "4"], &["info", name, "--stride", "8"]].map(|arguments| {
-            let (_, taken) = measured(program, arguments);
-            format!("{:.1} s | {:.0} MB", taken.seconds, taken.peak as f64 / 1e6)
-        });
+        let row = [&["info", name][..], &["info", name, "--stride", "4"], &["info", name, "--stride", "8"]]
+            .map(|arguments| {
+                let (_, taken) = measured(program, arguments);
+                format!("{:.1} s | {:.0} MB", taken.seconds, taken.peak as f64 / 1e6)
+            });
         println!("| {what} | {:.0} MB | {} |", bytes as f64 / 1e6, row.join(" | "));
     }
 }
