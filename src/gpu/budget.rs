@@ -297,6 +297,22 @@ mod tests {
     }
 
     #[test]
+    fn what_is_stored_counts_on_the_host_and_in_no_budget() {
+        let plan = [("raw", 3 << 20, Place::Device), ("stored", 100 << 20, Place::Store)]
+            .map(|(n, b, place)| BufferPlan::new(Buffer::named(n), b, place));
+        let card = |host| Memory::of_card(1 << 26, [4 << 20, host]);
+        for budget in [None, Some(4 << 20)] {
+            // No kernel binds it, so it may be larger than a binding.
+            assert!(check(&plan, &card(101 << 20), budget).is_ok(), "{budget:?}");
+            let error = check(&plan, &card(99 << 20), budget).unwrap_err();
+            assert!(error.what.contains("the host has free") && error.what.contains("`stored`"), "{error}");
+        }
+        // Where host and device are one, both take of the same.
+        let one = |free| Memory { shared: true, ..Memory::of_card(1 << 26, [free; 2]) };
+        assert!(check(&plan, &one(105 << 20), None).is_ok() && check(&plan, &one(102 << 20), None).is_err());
+    }
+
+    #[test]
     fn the_kinds_of_memory_are_those_that_the_allocator_takes() {
         type Flags = vk::MemoryPropertyFlags;
         let seen = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
