@@ -4,6 +4,7 @@
 // (place.glsl) adds no loss and becomes zero in both.
 // Squared differences are summed in a fixed order: here per invocation or, with GROUPED, per workgroup; in finish.comp
 // over these. A CPU has no GROUPED: there a tree over a workgroup cost twenty times as much as its bins.
+// Where pairs are compared part by part, every part but the first has BACKWARD_CONTINUE and adds to the sums before.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -23,7 +24,7 @@ layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
 #else
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 #endif
-layout(std430, set = 0, binding = 5) writeonly buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
+layout(std430, set = 0, binding = 5) buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
 layout(std430, set = 0, binding = 6) readonly buffer NoiseState { float noise_state[]; };
 layout(std430, set = 0, binding = 7) readonly buffer Spread { float spread[]; };
 
@@ -73,11 +74,13 @@ void main() {
             ++pair;
         }
     }
+    bool more = (push.flags & BACKWARD_CONTINUE) != 0u;
     if (GROUPED != 0u) {
         vec4 all = sum_over_group(vec4(squared.xy, 0.0, 0.0));
-        if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy;
+        if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy + (more ? loss_partials[group] : vec2(0.0));
     } else {
-        loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
+        uint own = group * WORKGROUP + gl_LocalInvocationID.x;
+        loss_partials[own] = squared.xy + (more ? loss_partials[own] : vec2(0.0));
     }
     bool rendered = finite(squared.z);
     watch(rendered, FAULT_FORWARD);

@@ -690,6 +690,8 @@ pub mod export {
         pub struct Plan {
             pub variants: Vec<String>,
             pub left_out: Vec<String>,
+            pub parts: [Vec<usize>; 2],
+            pub stored_bytes: u64,
             pub buffers: BTreeMap<String, u64>,
             pub full: bool,
         }
@@ -857,6 +859,7 @@ pub mod gpu {
             pub statistics: bool,
             pub listings: bool,
             pub work: Option<u64>,
+            pub binding: Option<u64>,
             pub pipeline_cache: Option<PathBuf>,
             pub faults: Faults,
         }
@@ -1044,6 +1047,7 @@ pub mod gpu {
             Device,
             Upload,
             Readback,
+            Store,
         }
         #[derive(Debug, Clone, PartialEq, Eq)]
         pub struct BufferPlan {
@@ -1065,6 +1069,7 @@ pub mod gpu {
             ) -> Result<Arena> {}
             pub fn bytes(&self) -> u64 {}
             pub fn taken(&self) -> u64 {}
+            pub fn stored(&self) -> u64 {}
             pub fn sizes(&self) -> BTreeMap<Buffer, u64> {}
             pub fn size(&self, buffer: Buffer) -> u64 {}
         }
@@ -1076,7 +1081,8 @@ pub mod gpu {
         pub struct Buffer {}
         impl Buffer {
             pub const fn named(name: &'static str) -> Buffer {}
-            pub const fn at(self, index: u8) -> Buffer {}
+            pub const fn at(self, index: u16) -> Buffer {}
+            pub const fn family(self) -> Buffer {}
         }
         impl fmt::Display for Buffer {}
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -1193,6 +1199,14 @@ pub mod gpu {
                 offset: u64,
             ) -> &mut Command {}
             pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {}
+            pub fn copy_from(
+                &mut self,
+                [from,
+                to,
+                ]: [Buffer; 2],
+                offset: u64,
+                bytes: u64,
+            ) {}
             pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {}
             pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {}
             pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {}
@@ -1480,6 +1494,8 @@ pub mod job {
         pub struct Planned {
             pub levels: Vec<usize>,
             pub level_pairs: Vec<usize>,
+            pub parts: [Vec<usize>; 2],
+            pub stored_bytes: u64,
             pub surface: Option<usize>,
             pub accumulation: Accumulation,
             pub left_out: Vec<String>,
@@ -2680,6 +2696,7 @@ pub mod solve {
             pub when: When,
             pub lateral: usize,
             pub pairs: usize,
+            pub in_parts: usize,
             pub steps: Vec<Step>,
         }
         #[derive(Debug, Clone, PartialEq, Eq)]
@@ -2818,6 +2835,37 @@ pub mod solve {
             pub const AMPLE: usize = 32;
             pub fn sum_of(model: &Model, grid: &Grid) -> usize {}
         }
+        pub(in crate::solve) mod parts {
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct PairPart {
+                pub number: usize,
+                pub of: usize,
+                pub first: usize,
+                pub own: Pairs,
+                pub rendered: Pairs,
+                pub measured: Buffer,
+                pub noise: Buffer,
+                pub stored: Vec<Stored>,
+            }
+            impl PairPart {
+                pub fn is_cut(&self) -> bool {}
+                pub fn is_first(&self) -> bool {}
+                pub fn is_last(&self) -> bool {}
+            }
+            impl Plan {
+                pub fn parts(&self, level: &Level) -> Vec<PairPart> {}
+                pub fn is_cut(&self, level: &Level) -> bool {}
+                pub fn cut_levels(&self) -> impl Iterator<Item = &Level> {}
+                pub fn part_counts(&self) -> [Vec<usize>; 2] {}
+                pub fn stored_bytes(&self) -> u64 {}
+                pub fn within(
+                    mut self,
+                    needs: &dyn Needs,
+                    memory: &Memory,
+                    budget: Option<u64>,
+                ) -> Result<Plan> {}
+            }
+        }
         pub(in crate::solve) mod pass {
             pub struct Pass {
                 pub kernel: Kernel,
@@ -2937,11 +2985,6 @@ pub mod solve {
                     sizes: &Sizes,
                 ) -> Result<Tuning> {}
                 pub fn samples_of_group(&self, samples: usize) -> u32 {}
-                pub fn check_tiles(
-                    &self,
-                    model: &Model,
-                    device: &Abilities,
-                ) -> Result<()> {}
             }
         }
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -2999,6 +3042,10 @@ pub mod solve {
             pub others: usize,
             pub tuning: Tuning,
             pub work: u64,
+            pub cut: Option<usize>,
+            pub with_volume: bool,
+            pub texels: u64,
+            pub tiles: u32,
             pub capacity: usize,
             pub touched_capacity: usize,
             pub taps: Vec<f64>,
@@ -3377,8 +3424,8 @@ pub mod solve {
     pub use over_pairs::sum_bins;
     pub use paper::{Decay, NoiseTerm, PaperOptions};
     pub use plan::{
-        Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan,
-        SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
+        Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, PairPart, Pass,
+        Plan, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
     };
     pub use prepared::Prepared;
     pub use result::{Reconstruction, TakenOff};
@@ -3599,6 +3646,7 @@ pub mod transport {
         pub fn spread_order(points: &[&[DVec3]]) -> Vec<usize> {}
         impl Wall {
             pub fn first(&self, pairs: usize) -> Wall {}
+            pub fn stretch(&self, first: usize, count: usize) -> Wall {}
             pub fn half(&self, side: usize) -> Wall {}
         }
         impl Model {

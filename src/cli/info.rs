@@ -69,6 +69,9 @@ fn text(found: &Inspection) -> String {
     if plan.level_pairs.iter().any(|n| *n < found.capture.pairs) {
         out += &format!(", with {} pairs", list(&plan.level_pairs));
     }
+    if plan.parts[0].iter().any(|n| *n > 1) {
+        out += &format!(", in {} parts", list(&plan.parts[0]));
+    }
     if let Some(pixels) = plan.surface {
         out += &format!("; then a surface of {pixels} x {pixels} pixels");
     }
@@ -76,8 +79,9 @@ fn text(found: &Inspection) -> String {
     out += &format!("adding    {}\n", job::plain(&plan.accumulation));
     out += &format!("left out  {}\n", plan.left_out.join("\n          "));
     out += &format!(
-        "memory    {} on the device and for copies to and from it:\n",
-        tables::bytes(plan.total_bytes)
+        "memory    {} on the device and for copies to and from it{}:\n",
+        tables::bytes(plan.total_bytes),
+        tables::stored(plan.stored_bytes)
     );
     let mut buffers: Vec<_> = plan.buffers.iter().collect();
     buffers.sort_by_key(|(_, bytes)| std::cmp::Reverse(**bytes));

@@ -247,7 +247,8 @@ pub struct DeviceArgs {
     /// Index or part of the name of the device (see `thirdbounce devices`) [default: the best kind available]
     #[arg(long, value_name = "DEVICE", help_heading = "Device")]
     pub device: Option<String>,
-    /// Most device memory to use: a number in MiB, or with K, M or G after it [default: all free memory]
+    /// Most device memory to use: a number in MiB, or with K, M or G after it. Pairs whose histograms do not fit are taken in
+    /// parts [default: all free memory]
     #[arg(long, value_name = "SIZE", help_heading = "Device")]
     pub memory: Option<String>,
     /// Folder in which compiled kernels are kept between runs, or off [default: thirdbounce/kernels in the user's

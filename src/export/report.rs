@@ -49,6 +49,12 @@ pub struct Plan {
     pub variants: Vec<String>,
     /// What this scene does not need, and what leaving it out saved.
     pub left_out: Vec<String>,
+    /// In how many parts the pairs of each level of the volume, then of the surface, were taken.
+    #[serde(default)]
+    pub parts: [Vec<usize>; 2],
+    /// Bytes of histograms on the host that the device read part by part.
+    #[serde(default)]
+    pub stored_bytes: u64,
     /// Bytes of each buffer by name.
     pub buffers: BTreeMap<String, u64>,
     /// The domain was larger than its room at some time, so its dimmest voxels were left out.

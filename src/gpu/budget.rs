@@ -42,11 +42,13 @@ impl Layout {
 
     /// Layouts of the device's buffers and of the host's: the same one where both lie in one kind of memory.
     pub(super) fn both(plan: &[BufferPlan], kinds: &Kinds) -> [Layout; 2] {
+        // What is stored on the host has memory of its own, buffer by buffer.
+        let plan = || plan.iter().filter(|b| b.place != Place::Store);
         if kinds.one {
-            return [Layout::of(plan.iter()); 2];
+            return [Layout::of(plan()); 2];
         }
-        let [mut device, mut host] = [true, false]
-            .map(|device| Layout::of(plan.iter().filter(|b| (b.place == Place::Device) == device)));
+        let [mut device, mut host] =
+            [true, false].map(|device| Layout::of(plan().filter(|b| (b.place == Place::Device) == device)));
         if kinds.device_is_mapped {
             // The allocator has one size of blocks for all memory that the host sees.
             let block = device.block.max(host.block);
@@ -138,8 +140,9 @@ impl Gpu {
     }
 }
 
-/// Checks a plan against a device's memory. `budget`: the bytes that a user allows for all buffers; without one, each heap
-/// must have the bytes that lie on it. Allocates nothing.
+/// Checks a plan against a device's memory. `budget`: the bytes that a user allows for all buffers but those of
+/// [`Place::Store`]. Without one, each heap must have the bytes that lie on it. What is stored must fit on the host in any
+/// case. Allocates nothing.
 ///
 /// # Errors
 /// A buffer is larger than the device can bind, or the plan is over budget (the error names the largest buffers).
@@ -158,17 +161,26 @@ pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Resul
     }
     let [device, host] = Layout::both(plan, &memory.kinds);
     let total = if memory.kinds.one { device.taken } else { device.taken.saturating_add(host.taken) };
-    if let Some(budget) = budget {
-        return if total <= budget { Ok(()) } else { Err(over(plan.iter(), total, budget, Whose::Users)) };
-    }
     let [on_device, on_host] = memory.free;
+    let stored = plan.iter().filter(|b| b.place == Place::Store).map(|b| b.bytes.saturating_add(1 << 16));
+    let stored = stored.fold(0, u64::saturating_add);
+    if stored > on_host {
+        let stores = plan.iter().filter(|b| b.place == Place::Store);
+        return Err(over(stores, stored, on_host, Whose::Host));
+    }
+    if let Some(budget) = budget {
+        let counted = plan.iter().filter(|b| b.place != Place::Store);
+        return if total <= budget { Ok(()) } else { Err(over(counted, total, budget, Whose::Users)) };
+    }
     if memory.shared {
+        let total = total.saturating_add(stored);
         return if total <= on_device {
             Ok(())
         } else {
             Err(over(plan.iter(), total, on_device, Whose::Device))
         };
     }
+    let host = Layout { taken: host.taken.saturating_add(stored), ..host };
     let part = |of_device: bool| plan.iter().filter(move |b| (b.place == Place::Device) == of_device);
     if device.taken > on_device {
         return Err(over(part(true), device.taken, on_device, Whose::Device));
@@ -282,6 +294,22 @@ mod tests {
         // A budget is for both together.
         let all = Memory::of_card(1 << 30, [0, 0]);
         assert!(check(&plan, &all, Some(20 << 20)).is_ok() && check(&plan, &all, Some(19 << 20)).is_err());
+    }
+
+    #[test]
+    fn what_is_stored_counts_on_the_host_and_in_no_budget() {
+        let plan = [("raw", 3 << 20, Place::Device), ("stored", 100 << 20, Place::Store)]
+            .map(|(n, b, place)| BufferPlan::new(Buffer::named(n), b, place));
+        let card = |host| Memory::of_card(1 << 26, [4 << 20, host]);
+        for budget in [None, Some(4 << 20)] {
+            // No kernel binds it, so it may be larger than a binding.
+            assert!(check(&plan, &card(101 << 20), budget).is_ok(), "{budget:?}");
+            let error = check(&plan, &card(99 << 20), budget).unwrap_err();
+            assert!(error.what.contains("the host has free") && error.what.contains("`stored`"), "{error}");
+        }
+        // Where host and device are one, both take of the same.
+        let one = |free| Memory { shared: true, ..Memory::of_card(1 << 26, [free; 2]) };
+        assert!(check(&plan, &one(105 << 20), None).is_ok() && check(&plan, &one(102 << 20), None).is_err());
     }
 
     #[test]

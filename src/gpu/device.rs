@@ -40,6 +40,9 @@ pub struct GpuOptions {
     /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
     /// time limit than others; otherwise by its kind, and submissions by how fast it is.
     pub work: Option<u64>,
+    /// Bytes of a buffer at most that kernels bind, to plan as for a device that binds less than this one; otherwise what it
+    /// offers.
+    pub binding: Option<u64>,
     /// Keep compiled kernels in this folder, in a file for each device and driver, and begin with those of earlier runs.
     pub pipeline_cache: Option<PathBuf>,
     /// Faults to produce, for tests.
@@ -73,6 +76,15 @@ pub struct Limits {
     /// Turns of a kernel's main loop in a dispatch at most, over all invocations, so that it ends well before a driver
     /// takes the device for hung.
     pub work: u64,
+}
+
+impl Limits {
+    fn binding_at_most(self, bytes: Option<u64>) -> Limits {
+        Limits {
+            storage_range: bytes.map_or(self.storage_range, |most| most.min(self.storage_range)),
+            ..self
+        }
+    }
 }
 
 /// What a plan must know of a device.
@@ -309,7 +321,7 @@ impl Gpu {
         Gpu(Arc::new(Opened {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
-            limits: limits_of(&instance, physical, &properties.limits, work),
+            limits: limits_of(&instance, physical, &properties.limits, work).binding_at_most(options.binding),
             work: options.work,
             recorder: options.timings.then(Recorder::new),
             has_listings: options.listings && statistics.is_some(),

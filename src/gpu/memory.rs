@@ -27,6 +27,9 @@ pub enum Place {
     Upload,
     /// Written by the device, read by the host.
     Readback,
+    /// On the host, for the device to copy from and to while it computes: what does not fit on the device. A budget does
+    /// not count it.
+    Store,
 }
 
 /// A buffer to allocate.
@@ -98,6 +101,8 @@ pub struct Arena {
     // Dropped before the device, which `gpu` keeps open.
     allocator: Option<Allocator>,
     bytes: u64,
+    /// Bytes of [`Place::Store`].
+    stored: u64,
     /// Buffers from this size on have memory of their own, bytes: on the device, and on the host.
     own_from: [u64; 2],
 }
@@ -114,8 +119,8 @@ impl Arena {
         check(plan, &gpu.memory(), budget)?;
         let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
-        let mut arena =
-            Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
+        let (buffers, bytes, stored) = (BTreeMap::new(), 0, 0);
+        let mut arena = Arena { gpu: gpu.clone(), buffers, allocator: None, bytes, stored, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),
@@ -175,7 +180,10 @@ impl Arena {
         strike().map_err(|e| refused(e.to_string()))?;
         let held = self.memory_for(plan, &name, handle, requirements).map_err(refused)?;
         let (memory, offset) = held.place();
-        self.bytes += held.bytes() - canary;
+        match plan.place {
+            Place::Store => self.stored += held.bytes(),
+            _ => self.bytes += held.bytes() - canary,
+        }
         self.gpu.allocated.fetch_add(held.bytes(), Relaxed);
         if let Some((_, of_buffer)) = self.buffers.get_mut(&plan.buffer) {
             *of_buffer = Some(held);
@@ -211,10 +219,12 @@ impl Arena {
                 Place::Device => MemoryLocation::GpuOnly,
                 // Uploads only pass through: they take the kind of memory that readbacks take, and share its block.
                 // The part of a card's own memory that the host sees is often as small as 256 MiB.
-                Place::Upload | Place::Readback => MemoryLocation::GpuToCpu,
+                Place::Upload | Place::Readback | Place::Store => MemoryLocation::GpuToCpu,
             },
             linear: true,
-            allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
+            allocation_scheme: if plan.place != Place::Store
+                && plan.bytes < self.own_from[usize::from(plan.place != Place::Device)]
+            {
                 AllocationScheme::GpuAllocatorManaged
             } else {
                 AllocationScheme::DedicatedBuffer(handle)
@@ -223,17 +233,23 @@ impl Arena {
         made.map(Held::Own).map_err(|e| e.to_string())
     }
 
-    /// Bytes of all buffers, host-visible ones included, canaries not.
+    /// Bytes of all buffers, host-visible ones included, canaries and [`Place::Store`] not.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
+    /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks. Those of
+    /// [`Place::Store`] do not count.
     pub fn taken(&self) -> u64 {
         match self.gpu.blocks {
             Some(_) => self.bytes,
-            None => self.allocator.as_ref().map_or(0, Allocator::capacity),
+            None => self.allocator.as_ref().map_or(0, Allocator::capacity).saturating_sub(self.stored),
         }
+    }
+
+    /// Bytes of [`Place::Store`].
+    pub fn stored(&self) -> u64 {
+        self.stored
     }
 
     /// Every buffer.

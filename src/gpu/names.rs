@@ -6,7 +6,7 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Buffer {
     name: &'static str,
-    at: Option<u8>,
+    at: Option<u16>,
 }
 
 impl Buffer {
@@ -16,8 +16,13 @@ impl Buffer {
     }
 
     /// One of several buffers of that name, such as one for each level. It shows as `name_index`.
-    pub const fn at(self, index: u8) -> Buffer {
+    pub const fn at(self, index: u16) -> Buffer {
         Buffer { name: self.name, at: Some(index) }
+    }
+
+    /// What all buffers of that name are called, without the index.
+    pub const fn family(self) -> Buffer {
+        Buffer { name: self.name, at: None }
     }
 }
 

@@ -179,6 +179,11 @@ impl Schedule {
         self.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
     }
 
+    /// Copies `bytes` bytes, from byte `offset` of `from` on, to the beginning of `to`.
+    pub fn copy_from(&mut self, [from, to]: [Buffer; 2], offset: u64, bytes: u64) {
+        self.push(Command::Copy { from, from_offset: offset, to, to_offset: 0, bytes });
+    }
+
     /// Fills the first `bytes` bytes of a buffer with the word `value`.
     pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {
         self.push(Command::Fill { buffer, offset: 0, bytes, value });

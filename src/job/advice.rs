@@ -4,7 +4,7 @@ use super::request::Ready;
 use super::{Loaded, Request, trials};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::{Capture, Gate};
-use crate::gpu::{Gpu, check};
+use crate::gpu::Gpu;
 use crate::{Error, Kind};
 
 /// Replaces the advice of an error: if a job needs too much memory, the advice names options that would fit.
@@ -60,6 +60,5 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
 fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
     let with_volume = request.volume_file.is_some();
     let Ok(Ready { capture, grid, .. }) = trials::at_most(request, capture) else { return false };
-    let plan = request.solver.plan(&capture, grid, &gpu.abilities(), with_volume);
-    plan.is_ok_and(|plan| check(&plan.buffers, &gpu.memory(), request.memory).is_ok())
+    request.solver.plan_within(&capture, grid, gpu, request.memory, with_volume).is_ok()
 }

@@ -9,7 +9,7 @@ use super::request::{Ready, summed_note};
 use super::{Loaded, Request, SolverOptions, advice, trials};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;
-use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
+use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
 use crate::solve::{Accumulation, Part, Preset};
 use crate::{Error, Kind, Result};
 
@@ -48,6 +48,11 @@ pub struct Planned {
     pub levels: Vec<usize>,
     /// Pairs used at each level.
     pub level_pairs: Vec<usize>,
+    /// In how many parts the pairs of each level of the volume, then of the surface, are taken: 1 where all are on the
+    /// device at once.
+    pub parts: [Vec<usize>; 2],
+    /// Bytes of histograms on the host that the device reads part by part.
+    pub stored_bytes: u64,
     /// Lateral pixels of the surface, if there is one after the volume.
     pub surface: Option<usize>,
     /// How rendered values would be added up.
@@ -58,7 +63,7 @@ pub struct Planned {
     pub variants: Vec<String>,
     /// Bytes of every buffer, by name.
     pub buffers: BTreeMap<String, u64>,
-    /// Bytes of all buffers.
+    /// Bytes of all buffers but those that are stored on the host.
     pub total_bytes: u64,
 }
 
@@ -95,7 +100,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
                 .into(),
         );
     }
-    let plan = match request.solver.plan(&planned, grid, &abilities, request.volume_file.is_some()) {
+    let mut plan = match request.solver.plan(&planned, grid, &abilities, request.volume_file.is_some()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what.into());
@@ -103,12 +108,14 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         }
         Err(e) => return Err(e),
     };
-    let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
-    if let (Some(gpu), Some(plan)) = (&device, &plan)
-        && let Err(e) = check(&plan.buffers, &gpu.memory(), request.memory)
-    {
-        problems.push(problem(advice::advise(e, request, loaded, gpu)));
+    if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
+        match plan.clone().within(request.solver.solver(), &gpu.memory(), request.memory) {
+            Ok(fits) => *plan = fits,
+            Err(e) => problems.push(problem(advice::advise(e, request, loaded, gpu))),
+        }
     }
+    let counted = plan.iter().flat_map(|plan| &plan.buffers).filter(|b| b.place != Place::Store);
+    let total: u64 = counted.map(|b| b.bytes).sum();
     Ok(Inspection {
         capture: loaded.summary(),
         notes,
@@ -122,6 +129,8 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         plan: plan.map(|plan| Planned {
             levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
             level_pairs: plan.levels.iter().map(|l| l.pairs).collect(),
+            parts: plan.part_counts(),
+            stored_bytes: plan.stored_bytes(),
             surface: plan.pixel_levels.last().map(|l| l.grid.n[0]),
             accumulation: plan.accumulation,
             left_out: plan.left_out.clone(),
@@ -141,7 +150,9 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
     let Ready { capture: planned, grid, .. } = trials::to_plan(request, &loaded.capture)?;
-    let plan = request.solver.plan(&planned, grid, &gpu.abilities(), request.volume_file.is_some())?;
+    let with_volume = request.volume_file.is_some();
+    let plan = request.solver.plan_within(&planned, grid, &gpu, request.memory, with_volume);
+    let plan = plan.map_err(|e| advice::advise(e, request, loaded, &gpu))?;
     Ok(request.solver.solver().outline(&plan))
 }
 

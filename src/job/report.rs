@@ -26,6 +26,8 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
         plan: report::Plan {
             variants: result.plan.variants(),
             left_out: result.plan.left_out.clone(),
+            parts: result.plan.part_counts(),
+            stored_bytes: result.plan.stored_bytes(),
             buffers: result.plan.bytes(),
             full: result.full,
         },

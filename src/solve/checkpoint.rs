@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::on_device::OnDevice;
+use super::plan::parts::{PART_MEASURED, PART_NOISE, PART_WALL};
 use super::plan::{COLUMNS_HOST, UPLOAD};
 use super::{Plan, TracePoint};
 use crate::advice::{Part, advice};
@@ -74,8 +75,17 @@ pub(super) struct Keeper<'k> {
     pub identity: Identity,
 }
 
-/// Uploaded before every solve and never written on the device.
-const CONSTANT: [Buffer; 2] = [MEASURED, WALL];
+/// Uploaded before every solve and never written on the device, or a copy of what is stored on the host.
+const CONSTANT: [Buffer; 8] = [
+    MEASURED,
+    WALL,
+    PART_MEASURED.at(0),
+    PART_MEASURED.at(1),
+    PART_WALL.at(0),
+    PART_WALL.at(1),
+    PART_NOISE.at(0),
+    PART_NOISE.at(1),
+];
 /// The buffers that others are read and written through; nothing lives in them between iterations.
 const DOWN: Buffer = COLUMNS_HOST;
 const UP: Buffer = UPLOAD;
@@ -177,7 +187,7 @@ fn fnv(start: u64, bytes: &[u8]) -> u64 {
 /// Whether a buffer's content lives from one iteration to the next.
 fn lives(plan: &Plan, b: &BufferPlan) -> bool {
     let constant = CONSTANT.contains(&b.buffer) || plan.levels.iter().any(|l| l.measured == b.buffer);
-    b.buffer == TRACE || b.place == Place::Device && !constant
+    b.buffer == TRACE || b.place == Place::Device && !constant || plan.changes_on_host(b.buffer)
 }
 
 /// The content of every buffer that lives from one iteration to the next. Waits for the device.

@@ -41,8 +41,8 @@ pub use outline::{Part, Step, When};
 pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, Pass, Plan, SMOOTH, Sizes,
-    Tuning, Twin, UPLOAD, Value, Voxels, passes,
+    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart, Pass, Plan, SMOOTH,
+    Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use result::{Reconstruction, TakenOff};

@@ -4,12 +4,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::over_pairs::sum_bins;
-use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
+use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
 use super::{Level, Plan, rounding};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
-use crate::transport::kernels::{SceneData, TRACE_ROW, buffer};
+use crate::transport::kernels::{TRACE_ROW, buffer};
 use crate::transport::{Grid, Model};
 
 /// A planned solve on the device: buffers allocated and filled, kernels made.
@@ -82,7 +82,14 @@ impl OnDevice {
     fn upload_scan(&mut self) -> Result<()> {
         let OnDevice { plan, model, summed, executor } = self;
         let mut all = Uploads::begin(executor)?;
-        all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
+        let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
+        if plan.levels.iter().chain(plan.pixels_only()).any(|l| whole(&l)) {
+            all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
+        }
+        for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).into_iter().map(move |p| (l, p))) {
+            let wall = model.wall.first(level.pairs).stretch(part.first, part.own.count);
+            all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
+        }
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         all.add(buffer::TAPS, bytemuck::cast_slice(&taps))?;
@@ -105,7 +112,7 @@ impl OnDevice {
         for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
-            if level.pairs < plan.pairs {
+            if level.wall != buffer::WALL && !plan.is_cut(level) {
                 all.add(level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
             }
         }
@@ -183,6 +190,9 @@ impl<'e> Uploads<'e> {
     /// Adds the scenes, the measured values and their sums.
     fn add_counts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
         self.add_scenes(plan, model, summed)?;
+        if plan.cut.is_some() {
+            return self.add_parts(plan, model, summed);
+        }
         self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
         self.then(sum_bins(plan));
         Ok(())
@@ -192,17 +202,62 @@ impl<'e> Uploads<'e> {
     pub fn add_scenes(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
         for level in plan.levels.iter().chain(plan.pixels_only()) {
             let own = in_bins_of(level, model, summed);
-            let [capacity, touched_capacity] = [plan.capacity, plan.touched_capacity].map(|v| v as u32);
-            let [from_wide, from_deep] = level.parts.map(|v| v as u32);
-            let of = |scene| SceneData { capacity, touched_capacity, from_wide, from_deep, ..scene };
-            let scene = of(own.scene_of(&level.grid, level.pairs));
+            let scene = own.scene_of(&level.grid, level.pairs);
+            let scene = plan.scene_of(level, &plan.measured(level), scene);
             self.add(level.scene, bytemuck::bytes_of(&scene))?;
             if let Some(spots) = plan.spots_of(level) {
-                let scene = of(own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered));
+                let scene = own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered);
+                let scene = plan.scene_of(level, &level.rendered, scene);
                 self.add(level.rendered.scene, bytemuck::bytes_of(&scene))?;
             }
         }
         Ok(())
+    }
+
+    /// Adds what [`Uploads::add_counts`] does, for pairs in parts: the measured values of whole levels, as they are and
+    /// summed, and the scenes of parts. Stores the measured values of parts.
+    fn add_parts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
+        let mut added = vec![];
+        for level in plan.levels.iter().chain(plan.pixels_only()).filter(|l| !plan.is_cut(l)) {
+            if !added.contains(&level.measured) {
+                // The most pairs of any whole level with these bins; others have the first of them.
+                let room = plan.bytes_of(level.measured) as usize / 4;
+                let own = &in_bins_of(level, model, summed).measured;
+                self.add(level.measured, bytemuck::cast_slice(&own[..room.min(own.len())]))?;
+                added.push(level.measured);
+            }
+        }
+        let mut stored = vec![];
+        for level in plan.cut_levels() {
+            let own = in_bins_of(level, model, summed);
+            let scene = own.scene_of(&level.grid, level.pairs);
+            for part in plan.parts(level) {
+                let of_part = plan.scene_of(level, &part.own, scene);
+                if !added.contains(&part.own.scene) {
+                    self.add(part.own.scene, bytemuck::bytes_of(&of_part))?;
+                    added.push(part.own.scene);
+                }
+            }
+            // Levels with fewer pairs in the same bins have the first of them.
+            let most = plan.cut_levels().filter(|l| l.sum == level.sum).map(|l| l.pairs).max();
+            let is_first = most == Some(level.pairs) && !stored.contains(&level.sum);
+            // An outline has no counts yet.
+            if is_first && !own.measured.is_empty() {
+                stored.push(level.sum);
+                for part in plan.parts(level) {
+                    let bins = part.first * level.bins..(part.first + part.own.count) * level.bins;
+                    self.store(&part, part.measured, bytemuck::cast_slice(&own.measured[bins]));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what the device copies to `device` for a part.
+    fn store(&mut self, part: &PairPart, device: Buffer, bytes: &[u8]) {
+        for stored in part.stored.iter().filter(|stored| stored.device == device) {
+            self.executor.write_at(stored.host, stored.offset, bytes);
+        }
     }
 }
 

@@ -23,6 +23,8 @@ pub struct Part {
     pub lateral: usize,
     /// Pairs of that level.
     pub pairs: usize,
+    /// In how many parts they are taken: 1 if all are on the device at once.
+    pub in_parts: usize,
     /// Its commands in order.
     pub steps: Vec<Step>,
 }
@@ -60,7 +62,8 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
         when,
         lateral: level.grid.n[0],
         pairs: level.pairs,
-        steps: steps_of(plan, schedule),
+        in_parts: plan.parts(level).len(),
+        steps: folded(steps_of(plan, schedule)),
     };
     let mut level = 0;
     let mut all = vec![part(When::Start, &steps.levels[0], &steps.start)];
@@ -128,6 +131,47 @@ fn steps_of(plan: &Plan, schedule: &Schedule) -> Vec<Step> {
         }
     }
     all
+}
+
+/// The most steps of a part of the pairs.
+const STEPS_OF_PART: usize = 24;
+
+/// The steps with those that repeat for each part of the pairs as one block, with the sizes of all.
+fn folded(steps: Vec<Step>) -> Vec<Step> {
+    let same = |a: &[Buffer], b: &[Buffer]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Plan::of_same_kind(*a, *b))
+    };
+    let alike =
+        |a: &Step, b: &Step| a.name == b.name && same(&a.reads, &b.reads) && same(&a.writes, &b.writes);
+    let mut all: Vec<Step> = vec![];
+    let mut rest = &steps[..];
+    while let Some(first) = rest.first() {
+        let repeats = |wide: &usize| {
+            let block = rest.get(..*wide)?;
+            let times =
+                rest.chunks_exact(*wide).take_while(|b| b.iter().zip(block).all(|(a, b)| alike(a, b)));
+            Some((*wide, times.count())).filter(|(_, times)| *times > 1)
+        };
+        // Other steps may repeat, too, but mean something each.
+        let is_part = first.name == "copy" && is_stored(first);
+        let Some((wide, times)) = (2..=STEPS_OF_PART).find_map(|w| repeats(&w).filter(|_| is_part)) else {
+            all.push(first.clone());
+            rest = &rest[1..];
+            continue;
+        };
+        let (block, more) = rest.split_at(wide * times);
+        for at in 0..wide {
+            let sizes = block.iter().skip(at).step_by(wide).flat_map(|s| s.sizes.clone()).collect();
+            all.push(Step { sizes, ..block[at].clone() });
+        }
+        rest = more;
+    }
+    all
+}
+
+/// Whether a step copies what is stored on the host.
+fn is_stored(step: &Step) -> bool {
+    step.reads.iter().any(|b| *b != b.family() && Plan::of_same_kind(*b, b.family().at(u16::MAX)))
 }
 
 /// A command with what it reads and writes; `None` for a stage.
@@ -204,10 +248,11 @@ impl fmt::Display for When {
 /// One line for each command.
 impl fmt::Display for Part {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Part { of, when, lateral, pairs, steps } = self;
+        let Part { of, when, lateral, pairs, in_parts, steps } = self;
+        let parts = if *in_parts > 1 { format!(" in {in_parts} parts") } else { String::new() };
         writeln!(
             f,
-            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs): {} commands",
+            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs{parts}): {} commands",
             steps.iter().map(|s| s.sizes.len()).sum::<usize>()
         )?;
         let names = |all: &[Buffer]| all.iter().map(|b| b.to_string()).collect::<Vec<_>>().join(" ");

@@ -1,35 +1,75 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
 use super::Pass;
-use super::passes::{PULSE, PULSE_BACK, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
-use super::plan::{BETWEEN, Pairs, SEEN, Spots};
+use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
+use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};
 use crate::transport::kernels::*;
-use crate::transport::{Geometry, SpotTaps};
+use crate::transport::{Geometry, SpotTaps, cells};
 
-/// A forward pass by `pass`, in as many dispatches as its accumulation takes.
-pub(super) fn forward(plan: &Plan, level: &Level, pass: &Pass) -> Schedule {
-    let mut s = Schedule::default();
-    let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
-    let chunks = plan.set_chunks(level);
-    let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
-    for set in 0..plan.forward_sets(level) {
-        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set))
-            .bind(buffer::SCENE, level.rendered.scene)
-            .bind(buffer::WALL, level.rendered.wall)
-            .with(Push { first: set * chunks, flags, ..Default::default() })
-            .taking(of_set * level.rendered.count as u64);
+/// Runs what `each` gives for a part of the pairs of `level`, for all its parts in order. Where there are several, the next
+/// one is copied to the device while one is computed: no barrier stands between the copies and what renders.
+pub(super) fn over_parts(
+    plan: &Plan,
+    level: &Level,
+    mut each: impl FnMut(&PairPart) -> Schedule,
+) -> Schedule {
+    let parts = plan.parts(level);
+    let mut s = parts.first().map(bring).unwrap_or_default();
+    let mut sized = None;
+    for (i, part) in parts.iter().enumerate() {
+        s.extend(parts.get(i + 1).map(bring).unwrap_or_default());
+        // The last part may be smaller.
+        if part.is_cut() && sized != Some(part.rendered.scene) {
+            s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, part.rendered.scene);
+            sized = Some(part.rendered.scene);
+        }
+        s.extend(each(part));
+        for stored in part.stored.iter().filter(|stored| stored.changes) {
+            s.copy(stored.device, stored.host, stored.bytes);
+        }
     }
     s
 }
 
-/// Compares the rendered histograms with the measurement by the pass `residual`, as the instrument shows them: summed
-/// over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`]. `through`: see
-/// [`instrument_back`].
+/// Copies what a part is computed from to its slot on the device.
+fn bring(part: &PairPart) -> Schedule {
+    let mut s = Schedule::default();
+    for stored in &part.stored {
+        s.copy_from([stored.host, stored.device], stored.offset, stored.bytes);
+    }
+    s
+}
+
+/// Sums that go over all parts of a level's pairs end by this scene: its first part has the most partial sums.
+pub(super) fn scene_of_sums(plan: &Plan, level: &Level) -> Buffer {
+    plan.parts(level).first().map_or(level.scene, |part| part.own.scene)
+}
+
+/// A forward pass by `pass` over a part of the pairs, in as many dispatches as its accumulation takes.
+pub(super) fn forward(plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) -> Schedule {
+    let mut s = Schedule::default();
+    let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
+    let chunks = plan.set_chunks(part.rendered.count);
+    let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
+    for set in 0..plan.sets_of(level, part.rendered.count) {
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set))
+            .bind(buffer::SCENE, part.rendered.scene)
+            .bind(buffer::WALL, part.rendered.wall)
+            .with(Push { first: set * chunks, flags, ..Default::default() })
+            .taking(of_set * part.rendered.count as u64);
+    }
+    s
+}
+
+/// Compares the rendered histograms of a part of the pairs with the measurement by the pass `residual`, as the instrument
+/// shows them: summed over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`].
+/// `through`: see [`instrument_back`].
 pub(super) fn compare(
     plan: &Plan,
     level: &Level,
+    part: &PairPart,
     residual: &Pass,
     push: Push,
     through: Option<u32>,
@@ -44,38 +84,43 @@ pub(super) fn compare(
         sharp = Some(SEEN);
     }
     if plan.pulse > 0 {
-        let spread = s.dispatch(&PULSE, runs(level.pairs, level.bins));
-        spread.bind(buffer::SCENE, level.scene).bind(buffer::PULSE_TAPS, level.taps);
+        let spread = s.dispatch(&PULSE, runs(part.own.count, level.bins));
+        spread.bind(buffer::SCENE, part.own.scene).bind(buffer::PULSE_TAPS, level.taps);
         if let Some(sharp) = sharp {
             spread.bind(buffer::SOURCE, sharp);
         }
     }
+    let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
     let compared = s
-        .dispatch(residual, groups(plan.cells_at(level), WORKGROUP * RESIDUAL_BINS))
-        .bind(buffer::SCENE, level.scene)
-        .bind(buffer::MEASURED, level.measured)
-        .with(push);
+        .dispatch(residual, groups(cells(part.own.count, level.bins), WORKGROUP * RESIDUAL_BINS))
+        .bind(buffer::SCENE, part.own.scene)
+        .bind(buffer::MEASURED, part.measured)
+        .with(Push { flags, ..push });
+    if part.noise != buffer::NOISE_STATE && plan.has_noise() {
+        compared.bind(buffer::NOISE_STATE, part.noise);
+    }
     if plan.pulse == 0 && plan.has_spots() {
         compared.bind(buffer::SPREAD, SEEN);
     }
-    s.extend(instrument_back(plan, level, [&PULSE_BACK, &SPOT_BACK], through));
+    s.extend(instrument_back(plan, level, part, [&PULSE_BACK, &SPOT_BACK], through));
     s
 }
 
-/// Takes the buffer `residual` back to the paths, into [`Plan::residual`], by passes for pulse and spot: through the taps
-/// that begin at word `through` of `pulse_taps`, or through the pulse's own; then through the spots. Nothing where paths
-/// are sharp and spots are points.
+/// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`], by passes for pulse and
+/// spot: through the taps that begin at word `through` of `pulse_taps`, or through the pulse's own; then through the spots.
+/// Nothing where paths are sharp and spots are points.
 pub(super) fn instrument_back(
     plan: &Plan,
     level: &Level,
+    part: &PairPart,
     [pulse, spots]: [&Pass; 2],
     through: Option<u32>,
 ) -> Schedule {
     let mut s = Schedule::default();
     let mut from = buffer::RESIDUAL;
     if plan.pulse > 0 || through.is_some() {
-        s.dispatch(pulse, runs(level.pairs, level.bins))
-            .bind(buffer::SCENE, level.scene)
+        s.dispatch(pulse, runs(part.own.count, level.bins))
+            .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::PULSE_TAPS, level.taps)
             .bind(buffer::SOURCE, buffer::RESIDUAL)
             .with(Push { first: through.unwrap_or(0), ..Default::default() });
@@ -125,8 +170,12 @@ fn spot(
 }
 
 /// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
+/// Where pairs are cut into parts, the host sums them, and this is empty.
 pub fn sum_bins(plan: &Plan) -> Schedule {
     let mut s = Schedule::default();
+    if plan.cut.is_some() {
+        return s;
+    }
     for level in plan.summed() {
         s.dispatch(&SUM_BINS, groups(plan.pairs * level.bins, WORKGROUP))
             .bind(buffer::SCENE, level.scene)
@@ -142,14 +191,21 @@ pub fn sum_bins(plan: &Plan) -> Schedule {
     s
 }
 
-/// Gathers the buffer `from` over all rendered pairs of `level` by `pass`. `flags` are added to those of the parts.
-pub(super) fn gather(plan: &Plan, level: &Level, pass: &Pass, flags: u32, from: Buffer) -> Schedule {
+/// Gathers the buffer `from` over the rendered pairs of a part by `pass`. `flags` are added to those of the dispatches.
+pub(super) fn gather(
+    plan: &Plan,
+    level: &Level,
+    part: &PairPart,
+    pass: &Pass,
+    flags: u32,
+    from: Buffer,
+) -> Schedule {
     let mut s = Schedule::default();
     let voxels = plan.voxels_at(level);
-    for chunk in pair_chunks(plan, &level.rendered, voxels) {
+    for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD))
-            .bind(buffer::SCENE, level.rendered.scene)
-            .bind(buffer::WALL, level.rendered.wall)
+            .bind(buffer::SCENE, part.rendered.scene)
+            .bind(buffer::WALL, part.rendered.wall)
             .bind(buffer::RESIDUAL, from)
             .with(Push { flags: chunk.flags | flags, ..chunk })
             .taking(work_of(&chunk, voxels));
@@ -168,10 +224,10 @@ pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
     u64::from(part.last - part.first) * voxels as u64
 }
 
-/// Push constants of a gather over `all` pairs for `voxels` voxels, in as many dispatches as the limits of loops and of
-/// the work of a dispatch need. A product is cut into whole rows of scanned points where they fit, else into parts of
-/// one row.
-pub(super) fn pair_chunks(plan: &Plan, all: &Pairs, voxels: usize) -> Vec<Push> {
+/// Push constants of a gather over the measured or rendered pairs of a part, `all`, for `voxels` voxels, in as many
+/// dispatches as the limits of loops and of the work of a dispatch need. A product is cut into whole rows of scanned
+/// points where they fit, else into stretches of one row.
+pub(super) fn pair_chunks(plan: &Plan, part: &PairPart, all: &Pairs, voxels: usize) -> Vec<Push> {
     let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));
     let several = plan.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };
@@ -183,8 +239,8 @@ pub(super) fn pair_chunks(plan: &Plan, all: &Pairs, voxels: usize) -> Vec<Push> 
             true => (first + whole).min(pairs),
             false => (first + most).min((first / row + 1) * row),
         };
-        let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
-        let end = if last == pairs { BACKWARD_FINISH } else { 0 };
+        let more = if first > 0 || !part.is_first() { BACKWARD_CONTINUE } else { 0 };
+        let end = if last == pairs && part.is_last() { BACKWARD_FINISH } else { 0 };
         chunks.push(Push { first, last, flags: more | end, ..Default::default() });
         first = last;
     }

@@ -289,6 +289,22 @@ impl SolverOptions {
         Plan::new(&model, grid, capture.resolution(), solver, abilities, with_volume)
     }
 
+    /// The plan of a solve on a device as it is, in parts of pairs where all do not fit. `memory` is a budget in bytes.
+    ///
+    /// # Errors
+    /// As [`SolverOptions::plan`], and it does not fit.
+    pub fn plan_within(
+        &self,
+        capture: &Capture,
+        grid: Grid,
+        gpu: &Gpu,
+        memory: Option<u64>,
+        with_volume: bool,
+    ) -> Result<Plan> {
+        let plan = self.plan(capture, grid, &gpu.abilities(), with_volume)?;
+        plan.within(self.solver(), &gpu.memory(), memory)
+    }
+
     /// Runs the solver.
     ///
     /// # Errors

@@ -56,16 +56,30 @@ fn cells(points: &[DVec3], axis: impl Fn(&DVec3) -> f64) -> Vec<usize> {
 impl Wall {
     /// The wall of the first `pairs` only.
     pub fn first(&self, pairs: usize) -> Wall {
-        let [scanned, others] = self.geometry.counts(pairs, self.scanned.len(), self.others.len());
+        self.stretch(0, pairs)
+    }
+
+    /// The wall of `count` pairs from pair `first` on, in their order. Of a product: whole rows of scanned points, or a
+    /// stretch of one row.
+    pub fn stretch(&self, first: usize, count: usize) -> Wall {
+        let row = self.scanned.len().max(1);
+        let [scanned, others] = match self.geometry {
+            Geometry::Confocal => [first..first + count, 0..0],
+            Geometry::TwoPoints => [first..first + count, first..first + count],
+            Geometry::Product if first % row == 0 && count % row == 0 => {
+                [0..self.scanned.len(), first / row..(first + count) / row]
+            }
+            Geometry::Product => [first % row..first % row + count, first / row..first / row + 1],
+        };
         let normals = |n: &Vec<DVec3>| {
             let (a, b) = n.split_at(self.scanned.len());
-            [&a[..scanned], &b[..others]].concat()
+            [&a[scanned.clone()], &b[others.clone()]].concat()
         };
         Wall {
             geometry: self.geometry,
-            scanned: self.scanned[..scanned].to_vec(),
-            others: self.others[..others].to_vec(),
             normals: self.normals.as_ref().map(normals),
+            scanned: self.scanned[scanned.clone()].to_vec(),
+            others: self.others[others.clone()].to_vec(),
         }
     }
 

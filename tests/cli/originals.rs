@@ -29,10 +29,11 @@ fn memory_follows_what_is_kept() {
     }
     let least = peak(&["info", small, "--stride", "16"]);
     let thin = peak(&["info", large, "--stride", "16"]);
-    // The large file holds 72 MB of counts, 18 MB after the shift. Blocks in work take some of it.
-    assert!(thin < least + 30.0, "{thin} MB for a few pairs of the large file, {least} MB of the small one");
+    // The large file holds 72 MB of counts, 18 MB after the shift. Blocks in work take some of it, and the more the more is
+    // kept.
+    assert!(thin < least + 15.0, "{thin} MB for a few pairs of the large file, {least} MB of the small one");
     let all = peak(&["info", large]);
-    assert!(all < least + 30.0 + 1.5 * 18.0, "{all} MB for all pairs, {least} MB for a few");
+    assert!(all < least + 15.0 + 1.25 * 18.0, "{all} MB for all pairs, {least} MB for a few");
 }
 
 #[test]

@@ -167,6 +167,15 @@ pub fn residual_with_and_without_noise_term() {
             let bytes = job.plan.bytes()["histograms"] as usize;
             let left: Vec<u8> = read(&mut job, buffer::HISTOGRAMS, bytes);
             assert!(left.iter().all(|b| *b == 0), "the sums are left at zero");
+            // Another part of the pairs, in which nothing is rendered, adds to the losses.
+            let (_, dark) = twin::residual(&twin, &vec![0.0; elements], &weights);
+            let mut more = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
+            more.commands.retain(|c| c.name() == "residual");
+            more.commands[0].with(Push { flags: BACKWARD_CONTINUE, ..Default::default() });
+            job.executor.run(&more).expect("the schedule runs");
+            let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, losses(&model));
+            let sum: f64 = partials.iter().map(|v| f64::from(v[1])).sum();
+            assert!((sum / elements as f64 / (loss + dark) - 1.0).abs() < 1e-5);
         }
     }
     assert_valid(&gpu);

@@ -10,6 +10,7 @@ mod narrow;
 mod outline;
 mod paper;
 mod paper_room;
+mod parts;
 mod physics;
 mod places;
 mod scale;

@@ -50,8 +50,26 @@ fn assert_known(plan: &Plan, parts: &[Part]) {
 
 #[test]
 fn the_outline_is_what_runs() {
-    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::default() }).expect("a device");
-    let scene = Scene { scan: 8, bin_width: 0.02, ..Scene::named("letter-L").unwrap() };
+    outline_is_what_runs(8, 0.02, None);
+}
+
+/// Steps that repeat for every part are told as one block.
+#[test]
+fn the_outline_of_pairs_in_parts_is_what_runs() {
+    let parts = outline_is_what_runs(24, 0.0025, Some(240 << 10));
+    let cut = parts.iter().find(|p| p.in_parts > 3 && matches!(p.when, When::Iterations(..)));
+    let cut = cut.expect("pairs in several parts");
+    assert!(cut.to_string().contains(&format!("pairs in {} parts)", cut.in_parts)), "{cut}");
+    let residual = || cut.steps.iter().filter(|s| s.name == "residual");
+    // The first part, those between, and the last, which may be smaller.
+    assert!(residual().count() <= 3, "{cut}");
+    assert_eq!(residual().map(|s| s.sizes.len()).sum::<usize>(), cut.in_parts, "{cut}");
+}
+
+/// Holds outlines of a scene with so many points to a side against runs on a device that binds so many bytes. Returns that of the vector solver.
+fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Vec<Part> {
+    let gpu = Gpu::open(&GpuOptions { timings: true, binding, ..GpuOptions::default() }).expect("a device");
+    let scene = Scene { scan, bin_width, ..Scene::named("letter-L").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
     let check = |done: Reconstruction, parts: Vec<Part>| {
@@ -93,4 +111,5 @@ fn the_outline_is_what_runs() {
         assert!(told[pass] > 0);
         assert_eq!(told.get(pass), ran.get(pass), "{pass}");
     }
+    parts
 }

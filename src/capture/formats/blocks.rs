@@ -10,9 +10,11 @@ use super::hdf5::{Array, Hdf5, guarded};
 use super::scatter::{Filled, Part, Scattered, Wanted};
 use crate::error::Result;
 
-/// Values of all blocks in work at a time, unless a chunk is larger. They take up to 20 bytes each while they are
-/// decoded.
-const AT_ONCE: usize = 4 << 20;
+/// Values of all blocks in work at a time, unless a chunk is larger: at most, and at least. They take up to 20 bytes each
+/// while they are decoded.
+const AT_ONCE: [usize; 2] = [4 << 20, 256 << 10];
+/// Between these bounds, blocks are this part of what is kept, so that they add little to its memory.
+const OF_KEPT: usize = 16;
 /// More threads would wait for the disk, and each needs a block.
 const MOST_THREADS: usize = 8;
 /// A block grows along one more axis only by this factor or more, as that makes its runs shorter.
@@ -33,7 +35,9 @@ struct Cut {
 /// `Kind::Input` if a part of the array is damaged.
 pub(super) fn read(file: &Hdf5, array: &Array, wanted: &Wanted) -> Result<Scattered> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
-    read_with(file, array, wanted, threads, AT_ONCE)
+    let [most, least] = AT_ONCE;
+    let kept = wanted.from.len() * wanted.bins.len();
+    read_with(file, array, wanted, threads, (kept / OF_KEPT).clamp(least, most))
 }
 
 /// Reads as [`read`] does, on at most this many threads, with `at_once` values in work.

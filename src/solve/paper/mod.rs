@@ -100,7 +100,8 @@ pub fn prepare(
 ) -> Result<impl Prepared + use<>> {
     options.check()?;
     let (outline, rows) = outline_of(capture, &grid, options);
-    let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?;
+    let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?
+        .within(options, &gpu.memory(), memory)?;
     let planned = Planned::new(gpu, outline, plan, memory);
     Ok(PreparedPaper { planned, rows, options: options.clone(), with_volume })
 }

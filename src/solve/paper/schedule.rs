@@ -4,7 +4,7 @@ use super::PaperOptions;
 use super::passes::*;
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
-use crate::solve::over_pairs::{arguments, compare, forward, gather, groups};
+use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, over_parts, scene_of_sums};
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
@@ -18,17 +18,23 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32, step: u32) -> Sched
     s.indirect(&SAMPLE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(push);
-    s.extend(forward(plan, level, &FORWARD));
-    s.extend(compare(plan, level, &RESIDUAL, push, None));
-    if plan.passes.contains(&&NOISE) {
-        let push = unbiased(push, plan.betas, iteration + 1);
-        s.dispatch(&NOISE, groups(level.pairs, 1)).bind(buffer::SCENE, level.scene).with(push);
-    }
-    s.extend(gather(plan, level, &BACKWARD, 0, plan.residual()));
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = forward(plan, level, part, &FORWARD);
+        s.extend(compare(plan, level, part, &RESIDUAL, push, None));
+        if plan.passes.contains(&&NOISE) {
+            let push = unbiased(push, plan.betas, iteration + 1);
+            s.dispatch(&NOISE, groups(part.own.count, 1))
+                .bind(buffer::SCENE, part.own.scene)
+                .bind(buffer::NOISE_STATE, part.noise)
+                .with(push);
+        }
+        s.extend(gather(plan, level, part, &BACKWARD, 0, plan.residual()));
+        s
+    }));
     s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE))
         .bind(buffer::SCENE, level.scene)
         .with(unbiased(push, plan.betas, step));
-    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(push);
+    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
     s
 }
 
@@ -39,6 +45,9 @@ pub fn initialise(plan: &Plan, level: &Level) -> Schedule {
     s.fill(buffer::COUNTS, plan.bytes_of(buffer::COUNTS), 0);
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
     s.fill(buffer::NOISE_STATE, plan.bytes_of(buffer::NOISE_STATE), 0);
+    for stored in plan.parts(level).iter().flat_map(|part| &part.stored).filter(|stored| stored.changes) {
+        s.fill(stored.host, plan.bytes_of(stored.host), 0);
+    }
     s.dispatch(&INITIALISE, groups(level.grid.storage() / 32, WORKGROUP))
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::REACHABLE, level.reachable);

@@ -30,6 +30,8 @@ impl Plan {
         let mut all: Vec<BufferPlan> = vec![];
         for (buffer, bytes) in self.shared_buffers(columns).into_iter().chain(own).chain(self.level_buffers())
         {
+            // The noise term of cut pairs is stored part by part.
+            let bytes = if buffer == buffer::NOISE_STATE && self.is_cut(self.finest()) { 0 } else { bytes };
             let made = BufferPlan::new(buffer, bytes, Place::Device);
             // A solver may need a shared one to be larger.
             match all.iter_mut().find(|b| b.buffer == buffer) {
@@ -38,8 +40,11 @@ impl Plan {
             }
         }
         let rows = self.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
+        // Parts are copied from where they are stored.
+        let uploaded =
+            if self.cut.is_some() { self.cells_held() * 4 } else { (self.pairs * self.bins * 4) as u64 };
         let mut on_host = vec![
-            (UPLOAD, (self.pairs * self.bins * 4) as u64 + self.scene_bytes(), Place::Upload),
+            (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
@@ -52,6 +57,7 @@ impl Plan {
             on_host.push((MASK_HOST, self.finest().grid.storage() as u64 / 8, Place::Readback));
         }
         all.extend(on_host.into_iter().map(|(b, bytes, place)| BufferPlan::new(b, bytes, place)));
+        all.extend(self.stores().into_iter().map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Store)));
         let bound = self.passes.iter().flat_map(|p| (p.code)(self).bindings);
         let mut missing: BTreeSet<Buffer> =
             bound.filter(|b| b.view != View::Uniform).map(|b| b.block).collect();
@@ -77,18 +83,19 @@ impl Plan {
         let voxels = self.finest().grid.storage() as u64;
         // Slots of active voxels, and of touched ones.
         let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
-        let elements = (self.pairs * self.bins) as u64;
-        // The narrowest bins of any level make the longest histograms.
-        let cells = super::cells(self.pairs, self.bins) as u64;
+        let cells = self.cells_held();
         let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
-        let rendered = self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells);
+        let rendered = match self.cut {
+            None => self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells),
+            Some(_) => cells,
+        };
         // A caller's counts lie where rendered histograms will.
         let lent = (self.pairs * self.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let mut all = vec![
-            (buffer::WALL, self.wall_bytes(self.finest())),
-            (buffer::MEASURED, elements * 4),
+            (buffer::WALL, self.whole_wall()),
+            (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.bins)),
             (buffer::HISTOGRAMS, (rendered * if self.fixed_point() { 8 } else { 4 }).max(lent * 4)),
             (buffer::RESIDUAL, cells * 4),
             (buffer::RAW, touched * 16),
@@ -118,7 +125,7 @@ impl Plan {
             all.push((buffer::PULSE_TAPS, (self.tap_sets * self.tap_room * 4) as u64));
         }
         for level in self.summed() {
-            all.push((level.measured, (self.pairs * level.bins * 4) as u64));
+            all.push((level.measured, self.measured_bytes(level.measured, level.bins)));
             if self.pulse > 0 {
                 all.push((level.taps, (self.tap_room * 4) as u64));
             }
@@ -129,10 +136,37 @@ impl Plan {
         all
     }
 
+    /// Cells of the histograms that are on the device at once.
+    fn cells_held(&self) -> u64 {
+        // The narrowest bins of any level make the longest histograms.
+        let whole = super::cells(self.pairs, self.bins) as u64;
+        if self.cut.is_none() {
+            return whole;
+        }
+        let all = self.levels.iter().chain(&self.pixel_levels);
+        all.map(|l| super::cells(self.held(l), l.bins) as u64).max().unwrap_or(whole)
+    }
+
+    /// Bytes of a buffer of measured histograms: of all pairs, or of those levels that are not cut into parts.
+    fn measured_bytes(&self, measured: Buffer, bins: usize) -> u64 {
+        let levels = self.levels.iter().chain(&self.pixel_levels);
+        let whole = levels.filter(|l| l.measured == measured && !self.is_cut(l)).map(|l| l.pairs).max();
+        let pairs = if self.cut.is_none() { self.pairs } else { whole.unwrap_or(0) };
+        (pairs * bins * 4) as u64
+    }
+
+    /// Bytes of the wall of all pairs, where a level has all of them at once.
+    fn whole_wall(&self) -> u64 {
+        let levels = self.levels.iter().chain(&self.pixel_levels);
+        let mut whole = levels.filter(|l| l.wall == buffer::WALL && !self.is_cut(l));
+        if whole.next().is_some() || self.cut.is_none() { self.wall_bytes(self.finest()) } else { 0 }
+    }
+
     /// Bytes of the scenes of all levels, which change with the counts.
     fn scene_bytes(&self) -> u64 {
         let of_level = if self.has_spots() { 2 } else { 1 };
-        (self.levels.iter().chain(self.pixels_only()).count() * of_level * size_of::<SceneData>()) as u64
+        let whole = self.levels.iter().chain(self.pixels_only()).count() * of_level;
+        ((whole + 2 * self.cut_levels().count()) * size_of::<SceneData>()) as u64
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {
@@ -147,16 +181,17 @@ impl Plan {
         all.extend(self.spot_buffers());
         for level in &self.levels {
             all.push((level.reachable, (level.grid.storage() / BRICK_VOXELS) as u64 * 4));
-            if level.wall != buffer::WALL {
+            if level.wall != buffer::WALL && !self.is_cut(level) {
                 all.push((level.wall, self.wall_bytes(level)));
             }
         }
+        all.extend(self.part_buffers(of_scene));
         all
     }
 
     /// Bytes of the wall points that the pairs of a level have.
     fn wall_bytes(&self, level: &Level) -> u64 {
         let points: usize = self.geometry.counts(level.pairs, self.scanned, self.others).iter().sum();
-        points as u64 * if self.curved { 32 } else { 16 }
+        points as u64 * self.bytes_of_point()
     }
 }

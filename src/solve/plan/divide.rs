@@ -8,16 +8,21 @@ use crate::transport::kernels::PAIR_CHUNK;
 const LEAST_GATHERED: u32 = 64;
 
 impl Plan {
-    /// Dispatches that one forward pass takes at `level`.
+    /// Dispatches that one forward pass over all pairs takes at `level`.
     pub fn forward_sets(&self, level: &Level) -> u32 {
-        let chunks = self.voxels_at(level).div_ceil(self.tuning.chunk as usize);
-        chunks.div_ceil(self.set_chunks(level) as usize) as u32
+        self.sets_of(level, level.rendered.count)
     }
 
-    /// Chunks of voxels in one dispatch of a forward pass at `level`: one where every histogram belongs to an invocation,
-    /// else as many as a dispatch may have work for.
-    pub fn set_chunks(&self, level: &Level) -> u32 {
-        (self.set_cells() / level.rendered.count.max(1) as u32).max(1)
+    /// Dispatches that one forward pass over so many pairs takes at `level`.
+    pub(in crate::solve) fn sets_of(&self, level: &Level, pairs: usize) -> u32 {
+        let chunks = self.voxels_at(level).div_ceil(self.tuning.chunk as usize);
+        chunks.div_ceil(self.set_chunks(pairs) as usize) as u32
+    }
+
+    /// Chunks of voxels in one dispatch of a forward pass over so many pairs: one where every histogram belongs to an
+    /// invocation, else as many as a dispatch may have work for.
+    pub(in crate::solve) fn set_chunks(&self, pairs: usize) -> u32 {
+        (self.set_cells() / u32::try_from(pairs.max(1)).unwrap_or(u32::MAX)).max(1)
     }
 
     /// Chunks times pairs of one dispatch, as [`Plan::set_chunks`] and `arguments.comp` divide them.

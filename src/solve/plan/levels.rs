@@ -178,7 +178,7 @@ pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Vec<Leve
     if finest == maps && of_finest.clone().all(|l| l.sum == 1) {
         return of_finest.copied().collect();
     }
-    let level = |(i, l): (u8, &Level)| Level {
+    let level = |(i, l): (u16, &Level)| Level {
         grid: maps,
         sum: 1,
         bins: model.bins,

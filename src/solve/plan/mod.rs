@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, Buffer, BufferPlan, Constant, DeviceKind, KernelCode};
-use crate::transport::kernels::buffer;
+use crate::transport::kernels::{SceneData, buffer};
 use crate::transport::{
     BRICK_VOXELS, Binning, Geometry, Gradient, Grid, Model, Reflectance, Rendered, cells,
 };
@@ -17,6 +17,7 @@ mod constants;
 mod divide;
 mod left_out;
 mod levels;
+pub(in crate::solve) mod parts;
 pub(in crate::solve) mod pass;
 pub mod passes;
 mod spots;
@@ -25,6 +26,7 @@ mod tuning;
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
 pub use levels::{AMPLE, Level, Pairs, sum_of};
+pub use parts::PairPart;
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
@@ -163,6 +165,14 @@ pub struct Plan {
     pub tuning: Tuning,
     /// Voxel-pair evaluations of a dispatch at most: see [`crate::gpu::Limits::work`].
     pub work: u64,
+    /// The most cells of a part where the pairs of large levels are cut into parts ([`Plan::within`]); `None`: no level is.
+    pub cut: Option<usize>,
+    /// The volume can be read back.
+    pub with_volume: bool,
+    /// The most texels that passes over pairs may see in a buffer; 0 if they are to see none.
+    pub texels: u64,
+    /// The most workgroups of a dispatch along x.
+    pub tiles: u32,
     /// Voxels that may be active at once.
     pub capacity: usize,
     /// Voxels that may be touched at once: active ones and, where they have state, their neighbours.
@@ -224,8 +234,8 @@ impl Plan {
         let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
         let mut tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
-        tuning.texels &= !demand.general && texels_at_most(model, touched_capacity) <= device.limits.texels;
-        tuning.check_tiles(model, device)?;
+        let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
+        tuning.texels = texels_at_most(model, touched_capacity) <= texels;
         let pulse = model.pulse.as_ref().map_or(0, |p| p.weights.len());
         let [more_sets, more_bins] = demand.more_taps;
         // Fixed point adds without rounding, and a window already sums in two levels.
@@ -267,6 +277,10 @@ impl Plan {
             others: model.wall.others.len(),
             tuning,
             work: device.limits.work,
+            cut: None,
+            with_volume,
+            texels,
+            tiles: device.limits.groups[0],
             capacity,
             touched_capacity,
             taps: crate::transport::twin::taps(demand.smooth[0], demand.smooth[1]),
@@ -283,6 +297,7 @@ impl Plan {
         plan.constants.extend(needs.constants(&plan));
         let all = passes::ALL.iter().copied().chain(needs.passes());
         plan.passes = all.filter(|pass| (pass.when)(&plan)).collect();
+        plan.cut_to_indices(model)?;
         plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
         let mut left_out = LeftOut::default();
         plan.list_left_out(&mut left_out);
@@ -327,6 +342,15 @@ impl Plan {
     pub fn measured(&self, level: &Level) -> Pairs {
         let [scanned, others] = self.geometry.counts(level.pairs, self.scanned, self.others);
         Pairs { count: level.pairs, scanned, others, wall: level.wall, scene: level.scene }
+    }
+
+    /// The constants of a level for some of its pairs; `whole` are those of the model.
+    pub(in crate::solve) fn scene_of(&self, level: &Level, pairs: &Pairs, whole: SceneData) -> SceneData {
+        let [capacity, touched_capacity] = [self.capacity, self.touched_capacity].map(|v| v as u32);
+        let [from_wide, from_deep] = level.parts.map(|v| v as u32);
+        let [count, scanned, others] = [pairs.count, pairs.scanned, pairs.others].map(|v| v as u32);
+        let numbers = SceneData { pairs: count, scanned, others, ..whole };
+        SceneData { capacity, touched_capacity, from_wide, from_deep, ..numbers }
     }
 
     /// The last level of the volume, with all pairs.
@@ -406,19 +430,11 @@ fn reachable(model: &Model, grid: &Grid, general: bool) -> Vec<bool> {
     }
 }
 
-/// Checks sizes against the limits of kernels.
+/// Checks sizes against the limits of kernels, but those of pairs ([`Plan::cut_to_indices`]).
 ///
 /// # Errors
 /// Sizes beyond what kernels index or loop over.
 fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
-    // Kernels count three words of noise for a bin, and two of fixed point for a cell.
-    let pairs = model.pairs().max(model.rendered_wall().pairs());
-    if (pairs as u64 * model.bins as u64) > 1 << 30 || cells(pairs, model.bins) as u64 >= 1 << 31 {
-        return Err(Error::memory(
-            format!("{pairs} pairs of {} bins are beyond 2^30 values", model.bins),
-            advice!["use a larger " Stride " or a narrower " Gate],
-        ));
-    }
     let longest = model.rendered.iter().flat_map(Rendered::all).map(|taps| taps.longest()).max().unwrap_or(0);
     if longest > LONGEST_LOOP {
         return Err(Error::memory(

@@ -52,7 +52,7 @@ pub(super) fn cover(model: &Model, volume: &mut [Level], pixels: &mut [Level]) -
                 true => all.clone(),
                 false => Rendered::of(&model.wall.first(level.pairs), all.spot),
             };
-            let taps = buffer::SPOT_TAPS.at(spots.len() as u8);
+            let taps = buffer::SPOT_TAPS.at(spots.len() as u16);
             spots.push(Spots { pairs: level.pairs, back: rendered.back(), rendered, taps });
             spots.len() - 1
         });
@@ -61,7 +61,7 @@ pub(super) fn cover(model: &Model, volume: &mut [Level], pixels: &mut [Level]) -
             count: wall.pairs(),
             scanned: wall.scanned.len(),
             others: wall.others.len(),
-            wall: WALL.at(at as u8),
+            wall: WALL.at(at as u16),
             scene: SCENE.at(i),
         };
     }

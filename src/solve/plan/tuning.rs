@@ -7,7 +7,6 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{LONGEST_LOOP, LOOP_LIMIT};
-use crate::advice::advice;
 use crate::gpu::{Abilities, DeviceKind};
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, Model};
@@ -255,26 +254,15 @@ impl Tuning {
         whole.min(samples.div_ceil(lanes).max((2 * self.fill as usize).div_ceil(lanes) + 1))
     }
 
-    /// Checks that one dispatch holds all tiles of pairs.
-    ///
-    /// # Errors
-    /// There are more tiles than a dispatch has workgroups.
-    pub fn check_tiles(&self, model: &Model, device: &Abilities) -> Result<()> {
-        let wall = model.rendered_wall();
-        let tiles = match wall.geometry {
+    /// Tiles of pairs, along x, of a dispatch that renders so many pairs of so many scanned and other points.
+    pub(super) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
+        let tiles = match geometry {
             Geometry::Product => {
-                wall.scanned.len().div_ceil(self.lanes as usize)
-                    * wall.others.len().div_ceil(self.others_forward as usize)
+                scanned.div_ceil(self.lanes as usize) * others.div_ceil(self.others_forward as usize)
             }
-            _ => wall.pairs().div_ceil(self.lanes as usize),
+            _ => pairs.div_ceil(self.lanes as usize),
         };
-        if tiles > device.limits.groups[0] as usize {
-            return Err(Error::memory(
-                format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
-                advice!["use a larger " Stride],
-            ));
-        }
-        Ok(())
+        tiles as u64
     }
 
     /// Loop turns of an invocation of the forward kernel, at most.

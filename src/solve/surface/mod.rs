@@ -17,6 +17,7 @@ use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::estimate::expected_noise;
 use super::on_device::{OnDevice, read_maps, trace_rows, upload};
 use super::outline::{self, Part};
+use super::over_pairs::scene_of_sums;
 use super::{Level, Pass, Plan};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
@@ -323,7 +324,7 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
 fn compared(plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) -> Schedule {
     let mut s = render(plan, level, pixels, residual, None);
     s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
-        .bind(buffer::SCENE, level.scene)
+        .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(Push { iteration: row as u32, ..Default::default() });
     s
 }

@@ -3,10 +3,10 @@
 use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
-use crate::solve::over_pairs::{compare, forward, gather, gathered, groups};
+use crate::solve::over_pairs::{compare, forward, gather, gathered, groups, over_parts, scene_of_sums};
 use crate::solve::passes::{ARGUMENTS, RESIDUAL};
-use crate::solve::plan::COLUMNS_HOST;
 use crate::solve::plan::pass::Pass;
+use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 
@@ -44,8 +44,14 @@ pub fn points(level: &Level, count: usize) -> Schedule {
 /// Renders the current surface and compares it by the pass `residual`.
 pub fn render(plan: &Plan, level: &Level, count: usize, residual: &Pass, through: Option<u32>) -> Schedule {
     let mut s = points(level, count);
-    s.extend(forward(plan, level, forward_of(plan)));
-    s.extend(compare(plan, level, residual, Push::default(), through));
+    s.extend(over_parts(plan, level, |part| rendered(plan, level, part, residual, through)));
+    s
+}
+
+/// Renders the samples of the surface for a part of the pairs, and compares it.
+fn rendered(plan: &Plan, level: &Level, part: &PairPart, residual: &Pass, through: Option<u32>) -> Schedule {
+    let mut s = forward(plan, level, part, forward_of(plan));
+    s.extend(compare(plan, level, part, residual, Push::default(), through));
     s
 }
 
@@ -60,10 +66,14 @@ pub fn iteration(
     through: Option<u32>,
 ) -> Schedule {
     let scene = level.scene;
-    let mut s = render(plan, level, count, &RESIDUAL, through);
+    let mut s = points(level, count);
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
-    s.extend(gather(plan, level, &SURFACE_GATHER, 0, from));
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = rendered(plan, level, part, &RESIDUAL, through);
+        s.extend(gather(plan, level, part, &SURFACE_GATHER, 0, from));
+        s
+    }));
     s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(unbiased(
@@ -71,7 +81,7 @@ pub fn iteration(
         BETAS,
         at as u32 + 1,
     ));
-    s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
     s
 }
 

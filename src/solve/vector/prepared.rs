@@ -8,6 +8,7 @@ use super::follow::{self, Follow, Following, Pace, rate};
 use super::{
     VectorOptions, albedo_of, iteration, make_ready, outline_of, solve_volume, steps, stop_below, take,
 };
+use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Gpu, Schedule};
@@ -75,6 +76,13 @@ pub fn prepare_for_frames(
     let lending = frames.lent.map(|rows| Lending(needs, rows));
     let needs = lending.as_ref().map_or(needs, |lending| lending as &dyn Needs);
     let plan = Plan::new(&outline, grid, capture.resolution(), needs, &gpu.abilities(), with_volume)?;
+    let plan = plan.within(needs, &gpu.memory(), memory)?;
+    if (how.is_some() || frames.lent.is_some()) && plan.cut.is_some() {
+        return Err(Error::memory(
+            "frames that follow each other, or lie in a caller's buffer, need all pairs on the device at once: they fit only in parts",
+            advice!["allow more with " Memory ", use " {Remedy::SMALLER_JOB} ", or leave both out"],
+        ));
+    }
     let search = match options.beyond && frames.lent.is_none() {
         true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
         false => None,

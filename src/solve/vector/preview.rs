@@ -36,6 +36,7 @@ pub fn preview(
     options.check()?;
     let model = model(capture, &grid, &options);
     let mut plan = Plan::new(&model, grid, capture.resolution(), &options, &gpu.abilities(), false)?;
+    plan = plan.within(&options, &gpu.memory(), memory)?;
     plan.passes.retain(|pass| PASSES.contains(pass));
     let storage = grid.storage();
     plan.buffers.push(BufferPlan::new(RAW_HOST, storage as u64 * 4, Place::Readback));

@@ -4,29 +4,42 @@ use super::VectorOptions;
 use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::over_pairs::{
-    arguments, compare, forward, gather, groups, instrument_back, pair_chunks, work_of,
+    arguments, compare, forward, gather, groups, instrument_back, over_parts, pair_chunks, scene_of_sums,
+    work_of,
 };
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
+use crate::solve::plan::PairPart;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain};
+use crate::transport::cells;
 use crate::transport::kernels::*;
 
 /// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
 pub fn project(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = over_parts(plan, level, |part| {
+        let mut s = Schedule::default();
+        s.dispatch(&FILTER, groups(cells(part.own.count, level.bins), WORKGROUP))
+            .bind(buffer::SCENE, part.own.scene)
+            .bind(buffer::MEASURED, part.measured);
+        s.extend(backproject(plan, level, part));
+        s
+    });
+    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
+    s
+}
+
+/// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`].
+pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart) -> Schedule {
     let mut s = Schedule::default();
-    s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP))
-        .bind(buffer::SCENE, level.scene)
-        .bind(buffer::MEASURED, level.measured);
     let voxels = level.grid.storage();
-    for push in pair_chunks(plan, &plan.measured(level), voxels) {
+    for push in pair_chunks(plan, part, &part.own, voxels) {
         s.dispatch(&BACKPROJECT, groups(voxels, plan.tuning.samples_of_group(voxels)))
-            .bind(buffer::SCENE, level.scene)
-            .bind(buffer::WALL, level.wall)
+            .bind(buffer::SCENE, part.own.scene)
+            .bind(buffer::WALL, part.own.wall)
             .bind(buffer::TARGET, plan.volumes[1])
             .with(push)
             .taking(work_of(&push, voxels));
     }
-    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
     s
 }
 
@@ -55,11 +68,14 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(push);
-    s.extend(forward(plan, level, &FORWARD));
-    s.extend(compare(plan, level, &RESIDUAL, push, None));
-    // The sums begin with the roughness.
-    s.extend(gather(plan, level, &STEP, BACKWARD_CONTINUE, plan.residual()));
-    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(push);
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = forward(plan, level, part, &FORWARD);
+        s.extend(compare(plan, level, part, &RESIDUAL, push, None));
+        // The sums begin with the roughness.
+        s.extend(gather(plan, level, part, &STEP, BACKWARD_CONTINUE, plan.residual()));
+        s
+    }));
+    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
     s
 }
 
@@ -134,15 +150,22 @@ pub(super) fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>)
     }
     // The rendering for the bound has albedo one.
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
-    s.extend(forward(plan, level, &FORWARD_BOUND));
-    s.extend(compare(plan, level, &RESIDUAL_BOUND, Push::default(), None));
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = forward(plan, level, part, &FORWARD_BOUND);
+        s.extend(compare(plan, level, part, &RESIDUAL_BOUND, Push::default(), None));
+        s.extend(gather(plan, level, part, &BOUND_STEP, 0, plan.residual()));
+        s
+    }));
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    s.extend(gather(plan, level, &BOUND_STEP, 0, plan.residual()));
-    s.dispatch(&VARIANCE, groups(plan.cells_at(level), WORKGROUP))
-        .bind(buffer::SCENE, scene)
-        .bind(buffer::MEASURED, level.measured);
-    s.extend(instrument_back(plan, level, [&PULSE_NOISE, &SPOT_NOISE], None));
-    s.extend(gather(plan, level, &BOUND_NOISE, 0, plan.residual()));
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = Schedule::default();
+        s.dispatch(&VARIANCE, groups(cells(part.own.count, level.bins), WORKGROUP))
+            .bind(buffer::SCENE, part.own.scene)
+            .bind(buffer::MEASURED, part.measured);
+        s.extend(instrument_back(plan, level, part, [&PULSE_NOISE, &SPOT_NOISE], None));
+        s.extend(gather(plan, level, part, &BOUND_NOISE, 0, plan.residual()));
+        s
+    }));
     if expected.is_some() {
         s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);
     }

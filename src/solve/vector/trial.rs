@@ -11,7 +11,7 @@ use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Watch};
-use crate::solve::over_pairs::{arguments, compare, forward};
+use crate::solve::over_pairs::{arguments, compare, forward, over_parts};
 use crate::solve::passes::{FORWARD, RESIDUAL};
 use crate::solve::plan::{RESIDUAL_HOST, sum_of};
 use crate::solve::{Level, OnDevice, Plan, surface};
@@ -154,8 +154,11 @@ pub(super) fn render_volume(plan: &Plan, level: &Level) -> Schedule {
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(Push::default());
-    s.extend(forward(plan, level, &FORWARD));
-    s.extend(compare(plan, level, &RESIDUAL, Push::default(), None));
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = forward(plan, level, part, &FORWARD);
+        s.extend(compare(plan, level, part, &RESIDUAL, Push::default(), None));
+        s
+    }));
     s
 }
 

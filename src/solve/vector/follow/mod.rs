@@ -14,10 +14,10 @@
 use std::time::Duration;
 
 use super::passes::*;
-use super::schedule::{bounds, settle};
+use super::schedule::{backproject, bounds, settle};
 use super::{VectorOptions, iteration};
 use crate::gpu::{Buffer, Constant, Schedule};
-use crate::solve::over_pairs::{arguments, compare, forward, groups, pair_chunks, work_of};
+use crate::solve::over_pairs::{arguments, compare, forward, groups, over_parts, scene_of_sums};
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL};
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, SEEN};
@@ -130,9 +130,12 @@ pub fn look(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
     s.extend(domain::prune(plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity));
     s.extend(settle(plan, level, &SETTLE));
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE)).bind(buffer::SCENE, level.scene);
-    s.extend(forward(plan, level, &FORWARD));
-    s.extend(compare(plan, level, &RESIDUAL, Push::default(), None));
-    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    s.extend(over_parts(plan, level, |part| {
+        let mut s = forward(plan, level, part, &FORWARD);
+        s.extend(compare(plan, level, part, &RESIDUAL, Push::default(), None));
+        s
+    }));
+    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level));
     s
 }
 
@@ -178,15 +181,7 @@ fn project_left(plan: &Plan, level: &Level, model: &Model) -> Schedule {
             ..Default::default()
         });
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
-    let voxels = first.grid.storage();
-    for push in pair_chunks(plan, &plan.measured(first), voxels) {
-        s.dispatch(&BACKPROJECT, groups(voxels, plan.tuning.samples_of_group(voxels)))
-            .bind(buffer::SCENE, first.scene)
-            .bind(buffer::WALL, first.wall)
-            .bind(buffer::TARGET, plan.volumes[1])
-            .with(push)
-            .taking(work_of(&push, voxels));
-    }
+    s.extend(over_parts(plan, first, |part| backproject(plan, first, part)));
     s.extend(domain::smooth(plan, first, &GAUSSIAN_X_VOLUME, Some(COUNT_PEAK_PROJECTED)));
     s
 }

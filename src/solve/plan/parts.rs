@@ -1,0 +1,384 @@
+//! Parts of the pairs. Where the histograms of all pairs do not fit on the device, they lie on the host, and passes over
+//! pairs take them part by part: a level's buffers of pairs are as large as one part of them. Levels with few pairs, or
+//! wide bins, stay whole.
+//!
+//! What a part is computed from lies in one of two slots on the device. The next part is copied into the other slot while
+//! this one is computed.
+
+use super::{Level, Needs, Pairs, Plan};
+use crate::advice::advice;
+use crate::gpu::{Buffer, Memory, check};
+use crate::transport::kernels::{PADDING, buffer, constant};
+use crate::transport::{Geometry, Model, cells};
+use crate::{Error, Result};
+
+/// Measured histograms of a part, by slot.
+pub const PART_MEASURED: Buffer = Buffer::named("part_measured");
+/// Wall points of a part, by slot.
+pub const PART_WALL: Buffer = Buffer::named("part_wall");
+/// State of the noise term of a part, by slot.
+pub const PART_NOISE: Buffer = Buffer::named("part_noise");
+/// Constants of a level with the numbers of a part's pairs: two for each level, as the last part may be smaller.
+const PART_SCENE: Buffer = Buffer::named("part_scene");
+/// Measured histograms on the host, by bins and part.
+const STORED_MEASURED: Buffer = Buffer::named("stored_measured");
+/// Wall points of all parts on the host, by level.
+const STORED_WALL: Buffer = Buffer::named("stored_wall");
+/// State of the noise term on the host, by part.
+const STORED_NOISE: Buffer = Buffer::named("stored_noise");
+
+/// The most parts. Each is a buffer on the host.
+const MOST_PARTS: usize = 1024;
+
+/// The most values of histograms that kernels index: they count three words of noise for a bin.
+const MOST_VALUES: u64 = 1 << 30;
+
+/// A part of the pairs of a level: those whose histograms are on the device at once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairPart {
+    /// Its number among those of the level.
+    pub number: usize,
+    /// How many the level has.
+    pub of: usize,
+    /// Its first pair.
+    pub first: usize,
+    /// Its measured pairs.
+    pub own: Pairs,
+    /// The pairs that light is rendered for.
+    pub rendered: Pairs,
+    /// Buffer that holds its measured histograms.
+    pub measured: Buffer,
+    /// Buffer that holds the state of its noise term.
+    pub noise: Buffer,
+    /// What is copied to the device before it is computed; nothing where all pairs are one part.
+    pub stored: Vec<Stored>,
+}
+
+/// A stretch of a buffer on the host, and where on the device it is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stored {
+    /// Buffer on the host.
+    pub host: Buffer,
+    /// First byte there.
+    pub offset: u64,
+    /// Buffer on the device.
+    pub device: Buffer,
+    /// Bytes.
+    pub bytes: u64,
+    /// It changes while the part is computed, and is copied back.
+    pub changes: bool,
+}
+
+impl PairPart {
+    /// Whether it is one of several.
+    pub fn is_cut(&self) -> bool {
+        self.of > 1
+    }
+
+    /// Whether it is the first or the last one.
+    pub fn is_first(&self) -> bool {
+        self.number == 0
+    }
+
+    /// Whether it is the last one.
+    pub fn is_last(&self) -> bool {
+        self.number + 1 == self.of
+    }
+}
+
+impl Plan {
+    /// The parts of a level, in order: the first ones are the largest. One where all its pairs are on the device.
+    pub fn parts(&self, level: &Level) -> Vec<PairPart> {
+        let held = self.held(level);
+        if held == level.pairs {
+            return vec![PairPart {
+                number: 0,
+                of: 1,
+                first: 0,
+                own: self.measured(level),
+                rendered: level.rendered,
+                measured: level.measured,
+                noise: buffer::NOISE_STATE,
+                stored: vec![],
+            }];
+        }
+        let counts = self.counts_of_parts(level.pairs, held);
+        let (of, at) = (counts.len(), self.number_of(level));
+        let (mut first, mut wall_offset) = (0, 0);
+        let part = |(number, count): (usize, &usize)| {
+            let slot = (number % 2) as u16;
+            let [scanned, others] = self.points_of_part(*count);
+            let scene = PART_SCENE.at(2 * at + u16::from(*count < held));
+            let own = Pairs { count: *count, scanned, others, wall: PART_WALL.at(slot), scene };
+            let histograms = (*count * level.bins * 4) as u64;
+            let wall = (scanned + others) as u64 * self.bytes_of_point();
+            let one = |host, offset, device: Buffer, bytes, changes| Stored {
+                host,
+                offset,
+                device: device.at(slot),
+                bytes,
+                changes,
+            };
+            let mut stored = vec![
+                one(self.store_of(level, number), 0, PART_MEASURED, histograms, false),
+                one(STORED_WALL.at(at), wall_offset, PART_WALL, wall, false),
+            ];
+            let noise = self.noise_bytes(*count, level.bins);
+            if noise > 0 {
+                stored.push(one(STORED_NOISE.at(number as u16), 0, PART_NOISE, noise, true));
+            }
+            let (measured, noise) = (PART_MEASURED.at(slot), PART_NOISE.at(slot));
+            let part = PairPart { number, of, first, own, rendered: own, measured, noise, stored };
+            (first, wall_offset) = (first + count, wall_offset + wall);
+            part
+        };
+        counts.iter().enumerate().map(part).collect()
+    }
+
+    /// Whether the pairs of a level are more than one part.
+    pub fn is_cut(&self, level: &Level) -> bool {
+        self.held(level) < level.pairs
+    }
+
+    /// The levels whose pairs are more than one part.
+    pub fn cut_levels(&self) -> impl Iterator<Item = &Level> {
+        self.levels.iter().chain(self.pixels_only()).filter(|l| self.is_cut(l))
+    }
+
+    /// In how many parts the pairs of each level of the volume, then of the surface, are taken.
+    pub fn part_counts(&self) -> [Vec<usize>; 2] {
+        let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).len()).collect();
+        [of(&self.levels), of(&self.pixel_levels)]
+    }
+
+    /// Whether the device changes a buffer that is stored on the host.
+    pub(in crate::solve) fn changes_on_host(&self, buffer: Buffer) -> bool {
+        self.cut.is_some() && (0..MOST_PARTS as u16).any(|number| STORED_NOISE.at(number) == buffer)
+    }
+
+    /// Whether two buffers are the same, or those of two parts.
+    pub(in crate::solve) fn of_same_kind(one: Buffer, other: Buffer) -> bool {
+        const ALL: [Buffer; 7] =
+            [PART_MEASURED, PART_WALL, PART_NOISE, PART_SCENE, STORED_MEASURED, STORED_WALL, STORED_NOISE];
+        one == other || one.family() == other.family() && ALL.contains(&one.family())
+    }
+
+    /// Bytes of buffers on the host that the device copies from and to while it computes.
+    pub fn stored_bytes(&self) -> u64 {
+        self.stores().iter().map(|(_, bytes)| bytes).sum()
+    }
+
+    /// The same plan, cut into as few parts as fit: on the device, or into `budget` bytes if it is given.
+    ///
+    /// # Errors
+    /// Not even small parts fit, or this plan cannot be cut.
+    pub fn within(mut self, needs: &dyn Needs, memory: &Memory, budget: Option<u64>) -> Result<Plan> {
+        let Err(whole) = check(&self.buffers, memory, budget) else { return Ok(self) };
+        if self.has_spots() {
+            return Err(Error {
+                what: format!(
+                    "{}; pairs with spots are not divided into parts, as each is a sum over its neighbours",
+                    whole.what
+                ),
+                ..whole
+            });
+        }
+        let mut last = whole;
+        let mut parts = self.parts(self.finest()).len().max(1);
+        while parts < MOST_PARTS {
+            parts += parts.div_ceil(4);
+            let cut = self.cut_for(parts);
+            if self.cut == Some(cut) {
+                continue;
+            }
+            self.cut = Some(cut);
+            if self.part_counts().concat().iter().any(|n| *n > MOST_PARTS) {
+                break;
+            }
+            self.list_again(needs);
+            match check(&self.buffers, memory, budget) {
+                Ok(()) => return Ok(self),
+                Err(e) => last = e,
+            }
+        }
+        Err(Error { what: format!("even with the pairs in parts, {}", last.what), ..last })
+    }
+
+    /// Cuts the pairs so that kernels can index each part, if all are too many.
+    ///
+    /// # Errors
+    /// They cannot be cut that far.
+    pub(super) fn cut_to_indices(&mut self, model: &Model) -> Result<()> {
+        let mut parts = 1usize;
+        while let Some(problem) = self.beyond_indices(model) {
+            parts += parts.div_ceil(4);
+            if self.has_spots() || parts > MOST_PARTS {
+                return Err(problem);
+            }
+            self.cut = Some(self.cut_for(parts));
+        }
+        Ok(())
+    }
+
+    /// The cells of a part if all pairs in the narrowest bins were so many parts.
+    fn cut_for(&self, parts: usize) -> usize {
+        let bins = self.levels.iter().chain(&self.pixel_levels).map(|l| l.bins).max().unwrap_or(self.bins);
+        cells(self.pairs.div_ceil(parts), bins)
+    }
+
+    /// The buffers once more, after a change of [`Plan::cut`]. They read no texels where these are too many.
+    fn list_again(&mut self, needs: &dyn Needs) {
+        self.tuning.texels = self.largest_view() <= self.texels;
+        self.buffers = self.list_buffers(needs.buffers(self), self.with_volume);
+    }
+
+    /// The most texels that a buffer has as passes over pairs see it.
+    fn largest_view(&self) -> u64 {
+        let all = self.levels.iter().chain(&self.pixel_levels);
+        let of_pairs = all.map(|l| cells(self.held(l), l.bins)).max().unwrap_or(0);
+        let points = (self.scanned + self.others) * if self.curved { 2 } else { 1 };
+        of_pairs.max(points).max(self.touched_capacity) as u64
+    }
+
+    /// What kernels cannot index; `None` if all parts are small enough.
+    fn beyond_indices(&self, model: &Model) -> Option<Error> {
+        let whole = [model.pairs().max(model.rendered_wall().pairs()), model.bins];
+        let of_level = |l: &Level| [self.held(l), l.bins];
+        let all = || self.levels.iter().chain(&self.pixel_levels);
+        let [pairs, bins] = match self.cut {
+            None => whole,
+            Some(_) => all().map(of_level).max_by_key(|[pairs, bins]| pairs * bins).unwrap_or(whole),
+        };
+        if (pairs as u64 * bins as u64) > MOST_VALUES || cells(pairs, bins) as u64 >= 1 << 31 {
+            return Some(Error::memory(
+                format!("{pairs} pairs of {bins} bins are beyond 2^30 values"),
+                advice!["use a larger " Stride " or a narrower " Gate],
+            ));
+        }
+        let rendered = match self.cut {
+            None => {
+                let wall = model.rendered_wall();
+                vec![[wall.pairs(), wall.scanned.len(), wall.others.len()]]
+            }
+            Some(_) => {
+                let first = |l: &Level| {
+                    let held = self.held(l);
+                    let [scanned, others] = self.points_of_part(held);
+                    [held, scanned, others]
+                };
+                all().map(first).collect()
+            }
+        };
+        let beyond = rendered.iter().any(|of| self.tuning.tiles(self.geometry, *of) > u64::from(self.tiles));
+        beyond.then(|| {
+            Error::memory(
+                format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
+                advice!["use a larger " Stride],
+            )
+        })
+    }
+
+    /// Pairs of a level that are on the device at once.
+    pub(super) fn held(&self, level: &Level) -> usize {
+        let Some(most) = self.cut else { return level.pairs };
+        // Levels with the same bins share what is stored, so their parts are the same.
+        let same = self.levels.iter().chain(&self.pixel_levels).filter(|l| l.sum == level.sum);
+        let widest = same.map(|l| l.pairs).max().unwrap_or(level.pairs);
+        let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
+        level.pairs.min(self.pairs_of_part(widest, most))
+    }
+
+    /// Pairs of each of several parts of about the same size, of at most `most` pairs. Of a product: whole rows of
+    /// scanned points where these are not more.
+    fn pairs_of_part(&self, pairs: usize, most: usize) -> usize {
+        let even = |all: usize, most: usize| all.div_ceil(all.div_ceil(most));
+        match self.row() {
+            Some(row) if row > most => even(row, most),
+            Some(row) => even(pairs / row, most / row) * row,
+            None => even(pairs, most),
+        }
+    }
+
+    /// How many pairs each part has, of `pairs` in parts of `held`.
+    fn counts_of_parts(&self, pairs: usize, held: usize) -> Vec<usize> {
+        let mut all = vec![];
+        let mut first = 0;
+        while first < pairs {
+            let left = match self.row() {
+                Some(row) if held < row => row - first % row,
+                _ => pairs - first,
+            };
+            all.push(held.min(left));
+            first += held.min(left);
+        }
+        all
+    }
+
+    /// Pairs of one other point of a product with several.
+    fn row(&self) -> Option<usize> {
+        (self.geometry == Geometry::Product && self.others > 1).then_some(self.scanned)
+    }
+
+    /// Scanned and other points of a part.
+    fn points_of_part(&self, count: usize) -> [usize; 2] {
+        match self.row() {
+            Some(row) if count < row => [count, 1],
+            _ => self.geometry.counts(count, self.scanned, self.others),
+        }
+    }
+
+    /// Bytes of a wall point with its normal, if normals are used.
+    pub(super) fn bytes_of_point(&self) -> u64 {
+        if self.curved { 32 } else { 16 }
+    }
+
+    /// Bytes of the noise term's state for so many pairs of so many bins: weight and two moments, by bin or by histogram.
+    fn noise_bytes(&self, pairs: usize, bins: usize) -> u64 {
+        match self.constant(constant::NOISE) {
+            Some(1) => (pairs * bins) as u64 * 12,
+            Some(2) => pairs as u64 * 12,
+            _ => 0,
+        }
+    }
+
+    /// Whether pairs have a noise term with a state.
+    pub(in crate::solve) fn has_noise(&self) -> bool {
+        self.noise_bytes(1, 1) > 0
+    }
+
+    /// The place of a level among those of the volume and the surface.
+    fn number_of(&self, level: &Level) -> u16 {
+        let mut all = (0..).zip(self.levels.iter().chain(self.pixels_only()));
+        all.find(|(_, l)| l.scene == level.scene).map_or(0, |(i, _)| i)
+    }
+
+    /// The buffer that stores a part's measured histograms in the bins of a level.
+    fn store_of(&self, level: &Level, number: usize) -> Buffer {
+        let same = self.levels.iter().chain(self.pixels_only()).find(|l| l.sum == level.sum);
+        let at = same.map_or(0, |l| self.number_of(l));
+        STORED_MEASURED.at(at * MOST_PARTS as u16 + number as u16)
+    }
+
+    /// Buffers on the host with their bytes.
+    pub(super) fn stores(&self) -> Vec<(Buffer, u64)> {
+        let mut all: Vec<(Buffer, u64)> = vec![];
+        for stored in self.cut_levels().flat_map(|l| self.parts(l)).flat_map(|part| part.stored) {
+            let end = stored.offset + stored.bytes;
+            match all.iter_mut().find(|(buffer, _)| *buffer == stored.host) {
+                Some((_, bytes)) => *bytes = end.max(*bytes),
+                None => all.push((stored.host, end)),
+            }
+        }
+        all
+    }
+
+    /// Slots and constants of parts, with their bytes.
+    pub(super) fn part_buffers(&self, scene: u64) -> Vec<(Buffer, u64)> {
+        let mut all = vec![];
+        for part in self.cut_levels().flat_map(|l| self.parts(l)) {
+            all.push((part.own.scene, scene));
+            all.extend(part.stored.iter().map(|s| (s.device, s.bytes)));
+        }
+        all
+    }
+}
