@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
+use super::closed_form::{FkOptions, LctOptions, PhasorOptions};
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
-    Accumulation, Beside, PaperOptions, Part, Plan, Prepared, Reconstruction, Sizes, VectorOptions,
+    Beside, Common, PaperOptions, Part, Plan, Prepared, Reconstruction, RunsOn, Sizes, Solver, VectorOptions,
     default_volume,
 };
 use crate::capture::Capture;
@@ -13,58 +14,76 @@ use crate::maps::Maps;
 use crate::transport::{Grid, Reflectance, Volume};
 use crate::{Error, Result};
 
-/// A solver, as its options.
-pub trait Solver: Options + super::Needs {
-    /// What every solver's options have.
-    fn common(&self) -> Common;
-
-    /// Checks the options.
-    ///
-    /// # Errors
-    /// The first option that makes no sense, by its name on the command line.
-    fn check(&self) -> Result<()>;
-
-    /// The model that the options make of a capture for a grid.
-    fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
-
-    /// The schedules of a whole solve with `plan`.
-    fn outline(&self, plan: &Plan) -> Vec<Part>;
-
-    /// Prepares the solver for captures of one scan.
-    ///
-    /// # Errors
-    /// See [`super::paper::prepare`].
-    fn prepare(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Box<dyn Prepared>>;
-}
-
-/// What every solver's options have.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Common {
-    /// Lateral pixels of the maps.
-    pub lateral: usize,
-    /// The most iterations of the volume, and of what follows it.
-    pub iterations: [usize; 2],
-    /// How surfaces reflect.
-    pub reflectance: Reflectance,
-    /// How rendered values are to be added up.
-    pub accumulation: Accumulation,
-    /// Sizes that are asked for.
-    pub sizes: Sizes,
-    /// Nothing nearer than this is reconstructed, metres.
-    pub min_depth: f64,
-}
-
-/// Declares the solvers: one line for each.
+/// Declares the methods: one line for each.
 macro_rules! solvers {
-    ($($variant:ident($options:ident) in $module:ident;)*) => {
-        /// The options of one of the solvers.
+    (
+        iterative { $($variant:ident($options:ident) in $module:ident;)* }
+        closed_form { $($closed:ident($closed_options:ident);)* }
+    ) => {
+        solvers! { all $($variant($options);)* $($closed($closed_options);)* }
+
+        impl SolverOptions {
+            /// The iterative solvers, by their names on the command line.
+            pub const ITERATIVE: &[&str] = &[$($options::NAME),*];
+
+            /// Whether it computes the volume in one step, without iterations.
+            pub fn is_closed_form(&self) -> bool {
+                match self {
+                    $(SolverOptions::$variant(_) => false,)*
+                    $(SolverOptions::$closed(_) => true,)*
+                }
+            }
+        }
+
+        $(impl Solver for $options {
+            fn common(&self) -> Common {
+                Common {
+                    lateral: self.lateral,
+                    iterations: super::Needs::demand(self).iterations,
+                    reflectance: self.reflectance,
+                    accumulation: self.accumulation,
+                    sizes: self.sizes,
+                    min_depth: self.domain.min_depth,
+                    runs_on: RunsOn::Device,
+                }
+            }
+
+            fn check(&self) -> Result<()> {
+                $options::check(self)
+            }
+
+            fn plan(
+                &self,
+                capture: &Capture,
+                grid: Grid,
+                abilities: &Abilities,
+                with_volume: bool,
+            ) -> Result<Plan> {
+                // The counts are as large as all the rest, and a plan is the same without them.
+                let model = super::$module::model(&capture.outline(), &grid, self);
+                Plan::new(&model, grid, capture.resolution(), self, abilities, with_volume)
+            }
+
+            fn outline(&self, plan: &Plan) -> Vec<Part> {
+                super::$module::outline(plan, self)
+            }
+
+            fn prepare(
+                &self,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+            ) -> Result<Box<dyn Prepared>> {
+                let made = super::$module::prepare(gpu, capture, grid, self, memory, with_volume)?;
+                Ok(Box::new(made))
+            }
+        })*
+    };
+
+    (all $($variant:ident($options:ident);)*) => {
+        /// The options of one of the methods.
         #[derive(Debug, Clone, PartialEq, Serialize)]
         #[serde(untagged)]
         pub enum SolverOptions {
@@ -81,7 +100,7 @@ macro_rules! solvers {
         })*
 
         impl SolverOptions {
-            /// The solvers of this version, by their names on the command line.
+            /// All methods of this version, by their names on the command line.
             pub const NAMES: &[&str] = &[$($options::NAME),*];
 
             /// The options of the solver `name` with the defaults for `suit`; `None` if there is no such solver.
@@ -112,49 +131,19 @@ macro_rules! solvers {
                 }
             }
         }
-
-        $(impl Solver for $options {
-            fn common(&self) -> Common {
-                Common {
-                    lateral: self.lateral,
-                    iterations: super::Needs::demand(self).iterations,
-                    reflectance: self.reflectance,
-                    accumulation: self.accumulation,
-                    sizes: self.sizes,
-                    min_depth: self.domain.min_depth,
-                }
-            }
-
-            fn check(&self) -> Result<()> {
-                $options::check(self)
-            }
-
-            fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model {
-                super::$module::model(capture, grid, self)
-            }
-
-            fn outline(&self, plan: &Plan) -> Vec<Part> {
-                super::$module::outline(plan, self)
-            }
-
-            fn prepare(
-                &self,
-                gpu: &Gpu,
-                capture: &Capture,
-                grid: Grid,
-                memory: Option<u64>,
-                with_volume: bool,
-            ) -> Result<Box<dyn Prepared>> {
-                let made = super::$module::prepare(gpu, capture, grid, self, memory, with_volume)?;
-                Ok(Box::new(made))
-            }
-        })*
     };
 }
 
 solvers! {
-    Paper(PaperOptions) in paper;
-    Vector(VectorOptions) in vector;
+    iterative {
+        Paper(PaperOptions) in paper;
+        Vector(VectorOptions) in vector;
+    }
+    closed_form {
+        Lct(LctOptions);
+        Fk(FkOptions);
+        Phasor(PhasorOptions);
+    }
 }
 
 impl SolverOptions {
@@ -188,9 +177,10 @@ impl SolverOptions {
     pub fn as_vector(&self, confocal: bool) -> VectorOptions {
         match self {
             SolverOptions::Vector(o) => o.clone(),
-            SolverOptions::Paper(o) => {
-                let suit = Suit { confocal, reflectance: o.reflectance, ..Suit::USUAL };
-                VectorOptions::suited_to(&suit).with(|v| v.domain.min_depth = o.common().min_depth)
+            other => {
+                let Common { reflectance, min_depth, .. } = other.common();
+                let suit = Suit { confocal, reflectance, ..Suit::USUAL };
+                VectorOptions::suited_to(&suit).with(|v| v.domain.min_depth = min_depth)
             }
         }
     }
@@ -247,6 +237,7 @@ impl SolverOptions {
         match self {
             SolverOptions::Vector(o) => Some(o.pixels_per_voxel()),
             SolverOptions::Paper(_) => None,
+            _ => Some(1),
         }
     }
 
@@ -267,10 +258,7 @@ impl SolverOptions {
         abilities: &Abilities,
         with_volume: bool,
     ) -> Result<Plan> {
-        let solver = self.solver();
-        // The counts are as large as all the rest, and a plan is the same without them.
-        let model = solver.model(&capture.outline(), &grid);
-        Plan::new(&model, grid, capture.resolution(), solver, abilities, with_volume)
+        self.solver().plan(capture, grid, abilities, with_volume)
     }
 
     /// Runs the solver.
@@ -360,7 +348,7 @@ fn help_of(row: &Row) -> String {
 /// # Errors
 /// The solver is not in this version, or not known at all.
 pub fn check_solver(name: &str) -> Result<()> {
-    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
+    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "dlct"])
 }
 
 /// The light-transport model of that name.
