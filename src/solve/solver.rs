@@ -18,6 +18,14 @@ pub trait Solver: Options {
     /// The first option that makes no sense, by its name on the command line.
     fn check(&self) -> Result<()>;
 
+    /// Checks that a capture breaks no assumption of the method. Its counts do not matter.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the assumption that it breaks, and what to choose instead.
+    fn takes(&self, _capture: &Capture) -> Result<()> {
+        Ok(())
+    }
+
     /// The plan for a capture, whose counts do not matter.
     ///
     /// # Errors

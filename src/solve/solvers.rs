@@ -2,7 +2,9 @@
 
 use serde::Serialize;
 
-use super::closed_form::{FkOptions, LctOptions, PhasorOptions};
+use super::closed_form::{
+    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
+};
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
     Beside, Common, PaperOptions, Part, Plan, Prepared, Reconstruction, RunsOn, Sizes, Solver, VectorOptions,
@@ -141,8 +143,12 @@ solvers! {
     }
     closed_form {
         Lct(LctOptions);
+        Dlct(DlctOptions);
         Fk(FkOptions);
         Phasor(PhasorOptions);
+        PhasorBp(PhasorBpOptions);
+        Fbp(FbpOptions);
+        Bp(BpOptions);
     }
 }
 
@@ -161,6 +167,14 @@ impl SolverOptions {
     /// The first option that makes no sense, by its name on the command line.
     pub fn check(&self) -> Result<()> {
         self.solver().check()
+    }
+
+    /// Checks that a capture breaks no assumption of the method. Its counts do not matter.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the assumption that it breaks, and what to choose instead.
+    pub fn takes(&self, capture: &Capture) -> Result<()> {
+        self.solver().takes(capture)
     }
 
     /// The value of an option.
@@ -346,9 +360,9 @@ fn help_of(row: &Row) -> String {
 /// Checks that there is a solver of that name.
 ///
 /// # Errors
-/// The solver is not in this version, or not known at all.
+/// The solver is not known.
 pub fn check_solver(name: &str) -> Result<()> {
-    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "dlct"])
+    choice("solver", name, SolverOptions::NAMES)
 }
 
 /// The light-transport model of that name.
@@ -362,17 +376,16 @@ pub fn reflectance(name: &str) -> Result<Reflectance> {
         ("retroreflective", Reflectance::Retroreflective),
         ("isotropic", Reflectance::Isotropic),
     ];
-    choice("model", name, &ALL.map(|r| r.0), &[])?;
+    choice("model", name, &ALL.map(|r| r.0))?;
     Ok(ALL.iter().find(|r| r.0 == name).map_or(Reflectance::Cosine, |r| r.1))
 }
 
-fn choice(option: &str, name: &str, here: &[&str], later: &[&str]) -> Result<()> {
+fn choice(option: &str, name: &str, here: &[&str]) -> Result<()> {
     if here.contains(&name) {
         return Ok(());
     }
-    let what = if later.contains(&name) { "is not in this version" } else { "is not known" };
     Err(Error::options(
-        format!("--{option} {name} {what}"),
+        format!("--{option} {name} is not known"),
         format!("use --{option} {}, or leave it out", here.join(" or ")),
     ))
 }

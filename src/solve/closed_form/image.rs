@@ -20,7 +20,15 @@ const SMOOTH: f64 = 0.7;
 
 /// Interpolates values at the points of a scan, `[(ix * n[1] + iy) * depth + k]`, at the voxel centres of `grid`: cubic
 /// (Keys 1981) along x and y. Nothing is known beyond the cells of the scan: voxels there are zero.
+/// What overshoots below zero is zero.
 pub fn on_grid(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f32> {
+    let mut all = on_grid_signed(scan, values, grid);
+    all.par_iter_mut().for_each(|v| *v = v.max(0.0));
+    all
+}
+
+/// The same of values that may be below zero.
+pub fn on_grid_signed(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f32> {
     let depth = grid.n[2];
     let weights = |axis: usize| -> Vec<Option<[(usize, f32); 4]>> {
         let of = |i: usize| {
@@ -42,7 +50,6 @@ pub fn on_grid(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f32> {
             for (iy, weight) in y.iter().flatten() {
                 add(column, &between[iy * depth..(iy + 1) * depth], *weight);
             }
-            column.iter_mut().for_each(|v| *v = v.max(0.0));
         }
     });
     all

@@ -19,15 +19,20 @@ use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
 use crate::transport::{Binning, Gradient, Grid, Model};
 use crate::{Error, Kind, Result};
 
+mod backproject;
+mod dlct;
 mod fk;
 pub mod fourier;
 pub mod image;
 mod lct;
+mod light_cone;
 mod options;
 mod phasor;
 mod resample;
 mod scan;
 
+pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
+pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
 pub use lct::LctOptions;
@@ -73,6 +78,10 @@ macro_rules! host_method {
 
             fn check(&self) -> $crate::Result<()> {
                 $crate::solve::option::Options::check_ranges(self)
+            }
+
+            fn takes(&self, capture: &$crate::capture::Capture) -> $crate::Result<()> {
+                self.scan(capture).map(|_| ())
             }
 
             fn plan(
@@ -230,55 +239,120 @@ impl<M: HostMethod> Prepared for OnHost<M> {
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         let OnHost { options, scan, grid, plan, with_volume } = self;
-        let hear = &mut beside.watch.hear;
-        let pairs = capture.pair_count();
-        let mut point = TracePoint {
-            iteration: 0,
-            seconds: 0.0,
-            gpu_seconds: 0.0,
-            lateral: grid.n[0],
-            pairs,
-            active: grid.voxels(),
-            active_ratio: 1.0,
-            loss: f64::NAN,
-            data_loss: f64::NAN,
-        };
-        let mut told = |point: &TracePoint, maps| {
-            let progress =
-                Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
-            match hear(&progress) {
-                ControlFlow::Continue(()) => Ok(()),
-                ControlFlow::Break(()) => {
-                    Err(Error::new(Kind::Cancelled, "cancelled before the volume was there", "run it again"))
-                }
-            }
-        };
-        told(&point, None)?;
-        let start = Instant::now();
-        let level = if options.image().background { background(capture) as f32 } else { 0.0 };
-        let mut light = capture.clone();
-        light.histograms.iter_mut().for_each(|v| *v -= level);
-        let volume = options.volume(&light, scan, grid);
-        let maps = image::maps(grid, &volume, scan.step[0].min(scan.step[1]));
-        point.seconds = start.elapsed().as_secs_f64();
-        point.iteration = 1;
-        told(&point, Some(maps.clone()))?;
-        Ok(Reconstruction {
-            maps,
-            volume: with_volume.then(|| VolumeMap { grid: *grid, albedo: volume.albedo }),
-            trace: vec![point],
-            empty_loss: 0.0,
-            pairs: (pairs * grid.voxels()) as u64,
-            solve_seconds: point.seconds,
-            device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
-            full: false,
-            lateral: grid.n[0],
-            volume_iterations: 1,
-            surface_left: false,
-            is_warm: false,
-            beyond: None,
-            kernels: vec![],
-            plan: plan.clone(),
+        let step = scan.step[0].min(scan.step[1]);
+        in_one_step(plan, grid, step, *with_volume, beside, || {
+            let level = if options.image().background { background(capture) as f32 } else { 0.0 };
+            let mut light = capture.clone();
+            light.histograms.iter_mut().for_each(|v| *v -= level);
+            Ok(options.volume(&light, scan, grid))
         })
+    }
+}
+
+/// Computes the volume, tells the watch before and after, and makes the maps. `step` is the distance of scan points,
+/// metres.
+///
+/// # Errors
+/// The watch cancels ([`Kind::Cancelled`]), or `compute` fails.
+fn in_one_step(
+    plan: &Arc<Plan>,
+    grid: &Grid,
+    step: f64,
+    with_volume: bool,
+    beside: Beside<'_, '_>,
+    compute: impl FnOnce() -> Result<Volume>,
+) -> Result<Reconstruction> {
+    let mut point = TracePoint {
+        iteration: 0,
+        seconds: 0.0,
+        gpu_seconds: 0.0,
+        lateral: grid.n[0],
+        pairs: plan.pairs,
+        active: grid.voxels(),
+        active_ratio: 1.0,
+        loss: f64::NAN,
+        data_loss: f64::NAN,
+    };
+    let hear = &mut beside.watch.hear;
+    let mut told = |point: &TracePoint, maps| {
+        let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
+        match hear(&progress) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => {
+                Err(Error::new(Kind::Cancelled, "cancelled before the volume was there", "run it again"))
+            }
+        }
+    };
+    told(&point, None)?;
+    let start = Instant::now();
+    let volume = compute()?;
+    let maps = image::maps(grid, &volume, step);
+    point.seconds = start.elapsed().as_secs_f64();
+    point.iteration = 1;
+    told(&point, Some(maps.clone()))?;
+    Ok(Reconstruction {
+        maps,
+        volume: with_volume.then(|| VolumeMap { grid: *grid, albedo: volume.albedo }),
+        trace: vec![point],
+        empty_loss: 0.0,
+        pairs: (plan.pairs * grid.voxels()) as u64,
+        solve_seconds: point.seconds,
+        device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
+        full: false,
+        lateral: grid.n[0],
+        volume_iterations: 1,
+        surface_left: false,
+        is_warm: false,
+        beyond: None,
+        kernels: vec![],
+        plan: plan.clone(),
+    })
+}
+
+/// What the methods' tests against float64 references share.
+#[cfg(test)]
+mod reference {
+    use super::*;
+    use crate::transport::Volume as Box;
+    use glam::{DVec3, dvec3};
+
+    /// A complex number in float64.
+    pub type Wide = rustfft::num_complex::Complex64;
+
+    pub fn wide_turn(angle: f64) -> Wide {
+        Wide::new(angle.cos(), angle.sin())
+    }
+
+    /// Random counts of a scan of 4 × 3 points whose bins begin late. `spot`: the one point of the laser.
+    pub fn random_capture(spot: Option<DVec3>) -> Capture {
+        let points: Vec<DVec3> = (0..12)
+            .map(|i| dvec3(-0.2 + 0.15 * f64::from(i / 3), 0.1 + 0.12 * f64::from(i % 3), 0.05))
+            .collect();
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1u32 << 24) as f32
+        };
+        let counts = (0..12 * 16).map(|_| random()).collect();
+        let laser = spot.map_or(points.clone(), |spot| vec![spot; 12]);
+        let mut capture = Capture::new([4, 3], laser, points, 16, 0.05, counts);
+        capture.t_start = 0.7;
+        capture
+    }
+
+    /// A grid whose columns are the points of [`random_capture`].
+    pub fn random_grid(scan: &RegularScan) -> Grid {
+        let volume = Box { min: dvec3(-0.275, 0.04, 0.45), max: dvec3(0.325, 0.4, 0.8) };
+        let grid = Grid::new(volume, 12, 0.03).unwrap();
+        // Not square: the values at the points are compared, not those between them.
+        assert_eq!(scan.n, [4, 3]);
+        grid
+    }
+
+    /// The largest difference, over the largest value.
+    pub fn error(found: &[f32], wanted: &[f64]) -> f64 {
+        let largest = wanted.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        assert!(largest > 0.0 && found.len() == wanted.len());
+        found.iter().zip(wanted).map(|(f, w)| (f64::from(*f) - w).abs()).fold(0.0, f64::max) / largest
     }
 }

@@ -43,6 +43,7 @@ pub use hat::hat;
 pub use options::{Domain, VectorOptions};
 pub use prepared::{prepare, prepare_to_follow};
 pub use preview::preview;
+pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};
 pub use trial::{Left, PAIRS, Start, Trial};
 

@@ -13,12 +13,23 @@ use crate::transport::kernels::*;
 
 /// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
 pub fn project(plan: &Plan, level: &Level) -> Schedule {
+    let mut s = gather_filtered(plan, level, false);
+    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
+    s
+}
+
+/// Back-projects the filtered measurement into the second of [`Plan::volumes`]. Sums below zero stay if `signed`, else
+/// they become zero.
+pub(in crate::solve) fn gather_filtered(plan: &Plan, level: &Level, signed: bool) -> Schedule {
     let mut s = Schedule::default();
     s.dispatch(&FILTER, groups(plan.cells_at(level), WORKGROUP))
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::MEASURED, level.measured);
     let voxels = level.grid.storage();
-    for push in pair_chunks(plan, &plan.measured(level), voxels) {
+    for mut push in pair_chunks(plan, &plan.measured(level), voxels) {
+        if signed {
+            push.flags &= !BACKWARD_FINISH;
+        }
         s.dispatch(&BACKPROJECT, groups(voxels, plan.tuning.samples_of_group(voxels)))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::WALL, level.wall)
@@ -26,7 +37,6 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
             .with(push)
             .taking(work_of(&push, voxels));
     }
-    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
     s
 }
 

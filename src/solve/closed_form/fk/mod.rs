@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{Volume, on_grid};
-use super::lct::in_wide;
+use super::light_cone::in_wide;
 use super::options::ImageOptions;
 use super::resample::linear;
 use super::{HostMethod, RegularScan, host_method};
@@ -99,18 +99,7 @@ impl HostMethod for FkOptions {
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
         let half = HalfPaths::of(capture);
-        let spectra = self.spectra(capture, scan, &half);
-        let wide: usize = scan.padded().iter().product();
-        let frequencies = half.frequencies();
-        // Column by column, [(ky * padded + kx) * frequencies + k].
-        let mut columns = vec![Complex::default(); wide * frequencies];
-        transpose(&spectra, &mut columns, [frequencies, wide]);
-        drop(spectra);
-        migrate(scan, &half, &mut columns);
-        let mut planes = vec![Complex::default(); wide * half.count];
-        for_depths(&columns, &mut planes, [wide, frequencies, half.count]);
-        drop(columns);
-        let intensity = intensities(scan, &half, planes);
+        let intensity = self.intensity(capture, scan, &half);
         let deep = grid.n[2];
         let points = scan.points();
         let mut values = vec![0.0f32; points * deep];
@@ -126,6 +115,22 @@ impl HostMethod for FkOptions {
 }
 
 impl FkOptions {
+    /// The migrated wave's power at the scan's points and the depths of the bins, `[bin * points + point]`.
+    fn intensity(&self, capture: &Capture, scan: &RegularScan, half: &HalfPaths) -> Vec<f32> {
+        let spectra = self.spectra(capture, scan, half);
+        let wide: usize = scan.padded().iter().product();
+        let frequencies = half.frequencies();
+        // Column by column, [(ky * padded + kx) * frequencies + k].
+        let mut columns = vec![Complex::default(); wide * frequencies];
+        transpose(&spectra, &mut columns, [frequencies, wide]);
+        drop(spectra);
+        migrate(scan, half, &mut columns);
+        let mut planes = vec![Complex::default(); wide * half.count];
+        for_depths(&columns, &mut planes, [wide, frequencies, half.count]);
+        drop(columns);
+        intensities(scan, half, planes)
+    }
+
     /// Spectra of the wave at the wall, `[(k * padded[1] + ky) * padded[0] + kx]`.
     fn spectra(&self, capture: &Capture, scan: &RegularScan, half: &HalfPaths) -> Vec<Complex> {
         // A wave's power falls off by the square of the distance.
@@ -271,5 +276,70 @@ impl Taps {
             at => spectrum.get(at as usize).copied().unwrap_or_default(),
         };
         (0..Taps::COUNT).map(|i| value(i) * taps[i]).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::reference::{Wide, error, random_capture, wide_turn};
+    use super::*;
+
+    /// The migration by definition, in float64: every plane wave of every depth frequency, whose amplitude is the sum over
+    /// all bins and points, without interpolation.
+    fn by_definition(capture: &Capture, scan: &RegularScan, half: &HalfPaths) -> Vec<f64> {
+        let [lx, ly] = scan.padded();
+        let unit = wave_number(1, half.length, half.step);
+        let place = |point: usize| {
+            [(point / scan.n[1]) as f64 * scan.step[0], (point % scan.n[1]) as f64 * scan.step[1]]
+        };
+        let points = scan.points();
+        let mut wave = vec![Wide::default(); half.count * points];
+        for kx in 0..lx {
+            for ky in 0..ly {
+                let across = [wave_number(kx, lx, scan.step[0]), wave_number(ky, ly, scan.step[1])];
+                let angle = |point: usize| place(point)[0] * across[0] + place(point)[1] * across[1];
+                for j in 1..half.frequencies() {
+                    let kz = j as f64 * unit;
+                    let k = (across[0].powi(2) + across[1].powi(2) + kz * kz).sqrt();
+                    if k / unit > (half.frequencies() - 1) as f64 {
+                        break;
+                    }
+                    let mut amplitude = Wide::default();
+                    for point in 0..points {
+                        for (b, count) in capture.histogram(scan.pair_of[point]).iter().enumerate() {
+                            let r = half.first + b as f64 * half.step;
+                            amplitude += wide_turn(-k * r - angle(point)) * (f64::from(*count).sqrt() * r);
+                        }
+                    }
+                    for (i, value) in wave.iter_mut().enumerate() {
+                        let z = half.first + (i / points) as f64 * half.step;
+                        *value += amplitude * (kz / k) * wide_turn(kz * z + angle(i % points));
+                    }
+                }
+            }
+        }
+        wave.iter().map(|v| v.norm_sqr()).collect()
+    }
+
+    #[test]
+    fn it_is_the_sum_of_plane_waves_by_definition() {
+        let capture = random_capture(None);
+        let o = FkOptions::default();
+        let scan = o.scan(&capture).unwrap();
+        let half = HalfPaths::of(&capture);
+        let off = error(&o.intensity(&capture, &scan, &half), &by_definition(&capture, &scan, &half));
+        // Bins at the ends of the histogram are interpolated least well.
+        assert!(off < 0.03, "{off}");
+    }
+
+    #[test]
+    fn taps_interpolate_a_slow_spectrum() {
+        let taps = Taps::new();
+        // A bin that is a quarter of the transform away from the middle.
+        let spectrum: Vec<Complex> = (0..64).map(|i| turn(-0.5 * PI * f64::from(i))).collect();
+        for at in [20.0, 20.3, 31.5, 40.999] {
+            let off = (taps.between(&spectrum, at) - turn(-0.5 * PI * at)).norm();
+            assert!(off < 0.01, "{at}: {off}");
+        }
     }
 }

@@ -10,14 +10,10 @@
 //! of one factor for x and one for y. Each frequency is a plane of its own, so memory holds the counts' spectrum
 //! without padding.
 
-use std::f64::consts::TAU;
-
-use rayon::prelude::*;
-
-use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn};
+use super::fourier::{Complex, Line, transpose};
 use super::image::{Volume, on_grid};
+use super::light_cone::{Cells, filter_planes};
 use super::options::ImageOptions;
-use super::resample::{Cumulative, linear};
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
 use crate::capture::Capture;
@@ -34,7 +30,8 @@ options! {
         }
         "Light-cone transform" {
             /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
-            snr: f64 = 0.8, Range::Positive;
+            // 0.8 is the published code's. Rendered histograms bear more (docs/methods.md).
+            snr: f64 = if suit.captured() { 0.8 } else { 3.0 }, Range::Positive;
         }
     }
 }
@@ -47,54 +44,6 @@ const SPECTRA: Buffer = Buffer::named("spectra");
 const BY_FREQUENCY: Buffer = Buffer::named("spectra_by_frequency");
 /// The volume at the scan's points.
 const AT_POINTS: Buffer = Buffer::named("volume_at_points");
-
-/// Cells of v = (t/2)² and of u = z², which lie at the same places.
-struct Cells {
-    /// Lower edge of the first cell, m².
-    low: f64,
-    /// Width of a cell, m².
-    step: f64,
-    /// Number of cells.
-    count: usize,
-    /// Length of the transform. No light of a cell comes back at the beginning.
-    length: usize,
-}
-
-impl Cells {
-    fn of(capture: &Capture, scan: &RegularScan) -> Cells {
-        let [low, high] = [capture.t_start, capture.t_end()].map(|t| (0.5 * t.max(0.0)).powi(2));
-        let count = capture.bins.max(2);
-        let step = (high - low) / count as f64;
-        let farthest = scan.size().map(|s| s * s).iter().sum::<f64>() / step;
-        // Offsets along one axis that leave the cells are left out, so two axes reach twice the cells.
-        let beyond = farthest.ceil().min(2.0 * count as f64) as usize;
-        Cells { low, step, count, length: 2 * fast_length((count + beyond).div_ceil(2)) }
-    }
-
-    /// Frequencies from 0 to the highest.
-    fn frequencies(&self) -> usize {
-        self.length / 2 + 1
-    }
-
-    /// The factor of one axis in the kernel's spectrum: the Fourier transform over `length` places of exp(−iω d²) at
-    /// the distances d of `n` points, averaged over the cell of a point.
-    fn kernel(&self, line: &Line, [n, length]: [usize; 2], distance: f64, omega: f64) -> Vec<Complex> {
-        let mut all = vec![Complex::default(); length];
-        for i in 0..n {
-            let d = i as f64 * distance;
-            if d * d > self.count as f64 * self.step {
-                break;
-            }
-            let across = omega * d * distance;
-            let mean = if across.abs() < 1e-6 { 1.0 } else { across.sin() / across };
-            let value = turn(-omega * d * d) * mean as f32;
-            all[i] = value;
-            all[(length - i) % length] = value;
-        }
-        line.run(&mut all, &mut vec![]);
-        all
-    }
-}
 
 impl HostMethod for LctOptions {
     fn image(&self) -> &ImageOptions {
@@ -112,106 +61,135 @@ impl HostMethod for LctOptions {
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
-        let cells = Cells::of(capture, scan);
-        let power = match self.image.reflectance {
-            Reflectance::Retroreflective => 1,
-            _ => 2,
-        };
-        let points = scan.points();
-        let frequencies = cells.frequencies();
-        let mut spectra = vec![Complex::default(); points * frequencies];
-        let line = Line::forward(cells.length);
-        spectra.par_chunks_mut(frequencies).zip(&scan.pair_of).for_each_init(
-            Default::default,
-            |s, (to, pair)| {
-                let (line_of, spare): &mut (Vec<Complex>, Vec<Complex>) = s;
-                line_of.clear();
-                line_of.resize(cells.length, Complex::default());
-                let counts = Cumulative::of(capture.histogram(*pair), capture.t_start, capture.bin_width);
-                let path = |edge: usize| 2.0 * (cells.low + edge as f64 * cells.step).sqrt();
-                let mut before = counts.until(path(0));
-                for (k, value) in line_of[..cells.count].iter_mut().enumerate() {
-                    let until = counts.until(path(k + 1));
-                    // Of the integral of τ dt over the cell, with dt = dv / √v.
-                    let v = cells.low + (k as f64 + 0.5) * cells.step;
-                    *value = Complex::from(((until - before) / cells.step * v.powi(power)) as f32);
-                    before = until;
-                }
-                line.run(line_of, spare);
-                to.copy_from_slice(&line_of[..frequencies]);
-            },
-        );
-        let mut planes = vec![Complex::default(); points * frequencies];
-        transpose(&spectra, &mut planes, [points, frequencies]);
-        self.invert(&cells, scan, &mut planes);
-        transpose(&planes, &mut spectra, [frequencies, points]);
-        drop(planes);
-        let values = depths(&cells, scan, grid, &spectra);
-        drop(spectra);
-        Volume { albedo: on_grid(scan, &values, grid), normal: None }
+        Volume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
     }
 }
 
 impl LctOptions {
+    /// The albedo at the scan's points and the grid's depths, `[point * depths + depth]`.
+    fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f32> {
+        let cells = Cells::of(capture, scan);
+        // v^(3/2) τ or v^(1/2) τ, of the integral of τ dt = τ dv / √v over a cell.
+        let power = match self.image.reflectance {
+            Reflectance::Retroreflective => 1.0,
+            _ => 2.0,
+        };
+        let size = [scan.points(), cells.frequencies()];
+        let mut spectra = cells.spectra(capture, scan, power);
+        let mut planes = vec![Complex::default(); spectra.len()];
+        transpose(&spectra, &mut planes, size);
+        self.invert(&cells, scan, &mut planes);
+        transpose(&planes, &mut spectra, [size[1], size[0]]);
+        drop(planes);
+        cells.at_depths(scan, grid, &spectra, |z| 2.0 * z)
+    }
+
     /// Divides each frequency's plane by the spectrum of the kernel, as the Wiener filter does.
     fn invert(&self, cells: &Cells, scan: &RegularScan, planes: &mut [Complex]) {
         let padded = scan.padded();
-        let [forward, backward] = [Planes::forward(padded), Planes::backward(padded)];
         let lines = padded.map(Line::forward);
         // The kernel's mean power over lateral frequencies, as in the published code: the number of its points.
         let points: f64 = scan.n.iter().map(|n| (2 * n - 1) as f64).product();
         let noise = (points / self.snr) as f32;
-        planes.par_chunks_mut(scan.points()).enumerate().for_each_init(Default::default, |s, (k, plane)| {
-            let (wide, spare): &mut (Vec<Complex>, Spare) = s;
-            let omega = TAU * k as f64 / (cells.length as f64 * cells.step);
-            let factor = |a: usize| cells.kernel(&lines[a], [scan.n[a], padded[a]], scan.step[a], omega);
+        filter_planes(scan, planes, |k, spectrum| {
+            let sides = |a: usize| [scan.n[a], padded[a]];
+            let factor = |a: usize| cells.kernel(&lines[a], sides(a), scan.step[a], cells.omega(k), |_| 1.0);
             let [of_x, of_y] = [factor(0), factor(1)];
-            in_wide(plane, scan.n, padded, wide);
-            forward.spectrum(wide, scan.n[0], spare);
-            for (row, y) in wide.chunks_mut(padded[0]).zip(&of_y) {
+            for (row, y) in spectrum.chunks_mut(padded[0]).zip(&of_y) {
                 for (value, x) in row.iter_mut().zip(&of_x) {
                     let kernel = x * y;
                     *value *= kernel.conj() / (kernel.norm_sqr() + noise);
                 }
             }
-            backward.plane(wide, scan.n[0], spare);
-            for (to, from) in plane.chunks_mut(scan.n[1]).zip(wide.chunks(padded[1])) {
-                to.copy_from_slice(&from[..scan.n[1]]);
-            }
         });
     }
 }
 
-/// Puts a plane of `n` places into the corner of one of `padded` places.
-pub(super) fn in_wide(plane: &[Complex], n: [usize; 2], padded: [usize; 2], wide: &mut Vec<Complex>) {
-    wide.clear();
-    wide.resize(padded[0] * padded[1], Complex::default());
-    for (to, from) in wide.chunks_mut(padded[1]).zip(plane.chunks(n[1])) {
-        to[..n[1]].copy_from_slice(from);
-    }
-}
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
 
-/// Albedo at the depths of `grid` from spectra over u, `[point * frequencies + k]`.
-fn depths(cells: &Cells, scan: &RegularScan, grid: &Grid, spectra: &[Complex]) -> Vec<f32> {
-    let line = Line::backward(cells.length);
-    let deep = grid.n[2];
-    let mut values = vec![0.0f32; scan.points() * deep];
-    values.par_chunks_mut(deep).zip(spectra.par_chunks(cells.frequencies())).for_each_init(
-        Default::default,
-        |s, (to, spectrum)| {
-            let (column, spare): &mut (Vec<Complex>, Vec<Complex>) = s;
-            column.clear();
-            column.extend_from_slice(spectrum);
-            column.extend(spectrum[1..cells.length - spectrum.len() + 1].iter().rev().map(|v| v.conj()));
-            line.run(column, spare);
-            for (k, value) in to.iter_mut().enumerate() {
-                let z = grid.origin.z + k as f64 * grid.pitch.z - scan.z;
-                if z > 0.0 {
-                    let at = (z * z - cells.low) / cells.step - 0.5;
-                    *value = 2.0 * z as f32 * linear(|i| column[i].re, cells.count, at);
+    use super::super::reference::{Wide, error, random_capture, random_grid, wide_turn};
+    use super::super::resample::Cumulative;
+    use super::*;
+
+    /// All of it by definition, in float64: counts integrated over cells, three-dimensional transforms term by term, the
+    /// Wiener filter, interpolation at the depths.
+    fn by_definition(o: &LctOptions, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f64> {
+        let cells = Cells::of(capture, scan);
+        let [lx, ly] = scan.padded();
+        let (nx, ny, length) = (scan.n[0], scan.n[1], cells.length);
+        let v = |k: usize| cells.low + (k as f64 + 0.5) * cells.step;
+        let mut measured = vec![0.0; nx * ny * cells.count];
+        for (i, m) in measured.iter_mut().enumerate() {
+            let (point, k) = (i / cells.count, i % cells.count);
+            let counts =
+                Cumulative::of(capture.histogram(scan.pair_of[point]), capture.t_start, capture.bin_width);
+            let until = |edge: usize| counts.until(2.0 * (cells.low + edge as f64 * cells.step).sqrt());
+            *m = (until(k + 1) - until(k)) / cells.step * v(k).powi(2);
+        }
+        let omega = |k: usize| TAU * k as f64 / length as f64;
+        let signed = |i: usize, l: usize| if 2 * i > l { i as f64 - l as f64 } else { i as f64 };
+        let noise = ((2 * nx - 1) * (2 * ny - 1)) as f64 / o.snr;
+        let mut columns = vec![vec![0.0; cells.count]; nx * ny];
+        for kx in 0..lx {
+            for ky in 0..ly {
+                for k in 0..length {
+                    let across =
+                        |x: f64, y: f64| TAU * (kx as f64 * x / lx as f64 + ky as f64 * y / ly as f64);
+                    let mut spectrum = Wide::default();
+                    for (i, m) in measured.iter().enumerate() {
+                        let (point, cell) = (i / cells.count, i % cells.count);
+                        let angle = across((point / ny) as f64, (point % ny) as f64) + omega(k) * cell as f64;
+                        spectrum += wide_turn(-angle) * *m;
+                    }
+                    // Frequencies above the middle are negative.
+                    let w = signed(k, length) * TAU / length as f64 / cells.step;
+                    let mut kernel = Wide::default();
+                    for a in (1 - nx as isize)..nx as isize {
+                        for b in (1 - ny as isize)..ny as isize {
+                            let d = [a as f64 * scan.step[0], b as f64 * scan.step[1]];
+                            if d.iter().any(|d| d * d > cells.count as f64 * cells.step) {
+                                continue;
+                            }
+                            let mean = |d: f64, step: f64| {
+                                let x = w * d * step;
+                                if x == 0.0 { 1.0 } else { x.sin() / x }
+                            };
+                            let factor = mean(d[0], scan.step[0]) * mean(d[1], scan.step[1]);
+                            kernel +=
+                                wide_turn(-w * (d[0] * d[0] + d[1] * d[1]) - across(a as f64, b as f64))
+                                    * factor;
+                        }
+                    }
+                    let inverted = spectrum * kernel.conj() / (kernel.norm_sqr() + noise);
+                    for (point, column) in columns.iter_mut().enumerate() {
+                        let at = across((point / ny) as f64, (point % ny) as f64);
+                        for (cell, value) in column.iter_mut().enumerate() {
+                            *value += (inverted * wide_turn(at + omega(k) * cell as f64)).re;
+                        }
+                    }
                 }
             }
-        },
-    );
-    values
+        }
+        let at_depth = |i: usize| {
+            let z = grid.origin.z + (i % grid.n[2]) as f64 * grid.pitch.z - scan.z;
+            let at = ((z * z - cells.low) / cells.step - 0.5).clamp(0.0, cells.count as f64 - 1.0);
+            let low = (at as usize).min(cells.count - 2);
+            let column = &columns[i / grid.n[2]];
+            2.0 * z * (column[low] + (at - low as f64) * (column[low + 1] - column[low]))
+        };
+        (0..nx * ny * grid.n[2]).map(at_depth).collect()
+    }
+
+    #[test]
+    fn it_is_the_wiener_filter_by_definition() {
+        let capture = random_capture(None);
+        let o = LctOptions::default();
+        let scan = o.scan(&capture).unwrap();
+        let grid = random_grid(&scan);
+        let wanted = by_definition(&o, &capture, &scan, &grid);
+        let off = error(&o.at_points(&capture, &scan, &grid), &wanted);
+        assert!(off < 1e-4, "{off}");
+    }
 }

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{Volume, on_grid};
-use super::lct::in_wide;
+use super::light_cone::in_wide;
 use super::options::ImageOptions;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
@@ -35,7 +35,7 @@ options! {
         }
         "Phasor field" {
             /// Wavelength of the virtual wave, as a path, in distances of scan points
-            wavelength: f64 = 4.0, Range::Positive;
+            wavelength: f64 = 3.0, Range::Positive;
             /// Wavelengths that the virtual pulse is long
             cycles: f64 = 5.0, Range::Positive;
         }
@@ -92,6 +92,26 @@ impl Band {
     }
 }
 
+/// The virtual pulse as two filters along time, the even and the odd one: words of `filter.comp`. `wavelength` is in
+/// bins.
+pub(super) fn pulse(wavelength: f64, cycles: f64, bins: usize) -> [Vec<f32>; 2] {
+    let deviation = OF_LENGTH * cycles * wavelength;
+    let reach = ((BAND_WIDTH * deviation).ceil() as usize).clamp(1, bins.max(2) - 1);
+    let of = |wave: fn(f64) -> f64| -> Vec<f64> {
+        let value =
+            |i: usize| wave(TAU * i as f64 / wavelength) * (-0.5 * (i as f64 / deviation).powi(2)).exp();
+        (0..=reach).map(value).collect()
+    };
+    // Cut off, the even one would let through a constant.
+    let mut even = of(f64::cos);
+    let envelope = of(|_| 1.0);
+    let sum = |all: &[f64]| all[0] + 2.0 * all[1..].iter().sum::<f64>();
+    let share = sum(&even) / sum(&envelope);
+    even.iter_mut().zip(&envelope).for_each(|(v, e)| *v -= share * e);
+    [(1.0, even), (-1.0, of(f64::sin))]
+        .map(|(side, taps)| std::iter::once(side * reach as f64).chain(taps).map(|v| v as f32).collect())
+}
+
 impl HostMethod for PhasorOptions {
     fn image(&self) -> &ImageOptions {
         &self.image
@@ -115,13 +135,19 @@ impl HostMethod for PhasorOptions {
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
+        Volume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
+    }
+}
+
+impl PhasorOptions {
+    /// The wave's strength at the scan's points and the grid's depths, `[point * depths + depth]`.
+    fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f32> {
         let band = Band::of(self, capture, scan, grid);
         let wave = wave_at_wall(capture, scan, &band);
-        let values = match scan.spot {
+        match scan.spot {
             None => confocal(scan, &band, grid, wave),
             Some(_) => one_spot(scan, &band, grid, &wave),
-        };
-        Volume { albedo: on_grid(scan, &values, grid), normal: None }
+        }
     }
 }
 
@@ -267,4 +293,81 @@ fn one_spot(scan: &RegularScan, band: &Band, grid: &Grid, wave: &[Complex]) -> V
     let mut values = vec![0.0f32; points * deep];
     transpose(&strength, &mut values, [deep, points]);
     values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::reference::{Wide, error, random_capture, random_grid, wide_turn};
+    use super::*;
+
+    /// The same by definition, in float64: every plane wave of every frequency, whose amplitude is the sum over all bins
+    /// and points.
+    fn by_definition(o: &PhasorOptions, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f64> {
+        let band = Band::of(o, capture, scan, grid);
+        let (padded, points, deep) = (scan.padded(), scan.points(), grid.n[2]);
+        let place = |point: usize| {
+            [(point / scan.n[1]) as f64 * scan.step[0], (point % scan.n[1]) as f64 * scan.step[1]]
+        };
+        let depth = |k: usize| grid.origin.z + k as f64 * grid.pitch.z;
+        let mut wave = vec![Wide::default(); points * deep];
+        for [omega, weight] in &band.all {
+            for i in 0..padded[0] * padded[1] {
+                let across = [
+                    wave_number(i % padded[0], padded[0], scan.step[0]),
+                    wave_number(i / padded[0], padded[1], scan.step[1]),
+                ];
+                let k = if scan.spot.is_some() { *omega } else { 2.0 * omega };
+                let squared = k * k - across[0].powi(2) - across[1].powi(2);
+                if squared <= 0.0 {
+                    continue;
+                }
+                let kz = squared.sqrt();
+                let angle = |point: usize| place(point)[0] * across[0] + place(point)[1] * across[1];
+                let mut amplitude = Wide::default();
+                for point in 0..points {
+                    for (b, count) in capture.histogram(scan.pair_of[point]).iter().enumerate() {
+                        let path = capture.t_start + (b as f64 + 0.5) * capture.bin_width;
+                        amplitude += wide_turn(-omega * path - angle(point)) * f64::from(*count) * *weight;
+                    }
+                }
+                for (at, value) in wave.iter_mut().enumerate() {
+                    let (point, z) = (at / deep, depth(at % deep));
+                    let off = |a: usize| (z - scan.z) * across[a].abs() / kz > scan.size()[a];
+                    if off(0) || off(1) {
+                        continue;
+                    }
+                    let arm = scan.spot.map_or(0.0, |spot| {
+                        let [x, y] = [0, 1].map(|a| scan.first[a] + place(point)[a]);
+                        spot.distance(glam::dvec3(x, y, z))
+                    });
+                    *value += amplitude * wide_turn(kz * (z - scan.z) + angle(point) + omega * arm);
+                }
+            }
+        }
+        wave.iter().map(|v| v.norm()).collect()
+    }
+
+    #[test]
+    fn it_is_the_sum_of_plane_waves_by_definition() {
+        for spot in [None, Some(glam::dvec3(0.3, -0.1, 0.05))] {
+            let capture = random_capture(spot);
+            let o = PhasorOptions::default();
+            let scan = o.scan(&capture).unwrap();
+            let grid = random_grid(&scan);
+            let wanted = by_definition(&o, &capture, &scan, &grid);
+            let off = error(&o.at_points(&capture, &scan, &grid), &wanted);
+            assert!(off < 1e-4, "{spot:?}: {off}");
+        }
+    }
+
+    #[test]
+    fn the_pulse_is_even_and_odd_and_lets_no_constant_through() {
+        let [even, odd] = pulse(12.0, 5.0, 1000);
+        assert_eq!((even[0], odd[0]), (27.0, -27.0));
+        assert_eq!((even.len(), odd.len()), (29, 29));
+        let sum = even[1] + 2.0 * even[2..].iter().sum::<f32>();
+        assert!(sum.abs() < 1e-4 && odd[1] == 0.0 && odd[4] > 0.5 && even[7] < -0.5);
+        // As many bins as there are.
+        assert_eq!(pulse(12.0, 5.0, 9)[0].len(), 10);
+    }
 }

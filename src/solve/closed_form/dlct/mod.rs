@@ -1,0 +1,143 @@
+//! The directional light-cone transform (Young, Lindell, Girod, Taubman, Wetzstein: *Non-line-of-sight surface
+//! reconstruction using the directional light-cone transform*, CVPR 2020).
+//!
+//! A surface sends light by the cosine between its normal and the way to the wall. With the vector albedo a = ρ n, the
+//! value at the wall point x' is a · (x' − x) / r^5, so that v² τ = Σ_c K_c ∗ A_c: three convolutions in the coordinates
+//! of the light-cone transform ([`super::light_cone`]). The kernels of x and y are that of the light-cone transform times
+//! dx and dy; that of z is it, with the depth in the unknown.
+//!
+//! The least-squares problem with a penalty on |a|² is solved exactly. At every frequency the block of the three unknowns
+//! is k k* + λ: its solution is conj(k_c) g / (λ + Σ |k_c|²), which is what a factorisation of each block gives. Lengths
+//! along x and y are taken in the usual depth, so that the penalty is the same for all directions there.
+
+use rayon::prelude::*;
+
+use super::fourier::{Complex, Line, transpose};
+use super::image::{Volume, on_grid_signed};
+use super::light_cone::{Cells, filter_planes};
+use super::options::ImageOptions;
+use super::{HostMethod, RegularScan, host_method};
+use crate::capture::Capture;
+use crate::gpu::Buffer;
+use crate::solve::option::options;
+use crate::transport::{Grid, Reflectance};
+use crate::{Error, Result};
+
+options! {
+    /// Options of the directional light-cone transform.
+    pub struct DlctOptions(suit) {
+        nested {
+            /// What all closed-form methods have.
+            image: ImageOptions,
+        }
+        "Light-cone transform" {
+            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
+            snr: f64 = if suit.captured() { 0.8 } else { 3.0 }, Range::Positive;
+        }
+    }
+}
+
+host_method!(DlctOptions, "dlct");
+
+/// Spectra of all histograms over v, frequency by frequency.
+const BY_FREQUENCY: Buffer = Buffer::named("spectra_by_frequency");
+/// One component of the vector, frequency by frequency, and then point by point.
+const COMPONENT: Buffer = Buffer::named("component");
+/// The components at the scan's points.
+const AT_POINTS: Buffer = Buffer::named("components_at_points");
+/// The components at the voxels.
+const VECTORS: Buffer = Buffer::named("vectors");
+
+impl HostMethod for DlctOptions {
+    fn image(&self) -> &ImageOptions {
+        &self.image
+    }
+
+    fn scan(&self, capture: &Capture) -> Result<RegularScan> {
+        if self.image.reflectance == Reflectance::Retroreflective {
+            return Err(Error::input(
+                "the directional light-cone transform needs light by the cosine of the normal, and retroreflective \
+                 surfaces have none",
+                "choose a method without normals: lct, fk or phasor",
+            ));
+        }
+        RegularScan::confocal(capture, "the directional light-cone transform")
+    }
+
+    fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)> {
+        let spectra = 8 * (scan.points() * Cells::of(capture, scan).frequencies()) as u64;
+        let at_points = 4 * (scan.points() * grid.n[2]) as u64;
+        let at_voxels = 4 * grid.voxels() as u64;
+        vec![
+            (BY_FREQUENCY, spectra),
+            (COMPONENT, 2 * spectra),
+            (AT_POINTS, 3 * at_points),
+            (VECTORS, 6 * at_voxels),
+        ]
+    }
+
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
+        let [x, y, z] = self.at_points(capture, scan, grid).map(|values| on_grid_signed(scan, &values, grid));
+        let vector = |i: usize| [x[i], y[i], z[i]];
+        let normal: Vec<[f32; 3]> = (0..z.len()).into_par_iter().map(vector).collect();
+        // A surface that faces away from the wall is none.
+        let length = |v: &[f32; 3]| {
+            if v[2] < 0.0 { v.iter().map(|c| c * c).sum::<f32>().sqrt() } else { 0.0 }
+        };
+        Volume { albedo: normal.par_iter().map(length).collect(), normal: Some(normal) }
+    }
+}
+
+impl DlctOptions {
+    /// The vector albedo at the scan's points and the grid's depths, `[point * depths + depth]` for each component.
+    fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> [Vec<f32>; 3] {
+        let cells = Cells::of(capture, scan);
+        let usual = usual_depth(&cells);
+        let size = [scan.points(), cells.frequencies()];
+        // v² τ, of the integral of τ dt = τ dv / √v over a cell.
+        let spectra = cells.spectra(capture, scan, 2.5);
+        let mut planes = vec![Complex::default(); spectra.len()];
+        transpose(&spectra, &mut planes, size);
+        drop(spectra);
+        [0, 1, 2].map(|component| {
+            let mut own = planes.clone();
+            self.invert(&cells, scan, &mut own, component);
+            let mut spectra = vec![Complex::default(); own.len()];
+            transpose(&own, &mut spectra, [size[1], size[0]]);
+            drop(own);
+            match component {
+                2 => cells.at_depths(scan, grid, &spectra, |_| -2.0),
+                _ => cells.at_depths(scan, grid, &spectra, |z| 2.0 * z / usual),
+            }
+        })
+    }
+
+    /// Turns each frequency's plane into that of one component.
+    fn invert(&self, cells: &Cells, scan: &RegularScan, planes: &mut [Complex], component: usize) {
+        let padded = scan.padded();
+        let lines = padded.map(Line::forward);
+        let usual = usual_depth(cells);
+        let points: f64 = scan.n.iter().map(|n| (2 * n - 1) as f64).product();
+        let noise = (points / self.snr) as f32;
+        filter_planes(scan, planes, |k, spectrum| {
+            let factor = |a: usize, weight: &dyn Fn(f64) -> f64| {
+                cells.kernel(&lines[a], [scan.n[a], padded[a]], scan.step[a], cells.omega(k), weight)
+            };
+            let even = [0, 1].map(|a| factor(a, &|_| 1.0));
+            let odd = [0, 1].map(|a| factor(a, &|d| d / usual));
+            for (ky, row) in spectrum.chunks_mut(padded[0]).enumerate() {
+                for (kx, value) in row.iter_mut().enumerate() {
+                    let kernels =
+                        [odd[0][kx] * even[1][ky], even[0][kx] * odd[1][ky], even[0][kx] * even[1][ky]];
+                    let power: f32 = kernels.iter().map(|k| k.norm_sqr()).sum();
+                    *value *= kernels[component].conj() / (power + noise);
+                }
+            }
+        });
+    }
+}
+
+/// The depth in the middle of the cells, metres.
+fn usual_depth(cells: &Cells) -> f64 {
+    (cells.low + 0.5 * cells.count as f64 * cells.step).sqrt()
+}
