@@ -146,7 +146,7 @@ fn specs(args: &Args) -> Result<Vec<methods::Spec>> {
             continue;
         }
         for name in every() {
-            specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base.for_solver(name))? });
+            specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
         }
     }
     Ok(specs)

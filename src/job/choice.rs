@@ -77,15 +77,6 @@ impl Choice {
         self.options.iter().map(|(key, _)| *key).find(lacks)
     }
 
-    /// The part of this choice that a solver of that name has: options that only others have are left out.
-    #[must_use]
-    pub fn for_solver(&self, name: &str) -> Choice {
-        let options = SolverOptions::suited_to(name, &Suit::USUAL);
-        let has = |key: &str| key == "seed" || options.as_ref().is_some_and(|o| o.get(key).is_some());
-        let fitting = self.options.iter().filter(|(key, _)| has(key)).cloned().collect();
-        Choice { options: fitting, ..self.clone() }
-    }
-
     /// What the choice makes of `capture`.
     pub fn resolve(&self, capture: &Capture) -> Resolved {
         let preset = self.preset.unwrap_or_else(|| preset_for(capture));

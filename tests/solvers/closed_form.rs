@@ -21,7 +21,7 @@ const BIN: f64 = 0.01;
 /// Bins begin late.
 const START: f64 = 0.403;
 
-const ALL: [&str; 6] = ["lct", "fk", "phasor", "phasor-bp", "fbp", "bp"];
+const ALL: [&str; 7] = ["lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp"];
 const ANY_PAIRS: [&str; 3] = ["phasor-bp", "fbp", "bp"];
 
 /// A wall that is not about the origin.
@@ -136,7 +136,7 @@ fn scans_that_break_an_assumption_are_refused() {
     holes.sensor.pop();
     holes.scan = [SCAN * SCAN - 1, 1];
     holes.histograms.truncate((SCAN * SCAN - 1) * BINS);
-    for name in ["lct", "fk", "phasor"] {
+    for name in ["lct", "dlct", "fk", "phasor"] {
         let says = |capture: &Capture, what: &str| {
             let said = refusal(name, capture).unwrap_or_else(|| panic!("{name} takes it: {what}"));
             assert!(said.contains(what), "{name}: {said}");

@@ -166,3 +166,135 @@ pub(super) fn out_of_wide(wide: &[Complex], padded: [usize; 2], plane: &mut [Com
         to.copy_from_slice(&from[..n[1]]);
     }
 }
+
+/// The same by definition, in float64, for tests.
+#[cfg(test)]
+pub(super) mod definition {
+    use super::super::reference::{Wide, wide_turn};
+    use super::*;
+
+    /// The weight of a kernel at a distance along x and y, metres.
+    pub type Weight<'w> = &'w dyn Fn(f64, f64) -> f64;
+
+    /// Solves min |Σ_c K_c ∗ A_c − G|² + (points of the kernel / snr) Σ_c |A_c|²: three-dimensional transforms term by
+    /// term, and the block of every frequency by elimination. `[component][point][cell]`.
+    pub fn least_squares(
+        capture: &Capture,
+        scan: &RegularScan,
+        power: f64,
+        weights: &[Weight<'_>],
+        snr: f64,
+    ) -> Vec<Vec<Vec<f64>>> {
+        let cells = Cells::of(capture, scan);
+        let [lx, ly] = scan.padded();
+        let [nx, ny] = scan.n;
+        let measured = measured(capture, scan, &cells, power);
+        let noise = ((2 * nx - 1) * (2 * ny - 1)) as f64 / snr;
+        let mut all = vec![vec![vec![0.0; cells.count]; nx * ny]; weights.len()];
+        for frequency in 0..lx * ly * cells.length {
+            let (k, kx, ky) =
+                (frequency % cells.length, frequency / cells.length % lx, frequency / cells.length / lx);
+            let across = |x: f64, y: f64| TAU * (kx as f64 * x / lx as f64 + ky as f64 * y / ly as f64);
+            let at = |point: usize, cell: usize| {
+                across((point / ny) as f64, (point % ny) as f64)
+                    + TAU * (k * cell) as f64 / cells.length as f64
+            };
+            let mut light = Wide::default();
+            for (i, m) in measured.iter().enumerate() {
+                light += wide_turn(-at(i / cells.count, i % cells.count)) * *m;
+            }
+            // Frequencies above the middle are negative.
+            let signed = if 2 * k > cells.length { k as f64 - cells.length as f64 } else { k as f64 };
+            let omega = TAU * signed / (cells.length as f64 * cells.step);
+            let kernels: Vec<Wide> =
+                weights.iter().map(|weight| kernel(scan, &cells, omega, &across, *weight)).collect();
+            for (found, columns) in block(&kernels, light, noise).into_iter().zip(&mut all) {
+                for (point, column) in columns.iter_mut().enumerate() {
+                    for (cell, value) in column.iter_mut().enumerate() {
+                        *value += (found * wide_turn(at(point, cell))).re;
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// Counts per square metre of v, times v to the power, `[point * count + cell]`.
+    fn measured(capture: &Capture, scan: &RegularScan, cells: &Cells, power: f64) -> Vec<f64> {
+        let of = |i: usize| {
+            let (point, k) = (i / cells.count, i % cells.count);
+            let histogram = capture.histogram(scan.pair_of[point]);
+            let counts = Cumulative::of(histogram, capture.t_start, capture.bin_width);
+            let until = |edge: usize| counts.until(2.0 * (cells.low + edge as f64 * cells.step).sqrt());
+            let v = cells.low + (k as f64 + 0.5) * cells.step;
+            (until(k + 1) - until(k)) / cells.step * v.powf(power)
+        };
+        (0..scan.points() * cells.count).map(of).collect()
+    }
+
+    /// The spectrum of a kernel at one frequency: a sum over all distances.
+    fn kernel(
+        scan: &RegularScan,
+        cells: &Cells,
+        omega: f64,
+        across: &dyn Fn(f64, f64) -> f64,
+        weight: Weight<'_>,
+    ) -> Wide {
+        let mut sum = Wide::default();
+        for a in 1 - scan.n[0] as isize..scan.n[0] as isize {
+            for b in 1 - scan.n[1] as isize..scan.n[1] as isize {
+                let d = [a as f64 * scan.step[0], b as f64 * scan.step[1]];
+                if d.iter().any(|d| d * d > cells.count as f64 * cells.step) {
+                    continue;
+                }
+                let mean = |axis: usize| {
+                    let x = omega * d[axis] * scan.step[axis];
+                    if x == 0.0 { 1.0 } else { x.sin() / x }
+                };
+                let angle = -omega * (d[0] * d[0] + d[1] * d[1]) - across(a as f64, b as f64);
+                sum += wide_turn(angle) * (mean(0) * mean(1) * weight(d[0], d[1]));
+            }
+        }
+        sum
+    }
+
+    /// Solves (conj(k) kᵀ + noise) a = conj(k) g by elimination.
+    fn block(kernels: &[Wide], light: Wide, noise: f64) -> Vec<Wide> {
+        let n = kernels.len();
+        let mut rows: Vec<Vec<Wide>> = (0..n)
+            .map(|i| {
+                let mut row: Vec<Wide> = kernels.iter().map(|k| kernels[i].conj() * k).collect();
+                row[i] += noise;
+                row.push(kernels[i].conj() * light);
+                row
+            })
+            .collect();
+        for i in 0..n {
+            let pivot = rows[i].clone();
+            for row in rows.iter_mut().enumerate().filter(|(j, _)| *j != i).map(|(_, row)| row) {
+                let share = row[i] / pivot[i];
+                row.iter_mut().zip(&pivot).for_each(|(v, p)| *v -= share * p);
+            }
+        }
+        (0..n).map(|i| rows[i][n] / rows[i][i]).collect()
+    }
+
+    /// Columns at the depths of `grid`, interpolated linearly in z², times `factor`.
+    pub fn at_depths(
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        columns: &[Vec<f64>],
+        factor: impl Fn(f64) -> f64,
+    ) -> Vec<f64> {
+        let cells = Cells::of(capture, scan);
+        let of = |i: usize| {
+            let z = grid.origin.z + (i % grid.n[2]) as f64 * grid.pitch.z - scan.z;
+            let at = ((z * z - cells.low) / cells.step - 0.5).clamp(0.0, cells.count as f64 - 1.0);
+            let low = (at as usize).min(cells.count - 2);
+            let column = &columns[i / grid.n[2]];
+            factor(z) * (column[low] + (at - low as f64) * (column[low + 1] - column[low]))
+        };
+        (0..scan.points() * grid.n[2]).map(of).collect()
+    }
+}

@@ -141,3 +141,36 @@ impl DlctOptions {
 fn usual_depth(cells: &Cells) -> f64 {
     (cells.low + 0.5 * cells.count as f64 * cells.step).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::light_cone::definition;
+    use super::super::reference::{error, random_capture, random_grid};
+    use super::*;
+
+    #[test]
+    fn it_solves_the_blocks_by_definition() {
+        let capture = random_capture(None);
+        let o = DlctOptions::default();
+        let scan = o.scan(&capture).unwrap();
+        let grid = random_grid(&scan);
+        let usual = usual_depth(&Cells::of(&capture, &scan));
+        let (x, y) = (|x: f64, _: f64| x / usual, |_: f64, y: f64| y / usual);
+        let columns = definition::least_squares(&capture, &scan, 2.5, &[&x, &y, &|_, _| 1.0], o.snr);
+        let found = o.at_points(&capture, &scan, &grid);
+        for (component, found) in found.iter().enumerate() {
+            let factor = |z: f64| if component == 2 { -2.0 } else { 2.0 * z / usual };
+            let wanted = definition::at_depths(&capture, &scan, &grid, &columns[component], factor);
+            let off = error(found, &wanted);
+            assert!(off < 1e-4, "{component}: {off}");
+        }
+    }
+
+    #[test]
+    fn retroreflective_surfaces_are_refused() {
+        let mut o = DlctOptions::default();
+        o.image.reflectance = Reflectance::Retroreflective;
+        let error = o.scan(&random_capture(None)).unwrap_err();
+        assert!(error.what.contains("retroreflective") && error.mend.to_string().contains("lct"));
+    }
+}

@@ -107,89 +107,22 @@ impl LctOptions {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::TAU;
-
-    use super::super::reference::{Wide, error, random_capture, random_grid, wide_turn};
-    use super::super::resample::Cumulative;
+    use super::super::light_cone::definition;
+    use super::super::reference::{error, random_capture, random_grid};
     use super::*;
-
-    /// All of it by definition, in float64: counts integrated over cells, three-dimensional transforms term by term, the
-    /// Wiener filter, interpolation at the depths.
-    fn by_definition(o: &LctOptions, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f64> {
-        let cells = Cells::of(capture, scan);
-        let [lx, ly] = scan.padded();
-        let (nx, ny, length) = (scan.n[0], scan.n[1], cells.length);
-        let v = |k: usize| cells.low + (k as f64 + 0.5) * cells.step;
-        let mut measured = vec![0.0; nx * ny * cells.count];
-        for (i, m) in measured.iter_mut().enumerate() {
-            let (point, k) = (i / cells.count, i % cells.count);
-            let counts =
-                Cumulative::of(capture.histogram(scan.pair_of[point]), capture.t_start, capture.bin_width);
-            let until = |edge: usize| counts.until(2.0 * (cells.low + edge as f64 * cells.step).sqrt());
-            *m = (until(k + 1) - until(k)) / cells.step * v(k).powi(2);
-        }
-        let omega = |k: usize| TAU * k as f64 / length as f64;
-        let signed = |i: usize, l: usize| if 2 * i > l { i as f64 - l as f64 } else { i as f64 };
-        let noise = ((2 * nx - 1) * (2 * ny - 1)) as f64 / o.snr;
-        let mut columns = vec![vec![0.0; cells.count]; nx * ny];
-        for kx in 0..lx {
-            for ky in 0..ly {
-                for k in 0..length {
-                    let across =
-                        |x: f64, y: f64| TAU * (kx as f64 * x / lx as f64 + ky as f64 * y / ly as f64);
-                    let mut spectrum = Wide::default();
-                    for (i, m) in measured.iter().enumerate() {
-                        let (point, cell) = (i / cells.count, i % cells.count);
-                        let angle = across((point / ny) as f64, (point % ny) as f64) + omega(k) * cell as f64;
-                        spectrum += wide_turn(-angle) * *m;
-                    }
-                    // Frequencies above the middle are negative.
-                    let w = signed(k, length) * TAU / length as f64 / cells.step;
-                    let mut kernel = Wide::default();
-                    for a in (1 - nx as isize)..nx as isize {
-                        for b in (1 - ny as isize)..ny as isize {
-                            let d = [a as f64 * scan.step[0], b as f64 * scan.step[1]];
-                            if d.iter().any(|d| d * d > cells.count as f64 * cells.step) {
-                                continue;
-                            }
-                            let mean = |d: f64, step: f64| {
-                                let x = w * d * step;
-                                if x == 0.0 { 1.0 } else { x.sin() / x }
-                            };
-                            let factor = mean(d[0], scan.step[0]) * mean(d[1], scan.step[1]);
-                            kernel +=
-                                wide_turn(-w * (d[0] * d[0] + d[1] * d[1]) - across(a as f64, b as f64))
-                                    * factor;
-                        }
-                    }
-                    let inverted = spectrum * kernel.conj() / (kernel.norm_sqr() + noise);
-                    for (point, column) in columns.iter_mut().enumerate() {
-                        let at = across((point / ny) as f64, (point % ny) as f64);
-                        for (cell, value) in column.iter_mut().enumerate() {
-                            *value += (inverted * wide_turn(at + omega(k) * cell as f64)).re;
-                        }
-                    }
-                }
-            }
-        }
-        let at_depth = |i: usize| {
-            let z = grid.origin.z + (i % grid.n[2]) as f64 * grid.pitch.z - scan.z;
-            let at = ((z * z - cells.low) / cells.step - 0.5).clamp(0.0, cells.count as f64 - 1.0);
-            let low = (at as usize).min(cells.count - 2);
-            let column = &columns[i / grid.n[2]];
-            2.0 * z * (column[low] + (at - low as f64) * (column[low + 1] - column[low]))
-        };
-        (0..nx * ny * grid.n[2]).map(at_depth).collect()
-    }
 
     #[test]
     fn it_is_the_wiener_filter_by_definition() {
         let capture = random_capture(None);
-        let o = LctOptions::default();
-        let scan = o.scan(&capture).unwrap();
-        let grid = random_grid(&scan);
-        let wanted = by_definition(&o, &capture, &scan, &grid);
-        let off = error(&o.at_points(&capture, &scan, &grid), &wanted);
-        assert!(off < 1e-4, "{off}");
+        for (reflectance, power) in [(Reflectance::Cosine, 2.0), (Reflectance::Retroreflective, 1.0)] {
+            let mut o = LctOptions::default();
+            o.image.reflectance = reflectance;
+            let scan = o.scan(&capture).unwrap();
+            let grid = random_grid(&scan);
+            let columns = definition::least_squares(&capture, &scan, power, &[&|_, _| 1.0], o.snr);
+            let wanted = definition::at_depths(&capture, &scan, &grid, &columns[0], |z| 2.0 * z);
+            let off = error(&o.at_points(&capture, &scan, &grid), &wanted);
+            assert!(off < 1e-4, "{off}");
+        }
     }
 }
