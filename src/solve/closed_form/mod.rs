@@ -73,7 +73,7 @@ macro_rules! host_method {
 
         impl $crate::solve::Solver for $options {
             fn common(&self) -> $crate::solve::Common {
-                $crate::solve::closed_form::common(self.image())
+                $crate::solve::closed_form::common(self.lateral, self.image())
             }
 
             fn check(&self) -> $crate::Result<()> {
@@ -115,9 +115,9 @@ macro_rules! host_method {
 use host_method;
 
 /// What the options of all methods have, of a host method.
-pub(super) fn common(image: &ImageOptions) -> Common {
+pub(super) fn common(lateral: usize, image: &ImageOptions) -> Common {
     Common {
-        lateral: image.lateral,
+        lateral,
         iterations: [1, 0],
         reflectance: image.reflectance,
         accumulation: Accumulation::Auto,

@@ -8,8 +8,6 @@ options! {
     pub struct ImageOptions(suit) {
         nested {}
         "Solver" {
-            /// Lateral pixels of the maps
-            lateral: usize = 128, Range::Count(1, 4096);
             /// How surfaces reflect
             reflectance: Reflectance = suit.reflectance, Range::Internal;
         }

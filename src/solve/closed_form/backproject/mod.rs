@@ -52,6 +52,11 @@ options! {
             /// What all closed-form methods have.
             image: ImageOptions,
         }
+        "Solver" {
+            /// Lateral pixels of the maps
+            // Time goes with the square of it; 128 are no better at the usual scans (benches/NOTES.md).
+            lateral: usize = 64, Range::Count(1, 4096);
+        }
     }
 }
 
@@ -62,12 +67,17 @@ options! {
             /// What all closed-form methods have.
             image: ImageOptions,
         }
+        "Solver" {
+            /// Lateral pixels of the maps
+            // Time goes with the square of it; 128 are no better at the usual scans (benches/NOTES.md).
+            lateral: usize = 64, Range::Count(1, 4096);
+        }
         "Filtered back-projection" {
             /// What is filtered: the volume by a Laplacian or by the Laplacian of a Gaussian (log), or the histograms by
             /// the second derivative of a Gaussian along the path (path)
             filter: Filter = Filter::Path, Range::Words(&["laplacian", "log", "path"]);
             /// Standard deviation of the filter's Gaussian, in distances of scan points
-            filter_width: f64 = 1.0, Range::Positive;
+            filter_width: f64 = 1.5, Range::Positive;
         }
     }
 }
@@ -78,6 +88,11 @@ options! {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps
+            // Time goes with the square of it; 128 are no better at the usual scans (benches/NOTES.md).
+            lateral: usize = 64, Range::Count(1, 4096);
         }
         "Phasor field" {
             /// Wavelength of the virtual wave, as a path, in distances of scan points
@@ -308,7 +323,7 @@ macro_rules! projection {
 
         impl Solver for $options {
             fn common(&self) -> Common {
-                Common { runs_on: RunsOn::Device, ..super::common(&self.image) }
+                Common { runs_on: RunsOn::Device, ..super::common(self.lateral, &self.image) }
             }
 
             fn check(&self) -> Result<()> {

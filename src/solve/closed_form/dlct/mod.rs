@@ -7,8 +7,10 @@
 //! dx and dy; that of z is it, with the depth in the unknown.
 //!
 //! The least-squares problem with a penalty on |a|² is solved exactly. At every frequency the block of the three unknowns
-//! is k k* + λ: its solution is conj(k_c) g / (λ + Σ |k_c|²), which is what a factorisation of each block gives. Lengths
-//! along x and y are taken in the usual depth, so that the penalty is the same for all directions there.
+//! is k k* + λ: its solution is conj(k_c) g / (λ + Σ |k_c|²), which is what a factorisation of each block gives. A block
+//! has one equation, and the penalty shares the light among the components by the power of their kernels. So distances
+//! along x and y are scaled until all three kernels have the same power: else normals would lean toward the strongest
+//! kernel, that of z (benches/NOTES.md).
 
 use rayon::prelude::*;
 
@@ -29,6 +31,10 @@ options! {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps
+            lateral: usize = 128, Range::Count(1, 4096);
         }
         "Light-cone transform" {
             /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
@@ -92,7 +98,7 @@ impl DlctOptions {
     /// The vector albedo at the scan's points and the grid's depths, `[point * depths + depth]` for each component.
     fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> [Vec<f32>; 3] {
         let cells = Cells::of(capture, scan);
-        let usual = usual_depth(&cells);
+        let usual = usual_distances(&cells, scan);
         let size = [scan.points(), cells.frequencies()];
         // v² τ, of the integral of τ dt = τ dv / √v over a cell.
         let spectra = cells.spectra(capture, scan, 2.5);
@@ -107,7 +113,7 @@ impl DlctOptions {
             drop(own);
             match component {
                 2 => cells.at_depths(scan, grid, &spectra, |_| -2.0),
-                _ => cells.at_depths(scan, grid, &spectra, |z| 2.0 * z / usual),
+                _ => cells.at_depths(scan, grid, &spectra, |z| 2.0 * z / usual[component]),
             }
         })
     }
@@ -116,7 +122,7 @@ impl DlctOptions {
     fn invert(&self, cells: &Cells, scan: &RegularScan, planes: &mut [Complex], component: usize) {
         let padded = scan.padded();
         let lines = padded.map(Line::forward);
-        let usual = usual_depth(cells);
+        let usual = usual_distances(cells, scan);
         let points: f64 = scan.n.iter().map(|n| (2 * n - 1) as f64).product();
         let noise = (points / self.snr) as f32;
         filter_planes(scan, planes, |k, spectrum| {
@@ -124,7 +130,7 @@ impl DlctOptions {
                 cells.kernel(&lines[a], [scan.n[a], padded[a]], scan.step[a], cells.omega(k), weight)
             };
             let even = [0, 1].map(|a| factor(a, &|_| 1.0));
-            let odd = [0, 1].map(|a| factor(a, &|d| d / usual));
+            let odd = [0, 1].map(|a| factor(a, &|d| d / usual[a]));
             for (ky, row) in spectrum.chunks_mut(padded[0]).enumerate() {
                 for (kx, value) in row.iter_mut().enumerate() {
                     let kernels =
@@ -137,9 +143,15 @@ impl DlctOptions {
     }
 }
 
-/// The depth in the middle of the cells, metres.
-fn usual_depth(cells: &Cells) -> f64 {
-    (cells.low + 0.5 * cells.count as f64 * cells.step).sqrt()
+/// Root mean square of the distances in the kernel along x and along y, metres.
+fn usual_distances(cells: &Cells, scan: &RegularScan) -> [f64; 2] {
+    [0, 1].map(|a| {
+        let squares = (0..scan.n[a]).map(|i| (i as f64 * scan.step[a]).powi(2));
+        let within: Vec<f64> = squares.take_while(|s| *s <= cells.count as f64 * cells.step).collect();
+        // Every distance but the first, 0, is there on both sides. Two points are a scan at least.
+        let mean = 2.0 * within.iter().sum::<f64>() / (2 * within.len()).saturating_sub(1).max(1) as f64;
+        if mean > 0.0 { mean.sqrt() } else { scan.step[a] }
+    })
 }
 
 #[cfg(test)]
@@ -154,12 +166,12 @@ mod tests {
         let o = DlctOptions::default();
         let scan = o.scan(&capture).unwrap();
         let grid = random_grid(&scan);
-        let usual = usual_depth(&Cells::of(&capture, &scan));
-        let (x, y) = (|x: f64, _: f64| x / usual, |_: f64, y: f64| y / usual);
+        let usual = usual_distances(&Cells::of(&capture, &scan), &scan);
+        let (x, y) = (|x: f64, _: f64| x / usual[0], |_: f64, y: f64| y / usual[1]);
         let columns = definition::least_squares(&capture, &scan, 2.5, &[&x, &y, &|_, _| 1.0], o.snr);
         let found = o.at_points(&capture, &scan, &grid);
         for (component, found) in found.iter().enumerate() {
-            let factor = |z: f64| if component == 2 { -2.0 } else { 2.0 * z / usual };
+            let factor = |z: f64| if component == 2 { -2.0 } else { 2.0 * z / usual[component] };
             let wanted = definition::at_depths(&capture, &scan, &grid, &columns[component], factor);
             let off = error(found, &wanted);
             assert!(off < 1e-4, "{component}: {off}");

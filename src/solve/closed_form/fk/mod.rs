@@ -32,6 +32,10 @@ options! {
             /// What all closed-form methods have.
             image: ImageOptions,
         }
+        "Solver" {
+            /// Lateral pixels of the maps
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
     }
 }
 

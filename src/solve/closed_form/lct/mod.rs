@@ -28,6 +28,10 @@ options! {
             /// What all closed-form methods have.
             image: ImageOptions,
         }
+        "Solver" {
+            /// Lateral pixels of the maps
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
         "Light-cone transform" {
             /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
             // 0.8 is the published code's. Rendered histograms bear more (docs/methods.md).

@@ -33,6 +33,10 @@ options! {
             /// What all closed-form methods have.
             image: ImageOptions,
         }
+        "Solver" {
+            /// Lateral pixels of the maps
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
         "Phasor field" {
             /// Wavelength of the virtual wave, as a path, in distances of scan points
             wavelength: f64 = 3.0, Range::Positive;
