@@ -64,6 +64,8 @@ pub struct Common {
     pub sizes: Sizes,
     /// Nothing nearer than this is reconstructed, metres.
     pub min_depth: f64,
+    /// Pixels of the maps side by side in a voxel of the finest grid.
+    pub pixels_per_voxel: usize,
     /// Where the work is done.
     pub runs_on: RunsOn,
 }

@@ -46,6 +46,7 @@ macro_rules! solvers {
                     accumulation: self.accumulation,
                     sizes: self.sizes,
                     min_depth: self.domain.min_depth,
+                    pixels_per_voxel: super::Needs::demand(self).pixels_per_voxel,
                     runs_on: RunsOn::Device,
                 }
             }
@@ -249,9 +250,8 @@ impl SolverOptions {
     /// Pixels that a voxel is wide; `None` for a solver that takes the capture's own bins, as the paper's does.
     pub fn pixels_per_voxel(&self) -> Option<usize> {
         match self {
-            SolverOptions::Vector(o) => Some(o.pixels_per_voxel()),
             SolverOptions::Paper(_) => None,
-            _ => Some(1),
+            other => Some(other.common().pixels_per_voxel),
         }
     }
 

@@ -62,17 +62,17 @@ fn maps(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize
     options(name, lateral, capture).solve(gpu, capture, grid, None, false, &mut watch).unwrap().maps
 }
 
-/// Where the brightest point of the maps is, to a fraction of a pixel.
-fn brightest(maps: &Maps) -> DVec3 {
-    let at = (0..maps.albedo.len()).max_by(|a, b| maps.albedo[*a].total_cmp(&maps.albedo[*b])).unwrap();
-    let value = |i: usize| f64::from(maps.albedo[i]);
-    let shift = |stride: usize| {
-        let [low, middle, high] = [value(at - stride), value(at), value(at + stride)];
-        0.5 * (low - high) / (low - 2.0 * middle + high)
-    };
-    let [x, y] = maps.centre(at / maps.ny, at % maps.ny);
-    let pixel = (maps.extent[1] - maps.extent[0]) / maps.nx as f64;
-    dvec3(x + shift(maps.ny) * pixel, y + shift(1) * pixel, f64::from(maps.depth[at]))
+/// Where the light of the maps is: the centroid of what is above half of the brightest pixel.
+fn place(maps: &Maps) -> DVec3 {
+    let half = 0.5 * maps.albedo.iter().copied().fold(0.0, f32::max);
+    let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
+    for (i, albedo) in maps.albedo.iter().enumerate().filter(|(_, albedo)| **albedo > half) {
+        let [x, y] = maps.centre(i / maps.ny, i % maps.ny);
+        let above = f64::from(albedo - half);
+        sum += above * dvec3(x, y, f64::from(maps.depth[i]));
+        weight += above;
+    }
+    sum / weight
 }
 
 #[test]
@@ -80,35 +80,34 @@ fn points_come_back_at_their_places() {
     let gpu = gpu();
     // A third of the distance of scan points, and of half a bin.
     let [across, along] = [WALL / SCAN as f64 / 3.0, BIN / 2.0 / 3.0];
+    let mut off = vec![];
     for target in [dvec3(0.1131, -0.0723, 0.557), dvec3(-0.2214, 0.3017, 0.8132), dvec3(0.08, 0.08, 0.4308)] {
         let near = dvec3(0.18, 0.18, 0.12);
         let volume = Volume { min: target - near, max: target + near };
-        for name in ALL {
-            let capture = light(wall(), wall(), &[target]);
-            let found = brightest(&maps(&gpu, name, &capture, volume, 45)) - target;
-            println!("{name} {target}: {:.2} {:.2} {:.2} mm", 1e3 * found.x, 1e3 * found.y, 1e3 * found.z);
-            assert!(
-                found.x.abs() < across && found.y.abs() < across && found.z.abs() < along,
-                "{name} {target}: {found}"
-            );
-        }
-        // One laser point.
-        for name in ["phasor"].iter().chain(&ANY_PAIRS) {
-            let capture = light(vec![dvec3(0.31, -0.11, 0.02); SCAN * SCAN], wall(), &[target]);
-            let found = brightest(&maps(&gpu, name, &capture, volume, 45)) - target;
+        let one_laser = vec![dvec3(0.31, -0.11, 0.02); SCAN * SCAN];
+        let confocal = ALL.iter().map(|name| (*name, light(wall(), wall(), &[target]), 1.0));
+        // One laser point: half of the aperture, and half of the precision.
+        let more = ["phasor"].iter().chain(&ANY_PAIRS);
+        let more = more.map(|name| (*name, light(one_laser.clone(), wall(), &[target]), 2.0));
+        for (name, capture, times) in confocal.chain(more) {
+            let found = place(&maps(&gpu, name, &capture, volume, 45)) - target;
+            // A virtual wave is as deep as it is long, a back-projection as the scan is coarse.
+            let deep = match name {
+                "lct" | "fk" => along,
+                _ => 3.0 * along,
+            };
             println!(
-                "{name}, one laser point, {target}: {:.2} {:.2} {:.2} mm",
+                "{name} {times} {target}: {:.2} {:.2} {:.2} mm",
                 1e3 * found.x,
                 1e3 * found.y,
                 1e3 * found.z
             );
-            // Half of the aperture: half of the precision.
-            assert!(
-                found.x.abs() < 2.0 * across && found.y.abs() < 2.0 * across && found.z.abs() < 2.0 * along,
-                "{name} {target}: {found}"
-            );
+            if !(found.x.abs().max(found.y.abs()) < times * across && found.z.abs() < times * deep) {
+                off.push(format!("{name}, {times}, {target}: {found}"));
+            }
         }
     }
+    assert!(off.is_empty(), "{off:#?}");
     assert_valid(&gpu);
 }
 
@@ -153,17 +152,5 @@ fn scans_that_break_an_assumption_are_refused() {
         for capture in [&curved, &uneven, &holes, &spot] {
             assert_eq!(refusal(name, capture), None, "{name}");
         }
-    }
-}
-
-#[test]
-fn nothing_gives_empty_maps() {
-    let gpu = gpu();
-    let capture = light(wall(), wall(), &[]);
-    let volume = Volume { min: dvec3(-0.4, -0.4, 0.3), max: dvec3(0.4, 0.4, 0.8) };
-    for name in ALL {
-        let maps = maps(&gpu, name, &capture, volume, 16);
-        maps.check().unwrap();
-        assert!(maps.depth.iter().all(|z| z.is_nan()) && maps.albedo.iter().all(|a| *a == 0.0), "{name}");
     }
 }

@@ -123,6 +123,7 @@ pub(super) fn common(lateral: usize, image: &ImageOptions) -> Common {
         accumulation: Accumulation::Auto,
         sizes: Sizes::default(),
         min_depth: image.min_depth,
+        pixels_per_voxel: 1,
         runs_on: RunsOn::Host,
     }
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::capture::lattice::Lattice;
 use crate::capture::{Capture, PairKind};
+use crate::transport::Grid;
 use crate::{Error, Result};
 
 /// A point may be this share of the spacing away from its place.
@@ -92,6 +93,13 @@ impl RegularScan {
         }
         let z = points.iter().map(|p| p.z).sum::<f64>() / points.len() as f64;
         Ok(RegularScan { n: counts, first, step, z, pair_of, spot })
+    }
+
+    /// The columns of a grid as a lattice, for interpolation between them. No pair belongs to a place.
+    pub fn of_columns(grid: &Grid) -> RegularScan {
+        let of = |v: glam::DVec3| [v.x, v.y];
+        let n = [grid.n[0], grid.n[1]];
+        RegularScan { n, first: of(grid.origin), step: of(grid.pitch), z: 0.0, pair_of: vec![], spot: None }
     }
 
     /// Number of points.

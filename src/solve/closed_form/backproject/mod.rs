@@ -13,9 +13,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::image::Volume;
+use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
-use super::{NoPasses, in_one_step};
+use super::{NoPasses, RegularScan, in_one_step};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
@@ -53,9 +53,8 @@ options! {
             image: ImageOptions,
         }
         "Solver" {
-            /// Lateral pixels of the maps
-            // Time goes with the square of it; 128 are no better at the usual scans (benches/NOTES.md).
-            lateral: usize = 64, Range::Count(1, 4096);
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
         }
     }
 }
@@ -68,16 +67,15 @@ options! {
             image: ImageOptions,
         }
         "Solver" {
-            /// Lateral pixels of the maps
-            // Time goes with the square of it; 128 are no better at the usual scans (benches/NOTES.md).
-            lateral: usize = 64, Range::Count(1, 4096);
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
         }
         "Filtered back-projection" {
             /// What is filtered: the volume by a Laplacian or by the Laplacian of a Gaussian (log), or the histograms by
             /// the second derivative of a Gaussian along the path (path)
             filter: Filter = Filter::Path, Range::Words(&["laplacian", "log", "path"]);
             /// Standard deviation of the filter's Gaussian, in distances of scan points
-            filter_width: f64 = 1.5, Range::Positive;
+            filter_width: f64 = 0.5, Range::Positive;
         }
     }
 }
@@ -90,9 +88,8 @@ options! {
             image: ImageOptions,
         }
         "Solver" {
-            /// Lateral pixels of the maps
-            // Time goes with the square of it; 128 are no better at the usual scans (benches/NOTES.md).
-            lateral: usize = 64, Range::Count(1, 4096);
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
         }
         "Phasor field" {
             /// Wavelength of the virtual wave, as a path, in distances of scan points
@@ -198,12 +195,22 @@ fn smooth(volume: &mut Vec<f32>, n: [usize; 3], axis: usize, sigma: f64) {
     *volume = (0..volume.len()).into_par_iter().map(of).collect();
 }
 
+/// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
+fn pixels_per_voxel(lateral: usize) -> usize {
+    1 + usize::from(lateral.is_multiple_of(2) && lateral / 2 >= FEWEST)
+}
+
+/// Lateral voxels that a grid is never coarser than.
+const FEWEST: usize = 64;
+
 /// What a back-projection needs of a plan: the two passes, and a number per voxel.
-struct Passes;
+struct Passes {
+    pixels_per_voxel: usize,
+}
 
 impl Needs for Passes {
     fn demand(&self) -> Demand {
-        NoPasses.demand()
+        Demand { pixels_per_voxel: self.pixels_per_voxel, ..NoPasses.demand() }
     }
 
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
@@ -242,11 +249,13 @@ fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, R
 }
 
 fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
-    let mut plan = Plan::new(model, grid, capture.resolution(), &Passes, abilities, false)?;
+    let needs = Passes { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
+    let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
     plan.passes.retain(|pass| [&FILTER, &BACKPROJECT].contains(pass));
     // What only rendering and the reduction of a domain need.
     plan.buffers.retain(|b| ![buffer::HISTOGRAMS, SMOOTH].contains(&b.buffer));
-    plan.buffers.push(BufferPlan::new(RAW_HOST, grid.storage() as u64 * 4, Place::Readback));
+    let voxels = plan.finest().grid.storage() as u64;
+    plan.buffers.push(BufferPlan::new(RAW_HOST, voxels * 4, Place::Readback));
     plan.left_out.clear();
     Ok(plan)
 }
@@ -263,9 +272,10 @@ struct Projecting<M> {
 impl<M: Projection> Projecting<M> {
     /// The volume of the counts that the device has.
     fn volume(&mut self, bin_width: f64, step: f64) -> Result<Volume> {
-        let Projecting { options, planned, grid, .. } = self;
+        let Projecting { options, planned, grid: of_maps, .. } = self;
         let job = planned.made(|_| Ok(()))?;
         let level = *job.plan.finest();
+        let grid = level.grid;
         let mut projected = vec![];
         for filter in options.filters(job.plan.bins, bin_width, step) {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
@@ -277,9 +287,9 @@ impl<M: Projection> Projecting<M> {
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
             projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
         }
-        let mut albedo = options.join(projected, grid, step);
-        albedo.iter_mut().for_each(|v| *v = v.max(0.0));
-        Ok(Volume { albedo, normal: None })
+        let albedo = options.join(projected, &grid, step);
+        let lattice = RegularScan::of_columns(&grid);
+        Ok(Volume { albedo: on_grid(&lattice, &albedo, of_maps), normal: None })
     }
 }
 
@@ -323,7 +333,11 @@ macro_rules! projection {
 
         impl Solver for $options {
             fn common(&self) -> Common {
-                Common { runs_on: RunsOn::Device, ..super::common(self.lateral, &self.image) }
+                Common {
+                    runs_on: RunsOn::Device,
+                    pixels_per_voxel: pixels_per_voxel(self.lateral),
+                    ..super::common(self.lateral, &self.image)
+                }
             }
 
             fn check(&self) -> Result<()> {
