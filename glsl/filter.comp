@@ -1,6 +1,7 @@
 // Filters histograms for back-projection: weights by the inverse falloff, then a Mexican hat (the negative second
 // derivative of a Gaussian) along time. One invocation owns one cell; padding (place.glsl) becomes zero.
-// hat_taps: [0] = radius, then weights.
+// hat_taps: [0] = radius, then weights of bins from the middle on. A radius below zero stands for an odd filter: the
+// weights of earlier bins are the negatives of those of later ones.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -18,9 +19,11 @@ void main() {
     int bin = int(cell % scene.stride) - int(PADDING);
     float sum = 0.0;
     if (pair < scene.pairs && bin >= 0) {
-        int radius = int(hat_taps[0]);
+        int radius = int(abs(hat_taps[0]));
+        float earlier = hat_taps[0] < 0.0 ? -1.0 : 1.0;
         for (int i = max(bin - radius, 0); i <= min(bin + radius, int(scene.bins) - 1); ++i) {
-            sum += hat_taps[1 + abs(i - bin)] * bin_weight(uint(i)) * measured[pair * scene.bins + uint(i)];
+            float side = i < bin ? earlier : 1.0;
+            sum += side * hat_taps[1 + abs(i - bin)] * bin_weight(uint(i)) * measured[pair * scene.bins + uint(i)];
         }
     }
     residual[cell] = sum;

@@ -39,7 +39,7 @@ pub use advice::suggestions;
 pub use batch::{Batch, batch};
 pub use bins::Bins;
 pub use choice::{Choice, Resolved};
-pub use compare::{Compared, Comparison, Method, Turn, compare};
+pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use inspect::{Inspection, inspect, schedule};

@@ -153,7 +153,7 @@ def test_other_threads_run_during_a_solve(capture):
         ({"iterations": 2.5}, tb.OptionsError, "iterations does not take"),
         ({"nonsense": 1}, tb.OptionsError, "nonsense is no option"),
         ({"learning_rate": 0.1}, tb.OptionsError, "learning_rate is no option of the vector"),
-        ({"solver": "fk"}, tb.OptionsError, "solver fk is not in this version"),
+        ({"solver": "magic"}, tb.OptionsError, "solver magic is not known"),
         ({"model": "shiny"}, tb.OptionsError, "model shiny is not known"),
         ({"preset": "real"}, tb.OptionsError, "preset"),
         ({"pulse": "wide"}, tb.OptionsError, "pulse"),

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use thirdbounce::job::{self, Comparison, Method, Request, SolverOptions, Turn};
+use thirdbounce::export::comparison::LeftOut;
+use thirdbounce::job::{self, Comparison, Foreign, Method, Request, SolverOptions, Turn};
 use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result};
 
@@ -17,6 +18,7 @@ Methods:
   A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch and
   trace-every of reconstruct. name=... sets the name in plots and folders. Options that a method does not set are
   taken from the options given here. The other methods are compared with the first.
+  all stands for every method of this version; those whose assumptions the capture breaks are left out.
     --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
     --method 'paper;paper:iterations=300,double-every=50'";
 
@@ -31,9 +33,14 @@ pub struct Args {
     /// Folder for plots, tables and each method's maps
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// A method (see below). May be repeated, or separate several with ; [default: every solver, or --solver]
+    /// A method (see below). May be repeated, or separate several with ; all: every method [default: the
+    /// iterative solvers, or --solver]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
+    /// Maps that another program made of the same capture: a folder with maps.npz or the file itself, the seconds that it
+    /// took and what it ran on. They are measured and drawn beside the methods. May be repeated
+    #[arg(long, value_name = "NAME=FOLDER,seconds=S,hardware=WORDS")]
+    foreign: Vec<String>,
     /// Run every method R times, in turns; times are medians
     #[arg(long, value_name = "R", default_value_t = 3)]
     repeats: usize,
@@ -57,6 +64,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     args.solver.choice().check()?;
     let specs = specs(args)?;
+    let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
     let (input, memory, volume) =
         (args.capture.input(&args.solver)?, args.device.memory()?, args.grid.volume_only()?);
     let loaded = job::load(&input)?;
@@ -83,11 +91,19 @@ pub fn run(args: &Args) -> Result<()> {
         };
         Method { name: spec.name.clone(), spec: spec.text.clone(), request }
     };
-    let comparison = Comparison {
-        methods: specs.iter().map(method).collect(),
-        repeats: args.repeats,
-        out: args.out.clone(),
-    };
+    let mut left_out = vec![];
+    let mut methods = vec![];
+    for spec in &specs {
+        let method = method(spec);
+        match method.request.solver.takes(&loaded.capture) {
+            Err(e) if spec.is_optional => left_out.push(LeftOut { name: method.name, why: e.what }),
+            _ => methods.push(method),
+        }
+    }
+    if !args.quiet {
+        left_out.iter().for_each(|m| say(&format!("note: {} is left out: {}", m.name, m.why)));
+    }
+    let comparison = Comparison { methods, foreign, left_out, repeats: args.repeats, out: args.out.clone() };
     interrupt::take_care();
     let mut meters: Vec<Meter> = vec![];
     let mut turns = 0;
@@ -120,8 +136,51 @@ fn specs(args: &Args) -> Result<Vec<methods::Spec>> {
     let base = args.solver.choice();
     let all = match &base.solver {
         Some(name) => vec![name.as_str()],
-        None => SolverOptions::NAMES.to_vec(),
+        None => SolverOptions::ITERATIVE.to_vec(),
     };
     let asked = if asked.is_empty() { all } else { asked };
-    asked.into_iter().map(|text| methods::parse(text, &base)).collect()
+    let mut specs = vec![];
+    for text in asked {
+        if text != "all" {
+            specs.push(methods::parse(text, &base)?);
+            continue;
+        }
+        for name in every() {
+            specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
+        }
+    }
+    Ok(specs)
+}
+
+/// All methods, the default solver first: the others are compared with it.
+fn every() -> impl Iterator<Item = &'static str> {
+    let others = SolverOptions::NAMES.iter().copied().filter(|name| *name != SolverOptions::DEFAULT);
+    std::iter::once(SolverOptions::DEFAULT).chain(others)
+}
+
+/// Reads the maps of another program: NAME=FOLDER,seconds=S,hardware=WORDS.
+fn foreign(text: &str) -> Result<Foreign> {
+    let wrong = |what: &str| {
+        Error::options(
+            format!("--foreign {text:?} {what}"),
+            "write NAME=FOLDER,seconds=S,hardware=WORDS: the folder of its maps.npz, and what it took and ran on",
+        )
+    };
+    let mut parts = text.split(',');
+    let first = parts.next().and_then(|part| part.split_once('='));
+    let (name, maps) = first.ok_or_else(|| wrong("names no folder"))?;
+    let (mut seconds, mut hardware) = (None, None);
+    for part in parts {
+        match part.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
+            Some(("seconds", value)) => seconds = value.parse::<f64>().ok(),
+            Some(("hardware", value)) => hardware = Some(value.to_string()),
+            _ => return Err(wrong(&format!("has the part {part:?}"))),
+        }
+    }
+    Ok(Foreign {
+        name: name.trim().into(),
+        maps: maps.trim().into(),
+        seconds: seconds.ok_or_else(|| wrong("gives no seconds"))?,
+        hardware: hardware.ok_or_else(|| wrong("gives no hardware"))?,
+    })
 }

@@ -16,6 +16,8 @@ pub struct Spec {
     pub choice: Choice,
     pub depth_pitch: Option<f64>,
     pub trace_every: Option<usize>,
+    /// It is left out if the capture breaks an assumption of it; else that is an error.
+    pub is_optional: bool,
 }
 
 #[derive(Parser)]
@@ -58,5 +60,5 @@ pub fn parse(text: &str, base: &Choice) -> Result<Spec> {
     args.solver.check_fit().and_then(|()| choice.check()).map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
     let SpecArgs { depth_pitch, trace_every, .. } = args;
-    Ok(Spec { text: text.to_string(), name, choice, depth_pitch, trace_every })
+    Ok(Spec { text: text.to_string(), name, choice, depth_pitch, trace_every, is_optional: false })
 }

@@ -9,7 +9,7 @@ use super::options::{Given, flag, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
-    /// The solver: vector, paper [default: vector]
+    /// The solver: vector, paper; or a closed-form method: lct, dlct, fk, phasor, phasor-bp, fbp, bp [default: vector]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     solver: Option<String>,
     /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto to choose among the first three by
@@ -45,7 +45,7 @@ impl SolverArgs {
         choice.foreign().map_or(Ok(()), |key| {
             Err(Error::options(
                 format!("--{} is no option of the {} solver", flag(key), choice.solver_name()),
-                "leave it out, or choose the other --solver (`thirdbounce reconstruct --help` lists both)",
+                "leave it out, or choose another --solver (`thirdbounce reconstruct --help` lists them)",
             ))
         })
     }

@@ -29,6 +29,18 @@ pub struct Comparison {
     pub repeats: usize,
     /// Every method, in the order they were given.
     pub methods: Vec<MethodReport>,
+    /// Methods that do not take this capture.
+    #[serde(default)]
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A method that does not take a capture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Its name.
+    pub name: String,
+    /// The assumption that the capture breaks.
+    pub why: String,
 }
 
 /// One method. Times are medians over the repeats; figures are those of the first run.
@@ -36,8 +48,14 @@ pub struct Comparison {
 pub struct MethodReport {
     /// Short name, unique in the comparison.
     pub name: String,
-    /// The text that asked for it.
+    /// The text that asked for it; of a foreign one, where its maps are.
     pub method: String,
+    /// Another program made the maps. Its times are those that its user gave.
+    #[serde(default)]
+    pub foreign: bool,
+    /// What did the work: the Vulkan device, or the host's cores.
+    #[serde(default)]
+    pub runs_on: String,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
     /// Iterations between measured points; 0: measured at the end only.
@@ -74,8 +92,11 @@ pub struct Reached {
 }
 
 impl MethodReport {
-    /// Its name, and in brackets the model of reflectance, if trials found it.
+    /// Its name, and in brackets the model of reflectance, if trials found it, or that another program made the maps.
     pub fn name_and_model(&self) -> String {
+        if self.foreign {
+            return format!("{} (foreign)", self.name);
+        }
         match self.settings["model_found"]["reflectance"].as_str() {
             Some(model) => format!("{} ({model})", self.name),
             None => self.name.clone(),
@@ -87,9 +108,9 @@ impl Comparison {
     /// The figures as a Markdown table.
     pub fn table(&self) -> String {
         let mut out = String::from(
-            "| method | iterations | time (s) | active | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) | normals (°) \
-             | s to depth | s to normals | s to IoU | s to all three |\n\
-             |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+            "| method | runs on | iterations | time (s) | active | IoU | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) \
+             | normals (°) | s to depth | s to normals | s to IoU | s to all three |\n\
+             |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
         );
         let whole = self.methods.first().map_or(0.0, |m| m.seconds);
         for m in &self.methods {
@@ -103,9 +124,11 @@ impl Comparison {
             let best = m.metrics.at_best.unwrap_or_default();
             let cells = [
                 m.name_and_model().replace('|', "\\|"),
+                m.runs_on.replace('|', "\\|"),
                 m.iterations.to_string(),
                 spread(m.seconds, &m.repeats_s),
                 format!("{:.2} %", 100.0 * m.active_ratio),
+                figure(m.metrics.iou, 1.0, 3),
                 figure(m.metrics.best_iou, 1.0, 3),
                 figure(best.completeness, 1.0, 3),
                 figure(best.depth_mae, 1000.0, 2),
@@ -139,7 +162,8 @@ impl Comparison {
         out += &format!(
             "Time is solve time, without load, set-up, measuring and export. Every method ran {}, in turns. The \
              time is the median, with the range in brackets. A pixel counts as surface above a fraction of the \
-             brightest albedo. Every point uses the fraction with the best IoU. Depth and normal errors are over the \
+             brightest albedo. Every point uses the fraction with the best IoU, which only the truth tells; \
+             *IoU* is that of the maps' own mask. Depth and normal errors are over the \
              pixels that are surface both in the result and in truth. (Figures {} are in \
              compare.json.)\n\n\
              *s to …*: seconds until the figure is as good as that of `{first}` at its end, and stays as good. Their \
@@ -148,10 +172,17 @@ impl Comparison {
             self.mask_fraction.map_or("over the maps' own mask".into(), |f| format!("at the fraction {f}")),
             self.steps(),
         );
-        if self.methods.iter().any(|m| m.name_and_model() != m.name) {
+        if self.methods.iter().any(|m| m.foreign) {
+            out +=
+                "\nOther programs made the maps of foreign methods. Their times are those that were given.\n";
+        }
+        for LeftOut { name, why } in &self.left_out {
+            out += &format!("\n`{name}` is left out: {why}.\n");
+        }
+        if self.methods.iter().any(|m| !m.foreign && m.name_and_model() != m.name) {
             out += "\nA model in brackets was found by quick trials, whose time counts as solving.\n";
         }
-        for m in self.methods.iter().filter(|m| m.name != m.method) {
+        for m in self.methods.iter().filter(|m| m.name != m.method && !m.foreign) {
             out += &format!("\n`{}` is `{}`.\n", m.name, m.method);
         }
         out

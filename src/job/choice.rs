@@ -89,7 +89,7 @@ impl Choice {
         // `check` has refused unknown names.
         let named = self.model.as_deref().and_then(|name| reflectance(name).ok());
         let solver = of_model(named.unwrap_or(Reflectance::Cosine));
-        // The paper's solver has the paper's model.
+        // The paper's solver has the paper's model, and closed-form methods take the reflectance as given.
         let usual = self.model.is_none() && solver.name() != SolverOptions::DEFAULT;
         let models = if named.is_some() || usual { vec![] } else { trials::MODELS.map(of_model).to_vec() };
         Resolved { preset, why, solver, models }
@@ -130,6 +130,6 @@ fn find_pulse(preset: Preset, solver: &SolverOptions) -> FindPulse {
         (SolverOptions::Vector(o), _) if o.surface.iterations == 0 => FindPulse::Never,
         (SolverOptions::Vector(_), Preset::Captured) => FindPulse::Always,
         (SolverOptions::Vector(_), Preset::Synthetic) => FindPulse::IfItShows,
-        (SolverOptions::Paper(_), _) => FindPulse::Never,
+        _ => FindPulse::Never,
     }
 }

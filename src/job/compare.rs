@@ -6,14 +6,14 @@ use std::path::PathBuf;
 
 use super::reconstruct::{self, Finished};
 use super::{Loaded, Request, places, report};
-use crate::export::comparison::{self, MethodReport, Reached};
+use crate::export::comparison::{self, LeftOut, MethodReport, Reached};
 use crate::export::report::TraceEntry;
 use crate::export::{self, curves, figure};
 use crate::files::{atomic, staging};
 use crate::gpu::Gpu;
 use crate::maps::Truth;
-use crate::measure::{Metrics, Reach, median, reach};
-use crate::solve::Progress;
+use crate::measure::{Metrics, Reach, median, metrics, reach};
+use crate::solve::{Progress, RunsOn};
 use crate::{Error, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
@@ -30,11 +30,28 @@ pub struct Method {
     pub request: Request,
 }
 
-/// What to compare.
+/// Maps that another program made of the same capture.
 #[derive(Debug, Clone, PartialEq)]
+pub struct Foreign {
+    /// Its name in plots and tables.
+    pub name: String,
+    /// The maps: a `maps.npz` as docs/results.md describes, or the folder of one.
+    pub maps: PathBuf,
+    /// Seconds that it took, as its user says.
+    pub seconds: f64,
+    /// What it ran on, as its user says.
+    pub hardware: String,
+}
+
+/// What to compare.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Comparison {
     /// All methods. The others are compared with the first.
     pub methods: Vec<Method>,
+    /// Maps of other programs, for the same table and plot.
+    pub foreign: Vec<Foreign>,
+    /// Methods that do not take the capture: name, and why.
+    pub left_out: Vec<LeftOut>,
     /// How often each method runs. All methods run once, then all run again.
     pub repeats: usize,
     /// Folder for plots, tables and each method's maps.
@@ -75,6 +92,7 @@ pub fn compare(
     hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
 ) -> Result<Compared> {
     let (methods, truth) = what.check()?;
+    let foreign = what.measure_foreign(&truth, methods[0].request.mask_fraction)?;
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
     for method in &methods {
@@ -95,7 +113,7 @@ pub fn compare(
         }
     }
     let runs: Vec<Runs> = runs.into_iter().flatten().collect();
-    let report = what.report(&methods, loaded, &gpu, &runs);
+    let report = what.report(&methods, loaded, &gpu, &runs, foreign);
 
     let json = what.out.join("compare.json");
     // An older one does not describe the files that are written from here on.
@@ -183,6 +201,14 @@ impl Comparison {
             let found = found.map_err(|e| e.at(format!("method {:?}", method.name)))?;
             truth = truth.or(found);
         }
+        for foreign in &self.foreign {
+            if !(foreign.seconds.is_finite() && foreign.seconds > 0.0) {
+                return Err(Error::options(
+                    format!("foreign {:?} took {} s", foreign.name, foreign.seconds),
+                    "give the seconds that the other program took, a positive number",
+                ));
+            }
+        }
         for at in 1..methods.len() {
             let before: Vec<String> = methods[..at].iter().map(|m| m.name.clone()).collect();
             methods[at].name = unused(&methods[at].name, &before, " #");
@@ -191,12 +217,29 @@ impl Comparison {
         Ok((methods, truth.ok_or_else(missing)?))
     }
 
+    /// The figures of other programs' maps. Their own mask counts, or pixels above `fraction` of the brightest albedo.
+    ///
+    /// # Errors
+    /// Maps that cannot be read, with the name of the program.
+    fn measure_foreign(&self, truth: &Truth, fraction: Option<f64>) -> Result<Vec<(&Foreign, Metrics)>> {
+        let measured = |foreign: &Foreign| {
+            let file = match foreign.maps.is_dir() {
+                true => foreign.maps.join("maps.npz"),
+                false => foreign.maps.clone(),
+            };
+            metrics(&export::npz::read_maps(&file)?, truth, fraction)
+        };
+        let named = |foreign| measured(foreign).map_err(|e| e.at(format!("foreign {:?}", foreign.name)));
+        self.foreign.iter().map(|foreign| Ok((foreign, named(foreign)?))).collect()
+    }
+
     fn report(
         &self,
         methods: &[Method],
         loaded: &Loaded,
         gpu: &Gpu,
         runs: &[Runs],
+        foreign: Vec<(&Foreign, Metrics)>,
     ) -> comparison::Comparison {
         let goal = runs[0].first.metrics.clone().unwrap_or_default();
         let whole = report::report_of(&methods[0].request, loaded, gpu, &runs[0].first);
@@ -206,6 +249,8 @@ impl Comparison {
             MethodReport {
                 name: method.name.clone(),
                 method: method.spec.clone(),
+                foreign: false,
+                runs_on: runs_on(&method.request, gpu),
                 settings: report::settings(&method.request, loaded, &run.first),
                 trace_every: method.request.trace_step(),
                 iterations: last.map_or(0, |p| p.iteration),
@@ -218,6 +263,30 @@ impl Comparison {
                 trace,
             }
         };
+        let other = |(foreign, metrics): (&Foreign, Metrics)| {
+            let trace = vec![TraceEntry {
+                seconds: foreign.seconds,
+                loss: f64::NAN,
+                metrics: Some(metrics.clone().brief()),
+                ..TraceEntry::default()
+            }];
+            MethodReport {
+                name: foreign.name.clone(),
+                method: foreign.maps.display().to_string(),
+                foreign: true,
+                runs_on: foreign.hardware.clone(),
+                settings: serde_json::Value::Null,
+                trace_every: 0,
+                iterations: 0,
+                seconds: foreign.seconds,
+                repeats_s: vec![foreign.seconds],
+                active: 0,
+                active_ratio: 0.0,
+                reach: reached(&goal, &trace),
+                metrics,
+                trace,
+            }
+        };
         comparison::Comparison {
             version: whole.version,
             device: whole.device,
@@ -226,8 +295,17 @@ impl Comparison {
             truth: methods[0].request.truth.clone(),
             mask_fraction: methods[0].request.mask_fraction,
             repeats: self.repeats,
-            methods: methods.iter().zip(runs).map(report).collect(),
+            methods: methods.iter().zip(runs).map(report).chain(foreign.into_iter().map(other)).collect(),
+            left_out: self.left_out.clone(),
         }
+    }
+}
+
+/// What a method runs on, in words.
+fn runs_on(request: &Request, gpu: &Gpu) -> String {
+    match request.solver.common().runs_on {
+        RunsOn::Device => gpu.info.name.trim().into(),
+        RunsOn::Host => format!("host, {} threads", rayon::current_num_threads()),
     }
 }
 

@@ -109,7 +109,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
-        match plan.clone().within(request.solver.solver(), &gpu.memory(), request.memory) {
+        match request.solver.fit(plan.clone(), gpu, request.memory) {
             Ok(fits) => *plan = fits,
             Err(e) => problems.push(problem(advice::advise(e, request, loaded, gpu))),
         }

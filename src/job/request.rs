@@ -213,6 +213,12 @@ impl Request {
                 format!("give iterations from 1 to the last, {iterations}"),
             ));
         }
+        if self.solver.is_closed_form() && (self.checkpoint.is_some() || self.resume.is_some()) {
+            return Err(Error::options(
+                format!("a checkpoint is asked for, and {} has no iterations to save", self.solver.name()),
+                "leave the checkpoint out: the method takes seconds",
+            ));
+        }
         if self.checkpoint_every == 0 {
             return Err(Error::options(
                 "the number of iterations between checkpoints is 0",

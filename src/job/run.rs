@@ -90,7 +90,8 @@ fn solve_checked(
     truth: Option<Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
-    let preview = match request.preview {
+    // A closed-form method is there as soon as a preview.
+    let preview = match request.preview && !request.solver.is_closed_form() {
         true => Preview::begin(request, &loaded.capture, gpu, hear)?,
         false => None,
     };

@@ -7,6 +7,7 @@
 
 mod adam;
 mod checkpoint;
+pub mod closed_form;
 mod conditions;
 mod domain;
 mod drive;
@@ -22,6 +23,7 @@ mod plan;
 mod prepared;
 mod result;
 mod rounding;
+mod solver;
 mod solvers;
 pub mod surface;
 mod trace;
@@ -46,7 +48,8 @@ pub use plan::{
 };
 pub use prepared::Prepared;
 pub use result::{Reconstruction, TakenOff};
-pub use solvers::{Common, Solver, SolverOptions, check_solver, pixel_of, reflectance};
+pub use solver::{Common, RunsOn, Solver};
+pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
 pub use surface::SurfaceOptions;
 pub use trace::TracePoint;
 pub use vector::VectorOptions;

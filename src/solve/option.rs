@@ -391,6 +391,7 @@ macro_rules! options {
             }
 
             fn get(&self, key: &str) -> Option<$crate::solve::option::Value> {
+                #[allow(unused_imports)]
                 use $crate::solve::option::Field;
                 $($(
                     if key == $crate::solve::option::key_of!($field $(as $key)?) {
@@ -402,6 +403,7 @@ macro_rules! options {
             }
 
             fn set(&mut self, key: &str, value: &$crate::solve::option::Value) -> bool {
+                #[allow(unused_imports)]
                 use $crate::solve::option::Field;
                 $($(
                     if key == $crate::solve::option::key_of!($field $(as $key)?) {

@@ -100,6 +100,19 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
     all
 }
 
+/// The part of a method that has one schedule and no iterations.
+pub(super) fn of_start(what: &'static str, plan: &Plan, level: &Level, schedule: &Schedule) -> Vec<Part> {
+    let steps = steps_of(plan, schedule);
+    vec![Part {
+        of: what,
+        when: When::Start,
+        lateral: level.grid.n[0],
+        pairs: level.pairs,
+        in_parts: plan.parts(level).len(),
+        steps,
+    }]
+}
+
 /// Every schedule of one run of the driver over `iterations`, in their order.
 ///
 /// # Errors

@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use super::{Beside, OnDevice, Plan, Reconstruction, UPLOAD};
-use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::gpu::caller::{Lent, Moment};
 use crate::transport::Model;
+use crate::{Error, Result};
 
 /// A solver that is prepared for captures of one scan.
 pub trait Prepared: Send {
@@ -33,7 +33,9 @@ pub trait Prepared: Send {
     ///
     /// # Errors
     /// The device fails. Then `done` has not come.
-    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()>;
+    fn give(&mut self, _content: &[u8], _to: &Lent, _done: Option<Moment>) -> Result<()> {
+        Err(Error::options("this method works on the host", "use the vector solver for lent buffers"))
+    }
 }
 
 /// A planned solve, on the device from its first use on.

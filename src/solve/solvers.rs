@@ -2,69 +2,95 @@
 
 use serde::Serialize;
 
+use super::closed_form::{
+    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
+};
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
-    Accumulation, Beside, PaperOptions, Part, Plan, Prepared, Reconstruction, Sizes, VectorOptions,
-    default_volume, surface,
+    Beside, Common, Needs, PaperOptions, Part, Plan, Prepared, Reconstruction, RunsOn, Sizes, Solver,
+    VectorOptions, default_volume, surface,
 };
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Gpu};
+use crate::gpu::{Abilities, Gpu, check};
 use crate::maps::Maps;
 use crate::transport::{Grid, Reflectance, Volume};
 use crate::{Error, Result};
 
-/// A solver, as its options.
-pub trait Solver: Options + super::Needs {
-    /// What every solver's options have.
-    fn common(&self) -> Common;
-
-    /// Checks the options.
-    ///
-    /// # Errors
-    /// The first option that makes no sense, by its name on the command line.
-    fn check(&self) -> Result<()>;
-
-    /// The model that the options make of a capture for a grid.
-    fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
-
-    /// The schedules of a whole solve with `plan`.
-    fn outline(&self, plan: &Plan) -> Vec<Part>;
-
-    /// Prepares the solver for captures of one scan.
-    ///
-    /// # Errors
-    /// See [`super::paper::prepare`].
-    fn prepare(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Box<dyn Prepared>>;
-}
-
-/// What every solver's options have.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Common {
-    /// Lateral pixels of the maps.
-    pub lateral: usize,
-    /// The most iterations of the volume, and of what follows it.
-    pub iterations: [usize; 2],
-    /// How surfaces reflect.
-    pub reflectance: Reflectance,
-    /// How rendered values are to be added up.
-    pub accumulation: Accumulation,
-    /// Sizes that are asked for.
-    pub sizes: Sizes,
-    /// Nothing nearer than this is reconstructed, metres.
-    pub min_depth: f64,
-}
-
-/// Declares the solvers: one line for each.
+/// Declares the methods: one line for each.
 macro_rules! solvers {
-    ($($variant:ident($options:ident) in $module:ident;)*) => {
-        /// The options of one of the solvers.
+    (
+        iterative { $($variant:ident($options:ident) in $module:ident;)* }
+        closed_form { $($closed:ident($closed_options:ident);)* }
+    ) => {
+        solvers! { all $($variant($options);)* $($closed($closed_options);)* }
+
+        impl SolverOptions {
+            /// The iterative solvers, by their names on the command line.
+            pub const ITERATIVE: &[&str] = &[$($options::NAME),*];
+
+            /// Whether it computes the volume in one step, without iterations.
+            pub fn is_closed_form(&self) -> bool {
+                match self {
+                    $(SolverOptions::$variant(_) => false,)*
+                    $(SolverOptions::$closed(_) => true,)*
+                }
+            }
+        }
+
+        $(impl Solver for $options {
+            fn common(&self) -> Common {
+                Common {
+                    lateral: self.lateral,
+                    iterations: super::Needs::demand(self).iterations,
+                    reflectance: self.reflectance,
+                    accumulation: self.accumulation,
+                    sizes: self.sizes,
+                    min_depth: self.domain.min_depth,
+                    pixels_per_voxel: super::Needs::demand(self).pixels_per_voxel,
+                    runs_on: RunsOn::Device,
+                }
+            }
+
+            fn check(&self) -> Result<()> {
+                $options::check(self)
+            }
+
+            fn needs(&self) -> Option<&dyn Needs> {
+                Some(self)
+            }
+
+            fn plan(
+                &self,
+                capture: &Capture,
+                grid: Grid,
+                abilities: &Abilities,
+                with_volume: bool,
+            ) -> Result<Plan> {
+                // The counts are as large as all the rest, and a plan is the same without them.
+                let model = super::$module::model(&capture.outline(), &grid, self);
+                Plan::new(&model, grid, capture.resolution(), self, abilities, with_volume)
+            }
+
+            fn outline(&self, plan: &Plan) -> Vec<Part> {
+                super::$module::outline(plan, self)
+            }
+
+            fn prepare(
+                &self,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+            ) -> Result<Box<dyn Prepared>> {
+                let made = super::$module::prepare(gpu, capture, grid, self, memory, with_volume)?;
+                Ok(Box::new(made))
+            }
+        })*
+    };
+
+    (all $($variant:ident($options:ident);)*) => {
+        /// The options of one of the methods.
         #[derive(Debug, Clone, PartialEq, Serialize)]
         #[serde(untagged)]
         pub enum SolverOptions {
@@ -81,7 +107,7 @@ macro_rules! solvers {
         })*
 
         impl SolverOptions {
-            /// The solvers of this version, by their names on the command line.
+            /// All methods of this version, by their names on the command line.
             pub const NAMES: &[&str] = &[$($options::NAME),*];
 
             /// The options of the solver `name` with the defaults for `suit`; `None` if there is no such solver.
@@ -112,49 +138,23 @@ macro_rules! solvers {
                 }
             }
         }
-
-        $(impl Solver for $options {
-            fn common(&self) -> Common {
-                Common {
-                    lateral: self.lateral,
-                    iterations: super::Needs::demand(self).iterations,
-                    reflectance: self.reflectance,
-                    accumulation: self.accumulation,
-                    sizes: self.sizes,
-                    min_depth: self.domain.min_depth,
-                }
-            }
-
-            fn check(&self) -> Result<()> {
-                $options::check(self)
-            }
-
-            fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model {
-                super::$module::model(capture, grid, self)
-            }
-
-            fn outline(&self, plan: &Plan) -> Vec<Part> {
-                super::$module::outline(plan, self)
-            }
-
-            fn prepare(
-                &self,
-                gpu: &Gpu,
-                capture: &Capture,
-                grid: Grid,
-                memory: Option<u64>,
-                with_volume: bool,
-            ) -> Result<Box<dyn Prepared>> {
-                let made = super::$module::prepare(gpu, capture, grid, self, memory, with_volume)?;
-                Ok(Box::new(made))
-            }
-        })*
     };
 }
 
 solvers! {
-    Paper(PaperOptions) in paper;
-    Vector(VectorOptions) in vector;
+    iterative {
+        Paper(PaperOptions) in paper;
+        Vector(VectorOptions) in vector;
+    }
+    closed_form {
+        Lct(LctOptions);
+        Dlct(DlctOptions);
+        Fk(FkOptions);
+        Phasor(PhasorOptions);
+        PhasorBp(PhasorBpOptions);
+        Fbp(FbpOptions);
+        Bp(BpOptions);
+    }
 }
 
 impl SolverOptions {
@@ -174,6 +174,14 @@ impl SolverOptions {
         self.solver().check()
     }
 
+    /// Checks that a capture breaks no assumption of the method. Its counts do not matter.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the assumption that it breaks, and what to choose instead.
+    pub fn takes(&self, capture: &Capture) -> Result<()> {
+        self.solver().takes(capture)
+    }
+
     /// The value of an option.
     pub fn get(&self, key: &str) -> Option<Value> {
         self.solver().get(key)
@@ -188,9 +196,10 @@ impl SolverOptions {
     pub fn as_vector(&self, confocal: bool) -> VectorOptions {
         match self {
             SolverOptions::Vector(o) => o.clone(),
-            SolverOptions::Paper(o) => {
-                let suit = Suit { confocal, reflectance: o.reflectance, ..Suit::USUAL };
-                VectorOptions::suited_to(&suit).with(|v| v.domain.min_depth = o.common().min_depth)
+            other => {
+                let Common { reflectance, min_depth, .. } = other.common();
+                let suit = Suit { confocal, reflectance, ..Suit::USUAL };
+                VectorOptions::suited_to(&suit).with(|v| v.domain.min_depth = min_depth)
             }
         }
     }
@@ -261,8 +270,8 @@ impl SolverOptions {
     /// Pixels that a voxel is wide; `None` for a solver that takes the capture's own bins, as the paper's does.
     pub fn pixels_per_voxel(&self) -> Option<usize> {
         match self {
-            SolverOptions::Vector(o) => Some(o.pixels_per_voxel()),
             SolverOptions::Paper(_) => None,
+            other => Some(other.common().pixels_per_voxel),
         }
     }
 
@@ -283,10 +292,18 @@ impl SolverOptions {
         abilities: &Abilities,
         with_volume: bool,
     ) -> Result<Plan> {
-        let solver = self.solver();
-        // The counts are as large as all the rest, and a plan is the same without them.
-        let model = solver.model(&capture.outline(), &grid);
-        Plan::new(&model, grid, capture.resolution(), solver, abilities, with_volume)
+        self.solver().plan(capture, grid, abilities, with_volume)
+    }
+
+    /// A plan as it fits on a device: as it is, or in parts of pairs. `memory` is a budget in bytes.
+    ///
+    /// # Errors
+    /// It does not fit.
+    pub fn fit(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
+        match self.solver().needs() {
+            Some(needs) => plan.within(needs, &gpu.memory(), memory),
+            None => check(&plan.buffers, &gpu.memory(), memory).map(|()| plan),
+        }
     }
 
     /// The plan of a solve on a device as it is, in parts of pairs where all do not fit. `memory` is a budget in bytes.
@@ -301,8 +318,7 @@ impl SolverOptions {
         memory: Option<u64>,
         with_volume: bool,
     ) -> Result<Plan> {
-        let plan = self.plan(capture, grid, &gpu.abilities(), with_volume)?;
-        plan.within(self.solver(), &gpu.memory(), memory)
+        self.fit(self.plan(capture, grid, &gpu.abilities(), with_volume)?, gpu, memory)
     }
 
     /// Runs the solver.
@@ -394,9 +410,9 @@ fn help_of(row: &Row) -> String {
 /// Checks that there is a solver of that name.
 ///
 /// # Errors
-/// The solver is not in this version, or not known at all.
+/// The solver is not known.
 pub fn check_solver(name: &str) -> Result<()> {
-    choice("solver", name, SolverOptions::NAMES, &["fbp", "bp", "lct", "dlct", "fk", "phasor"])
+    choice("solver", name, SolverOptions::NAMES)
 }
 
 /// The light-transport model of that name.
@@ -410,17 +426,16 @@ pub fn reflectance(name: &str) -> Result<Reflectance> {
         ("retroreflective", Reflectance::Retroreflective),
         ("isotropic", Reflectance::Isotropic),
     ];
-    choice("model", name, &ALL.map(|r| r.0), &[])?;
+    choice("model", name, &ALL.map(|r| r.0))?;
     Ok(ALL.iter().find(|r| r.0 == name).map_or(Reflectance::Cosine, |r| r.1))
 }
 
-fn choice(option: &str, name: &str, here: &[&str], later: &[&str]) -> Result<()> {
+fn choice(option: &str, name: &str, here: &[&str]) -> Result<()> {
     if here.contains(&name) {
         return Ok(());
     }
-    let what = if later.contains(&name) { "is not in this version" } else { "is not known" };
     Err(Error::options(
-        format!("--{option} {name} {what}"),
+        format!("--{option} {name} is not known"),
         format!("use --{option} {}, or leave it out", here.join(" or ")),
     ))
 }

@@ -406,12 +406,15 @@ pub fn variance_filter_and_backproject() {
     }
     check_variance_of_paths(&gpu, &spotted(&model, [0.1, 0.0]), &grid);
 
-    for sigma in [0.2, 2.5, 40.0] {
-        let hat = vector::hat(sigma, model.bins);
+    for (sigma, odd) in [(0.2, false), (2.5, false), (40.0, false), (2.5, true)] {
+        let mut hat = vector::hat(sigma, model.bins);
+        if odd {
+            hat[0] = -hat[0];
+        }
         write(&mut job, buffer::HAT_TAPS, &hat);
         run_start(&mut job, &["filter"]);
         let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
-        let want = twin::filter(&twin, &half);
+        let want = twin::filter(&twin, &half, odd);
         assert!(
             error(
                 read_rows::<f32>(&mut job, buffer::RESIDUAL).into_iter().map(f64::from),

@@ -296,7 +296,7 @@ pub fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let s = vector::start(&job.plan, job.plan.finest(), &o);
     job.executor.run(&s).unwrap();
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
-    let projected = twin::backproject(&twin, &twin::filter(&twin, &half));
+    let projected = twin::backproject(&twin, &twin::filter(&twin, &half, false));
     let smooth = twin::smooth(&grid, projected, &job.plan.taps);
     assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 3e-5);
     let mask = read_mask(&mut job, buffer::MASK, grid.storage());

@@ -62,7 +62,12 @@ pub fn rows(share: Share) -> Vec<Row> {
             Box::new(|out| {
                 let request = Request { truth: Some(files().truth()), ..Request::new(solver(), "") };
                 let method = Method { name: "vector".into(), spec: "vector".into(), request };
-                let what = Comparison { methods: vec![method], repeats: 1, out: out.into() };
+                let what = Comparison {
+                    methods: vec![method],
+                    repeats: 1,
+                    out: out.into(),
+                    ..Comparison::default()
+                };
                 job::compare(&what, &loaded, &mut |_, _| ControlFlow::Continue(())).map(drop)
             }),
         ),

@@ -2,6 +2,7 @@
 
 use thirdbounce::gpu::Faults;
 use thirdbounce::job::SolverOptions;
+use thirdbounce::solve::option::Value;
 use thirdbounce::solve::{Accumulation, Reconstruction};
 
 use super::Share;
@@ -57,16 +58,10 @@ pub fn rows(share: Share) -> Vec<Row> {
 }
 
 fn with(solver: &SolverOptions, accumulation: Accumulation) -> SolverOptions {
-    match solver.clone() {
-        SolverOptions::Paper(mut o) => {
-            o.accumulation = accumulation;
-            o.into()
-        }
-        SolverOptions::Vector(mut o) => {
-            o.accumulation = accumulation;
-            o.into()
-        }
-    }
+    let mut other = solver.clone();
+    let word = format!("{accumulation:?}").to_lowercase();
+    assert!(other.set("accumulation", &Value::Word(word)));
+    other
 }
 
 /// The loss agrees to a thousandth throughout: fp32 sums in another order, fed back through a dozen iterations.

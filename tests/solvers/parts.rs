@@ -211,8 +211,8 @@ fn what_cannot_be_divided_says_so() {
     let capture = confocal();
     let SolverOptions::Vector(of_vector) = &options else { unreachable!("it is the vector solver") };
     let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
-    let how = Some(vector::Follow::default());
-    let error = vector::prepare_to_follow(&gpu, &capture, grid, of_vector, None, false, how);
+    let how = vector::Frames { follow: Some(vector::Follow::default()), ..Default::default() };
+    let error = vector::prepare_for_frames(&gpu, &capture, grid, of_vector, None, false, how);
     let error = error.err().expect("frames need all pairs");
     assert!(error.kind == Kind::Memory && error.what.contains("follow each other"), "{error}");
     // Not even one pair at a time.

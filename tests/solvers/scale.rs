@@ -60,9 +60,11 @@ fn default_settings_know_no_unit() {
             apart.sort_unstable_by(f64::total_cmp);
             // A power of two changes no rounding. Otherwise rounding moves single pixels.
             let share = if scale.log2().fract() == 0.0 { 1.0 } else { 0.9 };
+            // Filtered sums cancel: dark pixels keep fewer digits.
+            let rounding = if SolverOptions::ITERATIVE.contains(solver) { 2e-5 } else { 2e-4 };
             let most = apart[((apart.len() - 1) as f64 * share) as usize];
             assert!(
-                apart.len() > 300 && most < if share == 1.0 { 1e-12 } else { 2e-5 },
+                apart.len() > 300 && most < if share == 1.0 { 1e-12 } else { rounding },
                 "{solver}, {scale}: {most}"
             );
         }

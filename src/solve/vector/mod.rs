@@ -43,6 +43,7 @@ pub use hat::hat;
 pub use options::{Domain, VectorOptions};
 pub use prepared::{Frames, prepare, prepare_for_frames};
 pub use preview::preview;
+pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};
 pub use trial::{Left, PAIRS, Start, Trial};
 

@@ -16,23 +16,33 @@ use crate::transport::kernels::*;
 
 /// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
 pub fn project(plan: &Plan, level: &Level) -> Schedule {
-    let mut s = over_parts(plan, level, |part| {
-        let mut s = Schedule::default();
-        s.dispatch(&FILTER, groups(cells(part.own.count, level.bins), WORKGROUP))
-            .bind(buffer::SCENE, part.own.scene)
-            .bind(buffer::MEASURED, part.measured);
-        s.extend(backproject(plan, level, part));
-        s
-    });
+    let mut s = gather_filtered(plan, level, false);
     s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
     s
 }
 
-/// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`].
-pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart) -> Schedule {
+/// Back-projects the filtered measurement into the second of [`Plan::volumes`]. Sums below zero stay if `signed`, else
+/// they become zero.
+pub(in crate::solve) fn gather_filtered(plan: &Plan, level: &Level, signed: bool) -> Schedule {
+    over_parts(plan, level, |part| {
+        let mut s = Schedule::default();
+        s.dispatch(&FILTER, groups(cells(part.own.count, level.bins), WORKGROUP))
+            .bind(buffer::SCENE, part.own.scene)
+            .bind(buffer::MEASURED, part.measured);
+        s.extend(backproject(plan, level, part, signed));
+        s
+    })
+}
+
+/// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`]. `signed`: see
+/// [`gather_filtered`].
+pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart, signed: bool) -> Schedule {
     let mut s = Schedule::default();
     let voxels = level.grid.storage();
-    for push in pair_chunks(plan, part, &part.own, voxels) {
+    for mut push in pair_chunks(plan, part, &part.own, voxels) {
+        if signed {
+            push.flags &= !BACKWARD_FINISH;
+        }
         s.dispatch(&BACKPROJECT, groups(voxels, plan.tuning.samples_of_group(voxels)))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::WALL, part.own.wall)

@@ -212,12 +212,14 @@ pub fn variance(twin: &Twin) -> Vec<f64> {
     instrument(twin, &of_bins, Way::Squared)
 }
 
-/// Weighted histograms, convolved along time with `hat`, the weights at 0, 1, 2, ... bins to either side.
-pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {
+/// Weighted histograms, convolved along time with `hat`, the weights at 0, 1, 2, ... bins to either side. `odd`: those of
+/// earlier bins are the negatives of those of later ones.
+pub fn filter(twin: &Twin, hat: &[f64], odd: bool) -> Vec<f64> {
     let m = twin.model;
     let filtered = |histogram: &[f32], bin: usize| -> f64 {
         let near = |b: &usize| b.abs_diff(bin) < hat.len();
-        let value = |b: usize| hat[b.abs_diff(bin)] * m.bin_weight(b) * f64::from(histogram[b]);
+        let side = |b: usize| if odd && b < bin { -1.0 } else { 1.0 };
+        let value = |b: usize| side(b) * hat[b.abs_diff(bin)] * m.bin_weight(b) * f64::from(histogram[b]);
         (0..m.bins).filter(near).map(value).sum()
     };
     m.measured.chunks(m.bins).flat_map(|h| (0..m.bins).map(move |b| filtered(h, b))).collect()

@@ -181,7 +181,7 @@ fn project_left(plan: &Plan, level: &Level, model: &Model) -> Schedule {
             ..Default::default()
         });
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
-    s.extend(over_parts(plan, first, |part| backproject(plan, first, part)));
+    s.extend(over_parts(plan, first, |part| backproject(plan, first, part, false)));
     s.extend(domain::smooth(plan, first, &GAUSSIAN_X_VOLUME, Some(COUNT_PEAK_PROJECTED)));
     s
 }

@@ -1,0 +1,427 @@
+//! Back-projection on the device, of any pairs and any wall: every voxel sums the histograms of all pairs at its path,
+//! times the inverse falloff and the cosine toward the wall (the kernel `backproject`).
+//!
+//! - `bp`: the sums themselves (Velten, Willwacher, Gupta, Veeraraghavan, Bawendi, Raskar: *Recovering three-dimensional
+//!   shape around a corner using ultrafast time-of-flight imaging*, Nature Communications 2012).
+//! - `fbp`: filtered by a Laplacian as there, or by a Laplacian of Gaussian (Laurenzis and Velten 2014): of the volume,
+//!   or of the histograms along their paths.
+//! - `phasor-bp`: histograms filtered by the cosine and the sine of a virtual pulse, each projected; the image is the
+//!   strength of both (Liu and others, Nature 2019). This is the phasor field without a transform.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::image::{Volume, on_grid};
+use super::options::ImageOptions;
+use super::{NoPasses, RegularScan, in_one_step};
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
+use crate::solve::option::{Options, options, words};
+use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
+use crate::solve::prepared::Planned;
+use crate::solve::vector::passes::{BACKPROJECT, FILTER};
+use crate::solve::vector::{gather_filtered, hat};
+use crate::solve::{
+    Beside, Common, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, background, outline,
+    upload,
+};
+use crate::transport::kernels::{buffer, constant};
+use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
+
+/// What is filtered, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Filter {
+    /// The volume, by a Laplacian.
+    Laplacian,
+    /// The volume, by the Laplacian of a Gaussian.
+    Log,
+    /// The histograms, by the second derivative of a Gaussian along the path.
+    Path,
+}
+
+words!(Filter);
+
+options! {
+    /// Options of the back-projection.
+    pub struct BpOptions(suit) {
+        nested {
+            /// What all closed-form methods have.
+            image: ImageOptions,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
+    }
+}
+
+options! {
+    /// Options of the filtered back-projection.
+    pub struct FbpOptions(suit) {
+        nested {
+            /// What all closed-form methods have.
+            image: ImageOptions,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
+        "Filtered back-projection" {
+            /// What is filtered: the volume by a Laplacian or by the Laplacian of a Gaussian (log), or the histograms by
+            /// the second derivative of a Gaussian along the path (path)
+            filter: Filter = Filter::Path, Range::Words(&["laplacian", "log", "path"]);
+            /// Standard deviation of the filter's Gaussian, in distances of scan points
+            filter_width: f64 = 0.5, Range::Positive;
+        }
+    }
+}
+
+options! {
+    /// Options of the phasor field by back-projection.
+    pub struct PhasorBpOptions(suit) {
+        nested {
+            /// What all closed-form methods have.
+            image: ImageOptions,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
+        "Phasor field" {
+            /// Wavelength of the virtual wave, as a path, in distances of scan points
+            wavelength: f64 = 3.0, Range::Positive;
+            /// Wavelengths that the virtual pulse is long
+            cycles: f64 = 5.0, Range::Positive;
+        }
+    }
+}
+
+/// A method that back-projects on the device.
+trait Projection: Options + Clone + Send + Sync + 'static {
+    fn image(&self) -> &ImageOptions;
+
+    /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
+    /// distance of scan points, metres.
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
+
+    /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each.
+    fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32>;
+}
+
+impl Projection for BpOptions {
+    fn image(&self) -> &ImageOptions {
+        &self.image
+    }
+
+    fn filters(&self, _bins: usize, _bin: f64, _step: f64) -> Vec<Vec<f32>> {
+        vec![vec![0.0, 1.0]]
+    }
+
+    fn join(&self, projected: Vec<Vec<f32>>, _grid: &Grid, _step: f64) -> Vec<f32> {
+        projected.into_iter().flatten().collect()
+    }
+}
+
+impl Projection for FbpOptions {
+    fn image(&self) -> &ImageOptions {
+        &self.image
+    }
+
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
+        match self.filter {
+            Filter::Path => vec![hat(self.filter_width * step / bin, bins)],
+            _ => vec![vec![0.0, 1.0]],
+        }
+    }
+
+    fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32> {
+        let mut all: Vec<f32> = projected.into_iter().flatten().collect();
+        if self.filter == Filter::Log {
+            let sigma = grid.pitch.to_array().map(|pitch| self.filter_width * step / pitch);
+            (0..3).for_each(|axis| smooth(&mut all, grid.n, axis, sigma[axis]));
+        }
+        if self.filter == Filter::Path { all } else { laplacian(&all, grid) }
+    }
+}
+
+impl Projection for PhasorBpOptions {
+    fn image(&self) -> &ImageOptions {
+        &self.image
+    }
+
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
+        super::phasor::pulse(self.wavelength * step / bin, self.cycles, bins).into()
+    }
+
+    fn join(&self, projected: Vec<Vec<f32>>, _grid: &Grid, _step: f64) -> Vec<f32> {
+        let parts = projected[0].par_iter().zip(&projected[1]);
+        parts.map(|(cos, sin)| cos.hypot(*sin)).collect()
+    }
+}
+
+/// The negative Laplacian of a volume, per square metre. Beyond the volume lie the values of its faces.
+fn laplacian(volume: &[f32], grid: &Grid) -> Vec<f32> {
+    let [nx, ny, nz] = grid.n;
+    let weight = grid.pitch.to_array().map(|pitch| (1.0 / (pitch * pitch)) as f32);
+    let strides = [ny * nz, nz, 1];
+    let of = |i: usize| {
+        let at = [i / (ny * nz), i / nz % ny, i % nz];
+        let bend = |axis: usize| {
+            let low = if at[axis] > 0 { volume[i - strides[axis]] } else { volume[i] };
+            let high = if at[axis] + 1 < [nx, ny, nz][axis] { volume[i + strides[axis]] } else { volume[i] };
+            weight[axis] * (2.0 * volume[i] - low - high)
+        };
+        bend(0) + bend(1) + bend(2)
+    };
+    (0..volume.len()).into_par_iter().map(of).collect()
+}
+
+/// A Gaussian of `sigma` voxels along an axis, in place. Beyond the volume lie the values of its faces.
+fn smooth(volume: &mut Vec<f32>, n: [usize; 3], axis: usize, sigma: f64) {
+    let reach = (3.0 * sigma).ceil() as isize;
+    let taps: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let sum: f32 = taps.iter().sum();
+    let stride: usize = n[axis + 1..].iter().product();
+    let of = |i: usize| {
+        let at = (i / stride % n[axis]) as isize;
+        let place = |k: isize| (at + k).clamp(0, n[axis] as isize - 1);
+        let value = |k: isize| volume[(i as isize + (place(k) - at) * stride as isize) as usize];
+        (-reach..=reach).zip(&taps).map(|(k, tap)| tap * value(k)).sum::<f32>() / sum
+    };
+    *volume = (0..volume.len()).into_par_iter().map(of).collect();
+}
+
+/// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
+fn pixels_per_voxel(lateral: usize) -> usize {
+    1 + usize::from(lateral.is_multiple_of(2) && lateral / 2 >= FEWEST)
+}
+
+/// Lateral voxels that a grid is never coarser than.
+const FEWEST: usize = 64;
+
+/// What a back-projection needs of a plan: the two passes, and a number per voxel.
+struct Passes {
+    pixels_per_voxel: usize,
+}
+
+impl Needs for Passes {
+    fn demand(&self) -> Demand {
+        Demand { pixels_per_voxel: self.pixels_per_voxel, ..NoPasses.demand() }
+    }
+
+    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
+        NoPasses.capacities(levels)
+    }
+
+    fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
+        vec![(constant::WEIGHTED, 1)]
+    }
+
+    fn passes(&self) -> Vec<&'static Pass> {
+        vec![&FILTER, &BACKPROJECT]
+    }
+
+    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
+        vec![(buffer::HAT_TAPS, plan.bins as u64 * 4 + 4)]
+    }
+
+    fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
+}
+
+/// The capture as kernels see it, without counts: all bins, laser and sensor as points, paths sharp.
+fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, Rows) {
+    let (model, rows) = Model::outline(capture, image.reflectance, 1.0, false);
+    let model = Model {
+        rendered: None,
+        pulse: None,
+        pulse_shape: None,
+        min_depth: image.min_depth.min(grid.depth_range()[1]),
+        sampling: Sampling::Fixed,
+        binning: Binning::Linear,
+        gradient: Gradient::Exact,
+        ..model
+    };
+    (model, rows)
+}
+
+fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
+    let needs = Passes { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
+    let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
+    plan.passes.retain(|pass| [&FILTER, &BACKPROJECT].contains(pass));
+    // What only rendering and the reduction of a domain need.
+    plan.buffers.retain(|b| ![buffer::HISTOGRAMS, SMOOTH].contains(&b.buffer));
+    let voxels = plan.finest().grid.storage() as u64;
+    plan.buffers.push(BufferPlan::new(RAW_HOST, voxels * 4, Place::Readback));
+    plan.left_out.clear();
+    Ok(plan)
+}
+
+/// A back-projection that is prepared for a scan.
+struct Projecting<M> {
+    options: M,
+    planned: Planned,
+    rows: Rows,
+    grid: Grid,
+    with_volume: bool,
+}
+
+impl<M: Projection> Projecting<M> {
+    /// The volume of the counts that the device has.
+    fn volume(&mut self, bin_width: f64, step: f64) -> Result<Volume> {
+        let Projecting { options, planned, grid: of_maps, .. } = self;
+        let job = planned.made(|_| Ok(()))?;
+        let level = *job.plan.finest();
+        let grid = level.grid;
+        let mut projected = vec![];
+        for filter in options.filters(job.plan.bins, bin_width, step) {
+            upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
+            let mut s = gather_filtered(&job.plan, &level, true);
+            s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
+            job.executor.run(&s)?;
+            let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
+            let [_, ny, nz] = grid.n;
+            let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
+            projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
+        }
+        let albedo = options.join(projected, &grid, step);
+        let lattice = RegularScan::of_columns(&grid);
+        Ok(Volume { albedo: on_grid(&lattice, &albedo, of_maps), normal: None })
+    }
+}
+
+impl<M: Projection> Prepared for Projecting<M> {
+    fn plan(&self) -> &Arc<Plan> {
+        self.planned.plan()
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        let job = self.planned.made(|_| Ok(()))?;
+        let s = gather_filtered(&job.plan, job.plan.finest(), true);
+        job.executor.reserve(&s)
+    }
+
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+        // Kernels and buffers are made before the time begins.
+        self.planned.made(|_| Ok(()))?;
+        let (plan, grid, with_volume) = (self.planned.plan().clone(), self.grid, self.with_volume);
+        let step = capture.spacing().unwrap_or(grid.pitch.x);
+        let mut done = in_one_step(&plan, &grid, step, with_volume, beside, || {
+            let level = if self.options.image().background { background(capture) } else { 0.0 };
+            let job = self.planned.made(|_| Ok(()))?;
+            job.model.take(&self.rows, capture, level);
+            job.upload_counts()?;
+            self.volume(capture.bin_width, step)
+        })?;
+        let executor = &mut self.planned.made(|_| Ok(()))?.executor;
+        done.device_bytes = executor.arena().bytes();
+        done.kernels = executor.take_times().into_iter().collect();
+        Ok(done)
+    }
+}
+
+/// Writes what every back-projection is to the rest of the engine.
+macro_rules! projection {
+    ($options:ident, $name:literal) => {
+        impl $options {
+            /// Its name on the command line.
+            pub const NAME: &'static str = $name;
+        }
+
+        impl Solver for $options {
+            fn common(&self) -> Common {
+                Common {
+                    runs_on: RunsOn::Device,
+                    pixels_per_voxel: pixels_per_voxel(self.lateral),
+                    ..super::common(self.lateral, &self.image)
+                }
+            }
+
+            fn check(&self) -> Result<()> {
+                self.check_ranges()
+            }
+
+            fn plan(
+                &self,
+                capture: &Capture,
+                grid: Grid,
+                abilities: &Abilities,
+                _with_volume: bool,
+            ) -> Result<Plan> {
+                plan(&outline_of(&capture.outline(), &grid, &self.image).0, capture, grid, abilities)
+            }
+
+            fn outline(&self, plan: &Plan) -> Vec<Part> {
+                outline::of_start("volume", plan, plan.finest(), &gather_filtered(plan, plan.finest(), true))
+            }
+
+            fn prepare(
+                &self,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+            ) -> Result<Box<dyn Prepared>> {
+                self.check()?;
+                let (model, rows) = outline_of(capture, &grid, &self.image);
+                let plan = plan(&model, capture, grid, &gpu.abilities())?;
+                let planned = Planned::new(gpu, model, plan, memory);
+                Ok(Box::new(Projecting { options: self.clone(), planned, rows, grid, with_volume }))
+            }
+        }
+    };
+}
+
+projection!(BpOptions, "bp");
+projection!(FbpOptions, "fbp");
+projection!(PhasorBpOptions, "phasor-bp");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::Volume as Box;
+    use glam::{DVec3, dvec3};
+
+    fn grid() -> Grid {
+        Grid::new(Box { min: dvec3(0.0, 0.0, 0.4), max: dvec3(0.6, 0.9, 1.3) }, 6, 0.05).unwrap()
+    }
+
+    fn volume(of: impl Fn(DVec3) -> f64) -> Vec<f32> {
+        let (grid, [_, ny, nz]) = (grid(), grid().n);
+        let at = |i: usize| dvec3((i / (ny * nz)) as f64, (i / nz % ny) as f64, (i % nz) as f64);
+        (0..grid.voxels()).map(|i| of(grid.position(at(i))) as f32).collect()
+    }
+
+    #[test]
+    fn the_laplacian_of_a_square_is_two_along_each_axis() {
+        let grid = grid();
+        let [_, ny, nz] = grid.n;
+        let all = laplacian(&volume(|p| p.x * p.x + 2.0 * p.y * p.y - 4.0 * p.z * p.z), &grid);
+        for i in 0..grid.voxels() {
+            let at = [i / (ny * nz), i / nz % ny, i % nz];
+            if (0..3).all(|a| at[a] > 0 && at[a] + 1 < grid.n[a]) {
+                assert!((all[i] - 2.0).abs() < 0.01, "{}", all[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_gaussian_keeps_planes_and_blurs_along_its_axis_only() {
+        let n = grid().n;
+        let mut plane = volume(|p| p.x + p.y);
+        let before = plane.clone();
+        smooth(&mut plane, n, 2, 1.5);
+        assert!(plane.iter().zip(&before).all(|(a, b)| (a - b).abs() < 1e-5));
+        let mut point = vec![0.0; plane.len()];
+        let middle = (3 * n[1] + 3) * n[2] + 8;
+        point[middle] = 1.0;
+        smooth(&mut point, n, 2, 1.0);
+        assert!((point.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+        assert!((point[middle + 1] / point[middle] - (-0.5f32).exp()).abs() < 1e-5);
+        assert_eq!(point[middle + n[2]], 0.0);
+    }
+}

@@ -1,0 +1,300 @@
+//! The coordinates of light cones, in which confocal light is a convolution: v = (t/2)² of a path t and u = z² of a depth
+//! z. What the light-cone transform and the directional one share.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use super::RegularScan;
+use super::fourier::{Complex, Line, Planes, Spare, fast_length, turn};
+use super::resample::{Cumulative, linear};
+use crate::capture::Capture;
+use crate::transport::Grid;
+
+/// Cells of v = (t/2)² and of u = z², which lie at the same places.
+pub(super) struct Cells {
+    /// Lower edge of the first cell, m².
+    pub low: f64,
+    /// Width of a cell, m².
+    pub step: f64,
+    /// Number of cells.
+    pub count: usize,
+    /// Length of the transform. No light of a cell comes back at the beginning.
+    pub length: usize,
+}
+
+impl Cells {
+    pub fn of(capture: &Capture, scan: &RegularScan) -> Cells {
+        let [low, high] = [capture.t_start, capture.t_end()].map(|t| (0.5 * t.max(0.0)).powi(2));
+        let count = capture.bins.max(2);
+        let step = (high - low) / count as f64;
+        let farthest = scan.size().map(|s| s * s).iter().sum::<f64>() / step;
+        // Offsets along one axis that leave the cells are left out, so two axes reach twice the cells.
+        let beyond = farthest.ceil().min(2.0 * count as f64) as usize;
+        Cells { low, step, count, length: 2 * fast_length((count + beyond).div_ceil(2)) }
+    }
+
+    /// Radians per square metre of frequency `k`.
+    pub fn omega(&self, k: usize) -> f64 {
+        TAU * k as f64 / (self.length as f64 * self.step)
+    }
+
+    /// Frequencies from 0 to the highest.
+    pub fn frequencies(&self) -> usize {
+        self.length / 2 + 1
+    }
+
+    /// The factor of one axis in a kernel's spectrum: the Fourier transform over `length` places of weight(d) exp(−iω d²)
+    /// at the distances d of `n` points, averaged over the cell of a point.
+    pub fn kernel(
+        &self,
+        line: &Line,
+        [n, length]: [usize; 2],
+        distance: f64,
+        omega: f64,
+        weight: impl Fn(f64) -> f64,
+    ) -> Vec<Complex> {
+        let mut all = vec![Complex::default(); length];
+        for i in 0..n {
+            let d = i as f64 * distance;
+            if d * d > self.count as f64 * self.step {
+                break;
+            }
+            let across = omega * d * distance;
+            let mean = if across.abs() < 1e-6 { 1.0 } else { across.sin() / across };
+            let value = turn(-omega * d * d) * mean as f32;
+            all[i] = value * weight(d) as f32;
+            if i > 0 {
+                all[length - i] = value * weight(-d) as f32;
+            }
+        }
+        line.run(&mut all, &mut vec![]);
+        all
+    }
+
+    /// Counts per square metre of v, times v to the power, as spectra over v: `[point * frequencies + k]`.
+    pub fn spectra(&self, capture: &Capture, scan: &RegularScan, power: f64) -> Vec<Complex> {
+        let frequencies = self.frequencies();
+        let mut spectra = vec![Complex::default(); scan.points() * frequencies];
+        let line = Line::forward(self.length);
+        spectra.par_chunks_mut(frequencies).zip(&scan.pair_of).for_each_init(
+            Default::default,
+            |s, (to, pair)| {
+                let (values, spare): &mut (Vec<Complex>, Vec<Complex>) = s;
+                values.clear();
+                values.resize(self.length, Complex::default());
+                let counts = Cumulative::of(capture.histogram(*pair), capture.t_start, capture.bin_width);
+                let path = |edge: usize| 2.0 * (self.low + edge as f64 * self.step).sqrt();
+                let mut before = counts.until(path(0));
+                for (k, value) in values[..self.count].iter_mut().enumerate() {
+                    let until = counts.until(path(k + 1));
+                    let v = self.low + (k as f64 + 0.5) * self.step;
+                    *value = Complex::from(((until - before) / self.step * v.powf(power)) as f32);
+                    before = until;
+                }
+                line.run(values, spare);
+                to.copy_from_slice(&values[..frequencies]);
+            },
+        );
+        spectra
+    }
+
+    /// What spectra over u are at the depths of `grid`, times `factor` of the depth: `[point * depths + depth]`.
+    pub fn at_depths(
+        &self,
+        scan: &RegularScan,
+        grid: &Grid,
+        spectra: &[Complex],
+        factor: impl Fn(f64) -> f64 + Sync,
+    ) -> Vec<f32> {
+        let line = Line::backward(self.length);
+        let deep = grid.n[2];
+        let mut values = vec![0.0f32; scan.points() * deep];
+        values.par_chunks_mut(deep).zip(spectra.par_chunks(self.frequencies())).for_each_init(
+            Default::default,
+            |s, (to, spectrum)| {
+                let (column, spare): &mut (Vec<Complex>, Vec<Complex>) = s;
+                column.clear();
+                column.extend_from_slice(spectrum);
+                let above = self.length - spectrum.len();
+                column.extend(spectrum[1..=above].iter().rev().map(|v| v.conj()));
+                line.run(column, spare);
+                for (k, value) in to.iter_mut().enumerate() {
+                    let z = grid.origin.z + k as f64 * grid.pitch.z - scan.z;
+                    if z > 0.0 {
+                        let at = (z * z - self.low) / self.step - 0.5;
+                        *value = factor(z) as f32 * linear(|i| column[i].re, self.count, at);
+                    }
+                }
+            },
+        );
+        values
+    }
+}
+
+/// Transforms planes of one frequency each, in place: their spectra go through `filter`, which is told the frequency.
+/// A spectrum lies as [`Planes::spectrum`] leaves it.
+pub(super) fn filter_planes(
+    scan: &RegularScan,
+    planes: &mut [Complex],
+    filter: impl Fn(usize, &mut [Complex]) + Sync,
+) {
+    let padded = scan.padded();
+    let [forward, backward] = [Planes::forward(padded), Planes::backward(padded)];
+    planes.par_chunks_mut(scan.points()).enumerate().for_each_init(Default::default, |s, (k, plane)| {
+        let (wide, spare): &mut (Vec<Complex>, Spare) = s;
+        in_wide(plane, scan.n, padded, wide);
+        forward.spectrum(wide, scan.n[0], spare);
+        filter(k, wide);
+        backward.plane(wide, scan.n[0], spare);
+        out_of_wide(wide, padded, plane, scan.n);
+    });
+}
+
+/// Puts a plane of `n` places into the corner of one of `padded` places.
+pub(super) fn in_wide(plane: &[Complex], n: [usize; 2], padded: [usize; 2], wide: &mut Vec<Complex>) {
+    wide.clear();
+    wide.resize(padded[0] * padded[1], Complex::default());
+    for (to, from) in wide.chunks_mut(padded[1]).zip(plane.chunks(n[1])) {
+        to[..n[1]].copy_from_slice(from);
+    }
+}
+
+/// Takes the corner of `n` places out of a plane of `padded` places.
+pub(super) fn out_of_wide(wide: &[Complex], padded: [usize; 2], plane: &mut [Complex], n: [usize; 2]) {
+    for (to, from) in plane.chunks_mut(n[1]).zip(wide.chunks(padded[1])) {
+        to.copy_from_slice(&from[..n[1]]);
+    }
+}
+
+/// The same by definition, in float64, for tests.
+#[cfg(test)]
+pub(super) mod definition {
+    use super::super::reference::{Wide, wide_turn};
+    use super::*;
+
+    /// The weight of a kernel at a distance along x and y, metres.
+    pub type Weight<'w> = &'w dyn Fn(f64, f64) -> f64;
+
+    /// Solves min |Σ_c K_c ∗ A_c − G|² + (points of the kernel / snr) Σ_c |A_c|²: three-dimensional transforms term by
+    /// term, and the block of every frequency by elimination. `[component][point][cell]`.
+    pub fn least_squares(
+        capture: &Capture,
+        scan: &RegularScan,
+        power: f64,
+        weights: &[Weight<'_>],
+        snr: f64,
+    ) -> Vec<Vec<Vec<f64>>> {
+        let cells = Cells::of(capture, scan);
+        let [lx, ly] = scan.padded();
+        let [nx, ny] = scan.n;
+        let measured = measured(capture, scan, &cells, power);
+        let noise = ((2 * nx - 1) * (2 * ny - 1)) as f64 / snr;
+        let mut all = vec![vec![vec![0.0; cells.count]; nx * ny]; weights.len()];
+        for frequency in 0..lx * ly * cells.length {
+            let (k, kx, ky) =
+                (frequency % cells.length, frequency / cells.length % lx, frequency / cells.length / lx);
+            let across = |x: f64, y: f64| TAU * (kx as f64 * x / lx as f64 + ky as f64 * y / ly as f64);
+            let at = |point: usize, cell: usize| {
+                across((point / ny) as f64, (point % ny) as f64)
+                    + TAU * (k * cell) as f64 / cells.length as f64
+            };
+            let mut light = Wide::default();
+            for (i, m) in measured.iter().enumerate() {
+                light += wide_turn(-at(i / cells.count, i % cells.count)) * *m;
+            }
+            // Frequencies above the middle are negative.
+            let signed = if 2 * k > cells.length { k as f64 - cells.length as f64 } else { k as f64 };
+            let omega = TAU * signed / (cells.length as f64 * cells.step);
+            let kernels: Vec<Wide> =
+                weights.iter().map(|weight| kernel(scan, &cells, omega, &across, *weight)).collect();
+            for (found, columns) in block(&kernels, light, noise).into_iter().zip(&mut all) {
+                for (point, column) in columns.iter_mut().enumerate() {
+                    for (cell, value) in column.iter_mut().enumerate() {
+                        *value += (found * wide_turn(at(point, cell))).re;
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// Counts per square metre of v, times v to the power, `[point * count + cell]`.
+    fn measured(capture: &Capture, scan: &RegularScan, cells: &Cells, power: f64) -> Vec<f64> {
+        let of = |i: usize| {
+            let (point, k) = (i / cells.count, i % cells.count);
+            let histogram = capture.histogram(scan.pair_of[point]);
+            let counts = Cumulative::of(histogram, capture.t_start, capture.bin_width);
+            let until = |edge: usize| counts.until(2.0 * (cells.low + edge as f64 * cells.step).sqrt());
+            let v = cells.low + (k as f64 + 0.5) * cells.step;
+            (until(k + 1) - until(k)) / cells.step * v.powf(power)
+        };
+        (0..scan.points() * cells.count).map(of).collect()
+    }
+
+    /// The spectrum of a kernel at one frequency: a sum over all distances.
+    fn kernel(
+        scan: &RegularScan,
+        cells: &Cells,
+        omega: f64,
+        across: &dyn Fn(f64, f64) -> f64,
+        weight: Weight<'_>,
+    ) -> Wide {
+        let mut sum = Wide::default();
+        for a in 1 - scan.n[0] as isize..scan.n[0] as isize {
+            for b in 1 - scan.n[1] as isize..scan.n[1] as isize {
+                let d = [a as f64 * scan.step[0], b as f64 * scan.step[1]];
+                if d.iter().any(|d| d * d > cells.count as f64 * cells.step) {
+                    continue;
+                }
+                let mean = |axis: usize| {
+                    let x = omega * d[axis] * scan.step[axis];
+                    if x == 0.0 { 1.0 } else { x.sin() / x }
+                };
+                let angle = -omega * (d[0] * d[0] + d[1] * d[1]) - across(a as f64, b as f64);
+                sum += wide_turn(angle) * (mean(0) * mean(1) * weight(d[0], d[1]));
+            }
+        }
+        sum
+    }
+
+    /// Solves (conj(k) kᵀ + noise) a = conj(k) g by elimination.
+    fn block(kernels: &[Wide], light: Wide, noise: f64) -> Vec<Wide> {
+        let n = kernels.len();
+        let mut rows: Vec<Vec<Wide>> = (0..n)
+            .map(|i| {
+                let mut row: Vec<Wide> = kernels.iter().map(|k| kernels[i].conj() * k).collect();
+                row[i] += noise;
+                row.push(kernels[i].conj() * light);
+                row
+            })
+            .collect();
+        for i in 0..n {
+            let pivot = rows[i].clone();
+            for row in rows.iter_mut().enumerate().filter(|(j, _)| *j != i).map(|(_, row)| row) {
+                let share = row[i] / pivot[i];
+                row.iter_mut().zip(&pivot).for_each(|(v, p)| *v -= share * p);
+            }
+        }
+        (0..n).map(|i| rows[i][n] / rows[i][i]).collect()
+    }
+
+    /// Columns at the depths of `grid`, interpolated linearly in z², times `factor`.
+    pub fn at_depths(
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        columns: &[Vec<f64>],
+        factor: impl Fn(f64) -> f64,
+    ) -> Vec<f64> {
+        let cells = Cells::of(capture, scan);
+        let of = |i: usize| {
+            let z = grid.origin.z + (i % grid.n[2]) as f64 * grid.pitch.z - scan.z;
+            let at = ((z * z - cells.low) / cells.step - 0.5).clamp(0.0, cells.count as f64 - 1.0);
+            let low = (at as usize).min(cells.count - 2);
+            let column = &columns[i / grid.n[2]];
+            factor(z) * (column[low] + (at - low as f64) * (column[low + 1] - column[low]))
+        };
+        (0..scan.points() * grid.n[2]).map(of).collect()
+    }
+}

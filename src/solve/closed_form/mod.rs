@@ -1,0 +1,361 @@
+//! Closed-form methods: a volume in one step, without iterations. docs/methods.md tells what each assumes.
+//!
+//! Each has a folder with its options and its mathematics. Fourier methods run on the cores of the host. They take a
+//! regular scan of a flat wall ([`RegularScan`]) and refuse others. Their plan lists the arrays that they hold at once.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::option::Options;
+use super::plan::{Demand, LeftOut, Level, Needs};
+use super::{
+    Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sizes, TracePoint,
+    VolumeMap, background,
+};
+use crate::advice::{Remedy, advice};
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
+use crate::transport::{Binning, Gradient, Grid, Model};
+use crate::{Error, Kind, Result};
+
+mod backproject;
+mod dlct;
+mod fk;
+pub mod fourier;
+pub mod image;
+mod lct;
+mod light_cone;
+mod options;
+mod phasor;
+mod resample;
+mod scan;
+
+pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
+pub use dlct::DlctOptions;
+pub use fk::FkOptions;
+pub use image::Volume;
+pub use lct::LctOptions;
+pub use options::ImageOptions;
+pub use phasor::PhasorOptions;
+pub use scan::RegularScan;
+
+/// A method that runs on the host.
+pub trait HostMethod: Options + Clone + Send + Sync + 'static {
+    /// What the options of all closed-form methods have.
+    fn image(&self) -> &ImageOptions;
+
+    /// The scan of a capture.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the capture breaks an assumption of the method.
+    fn scan(&self, capture: &Capture) -> Result<RegularScan>;
+
+    /// Names and bytes of the arrays that it holds at the same time, at most.
+    fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)>;
+
+    /// The volume at the voxels of `grid`. Counts are without background.
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume;
+}
+
+/// The volume at the voxels of a grid.
+pub(super) const VOLUME: Buffer = Buffer::named("volume");
+/// The measured histograms, less their background.
+pub(super) const COUNTS: Buffer = Buffer::named("counts");
+
+/// Writes what every host method is to the rest of the engine.
+macro_rules! host_method {
+    ($options:ident, $name:literal) => {
+        impl $options {
+            /// Its name on the command line.
+            pub const NAME: &'static str = $name;
+        }
+
+        impl $crate::solve::Solver for $options {
+            fn common(&self) -> $crate::solve::Common {
+                $crate::solve::closed_form::common(self.lateral, self.image())
+            }
+
+            fn check(&self) -> $crate::Result<()> {
+                $crate::solve::option::Options::check_ranges(self)
+            }
+
+            fn takes(&self, capture: &$crate::capture::Capture) -> $crate::Result<()> {
+                self.scan(capture).map(|_| ())
+            }
+
+            fn plan(
+                &self,
+                capture: &$crate::capture::Capture,
+                grid: $crate::transport::Grid,
+                abilities: &$crate::gpu::Abilities,
+                with_volume: bool,
+            ) -> $crate::Result<$crate::solve::Plan> {
+                $crate::solve::closed_form::plan(self, capture, grid, abilities, with_volume)
+            }
+
+            fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::Part> {
+                vec![]
+            }
+
+            fn prepare(
+                &self,
+                gpu: &$crate::gpu::Gpu,
+                capture: &$crate::capture::Capture,
+                grid: $crate::transport::Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+            ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
+                $crate::solve::closed_form::prepare(self, gpu, capture, grid, memory, with_volume)
+            }
+        }
+    };
+}
+
+use host_method;
+
+/// What the options of all methods have, of a host method.
+pub(super) fn common(lateral: usize, image: &ImageOptions) -> Common {
+    Common {
+        lateral,
+        iterations: [1, 0],
+        reflectance: image.reflectance,
+        accumulation: Accumulation::Auto,
+        sizes: Sizes::default(),
+        min_depth: image.min_depth,
+        pixels_per_voxel: 1,
+        runs_on: RunsOn::Host,
+    }
+}
+
+/// Nothing of the device: the plan's levels, bins and pairs are all that a host method has of it.
+struct NoPasses;
+
+impl Needs for NoPasses {
+    fn demand(&self) -> Demand {
+        Demand {
+            accumulation: Accumulation::Auto,
+            sizes: Sizes::default(),
+            general: false,
+            coarse_to_fine: false,
+            iterations: [1, 0],
+            pixels_per_voxel: 1,
+            binning: Binning::Linear,
+            gradient: Gradient::Exact,
+            has_rim: false,
+            refined: None,
+            smooth: [1.0, 4.0],
+            more_taps: [0; 2],
+            cosine_volume: false,
+            lent: None,
+        }
+    }
+
+    fn capacities(&self, _levels: &[Level]) -> [usize; 2] {
+        [1; 2]
+    }
+
+    fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
+        vec![]
+    }
+
+    fn passes(&self) -> Vec<&'static super::Pass> {
+        vec![]
+    }
+
+    fn buffers(&self, _plan: &Plan) -> Vec<(Buffer, u64)> {
+        vec![]
+    }
+
+    fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
+}
+
+/// The plan of a host method: its arrays, and no pass.
+///
+/// # Errors
+/// `Kind::Input`: the capture breaks an assumption of the method.
+pub(super) fn plan<M: HostMethod>(
+    options: &M,
+    capture: &Capture,
+    grid: Grid,
+    abilities: &Abilities,
+    _with_volume: bool,
+) -> Result<Plan> {
+    let scan = options.scan(capture)?;
+    let (model, _) = Model::outline(&capture.outline(), options.image().reflectance, 1.0, false);
+    let mut plan = Plan::new(&model, grid, capture.resolution(), &NoPasses, abilities, false)?;
+    let shared =
+        [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
+    let own = options.arrays(capture, &scan, &grid);
+    plan.passes.clear();
+    plan.left_out.clear();
+    plan.buffers =
+        shared.into_iter().chain(own).map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback)).collect();
+    Ok(plan)
+}
+
+/// Prepares a host method for captures of one scan.
+///
+/// # Errors
+/// As [`plan`], and arrays that do not fit the budget or the host's memory.
+pub(super) fn prepare<M: HostMethod>(
+    options: &M,
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    memory: Option<u64>,
+    with_volume: bool,
+) -> Result<Box<dyn Prepared>> {
+    options.check_ranges()?;
+    let scan = options.scan(capture)?;
+    let plan = plan(options, capture, grid, &gpu.abilities(), with_volume)?;
+    let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
+    let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
+    if asked > available {
+        let remedy = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
+        return Err(Error::memory(
+            format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
+            advice!["choose " {remedy} ", a larger " Stride ", a narrower " Gate " or more " Memory],
+        ));
+    }
+    Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume }))
+}
+
+/// A host method that is prepared for a scan.
+struct OnHost<M> {
+    options: M,
+    scan: RegularScan,
+    grid: Grid,
+    plan: Arc<Plan>,
+    with_volume: bool,
+}
+
+impl<M: HostMethod> Prepared for OnHost<M> {
+    fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+        let OnHost { options, scan, grid, plan, with_volume } = self;
+        let step = scan.step[0].min(scan.step[1]);
+        in_one_step(plan, grid, step, *with_volume, beside, || {
+            let level = if options.image().background { background(capture) as f32 } else { 0.0 };
+            let mut light = capture.clone();
+            light.histograms.iter_mut().for_each(|v| *v -= level);
+            Ok(options.volume(&light, scan, grid))
+        })
+    }
+}
+
+/// Computes the volume, tells the watch before and after, and makes the maps. `step` is the distance of scan points,
+/// metres.
+///
+/// # Errors
+/// The watch cancels ([`Kind::Cancelled`]), or `compute` fails.
+fn in_one_step(
+    plan: &Arc<Plan>,
+    grid: &Grid,
+    step: f64,
+    with_volume: bool,
+    beside: Beside<'_, '_>,
+    compute: impl FnOnce() -> Result<Volume>,
+) -> Result<Reconstruction> {
+    let mut point = TracePoint {
+        iteration: 0,
+        seconds: 0.0,
+        gpu_seconds: 0.0,
+        lateral: grid.n[0],
+        pairs: plan.pairs,
+        active: grid.voxels(),
+        active_ratio: 1.0,
+        loss: f64::NAN,
+        data_loss: f64::NAN,
+    };
+    let hear = &mut beside.watch.hear;
+    let mut told = |point: &TracePoint, maps| {
+        let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
+        match hear(&progress) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => {
+                Err(Error::new(Kind::Cancelled, "cancelled before the volume was there", "run it again"))
+            }
+        }
+    };
+    told(&point, None)?;
+    let start = Instant::now();
+    let volume = compute()?;
+    let maps = image::maps(grid, &volume, step);
+    point.seconds = start.elapsed().as_secs_f64();
+    point.iteration = 1;
+    told(&point, Some(maps.clone()))?;
+    Ok(Reconstruction {
+        maps,
+        volume: with_volume.then(|| VolumeMap { grid: *grid, albedo: volume.albedo }),
+        trace: vec![point],
+        empty_loss: 0.0,
+        pairs: (plan.pairs * grid.voxels()) as u64,
+        solve_seconds: point.seconds,
+        device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
+        full: false,
+        lateral: grid.n[0],
+        volume_iterations: 1,
+        surface_left: false,
+        is_warm: false,
+        beyond: None,
+        noise: None,
+        kernels: vec![],
+        plan: plan.clone(),
+    })
+}
+
+/// What the methods' tests against float64 references share.
+#[cfg(test)]
+mod reference {
+    use super::*;
+    use crate::transport::Volume as Box;
+    use glam::{DVec3, dvec3};
+
+    /// A complex number in float64.
+    pub type Wide = rustfft::num_complex::Complex64;
+
+    pub fn wide_turn(angle: f64) -> Wide {
+        Wide::new(angle.cos(), angle.sin())
+    }
+
+    /// Random counts of a scan of 4 × 3 points whose bins begin late. `spot`: the one point of the laser.
+    pub fn random_capture(spot: Option<DVec3>) -> Capture {
+        let points: Vec<DVec3> = (0..12)
+            .map(|i| dvec3(-0.2 + 0.15 * f64::from(i / 3), 0.1 + 0.12 * f64::from(i % 3), 0.05))
+            .collect();
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1u32 << 24) as f32
+        };
+        let counts = (0..12 * 16).map(|_| random()).collect();
+        let laser = spot.map_or(points.clone(), |spot| vec![spot; 12]);
+        let mut capture = Capture::new([4, 3], laser, points, 16, 0.05, counts);
+        capture.t_start = 0.7;
+        capture
+    }
+
+    /// A grid whose columns are the points of [`random_capture`].
+    pub fn random_grid(scan: &RegularScan) -> Grid {
+        let volume = Box { min: dvec3(-0.275, 0.04, 0.45), max: dvec3(0.325, 0.4, 0.8) };
+        let grid = Grid::new(volume, 12, 0.03).unwrap();
+        // Not square: the values at the points are compared, not those between them.
+        assert_eq!(scan.n, [4, 3]);
+        grid
+    }
+
+    /// The largest difference, over the largest value.
+    pub fn error(found: &[f32], wanted: &[f64]) -> f64 {
+        let largest = wanted.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        assert!(largest > 0.0 && found.len() == wanted.len());
+        found.iter().zip(wanted).map(|(f, w)| (f64::from(*f) - w).abs()).fold(0.0, f64::max) / largest
+    }
+}

@@ -1,0 +1,85 @@
+//! What every method can do that turns a capture into maps.
+
+use super::option::Options;
+use super::{Accumulation, Needs, Part, Plan, Prepared, Sizes};
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Gpu};
+use crate::transport::{Grid, Reflectance};
+
+/// A method, as its options.
+pub trait Solver: Options {
+    /// What the options of all methods have.
+    fn common(&self) -> Common;
+
+    /// Checks the options.
+    ///
+    /// # Errors
+    /// The first option that makes no sense, by its name on the command line.
+    fn check(&self) -> Result<()>;
+
+    /// Checks that a capture breaks no assumption of the method. Its counts do not matter.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the assumption that it breaks, and what to choose instead.
+    fn takes(&self, _capture: &Capture) -> Result<()> {
+        Ok(())
+    }
+
+    /// The plan for a capture, whose counts do not matter.
+    ///
+    /// # Errors
+    /// The method does not take the capture (`Kind::Input`), or the grid exceeds the limits of the device.
+    fn plan(&self, capture: &Capture, grid: Grid, abilities: &Abilities, with_volume: bool) -> Result<Plan>;
+
+    /// What it asks of a plan, if its pairs can be divided into parts.
+    fn needs(&self) -> Option<&dyn Needs> {
+        None
+    }
+
+    /// The schedules of a whole solve with `plan`; none if the device has no part in it.
+    fn outline(&self, plan: &Plan) -> Vec<Part>;
+
+    /// Prepares the method for captures of one scan.
+    ///
+    /// # Errors
+    /// See [`super::paper::prepare`].
+    fn prepare(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+    ) -> Result<Box<dyn Prepared>>;
+}
+
+/// What the options of all methods have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Common {
+    /// Lateral pixels of the maps.
+    pub lateral: usize,
+    /// The most iterations of the volume, and of what follows it.
+    pub iterations: [usize; 2],
+    /// How surfaces reflect.
+    pub reflectance: Reflectance,
+    /// How rendered values are to be added up.
+    pub accumulation: Accumulation,
+    /// Sizes that are asked for.
+    pub sizes: Sizes,
+    /// Nothing nearer than this is reconstructed, metres.
+    pub min_depth: f64,
+    /// Pixels of the maps side by side in a voxel of the finest grid.
+    pub pixels_per_voxel: usize,
+    /// Where the work is done.
+    pub runs_on: RunsOn,
+}
+
+/// Where a method does its work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunsOn {
+    /// On the Vulkan device.
+    Device,
+    /// On the cores of the host.
+    Host,
+}

@@ -1,0 +1,156 @@
+//! Closed-form methods against known physics: points come back at their places, and scans that break an assumption are
+//! refused.
+
+use std::ops::ControlFlow;
+
+use fixtures::device::*;
+use glam::{DVec3, dvec3};
+use thirdbounce::Kind;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::maps::Maps;
+use thirdbounce::solve::option::Value;
+use thirdbounce::solve::{SolverOptions, Suit, Watch};
+use thirdbounce::transport::{Grid, Volume};
+
+/// Points of the scan along x and y, and the wall's side.
+const SCAN: usize = 24;
+const WALL: f64 = 1.0;
+const BINS: usize = 230;
+const BIN: f64 = 0.01;
+/// Bins begin late.
+const START: f64 = 0.403;
+
+const ALL: [&str; 7] = ["lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp"];
+const ANY_PAIRS: [&str; 3] = ["phasor-bp", "fbp", "bp"];
+
+/// A wall that is not about the origin.
+fn wall() -> Vec<DVec3> {
+    let at = |i: usize| (i as f64 + 0.5) / SCAN as f64 * WALL - 0.42;
+    (0..SCAN * SCAN).map(|i| dvec3(at(i / SCAN), at(i % SCAN), 0.02)).collect()
+}
+
+/// Light of small targets: each path is shared by the two bins whose centres bracket it.
+fn light(laser: Vec<DVec3>, sensor: Vec<DVec3>, targets: &[DVec3]) -> Capture {
+    let mut counts = vec![0.0f32; sensor.len() * BINS];
+    for (row, (l, s)) in counts.chunks_mut(BINS).zip(laser.iter().zip(&sensor)) {
+        for target in targets {
+            let arms = [l.distance(*target), s.distance(*target)];
+            let at = (arms[0] + arms[1] - START) / BIN - 0.5;
+            let (low, share) = (at as usize, at.fract());
+            let value = 1.0 / (arms[0] * arms[1]).powi(2);
+            row[low] += (value * (1.0 - share)) as f32;
+            row[low + 1] += (value * share) as f32;
+        }
+    }
+    let mut capture = Capture::new([SCAN, SCAN], laser, sensor, BINS, BIN, counts);
+    capture.t_start = START;
+    capture.check().unwrap();
+    capture
+}
+
+fn options(name: &str, lateral: usize, capture: &Capture) -> SolverOptions {
+    let mut options = SolverOptions::suited_to(name, &Suit::of(capture)).unwrap();
+    options.set("lateral", &Value::Count(lateral));
+    options
+}
+
+fn maps(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize) -> Maps {
+    let grid = Grid::new(volume, lateral, BIN / 2.0).unwrap();
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    options(name, lateral, capture).solve(gpu, capture, grid, None, false, &mut watch).unwrap().maps
+}
+
+/// Where the light of the maps is: the centroid of what is above half of the brightest pixel.
+fn place(maps: &Maps) -> DVec3 {
+    let half = 0.5 * maps.albedo.iter().copied().fold(0.0, f32::max);
+    let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
+    for (i, albedo) in maps.albedo.iter().enumerate().filter(|(_, albedo)| **albedo > half) {
+        let [x, y] = maps.centre(i / maps.ny, i % maps.ny);
+        let above = f64::from(albedo - half);
+        sum += above * dvec3(x, y, f64::from(maps.depth[i]));
+        weight += above;
+    }
+    sum / weight
+}
+
+#[test]
+fn points_come_back_at_their_places() {
+    let gpu = gpu();
+    // A third of the distance of scan points, and of half a bin.
+    let [across, along] = [WALL / SCAN as f64 / 3.0, BIN / 2.0 / 3.0];
+    let mut off = vec![];
+    for target in [dvec3(0.1131, -0.0723, 0.557), dvec3(-0.2214, 0.3017, 0.8132), dvec3(0.08, 0.08, 0.4308)] {
+        let near = dvec3(0.18, 0.18, 0.12);
+        let volume = Volume { min: target - near, max: target + near };
+        let one_laser = vec![dvec3(0.31, -0.11, 0.02); SCAN * SCAN];
+        let confocal = ALL.iter().map(|name| (*name, light(wall(), wall(), &[target]), 1.0));
+        // One laser point: half of the aperture, and half of the precision.
+        let more = ["phasor"].iter().chain(&ANY_PAIRS);
+        let more = more.map(|name| (*name, light(one_laser.clone(), wall(), &[target]), 2.0));
+        for (name, capture, times) in confocal.chain(more) {
+            let found = place(&maps(&gpu, name, &capture, volume, 45)) - target;
+            // A virtual wave is as deep as it is long, a back-projection as the scan is coarse.
+            let deep = match name {
+                "lct" | "fk" => along,
+                _ => 3.0 * along,
+            };
+            println!(
+                "{name} {times} {target}: {:.2} {:.2} {:.2} mm",
+                1e3 * found.x,
+                1e3 * found.y,
+                1e3 * found.z
+            );
+            if !(found.x.abs().max(found.y.abs()) < times * across && found.z.abs() < times * deep) {
+                off.push(format!("{name}, {times}, {target}: {found}"));
+            }
+        }
+    }
+    assert!(off.is_empty(), "{off:#?}");
+    assert_valid(&gpu);
+}
+
+#[test]
+fn scans_that_break_an_assumption_are_refused() {
+    let gpu = gpu();
+    let target = [dvec3(0.0, 0.1, 0.6)];
+    let refusal = |name: &str, capture: &Capture| {
+        let grid = Grid::new(options(name, 16, capture).default_volume(capture).unwrap(), 16, 0.02).unwrap();
+        let error = options(name, 16, capture).prepare(&gpu, capture, grid, None, false).err();
+        error.map(|e| {
+            assert_eq!(e.kind, Kind::Input, "{e}");
+            assert!(e.mend.to_string().contains("fbp"), "{e}");
+            e.what
+        })
+    };
+    let bump = |p: &DVec3| *p + dvec3(0.0, 0.0, 0.1 * (-20.0 * (p.x * p.x + p.y * p.y)).exp());
+    let curved: Vec<DVec3> = wall().iter().map(bump).collect();
+    let curved = light(curved.clone(), curved, &target);
+    let uneven: Vec<DVec3> = wall().iter().map(|p| dvec3(p.x + 0.3 * p.x * p.x, p.y, p.z)).collect();
+    let uneven = light(uneven.clone(), uneven, &target);
+    let spot = light(vec![dvec3(0.1, 0.0, 0.02); SCAN * SCAN], wall(), &target);
+    let mut holes = light(wall(), wall(), &target);
+    holes.laser.pop();
+    holes.sensor.pop();
+    holes.scan = [SCAN * SCAN - 1, 1];
+    holes.histograms.truncate((SCAN * SCAN - 1) * BINS);
+    for name in ["lct", "dlct", "fk", "phasor"] {
+        let says = |capture: &Capture, what: &str| {
+            let said = refusal(name, capture).unwrap_or_else(|| panic!("{name} takes it: {what}"));
+            assert!(said.contains(what), "{name}: {said}");
+        };
+        says(&curved, "flat wall");
+        says(&uneven, "equally spaced");
+        says(&holes, "no full lattice");
+        if name != "phasor" {
+            says(&spot, "confocal");
+        }
+    }
+    assert_eq!(refusal("phasor", &spot), None);
+    for name in ANY_PAIRS {
+        for capture in [&curved, &uneven, &holes, &spot] {
+            assert_eq!(refusal(name, capture), None, "{name}");
+        }
+    }
+}
