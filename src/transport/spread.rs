@@ -66,7 +66,7 @@ impl Wall {
         let [scanned, others] = match self.geometry {
             Geometry::Confocal => [first..first + count, 0..0],
             Geometry::TwoPoints => [first..first + count, first..first + count],
-            Geometry::Product if first % row == 0 && count % row == 0 => {
+            Geometry::Product if first.is_multiple_of(row) && count.is_multiple_of(row) => {
                 [0..self.scanned.len(), first / row..(first + count) / row]
             }
             Geometry::Product => [first % row..first % row + count, first / row..first / row + 1],

@@ -299,11 +299,16 @@ impl Plan {
         plan.passes = all.filter(|pass| (pass.when)(&plan)).collect();
         plan.cut_to_indices(model)?;
         plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
-        let mut left_out = LeftOut::default();
-        plan.list_left_out(&mut left_out);
-        needs.left_out(&plan, &mut left_out);
-        plan.left_out = left_out.lines;
+        plan.left_out = plan.lines_of_left_out(needs);
         Ok(plan)
+    }
+
+    /// What this scene does not need, in words.
+    fn lines_of_left_out(&self, needs: &dyn Needs) -> Vec<String> {
+        let mut left_out = LeftOut::default();
+        self.list_left_out(&mut left_out);
+        needs.left_out(self, &mut left_out);
+        left_out.lines
     }
 
     /// The same plan for the `model` of as many other pairs: only what is rendered for their spots differs.
