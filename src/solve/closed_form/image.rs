@@ -166,7 +166,7 @@ fn normals_of(maps: &Maps, sigma: f64) -> Vec<[f32; 3]> {
         let (aa, ab, bb) = (aa - a * a / s, ab - a * b / s, bb - b * b / s);
         let (az, bz) = (az - a * z / s, bz - b * z / s);
         let det = aa * bb - ab * ab;
-        if !(det > 1e-6 * aa * bb) {
+        if det.is_nan() || det <= 1e-6 * aa * bb {
             return [0.0, 0.0, -1.0];
         }
         let slope = [(bb * az - ab * bz) / det, (aa * bz - ab * az) / det];

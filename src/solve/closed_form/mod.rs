@@ -294,7 +294,7 @@ fn in_one_step(
     told(&point, Some(maps.clone()))?;
     Ok(Reconstruction {
         maps,
-        volume: with_volume.then(|| VolumeMap { grid: *grid, albedo: volume.albedo }),
+        volume: with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo }),
         trace: vec![point],
         empty_loss: 0.0,
         pairs: (plan.pairs * grid.voxels()) as u64,
