@@ -80,7 +80,7 @@ fn advice() -> Row {
     let cases: [&[&str]; 3] = [
         &[&capture, "--lateral", "96", "--memory", "24M"],
         &[&capture, "--lateral", "96", "--memory", "24M", "--solver", "paper"],
-        &[&capture, "--lateral", "128", "--memory", "40M"],
+        &[&capture, "--lateral", "64", "--memory", "12M"],
     ];
     // What is large in this one is its pairs, which are taken in parts.
     let (code, text) = run(&[&dense, "--lateral", "16", "--memory", "16M", "--bins", "native"]);
