@@ -504,11 +504,19 @@ pub mod export {
             pub mask_fraction: Option<f64>,
             pub repeats: usize,
             pub methods: Vec<MethodReport>,
+            pub left_out: Vec<LeftOut>,
+        }
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct LeftOut {
+            pub name: String,
+            pub why: String,
         }
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct MethodReport {
             pub name: String,
             pub method: String,
+            pub foreign: bool,
+            pub runs_on: String,
             pub settings: serde_json::Value,
             pub trace_every: usize,
             pub iterations: usize,
@@ -1423,8 +1431,17 @@ pub mod job {
             pub request: Request,
         }
         #[derive(Debug, Clone, PartialEq)]
+        pub struct Foreign {
+            pub name: String,
+            pub maps: PathBuf,
+            pub seconds: f64,
+            pub hardware: String,
+        }
+        #[derive(Debug, Clone, Default, PartialEq)]
         pub struct Comparison {
             pub methods: Vec<Method>,
+            pub foreign: Vec<Foreign>,
+            pub left_out: Vec<LeftOut>,
             pub repeats: usize,
             pub out: PathBuf,
         }
@@ -1955,7 +1972,7 @@ pub mod job {
     pub use batch::{Batch, batch};
     pub use bins::Bins;
     pub use choice::{Choice, Resolved};
-    pub use compare::{Compared, Comparison, Method, Turn, compare};
+    pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
     pub use inspect::{Inspection, inspect, schedule};
@@ -2538,6 +2555,110 @@ pub mod solve {
             pub every: usize,
             pub save: &'k mut dyn FnMut(Checkpoint) -> Result<()>,
             pub from: Option<Checkpoint>,
+        }
+    }
+    pub mod closed_form {
+        mod backproject {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Filter {
+                Laplacian,
+                Log,
+                Path,
+            }
+        }
+        pub mod fourier {
+            pub type Complex = rustfft::num_complex::Complex32;
+            pub fn turn(angle: f64) -> Complex {}
+            pub fn fast_length(n: usize) -> usize {}
+            pub struct Line(Arc<dyn Fft<f32>>);
+            impl Line {
+                pub fn forward(length: usize) -> Line {}
+                pub fn backward(length: usize) -> Line {}
+                pub fn run(&self, values: &mut [Complex], spare: &mut Vec<Complex>) {}
+            }
+            #[private_fields]
+            pub struct Planes {}
+            #[derive(Default)]
+            #[private_fields]
+            pub struct Spare {}
+            impl Planes {
+                pub fn forward(n: [usize; 2]) -> Planes {}
+                pub fn backward(n: [usize; 2]) -> Planes {}
+                pub fn spectrum(
+                    &self,
+                    plane: &mut [Complex],
+                    rows: usize,
+                    spare: &mut Spare,
+                ) {}
+                pub fn plane(
+                    &self,
+                    spectrum: &mut [Complex],
+                    rows: usize,
+                    spare: &mut Spare,
+                ) {}
+            }
+            pub fn transpose<T: Copy>(from: &[T], to: &mut [T], [na, nb]: [usize; 2]) {}
+            pub fn wave_number(i: usize, n: usize, step: f64) -> f64 {}
+        }
+        pub mod image {
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct Volume {
+                pub albedo: Vec<f32>,
+                pub normal: Option<Vec<[f32; 3]>>,
+            }
+            pub fn on_grid(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f32> {}
+            pub fn on_grid_signed(
+                scan: &RegularScan,
+                values: &[f32],
+                grid: &Grid,
+            ) -> Vec<f32> {}
+            pub fn maps(grid: &Grid, volume: &Volume, step: f64) -> Maps {}
+        }
+        mod scan {
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct RegularScan {
+                pub n: [usize; 2],
+                pub first: [f64; 2],
+                pub step: [f64; 2],
+                pub z: f64,
+                pub pair_of: Vec<usize>,
+                pub spot: Option<DVec3>,
+            }
+            impl RegularScan {
+                pub fn confocal(capture: &Capture, method: &str) -> Result<RegularScan> {}
+                pub fn with_one_spot(
+                    capture: &Capture,
+                    method: &str,
+                ) -> Result<RegularScan> {}
+                pub fn of_columns(grid: &Grid) -> RegularScan {}
+                pub fn points(&self) -> usize {}
+                pub fn padded(&self) -> [usize; 2] {}
+                pub fn size(&self) -> [f64; 2] {}
+            }
+        }
+        pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
+        pub use dlct::DlctOptions;
+        pub use fk::FkOptions;
+        pub use image::Volume;
+        pub use lct::LctOptions;
+        pub use options::ImageOptions;
+        pub use phasor::PhasorOptions;
+        pub use scan::RegularScan;
+        pub trait HostMethod: Options + Clone + Send + Sync + 'static {
+            fn image(&self) -> &ImageOptions;
+            fn scan(&self, capture: &Capture) -> Result<RegularScan>;
+            fn arrays(
+                &self,
+                capture: &Capture,
+                scan: &RegularScan,
+                grid: &Grid,
+            ) -> Vec<(Buffer, u64)>;
+            fn volume(
+                &self,
+                capture: &Capture,
+                scan: &RegularScan,
+                grid: &Grid,
+            ) -> Volume;
         }
     }
     mod conditions {
@@ -3139,11 +3260,18 @@ pub mod solve {
             pub kernels: Vec<(&'static str, KernelTime)>,
         }
     }
-    mod solvers {
-        pub trait Solver: Options + super::Needs {
+    mod solver {
+        pub trait Solver: Options {
             fn common(&self) -> Common;
             fn check(&self) -> Result<()>;
-            fn model(&self, capture: &Capture, grid: &Grid) -> crate::transport::Model;
+            fn takes(&self, _capture: &Capture) -> Result<()> {}
+            fn plan(
+                &self,
+                capture: &Capture,
+                grid: Grid,
+                abilities: &Abilities,
+                with_volume: bool,
+            ) -> Result<Plan>;
             fn outline(&self, plan: &Plan) -> Vec<Part>;
             fn prepare(
                 &self,
@@ -3162,7 +3290,16 @@ pub mod solve {
             pub accumulation: Accumulation,
             pub sizes: Sizes,
             pub min_depth: f64,
+            pub pixels_per_voxel: usize,
+            pub runs_on: RunsOn,
         }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum RunsOn {
+            Device,
+            Host,
+        }
+    }
+    mod solvers {
         pub fn pixel_of(
             capture: &Capture,
             volume: Option<Volume>,
@@ -3429,9 +3566,8 @@ pub mod solve {
     };
     pub use prepared::Prepared;
     pub use result::{Reconstruction, TakenOff};
-    pub use solvers::{
-        Common, Solver, SolverOptions, check_solver, pixel_of, reflectance,
-    };
+    pub use solver::{Common, RunsOn, Solver};
+    pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
     pub use surface::SurfaceOptions;
     pub use trace::TracePoint;
     pub use vector::VectorOptions;
@@ -3938,7 +4074,7 @@ pub mod transport {
                 what: Bound,
             ) -> Vec<f64> {}
             pub fn variance(twin: &Twin) -> Vec<f64> {}
-            pub fn filter(twin: &Twin, hat: &[f64]) -> Vec<f64> {}
+            pub fn filter(twin: &Twin, hat: &[f64], odd: bool) -> Vec<f64> {}
             pub fn filter_left(
                 twin: &Twin,
                 hat: &[f64],

@@ -90,7 +90,7 @@ fn points_come_back_at_their_places() {
         let more = ["phasor"].iter().chain(&ANY_PAIRS);
         let more = more.map(|name| (*name, light(one_laser.clone(), wall(), &[target]), 2.0));
         for (name, capture, times) in confocal.chain(more) {
-            let found = place(&maps(&gpu, name, &capture, volume, 33)) - target;
+            let found = place(&maps(&gpu, name, &capture, volume, 45)) - target;
             // A virtual wave is as deep as it is long, a back-projection as the scan is coarse.
             let deep = match name {
                 "lct" | "fk" => along,

@@ -62,7 +62,7 @@ pub struct Spare {
 }
 
 impl Planes {
-    /// Forward transforms of planes of n[0] × n[1].
+    /// Forward transforms of planes of `n[0]` × `n[1]`.
     pub fn forward(n: [usize; 2]) -> Planes {
         Planes { n, along: n.map(Line::forward) }
     }
