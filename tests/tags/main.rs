@@ -1,0 +1,3 @@
+//! Time tags: decoders, histograms, an instrument from end to end.
+
+mod records;
