@@ -36,7 +36,7 @@ pub enum Division {
 }
 
 /// A point is cut if it lasts longer than this, in usual durations of points: the scanner paused or went back.
-const LONG: f64 = 1.5;
+const LONG: f64 = 1.1;
 
 impl Division {
     /// The division that the header of an image asks for: its lines.
