@@ -54,30 +54,42 @@ pub struct Args {
 pub struct FromTags {
     /// Points in the order in which they were measured: columns x rows of a flat wall (64x64, with --wall), row by row from
     /// the lowest left; or a text file with x, y, z of each in metres, or of its laser point and its sensor point
-    #[arg(long, value_name = "NXxNY|FILE", help_heading = "Scan")]
-    scan: String,
+    #[arg(long, value_name = "NXxNY|FILE", help_heading = "Time tags")]
+    scan: Option<String>,
     /// Every other row of the grid runs backwards
-    #[arg(long, help_heading = "Scan")]
+    #[arg(long, help_heading = "Time tags")]
     snake: bool,
     /// This marker, from 1, begins each point
-    #[arg(long, value_name = "MARKER", help_heading = "Scan")]
+    #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
     pixels: Option<u32>,
     /// These markers begin and end each line; its points take equal shares of it. Without the second, the next line's begin is the
     /// end [default: those in the file's header, if it has any]
-    #[arg(long, value_name = "BEGIN,END", value_delimiter = ',', conflicts_with = "pixels", help_heading = "Scan")]
+    #[arg(
+        long,
+        value_name = "BEGIN,END",
+        value_delimiter = ',',
+        conflicts_with = "pixels",
+        help_heading = "Time tags"
+    )]
     lines: Vec<u32>,
     /// This marker begins each round of all points; rounds are added up
-    #[arg(long, value_name = "MARKER", help_heading = "Scan")]
+    #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
     frames: Option<u32>,
     /// Every point has N laser pulses, one after the other
-    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "frames", "starts"], help_heading = "Scan")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "frames", "starts"], help_heading = "Time tags")]
     pulses_per_point: Option<u64>,
     /// Laser pulses before the first point
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "pulses_per_point", help_heading = "Scan")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        requires = "pulses_per_point",
+        help_heading = "Time tags"
+    )]
     pulses_before: u64,
     /// Text file with a line for each point: where it begins, and if you like where it ends, as numbers of laser pulses or as
     /// times with a unit (1.25s)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "lines", "frames"], help_heading = "Scan")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "lines", "frames"], help_heading = "Time tags")]
     starts: Option<PathBuf>,
     /// The detector's channel [default: the only one with photons]
     #[arg(long, value_name = "N", help_heading = "Time tags")]
@@ -102,26 +114,37 @@ pub struct FromTags {
 }
 
 impl FromTags {
-    /// The scan, the wall's size known for a grid.
+    /// Whether a capture is to be made of time tags.
+    pub fn are_given(&self) -> bool {
+        self.scan.is_some()
+    }
+
+    /// The scan. A grid needs the wall's size.
     pub fn scan(&self, wall: Option<f64>) -> Result<Scan> {
-        let grid = self.scan.split_once(['x', 'X', '×']).and_then(|(nx, ny)| Some([nx.parse().ok()?, ny.parse().ok()?]));
+        let text = self.scan.as_deref().ok_or_else(|| {
+            Error::options(
+                "it is not known where the points of the scan are",
+                "give --scan 64x64 with --wall 2m, or --scan with a file of points",
+            )
+        })?;
+        let grid =
+            text.split_once(['x', 'X', '×']).and_then(|(nx, ny)| Some([nx.parse().ok()?, ny.parse().ok()?]));
         match (grid, wall) {
             (Some(grid), Some(wall)) => Scan::grid(grid, wall, self.snake),
             (Some(_), None) => Err(Error::options(
-                format!("--scan {} does not say how large the scan is", self.scan),
+                format!("--scan {text} does not say how large the scan is"),
                 "give the distance of its outermost points: --wall 2m",
             )),
             (None, _) if self.snake => Err(Error::options(
                 "--snake was given with a file of points",
                 "leave it out: the file has the points in their order",
             )),
-            (None, _) => Scan::read(Path::new(&self.scan)),
+            (None, Some(_)) => Err(Error::options(
+                "--wall was given with a file of points",
+                "leave it out: the points say how large the scan is",
+            )),
+            (None, None) => Scan::read(Path::new(text)),
         }
-    }
-
-    /// Whether the wall's size scales the points of a file.
-    pub fn is_file(&self) -> bool {
-        Path::new(&self.scan).is_file()
     }
 
     /// How tags become histograms.
@@ -132,7 +155,10 @@ impl FromTags {
             (_, &[start], ..) => Some(Division::Lines { start, stop: None, frame }),
             (_, &[start, stop], ..) => Some(Division::Lines { start, stop: Some(stop), frame }),
             (_, [_, _, ..], ..) => {
-                return Err(Error::options(format!("--lines is {:?}", self.lines), "give two markers: --lines 1,2"));
+                return Err(Error::options(
+                    format!("--lines is {:?}", self.lines),
+                    "give two markers: --lines 1,2",
+                ));
             }
             (_, _, Some(each), _) => Some(Division::Pulses { each, before: self.pulses_before }),
             (_, _, _, Some(file)) => Some(Division::Starts(starts(file)?)),
@@ -156,7 +182,16 @@ impl FromTags {
             _ => PileUp::Auto,
         };
         let inputs = Inputs { sync: self.sync_channel, markers: self.marker_channels.clone() };
-        Ok(Asked { inputs, division, channel: self.channel, bin_width, zero, until: self.until, pile_up, turn })
+        Ok(Asked {
+            inputs,
+            division,
+            channel: self.channel,
+            bin_width,
+            zero,
+            until: self.until,
+            pile_up,
+            turn,
+        })
     }
 }
 
@@ -169,12 +204,6 @@ pub fn run(args: &Args) -> Result<()> {
         out: args.out.clone(),
         picture: args.png.clone(),
     };
-    if args.wall.is_some() && args.from.is_file() {
-        return Err(Error::options(
-            "--wall was given with a file of points",
-            "leave it out: the points say how large the scan is",
-        ));
-    }
     let (made, seconds) = job::histogram(&what, &mut interrupt::take_care)?;
     if !args.quiet {
         made.notes.iter().for_each(|note| say(&format!("note: {note}")));
@@ -191,7 +220,10 @@ pub fn text(made: &Histograms, seconds: f64) -> String {
     if let Some(survey) = &made.survey {
         let records = survey.passed.records;
         let rate = 2.0 * records as f64 / seconds / 1e6;
-        out += &format!("records   {records}, read twice in {}, {rate:.0} million a second\n", tables::seconds(seconds));
+        out += &format!(
+            "records   {records}, read twice in {}, {rate:.0} million a second\n",
+            tables::seconds(seconds)
+        );
         let pulses = survey.pulses;
         match survey.period {
             Some(period) => {
@@ -210,7 +242,8 @@ pub fn text(made: &Histograms, seconds: f64) -> String {
         };
     }
     if let Some(direct) = &made.direct {
-        let (low, high) = direct.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        let (low, high) =
+            direct.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         out += &format!("direct    {low:.4} to {high:.4} m of path after the laser pulse: path 0\n");
     }
     let rate = made.dark.per_second.map_or(String::new(), |rate| format!(", {rate:.0} a second"));

@@ -136,7 +136,8 @@ impl CaptureArgs {
 
 /// Reads a range of paths from an option; either end may have a unit.
 pub fn gate(text: &str) -> Result<Gate> {
-    let metres = |part: &str| units::path(part).map_or_else(|_| part.to_string(), |metres| metres.to_string());
+    let metres =
+        |part: &str| units::path(part).map_or_else(|_| part.to_string(), |metres| metres.to_string());
     Gate::parse(&text.split(':').map(metres).collect::<Vec<_>>().join(":"))
 }
 
@@ -161,8 +162,7 @@ pub fn spots(text: &str) -> Result<[f64; 2]> {
     if text == "none" {
         return Ok([0.0; 2]);
     }
-    let width =
-        |n: &str| units::length(n).ok().filter(|w| w.is_finite() && *w >= 0.0).ok_or_else(wrong);
+    let width = |n: &str| units::length(n).ok().filter(|w| w.is_finite() && *w >= 0.0).ok_or_else(wrong);
     match text.split_once(',') {
         None => Ok([width(text)?; 2]),
         Some((laser, sensor)) => Ok([width(laser)?, width(sensor)?]),
@@ -298,9 +298,21 @@ pub fn load_file(
     grid: &VolumeArgs,
     device: &DeviceArgs,
 ) -> Result<(Loaded, Request)> {
+    load_with(path, capture, solver, grid, device, job::load)
+}
+
+/// As [`load_file`], by another way of reading.
+pub fn load_with(
+    path: &Path,
+    capture: &CaptureArgs,
+    solver: &SolverArgs,
+    grid: &VolumeArgs,
+    device: &DeviceArgs,
+    read: impl FnOnce(&job::Input) -> Result<Loaded>,
+) -> Result<(Loaded, Request)> {
     check(solver, grid, device)?;
     let input = job::Input { path: path.into(), ..capture.input(solver)? };
-    let mut loaded = job::load(&input)?;
+    let mut loaded = read(&input)?;
     let (mut request, notes) = request(&loaded.capture, solver, grid, device)?;
     loaded.notes.extend(notes);
     request.find_pulse = capture.find_pulse(request.find_pulse);

@@ -52,7 +52,9 @@ mod tests {
     #[test]
     fn numbers_have_units_or_none() {
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
-        for (text, metres) in [("2m", 2.0), ("2", 2.0), ("1e-3", 1e-3), ("50 cm", 0.5), (" 4mm ", 4e-3), ("1e1mm", 1e-2)] {
+        for (text, metres) in
+            [("2m", 2.0), ("2", 2.0), ("1e-3", 1e-3), ("50 cm", 0.5), (" 4mm ", 4e-3), ("1e1mm", 1e-2)]
+        {
             assert!(near(length(text).unwrap(), metres) && near(path(text).unwrap(), metres), "{text}");
         }
         assert!(near(path("32ps").unwrap(), 32.0 * METRES_PER_PICOSECOND));

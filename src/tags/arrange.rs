@@ -62,7 +62,8 @@ impl Scan {
     /// # Errors
     /// `Kind::Input`, beginning with the path: no such file, no points, or a line that is not one.
     pub fn read(path: &Path) -> Result<Scan> {
-        let text = std::fs::read_to_string(path).map_err(super::unreadable).map_err(|e| e.at(path.display()))?;
+        let text =
+            std::fs::read_to_string(path).map_err(super::unreadable).map_err(|e| e.at(path.display()))?;
         Self::of_text(&text).map_err(|e| e.at(path.display()))
     }
 
@@ -158,7 +159,8 @@ mod tests {
             let wanted = if turn == Turn::default() { [3, 2] } else { [2, 3] };
             assert_eq!(capture.scan, wanted);
             for (point, pair) in pair_of.iter().enumerate() {
-                let alone = Capture::new([1, 1], vec![scan.laser[point]], vec![scan.laser[point]], 1, 1.0, vec![1.0]);
+                let alone =
+                    Capture::new([1, 1], vec![scan.laser[point]], vec![scan.laser[point]], 1, 1.0, vec![1.0]);
                 assert!(capture.laser[*pair].distance(alone.turned(turn).laser[0]) < 1e-12);
             }
         }
@@ -173,7 +175,9 @@ mod tests {
         let apart = Scan::of_text("0,0,0,1,0,0\n0,0.1,0,1,0,0").unwrap();
         assert!(!apart.is_confocal() && apart.sensor[1] == dvec3(1.0, 0.0, 0.0));
         assert_eq!(apart.pairs(Turn::default()).0.scan, [1, 2]);
-        for (text, words) in [("", "no point"), ("0,0\n0,x", "line 2"), ("1", "line 1"), ("1,2,inf", "line 1")] {
+        for (text, words) in
+            [("", "no point"), ("0,0\n0,x", "line 2"), ("1", "line 1"), ("1,2,inf", "line 1")]
+        {
             assert!(Scan::of_text(text).unwrap_err().what.contains(words), "{text}");
         }
         for grid in [[0, 3], [1, 1], [usize::MAX, 2]] {

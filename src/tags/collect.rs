@@ -73,7 +73,12 @@ impl Cells {
     }
 
     /// The histograms of an instrument, one for each point.
-    pub(super) fn of_curves(curves: &Curves, points: usize, ticks: usize, last: Option<f64>) -> Result<Cells> {
+    pub(super) fn of_curves(
+        curves: &Curves,
+        points: usize,
+        ticks: usize,
+        last: Option<f64>,
+    ) -> Result<Cells> {
         let all = &curves.curves;
         if all.len() != points {
             return Err(Error::options(
@@ -82,7 +87,8 @@ impl Cells {
             ));
         }
         let tick = all[0].tick;
-        if let Some(other) = all.iter().position(|c| c.tick != tick || c.counts.len() != all[0].counts.len()) {
+        if let Some(other) = all.iter().position(|c| c.tick != tick || c.counts.len() != all[0].counts.len())
+        {
             return Err(Error::input(
                 format!("histogram {other} has other bins than histogram 0"),
                 "measure all points with one resolution",

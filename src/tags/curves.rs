@@ -65,7 +65,8 @@ impl Curves {
             let whole = |name| Ok::<_, Error>(header.required(name, index)?.max(0) as u64);
             let (from, bins) = (whole("HistResDscr_DataOffset")?, whole("HistResDscr_HistogramBins")?);
             held += bins;
-            let fits = bins > 0 && held <= MOST && from.checked_add(4 * bins).is_some_and(|end| end <= length);
+            let fits =
+                bins > 0 && held <= MOST && from.checked_add(4 * bins).is_some_and(|end| end <= length);
             if !fits {
                 return Err(Error::input(
                     format!("the {bins} bins of curve {index} are not all in the file"),

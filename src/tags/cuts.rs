@@ -57,7 +57,8 @@ mod tests {
         let spans = [span(5, 10, 0), span(10, 20, 1), span(15, 30, 2), span(30, 30, 1), span(40, 41, 0)];
         let (cuts, pulses) = Cuts::of(&spans, 3);
         assert_eq!(pulses, [6, 5, 15]);
-        let point = |sync| spans.iter().rev().find(|s| (s.from..s.to).contains(&sync)).map_or(NONE, |s| s.point);
+        let point =
+            |sync| spans.iter().rev().find(|s| (s.from..s.to).contains(&sync)).map_or(NONE, |s| s.point);
         let mut at = 0;
         for sync in (0..50).chain((0..50).rev()).chain([3, 47, 12, 29, 30, 5]) {
             assert_eq!(cuts.point(sync, &mut at), point(sync), "{sync}");

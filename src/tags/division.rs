@@ -35,6 +35,9 @@ pub enum Division {
     Starts(Vec<(Start, Option<Start>)>),
 }
 
+/// Most times that a point is measured, of all points together: 2^23, which take 200 MiB.
+const MOST_SPANS: i64 = 1 << 23;
+
 /// A point is cut if it lasts longer than this, in usual durations of points: the scanner paused or went back.
 const LONG: f64 = 1.1;
 
@@ -63,7 +66,7 @@ impl Division {
                 rounds
             }
             Division::Lines { start, stop, frame } => {
-                let per_line = per_line.filter(|n| points % n == 0).ok_or_else(|| {
+                let per_line = per_line.filter(|n| points.is_multiple_of(*n)).ok_or_else(|| {
                     Error::options(
                         format!("it is not known how many of the {points} points are on a line"),
                         "give the scan as columns x rows, such as 64x64",
@@ -105,7 +108,10 @@ fn bit(marker: u32) -> Result<u16> {
     if (1..=16).contains(&marker) {
         return Ok(1 << (marker - 1));
     }
-    Err(Error::options(format!("there is no marker {marker}"), "give a marker from 1 to 4, or to 16 in text and dumps"))
+    Err(Error::options(
+        format!("there is no marker {marker}"),
+        "give a marker from 1 to 4, or to 16 in text and dumps",
+    ))
 }
 
 /// Begin and end of what `start` begins, in rounds of `count`: `frame` begins a round, or a full one does. Rounds that are
@@ -160,7 +166,10 @@ fn rounds(
     let most = rounds.iter().map(Vec::len).max().unwrap_or(0);
     Err(Error::input(
         format!("marker {start} begins {most} of the {count} that the scan has"),
-        format!("check which marker begins what, and the size of the scan: the file has {}", survey.marker_counts()),
+        format!(
+            "check which marker begins what, and the size of the scan: the file has {}",
+            survey.marker_counts()
+        ),
     ))
 }
 
@@ -180,12 +189,15 @@ fn cut_pauses(rounds: &mut [Vec<[i64; 2]>], notes: &mut Vec<String>) {
         }
     }
     if cut > 0 {
-        notes.push(format!("{cut} markers were followed by a pause: photons count for the usual {usual} laser pulses"));
+        notes.push(format!(
+            "{cut} markers were followed by a pause: photons count for the usual {usual} laser pulses"
+        ));
     }
 }
 
 fn by_pulses(survey: &Survey, points: usize, each: u64, before: u64) -> Result<Vec<Vec<[i64; 2]>>> {
-    let wrong = |what: String| Err(Error::options(what, "give the laser pulses that a point was measured for"));
+    let wrong =
+        |what: String| Err(Error::options(what, "give the laser pulses that a point was measured for"));
     let (Ok(each), Ok(before)) = (i64::try_from(each), i64::try_from(before)) else {
         return wrong(format!("a point has {each} laser pulses, after {before}"));
     };
@@ -201,16 +213,28 @@ fn by_pulses(survey: &Survey, points: usize, each: u64, before: u64) -> Result<V
         ));
     }
     let rounds = 1 + (seen - round).max(0) / round;
-    let spans = |r: i64| (0..points as i64).map(move |p| before + r * round + p * each).map(|from| [from, from + each]);
+    if rounds.saturating_mul(points as i64) > MOST_SPANS {
+        return wrong(format!(
+            "{points} points of {each} laser pulses would be measured {rounds} times over"
+        ));
+    }
+    let spans = |r: i64| {
+        (0..points as i64).map(move |p| before + r * round + p * each).map(|from| [from, from + each])
+    };
     Ok((0..rounds).map(|r| spans(r).collect()).collect())
 }
 
 fn by_starts(survey: &Survey, points: usize, starts: &[(Start, Option<Start>)]) -> Result<Vec<[i64; 2]>> {
     let pulse = |start: Start| match start {
         Start::Pulse(number) => Ok(number),
-        Start::Seconds(seconds) => survey.period.map(|period| (seconds / period).round() as i64).ok_or_else(|| {
-            Error::input("the time between laser pulses is not known", "give numbers of laser pulses in place of times")
-        }),
+        Start::Seconds(seconds) => {
+            survey.period.map(|period| (seconds / period).round() as i64).ok_or_else(|| {
+                Error::input(
+                    "the time between laser pulses is not known",
+                    "give numbers of laser pulses in place of times",
+                )
+            })
+        }
     };
     let from: Vec<i64> = starts.iter().map(|s| pulse(s.0)).collect::<Result<_>>()?;
     let to: Vec<Option<i64>> = starts.iter().map(|s| s.1.map(pulse).transpose()).collect::<Result<_>>()?;

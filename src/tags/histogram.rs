@@ -312,7 +312,14 @@ fn bins(
         }
     });
     let width = cells.width * LIGHT * n;
-    Ok(Capture { bins: count, bin_width: width, t_start: first * width, histograms, integer_counts: true, ..outline })
+    Ok(Capture {
+        bins: count,
+        bin_width: width,
+        t_start: first * width,
+        histograms,
+        integer_counts: true,
+        ..outline
+    })
 }
 
 /// The laser pulses of a pair, if pile-up can be taken out.
@@ -322,7 +329,11 @@ fn cycles(cells: &Cells, asked: PileUp, share: f64, notes: &mut Vec<String>) -> 
         _ => Ok(None),
     };
     let Some(pulses) = cells.pulses.as_ref().filter(|_| asked != PileUp::Off) else {
-        return if asked == PileUp::Off { Ok(None) } else { fails("the number of laser pulses is not known".into()) };
+        return if asked == PileUp::Off {
+            Ok(None)
+        } else {
+            fails("the number of laser pulses is not known".into())
+        };
     };
     let (least, most) = pulses.iter().fold((u64::MAX, 0), |(a, b), n| (a.min(*n), b.max(*n)));
     if (most - least) as f64 > EVEN * most as f64 {

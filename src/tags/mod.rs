@@ -162,13 +162,12 @@ pub struct Passed {
 /// Bytes that are read at once.
 const BLOCK: usize = 1 << 20;
 
-/// Whether a file is one of time tags or of PicoQuant's histograms, by its first bytes. Text and dumps have none: they are
-/// told by the ending of the name.
-pub fn is_tags(path: &Path) -> bool {
+/// Whether a file is one of PicoQuant's time tags or histograms, by its first bytes. Text and dumps have none: the ending of
+/// the name tells them.
+pub fn is_picoquant(path: &Path) -> bool {
     let mut magic = [0; 8];
-    let known = File::open(path).and_then(|mut f| f.read_exact(&mut magic)).is_ok()
-        && (magic.starts_with(b"PQTTTR") || magic.starts_with(b"PQHISTO"));
-    known || ending(path).is_some_and(|e| TEXT.contains(&e.as_str()) || DUMP.contains(&e.as_str()))
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut magic));
+    read.is_ok() && (magic.starts_with(b"PQTTTR") || magic.starts_with(b"PQHISTO"))
 }
 
 const TEXT: [&str; 3] = ["csv", "txt", "tsv"];
@@ -179,12 +178,14 @@ fn ending(path: &Path) -> Option<String> {
 }
 
 pub(crate) fn open(path: &Path) -> Result<File> {
-    File::open(path).and_then(|f| f.metadata().map(|m| (f, m))).map_err(unreadable).and_then(|(file, about)| {
-        if about.is_dir() {
-            return Err(Error::input("is a folder", "give a file of time tags"));
-        }
-        Ok(file)
-    })
+    File::open(path).and_then(|f| f.metadata().map(|m| (f, m))).map_err(unreadable).and_then(
+        |(file, about)| {
+            if about.is_dir() {
+                return Err(Error::input("is a folder", "give a file of time tags"));
+            }
+            Ok(file)
+        },
+    )
 }
 
 fn unreadable(e: std::io::Error) -> Error {
@@ -209,7 +210,10 @@ impl Tags {
     fn of(path: &Path, inputs: &Inputs) -> Result<Tags> {
         if inputs.markers.len() > 16 || inputs.markers.contains(&inputs.sync) {
             return Err(Error::options(
-                format!("the markers are channels {:?}, laser pulses channel {}", inputs.markers, inputs.sync),
+                format!(
+                    "the markers are channels {:?}, laser pulses channel {}",
+                    inputs.markers, inputs.sync
+                ),
                 "give up to 16 channels of markers, and another one of laser pulses",
             ));
         }
@@ -266,7 +270,8 @@ impl Tags {
         let global = header.seconds("MeasDesc_GlobalResolution", -1)?;
         let t3 = layout.is_t3();
         let tick = if t3 { header.seconds("MeasDesc_Resolution", -1)? } else { global };
-        let marker = |name| header.whole(name).and_then(|m| u32::try_from(m).ok()).filter(|m| (1..=16).contains(m));
+        let marker =
+            |name| header.whole(name).and_then(|m| u32::try_from(m).ok()).filter(|m| (1..=16).contains(m));
         let size = |name| header.whole(name).and_then(|n| usize::try_from(n).ok()).filter(|n| *n > 0);
         Ok(Tags {
             path: path.into(),

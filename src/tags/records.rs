@@ -74,9 +74,7 @@ pub(super) fn pico_t2(word: u32, base: &mut i64) -> Word {
         // The marker's bits are also the lowest of its time.
         (15, bits) => Word::Record(Record::Marker { bits: bits as u16, time }),
         (0, _) => Word::Record(Record::Sync { time }),
-        (channel @ 1..=4, _) => {
-            Word::Record(Record::Photon { channel: channel as i32, time, delay: 0 })
-        }
+        (channel @ 1..=4, _) => Word::Record(Record::Photon { channel: channel as i32, time, delay: 0 }),
         _ => Word::Unknown,
     }
 }

@@ -26,7 +26,8 @@ pub fn starts(path: &Path) -> Result<Vec<(Start, Option<Start>)>> {
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let parts: Vec<_> = line.split([',', ';', '\t', ' ']).filter(|part| !part.is_empty()).map(parse).collect();
+        let parts: Vec<_> =
+            line.split([',', ';', '\t', ' ']).filter(|part| !part.is_empty()).map(parse).collect();
         match parts[..] {
             [Some(from)] => all.push((from, None)),
             [Some(from), Some(to)] => all.push((from, Some(to))),

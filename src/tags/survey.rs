@@ -83,7 +83,9 @@ impl Survey {
         if survey.channels.is_empty() {
             let mend = match passed.without_sync {
                 0 => "check that the detector was on, and that the file is the right one",
-                _ => "photons need laser pulses: record the laser's trigger, and name its channel if the file is text or a dump",
+                _ => {
+                    "photons need laser pulses: record the laser's trigger, and name its channel if the file is text or a dump"
+                }
             };
             return Err(Error::input("there is no photon with a delay", mend));
         }

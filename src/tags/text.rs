@@ -137,7 +137,9 @@ mod tests {
         }
         let (heard, passed) = all("0,10\n1,12\n-7").unwrap();
         assert!(heard.len() == 2 && passed.notes[0].contains("line 3, the last, is cut"), "{passed:?}");
-        for (text, words) in [("0,10\n1,x\n2,3\n", "line 2"), ("one,two\n0,1\n", "line 1"), ("0\n1\n", "line 1")] {
+        for (text, words) in
+            [("0,10\n1,x\n2,3\n", "line 2"), ("one,two\n0,1\n", "line 1"), ("0\n1\n", "line 1")]
+        {
             assert!(all(text).unwrap_err().what.contains(words), "{text}");
         }
     }

@@ -66,7 +66,8 @@ fn peak(counts: &[u32], range: Option<[f64; 2]>) -> Option<f64> {
     let end = counts.len();
     let [from, to] = range.map_or([0, end], |r| r.map(|v| (v.max(0.0) as usize).min(end)));
     // Three cells together: single photons make no peak.
-    let around = |c: usize| counts[c.saturating_sub(1)..(c + 2).min(end)].iter().map(|n| u64::from(*n)).sum::<u64>();
+    let around =
+        |c: usize| counts[c.saturating_sub(1)..(c + 2).min(end)].iter().map(|n| u64::from(*n)).sum::<u64>();
     let best = (from..to).rev().max_by_key(|c| around(*c))?;
     let total: u64 = counts.iter().map(|n| u64::from(*n)).sum();
     let noise = 3.0 * total as f64 / end as f64;

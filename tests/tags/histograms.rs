@@ -77,7 +77,13 @@ impl Made {
 
 fn asked(division: Division) -> Asked {
     let zero = Zero::At(0.0);
-    Asked { division: Some(division), zero, bin_width: Some(32e-12 * LIGHT), pile_up: PileUp::Off, ..Asked::default() }
+    Asked {
+        division: Some(division),
+        zero,
+        bin_width: Some(32e-12 * LIGHT),
+        pile_up: PileUp::Off,
+        ..Asked::default()
+    }
 }
 
 fn grid(columns: usize, rows: usize) -> Scan {
@@ -109,7 +115,8 @@ fn pulses_of_a_point_are_divided_in_every_format() {
     let wanted = made.wanted(6, |sync| Some((sync / 500) as usize));
     let by = asked(Division::Pulses { each: 500, before: 0 });
     let (_folder, path) = place("made.ptu");
-    for number in [0x0001_0203, 0x0001_0303, 0x0001_0204, 0x0101_0204, 0x0001_0305, 0x0001_0207, 0x0001_0307] {
+    for number in [0x0001_0203, 0x0001_0303, 0x0001_0204, 0x0101_0204, 0x0001_0305, 0x0001_0207, 0x0001_0307]
+    {
         let (_, bytes) = made.file(number);
         write(&path, bytes);
         let found = histogram(&path, &grid(3, 2), &by).unwrap();
@@ -139,7 +146,11 @@ fn pulses_of_a_point_are_divided_in_every_format() {
     let own = Asked { division: None, ..by.clone() };
     assert_same(&histogram(&path, &grid(3, 2), &own).unwrap(), &wanted, 3);
     assert_error(histogram(&path, &grid(2, 2), &own), Kind::Options, &["6 histograms for 4 points"]);
-    assert_error(histogram(&path, &grid(3, 2), &by), Kind::Options, &["made.phu", "the instrument has divided"]);
+    assert_error(
+        histogram(&path, &grid(3, 2), &by),
+        Kind::Options,
+        &["made.phu", "the instrument has divided"],
+    );
 }
 
 #[test]
@@ -166,7 +177,10 @@ fn markers_begin_points_also_late_and_out_of_order() {
     for number in [0x0001_0303, 0x0001_0307] {
         let (mut writer, _) = made.file(number);
         // Late by some records, and two in the wrong order.
-        let is_marker = |w: &u32| w >> 31 == 1 && (w >> 25 & 63) < 16 || number == 0x0001_0303 && w >> 28 == 15 && w >> 16 & 0xFFF > 0;
+        let is_marker = |w: &u32| {
+            w >> 31 == 1 && (w >> 25 & 63) < 16
+                || number == 0x0001_0303 && w >> 28 == 15 && w >> 16 & 0xFFF > 0
+        };
         let places: Vec<_> = (0..writer.words.len()).filter(|i| is_marker(&writer.words[*i])).collect();
         assert_eq!(places.len(), 13);
         for (i, place) in places.iter().enumerate().filter(|(i, _)| i % 3 == 1) {
@@ -223,7 +237,8 @@ fn lines_are_divided_evenly() {
         made.markers.extend([(from, 1), (to, 2)]);
     }
     let point = |sync: i64| {
-        let (row, (from, to)) = lines.iter().enumerate().find(|(_, (from, to))| (*from..*to).contains(&sync))?;
+        let (row, (from, to)) =
+            lines.iter().enumerate().find(|(_, (from, to))| (*from..*to).contains(&sync))?;
         Some(row * 4 + ((sync - from) * 4 / (to - from)) as usize)
     };
     let wanted = made.wanted(12, point);
@@ -294,7 +309,9 @@ fn a_file_tells_when_points_begin() {
     assert_same(&histogram(&path, &grid(3, 1), &asked(list("10\n20\n30\n50").unwrap())).unwrap(), &ends, 3);
     assert_eq!(list("1s").unwrap(), Division::Starts(vec![(Start::Seconds(1.0), None)]));
     assert_error(list("1\nx\n"), Kind::Input, &["begins.txt", "line 2"]);
-    for (text, words) in [("1\n2", "2 for 3 points"), ("5\n4\n9", "before point 0"), ("1\n2\n3\n4\n5", "5 for 3")] {
+    for (text, words) in
+        [("1\n2", "2 for 3 points"), ("5\n4\n9", "before point 0"), ("1\n2\n3\n4\n5", "5 for 3")]
+    {
         assert_error(histogram(&path, &grid(3, 1), &asked(list(text).unwrap())), Kind::Options, &[words]);
     }
     drop(writer);
@@ -304,7 +321,8 @@ fn a_file_tells_when_points_begin() {
 fn confocal(path: &Path) -> (Scan, Vec<f64>) {
     let scan = grid(4, 4);
     let device = DVec3::new(0.2, -0.1, -1.3);
-    let delays: Vec<f64> = scan.laser.iter().map(|p| (2.0 * p.distance(device) / LIGHT + 3e-9) / TICK).collect();
+    let delays: Vec<f64> =
+        scan.laser.iter().map(|p| (2.0 * p.distance(device) / LIGHT + 3e-9) / TICK).collect();
     let mut random = random(19);
     let mut writer = Writer::new(0x0001_0307);
     for sync in 0..16 * 4000i64 {
@@ -344,7 +362,11 @@ fn the_direct_peak_is_path_zero() {
             let sum: f64 = all().map(|b| f64::from(histogram[b])).sum();
             let moment: f64 =
                 all().map(|b| f64::from(histogram[b]) * (c.t_start + (b as f64 + 0.5) * c.bin_width)).sum();
-            assert!(sum > 20.0 && (moment / sum - path).abs() < 0.3 * c.bin_width, "{point}: {}", moment / sum - path);
+            assert!(
+                sum > 20.0 && (moment / sum - path).abs() < 0.3 * c.bin_width,
+                "{point}: {}",
+                moment / sum - path
+            );
         }
     }
     // Each pulse gave one photon at most: pile-up is taken out when the capture is read.

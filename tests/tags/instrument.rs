@@ -42,7 +42,8 @@ impl Random {
 /// in a snake, marker 1 begins each, marker 2 ends a row, and the scanner takes some time to the next.
 fn measure(sharp: &thirdbounce::capture::Capture, to: &Path) {
     let device = DVec3::new(0.3, -0.2, -1.4);
-    let brightest = sharp.histograms.chunks_exact(sharp.bins).map(|h| h.iter().sum::<f32>()).fold(0.0, f32::max);
+    let brightest =
+        sharp.histograms.chunks_exact(sharp.bins).map(|h| h.iter().sum::<f32>()).fold(0.0, f32::max);
     let mut random = Random(99);
     let mut writer = Writer::new(0x0001_0307);
     let mut begin = 1234;
@@ -75,7 +76,11 @@ fn measure(sharp: &thirdbounce::capture::Capture, to: &Path) {
                 } else {
                     let bin = sums.partition_point(|sum| *sum <= share) - 1;
                     let within = random.below_one();
-                    let path = if bin == 0 { 0.0 } else { sharp.t_start + (bin as f64 - 1.0 + within) * sharp.bin_width };
+                    let path = if bin == 0 {
+                        0.0
+                    } else {
+                        sharp.t_start + (bin as f64 - 1.0 + within) * sharp.bin_width
+                    };
                     (leg + path) / LIGHT + random.gaussian() * JITTER / 2.3548
                 };
                 writer.photon(1, sync, (seconds / TICK) as u32);
@@ -90,14 +95,27 @@ fn measure(sharp: &thirdbounce::capture::Capture, to: &Path) {
 
 fn figures(folder: &Path, capture: &str, out: &str) -> [f64; 2] {
     let at = |name: &str| folder.join(name).display().to_string();
-    let options = ["--lateral", "64", "--model", "cosine", "--pulse", "60ps", "--gate", "0.4:3.2", "--no-preview", "-q"];
+    let options = [
+        "--lateral",
+        "64",
+        "--model",
+        "cosine",
+        "--pulse",
+        "60ps",
+        "--gate",
+        "0.4:3.2",
+        "--no-preview",
+        "-q",
+    ];
     let mut arguments = vec!["reconstruct".to_string(), at(capture), "--out".into(), at(out)];
     arguments.extend(["--truth".to_string(), at("truth.npz")]);
     arguments.extend(options.map(String::from));
     succeed(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
-    let report: Value = serde_json::from_slice(&std::fs::read(folder.join(out).join("report.json")).unwrap()).unwrap();
+    let report: Value =
+        serde_json::from_slice(&std::fs::read(folder.join(out).join("report.json")).unwrap()).unwrap();
     let best = &report["metrics"]["at_best"];
-    ["depth_mae", "normal_error_deg"].map(|key| best[key].as_f64().unwrap_or_else(|| panic!("{key} in {report:#}")))
+    ["depth_mae", "normal_error_deg"]
+        .map(|key| best[key].as_f64().unwrap_or_else(|| panic!("{key} in {report:#}")))
 }
 
 #[test]
@@ -130,7 +148,14 @@ fn a_scene_comes_out_of_time_tags_as_of_exact_histograms() {
         "--png",
         &at("check.png"),
     ]);
-    for words in ["generic", "channel   1", "points    150000 ", "direct    ", "dark ", "16 x 16 = 256 pairs, confocal"] {
+    for words in [
+        "generic",
+        "channel   1",
+        "points    150000 ",
+        "direct    ",
+        "dark ",
+        "16 x 16 = 256 pairs, confocal",
+    ] {
         assert!(told.contains(words), "{words} is not in\n{told}");
     }
     assert!(std::fs::metadata(at("check.png")).unwrap().len() > 5000);
@@ -152,8 +177,16 @@ fn a_scene_comes_out_of_time_tags_as_of_exact_histograms() {
     }
     // Without the scan's size, without points, with a wrong unit.
     let scan = at("scan.ptu");
-    fail(&["histogram", &scan, "--scan", "16x16", "--pixels", "1", "--out", &at("no.npz")], 1, "how large the scan is");
-    fail(&["histogram", &scan, "--scan", "8x8", "--wall", "1m", "--out", &at("no.npz")], 1, "which photons belong");
+    fail(
+        &["histogram", &scan, "--scan", "16x16", "--pixels", "1", "--out", &at("no.npz")],
+        1,
+        "how large the scan is",
+    );
+    fail(
+        &["histogram", &scan, "--scan", "8x8", "--wall", "1m", "--out", &at("no.npz")],
+        1,
+        "which photons belong",
+    );
     fail(&["histogram", &scan, "--scan", "8x8", "--wall", "1h", "--out", &at("no.npz")], 2, "give a length");
     assert!(!Path::new(&at("no.npz")).exists());
 }

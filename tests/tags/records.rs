@@ -5,7 +5,7 @@ use std::path::Path;
 use fixtures::captures::{assert_error, place};
 use fixtures::tags::{TYPES, Writer, csv, dump, is_t3, phu, varied, write};
 use thirdbounce::Kind;
-use thirdbounce::tags::{Curves, Event, Inputs, Passed, Record, Survey, Tags, is_tags};
+use thirdbounce::tags::{Curves, Event, Inputs, Passed, Record, Survey, Tags, is_picoquant};
 
 fn all(path: &Path, inputs: &Inputs) -> (Vec<Record>, Passed) {
     let mut found = vec![];
@@ -27,7 +27,7 @@ fn every_record_type_is_read_tag_for_tag() {
         assert_eq!(tags.tick, 4e-12);
         assert_eq!(tags.period, is_t3(number).then_some(1e-7), "{name}");
         assert!(tags.instrument.starts_with(&name[..7]), "{} {name}", tags.instrument);
-        assert!(is_tags(&path));
+        assert!(is_picoquant(&path));
     }
 }
 
@@ -187,7 +187,7 @@ fn histograms_of_an_instrument_are_read() {
     let bytes = phu(&curves, 16e-12);
     write(&path, &bytes);
     let read = Curves::read(&path).unwrap();
-    assert!(Curves::is_one(&path) && is_tags(&path));
+    assert!(Curves::is_one(&path) && is_picoquant(&path));
     assert!(read.curves.iter().map(|c| &c.counts).eq(&curves) && read.curves[3].tick == 16e-12);
     for cut in [1, 4, 2000, bytes.len() - 40] {
         write(&path, &bytes[..bytes.len() - cut]);

@@ -94,12 +94,7 @@ impl Imported {
     ///
     /// # Safety
     /// The descriptor is one of memory of this GPU, of so many bytes.
-    pub unsafe fn by_fd(
-        gpu: &Gpu,
-        fd: i32,
-        memory_bytes: u64,
-        bytes: u64,
-    ) -> Result<Imported> {
+    pub unsafe fn by_fd(gpu: &Gpu, fd: i32, memory_bytes: u64, bytes: u64) -> Result<Imported> {
         let refused = |e: vk::Result| {
             Error::memory(
                 format!("{} does not import {bytes} bytes of memory ({e})", gpu.info.name),
