@@ -219,11 +219,7 @@ pub fn text(made: &Histograms, seconds: f64) -> String {
     let mut out = format!("tags      {}\n", made.instrument);
     if let Some(survey) = &made.survey {
         let records = survey.passed.records;
-        let rate = 2.0 * records as f64 / seconds / 1e6;
-        out += &format!(
-            "records   {records}, read twice in {}, {rate:.0} million a second\n",
-            tables::seconds(seconds)
-        );
+        out += &format!("records   {records}, read twice in {}\n", tables::seconds(seconds));
         let pulses = survey.pulses;
         match survey.period {
             Some(period) => {

@@ -12,9 +12,8 @@ const LIGHT: f64 = METRES_PER_PICOSECOND * 1e12;
 /// A number with a unit of these behind it; its value in that unit and the unit's size. `None` without unit.
 fn with_unit(text: &str, units: &[(&str, f64)]) -> Option<(f64, f64)> {
     let text = text.trim();
-    let letters = text.rfind(|c: char| !c.is_ascii_alphabetic()).map_or(0, |at| at + 1);
-    let (number, unit) = text.split_at(letters);
-    let (_, size) = units.iter().find(|(name, _)| *name == unit)?;
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let (_, size) = units.iter().find(|(name, _)| *name == &text[number.len()..])?;
     Some((number.trim().parse().ok()?, *size))
 }
 
@@ -61,7 +60,7 @@ mod tests {
         assert!(near(path("-1.5ns").unwrap(), -1.5 * LIGHT * 1e-9));
         assert!(near(time("12.5ns").unwrap(), 12.5e-9) && near(time("3e-9").unwrap(), 3e-9));
         assert!(near(time("299.792458mm").unwrap(), 1e-9));
-        for wrong in ["", "m", "32 parsec", "1,5m", "2mm2", "ps32", "32p s"] {
+        for wrong in ["", "m", "32 parsec", "1,5m", "2mm2", "ps32", "32p s", "é🦀", "3🦀m"] {
             assert!(length(wrong).is_err() && path(wrong).is_err() && time(wrong).is_err(), "{wrong}");
         }
         assert!(length("32ps").is_err(), "a wall is no time");

@@ -31,6 +31,7 @@ pub struct Histogramming {
 /// Those of [`tags::histogram`], and a file that cannot be written.
 pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
     places::check_file(&what.out)?;
+    capture::formats::check_ending(&what.out)?;
     what.picture.as_deref().map(places::check_file).transpose()?;
     if what.picture.as_ref() == Some(&what.out) {
         return Err(Error::options("capture and picture go to the same file", "give two files"));

@@ -15,6 +15,8 @@ const LIGHT: f64 = METRES_PER_PICOSECOND * 1e12;
 const USUAL_BIN: f64 = 8.0 * METRES_PER_PICOSECOND;
 /// Cells in a bin, so that each point's path 0 falls within a small part of a bin of an edge.
 const FINE: i64 = 8;
+/// Longest delay of path 0, seconds.
+const LONGEST: f64 = 1.0;
 /// Laser pulses of two points may differ by this share before pile-up is not taken out.
 const EVEN: f64 = 0.05;
 
@@ -180,9 +182,10 @@ fn check(scan: &Scan, asked: &Asked) -> Result<()> {
     positive("the bin width", asked.bin_width)?;
     positive("the last delay", asked.until)?;
     match asked.zero {
-        Zero::At(delay) if !delay.is_finite() => {
-            Err(Error::options(format!("the delay of path 0 is {delay}"), "give a time"))
-        }
+        Zero::At(delay) if delay.is_nan() || delay.abs() > LONGEST => Err(Error::options(
+            format!("the delay of path 0 is {delay} s"),
+            "give the seconds from a laser pulse on",
+        )),
         Zero::Direct if !scan.is_confocal() => Err(Error::options(
             "there is no direct peak: laser and sensor see different points of the wall",
             "give the delay of path 0 in place of the direct peak",

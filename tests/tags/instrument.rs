@@ -17,7 +17,7 @@ const PERIOD: f64 = 1e-7;
 const LIGHT: f64 = 299_792_458.0;
 /// Points per side, and laser pulses of a point.
 const SIDE: usize = 16;
-const PULSES: i64 = 150_000;
+const PULSES: i64 = 250_000;
 /// Photons of a laser pulse that are detected on average, of the scene and of direct light, of the point with the most light;
 /// and dark counts.
 const MEAN: [f64; 3] = [0.06, 0.02, 0.002];
@@ -151,7 +151,7 @@ fn a_scene_comes_out_of_time_tags_as_of_exact_histograms() {
     for words in [
         "generic",
         "channel   1",
-        "points    150000 ",
+        "points    250000 ",
         "direct    ",
         "dark ",
         "16 x 16 = 256 pairs, confocal",
