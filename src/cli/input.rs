@@ -352,3 +352,27 @@ pub fn request(
     };
     Ok((request, notes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_and_widths_have_units_or_none() {
+        let metres = |text: &str| gate(text).map(|g| [g.from, g.to]).unwrap();
+        assert_eq!(metres("80cm:2.4"), [0.8, 2.4]);
+        assert_eq!(metres(":2.4m"), [f64::NEG_INFINITY, 2.4]);
+        assert!((metres("2ns:4ns")[1] - 1.199_169_832).abs() < 1e-9);
+        for wrong in ["2x:3", "80cm", "2m:1m"] {
+            assert!(gate(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(spots("2cm,5mm").unwrap(), [0.02, 0.005]);
+        assert!(spots("20ps").is_err());
+        let [narrow, wide] = ["60ps", "60ps:1ns"].map(|text| pulse(text).unwrap());
+        assert!((narrow.fwhm() / 0.017_987_547 - 1.0).abs() < 0.02 && wide.end() > 1.0);
+        assert_eq!(
+            box_of("-50cm:0.5,-0.5:50cm,30cm:1.2m").unwrap().map(|v| v.max.to_array()),
+            Some([0.5, 0.5, 1.2])
+        );
+    }
+}

@@ -28,7 +28,7 @@ pub struct Histogramming {
 /// `before_writing` is called once everything is computed.
 ///
 /// # Errors
-/// Those of [`tags::histogram`], and a file that cannot be written.
+/// Those of [`tags::histogram()`], and a file that cannot be written.
 pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
     places::check_file(&what.out)?;
     capture::formats::check_ending(&what.out)?;

@@ -3,7 +3,6 @@
 //! Source: the tag dictionary and the PHU demos (PicoQuant, PicoQuant-Time-Tagged-File-Format-Demos). Bins are uint32, little
 //! endian.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -34,7 +33,7 @@ impl Curves {
     /// Whether a file is one of PicoQuant's histograms, by its first bytes.
     pub fn is_one(path: &Path) -> bool {
         let mut magic = [0; 7];
-        File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok() && &magic == b"PQHISTO"
+        open(path).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok()) && &magic == b"PQHISTO"
     }
 
     /// Reads all histograms of a file.

@@ -31,7 +31,7 @@ pub enum Division {
         /// Laser pulses before the first point.
         before: u64,
     },
-    /// Where each point begins and, if known, ends ([`super::starts`]).
+    /// Where each point begins and, if known, ends ([`starts()`](super::starts())).
     Starts(Vec<(Start, Option<Start>)>),
 }
 

@@ -166,8 +166,8 @@ const BLOCK: usize = 1 << 20;
 /// the name tells them.
 pub fn is_picoquant(path: &Path) -> bool {
     let mut magic = [0; 8];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut magic));
-    read.is_ok() && (magic.starts_with(b"PQTTTR") || magic.starts_with(b"PQHISTO"))
+    let read = open(path).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok());
+    read && (magic.starts_with(b"PQTTTR") || magic.starts_with(b"PQHISTO"))
 }
 
 const TEXT: [&str; 3] = ["csv", "txt", "tsv"];
@@ -177,15 +177,16 @@ fn ending(path: &Path) -> Option<String> {
     Some(path.extension()?.to_string_lossy().to_lowercase())
 }
 
-pub(crate) fn open(path: &Path) -> Result<File> {
-    File::open(path).and_then(|f| f.metadata().map(|m| (f, m))).map_err(unreadable).and_then(
-        |(file, about)| {
-            if about.is_dir() {
-                return Err(Error::input("is a folder", "give a file of time tags"));
-            }
-            Ok(file)
-        },
-    )
+fn open(path: &Path) -> Result<File> {
+    // Asked before it is opened: opening a pipe waits for its writer.
+    let about = std::fs::metadata(path).map_err(unreadable)?;
+    match (about.is_dir(), about.is_file()) {
+        (true, _) => Err(Error::input("is a folder", "give a file of time tags")),
+        (_, false) => {
+            Err(Error::input("is not a regular file", "write the tags to a file: it is read twice"))
+        }
+        _ => File::open(path).map_err(unreadable),
+    }
 }
 
 fn unreadable(e: std::io::Error) -> Error {
