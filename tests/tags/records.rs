@@ -175,6 +175,12 @@ fn damaged_files_are_refused_and_never_panic() {
         }
         assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &[name, words]);
     }
+    // A pipe is refused before its writer is waited for.
+    let pipe = path.with_file_name("pipe.ptu");
+    if std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|made| made.success()) {
+        assert_error(Tags::open(&pipe, &Inputs::default()).map(drop), Kind::Input, &["regular file"]);
+        assert!(!Curves::is_one(&pipe) && !is_picoquant(&pipe));
+    }
     let unknown = Writer::new(0x0001_0309).file(4e-12, 1e-7, &[]);
     write(&path, unknown);
     assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &["0x00010309"]);
