@@ -40,7 +40,11 @@ impl Made {
     /// Photons at random in these laser pulses, at most one in each.
     fn new(pulses: i64, seed: u64) -> Made {
         let mut random = random(seed);
-        let photons = (0..pulses).filter_map(|sync| (random(4) == 0).then(|| (sync, random(3000) as i64)));
+        let photon = |sync| match random(4) {
+            0 => Some((sync, random(3000) as i64)),
+            _ => None,
+        };
+        let photons = (0..pulses).filter_map(photon);
         Made { photons: photons.collect(), markers: vec![], pulses }
     }
 
