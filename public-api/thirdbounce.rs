@@ -492,6 +492,7 @@ pub mod export {
     }
     pub mod calibration {
         pub fn write(path: &Path, found: &Calibration) -> Result<()> {}
+        impl Figure for Curve<'_> {}
     }
     pub mod comparison {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -569,6 +570,11 @@ pub mod export {
     }
     pub mod inspection {
         pub fn write(path: &Path, capture: &Capture) -> Result<()> {}
+        pub fn write_with_direct(
+            path: &Path,
+            capture: &Capture,
+            direct: Option<&[f64]>,
+        ) -> Result<()> {}
     }
     pub mod mesh {
         mod poisson {
@@ -856,6 +862,126 @@ pub mod gpu {
             budget: Option<u64>,
         ) -> Result<()> {}
     }
+    pub mod caller {
+        mod buffer {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            #[private_fields]
+            pub struct Moment {}
+            impl Moment {
+                pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {}
+            }
+            #[derive(Clone)]
+            #[private_fields]
+            pub struct Lent {}
+            impl Lent {
+                pub unsafe fn new(
+                    buffer: vk::Buffer,
+                    offset: u64,
+                    bytes: u64,
+                ) -> Result<Lent> {}
+                pub fn bytes(&self) -> u64 {}
+            }
+            #[derive(Clone)]
+            pub struct Imported(Arc<Memory>);
+            impl Imported {
+                pub unsafe fn by_fd(
+                    gpu: &Gpu,
+                    fd: i32,
+                    memory_bytes: u64,
+                    bytes: u64,
+                ) -> Result<Imported> {}
+                pub fn buffer(&self) -> vk::Buffer {}
+                pub fn lend(&self) -> Result<Lent> {}
+            }
+            impl Drop for Memory {}
+            impl Executor {
+                pub fn take_lent(
+                    &mut self,
+                    from: &Lent,
+                    to: Buffer,
+                    [after,
+                    taken,
+                    ]: [Option<Moment>; 2],
+                ) -> Result<Ticket> {}
+                pub fn give_lent(
+                    &mut self,
+                    content: &[u8],
+                    through: Buffer,
+                    to: &Lent,
+                    done: Option<Moment>,
+                ) -> Result<()> {}
+            }
+        }
+        mod requirements {
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+            pub struct Features {
+                pub timeline_semaphore: bool,
+                pub int64_atomics: bool,
+                pub float_atomics: bool,
+                pub memory_budget: bool,
+                pub portability_subset: bool,
+                pub external_memory_fd: bool,
+                pub debug_utils: bool,
+            }
+            impl Features {
+                pub fn extensions(&self) -> Vec<&'static CStr> {}
+            }
+            #[derive(Debug, Clone, PartialEq, Eq)]
+            pub struct Requirements {
+                pub api_version: u32,
+                pub family: u32,
+                pub features: Features,
+            }
+            impl Requirements {
+                pub fn extensions(&self) -> Vec<&'static CStr> {}
+            }
+            pub unsafe fn requirements(
+                get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+                instance: vk::Instance,
+                api_version: u32,
+                physical_device: vk::PhysicalDevice,
+            ) -> Result<Requirements> {}
+        }
+        pub use buffer::{Imported, Lent, Moment};
+        pub use requirements::{Features, Requirements, requirements};
+        pub trait QueueLock: Send + Sync {
+            fn lock(&self);
+            fn unlock(&self);
+        }
+        #[derive(Debug, Clone, Copy)]
+        pub struct Block {
+            pub memory: vk::DeviceMemory,
+            pub offset: u64,
+            pub mapped: *mut std::ffi::c_void,
+        }
+        unsafe impl Send for Block {}
+        unsafe impl Sync for Block {}
+        pub unsafe trait BlockSource: Send + Sync {
+            fn allocate(
+                &self,
+                requirements: &vk::MemoryRequirements,
+                place: Place,
+            ) -> Option<Block>;
+            fn free(&self, block: Block);
+        }
+        #[derive(Clone)]
+        pub struct Vulkan {
+            pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+            pub instance: vk::Instance,
+            pub api_version: u32,
+            pub physical_device: vk::PhysicalDevice,
+            pub device: vk::Device,
+            pub queue: vk::Queue,
+            pub family: u32,
+            pub enabled: Features,
+            pub lock: Option<Arc<dyn QueueLock>>,
+            pub blocks: Option<Arc<dyn BlockSource>>,
+            pub pipeline_cache: vk::PipelineCache,
+        }
+        impl Gpu {
+            pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {}
+        }
+    }
     mod device {
         #[derive(Debug, Clone, Default)]
         pub struct GpuOptions {
@@ -905,6 +1031,7 @@ pub mod gpu {
         }
         impl Gpu {
             pub fn open(options: &GpuOptions) -> Result<Gpu> {}
+            pub fn is(&self, other: &Gpu) -> bool {}
             pub fn abilities(&self) -> Abilities {}
             pub fn validation_messages(&self) -> Vec<String> {}
         }
@@ -1028,6 +1155,7 @@ pub mod gpu {
             pub kind: DeviceKind,
             pub driver: String,
             pub api: String,
+            pub uuid: String,
             pub memory: u64,
         }
         pub fn devices() -> Result<Vec<DeviceInfo>> {}
@@ -1491,6 +1619,20 @@ pub mod job {
             mask_fraction: Option<f64>,
             pictures: bool,
         ) -> Result<Evaluation> {}
+    }
+    mod histogram {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Histogramming {
+            pub tags: PathBuf,
+            pub scan: Scan,
+            pub asked: Asked,
+            pub out: PathBuf,
+            pub picture: Option<PathBuf>,
+        }
+        pub fn histogram(
+            what: &Histogramming,
+            before_writing: &mut dyn FnMut(),
+        ) -> Result<(Histograms, f64)> {}
     }
     pub mod inspect {
         #[derive(Debug, Clone, Serialize)]
@@ -1975,6 +2117,7 @@ pub mod job {
     pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
+    pub use histogram::{Histogramming, histogram};
     pub use inspect::{Inspection, inspect, schedule};
     pub use places::{PREVIEW, check_file};
     pub use request::{FindPulse, Request, memory_bytes};
@@ -2024,6 +2167,11 @@ pub mod job {
     }
     pub fn load(input: &Input) -> Result<Loaded> {}
     pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {}
+    pub fn load_tags(
+        input: &Input,
+        scan: &tags::Scan,
+        asked: &tags::Asked,
+    ) -> Result<Loaded> {}
     pub fn preset_for(capture: &Capture) -> Preset {}
 }
 #[cfg(feature = "formats")]
@@ -2287,8 +2435,20 @@ pub mod session {
             pub frames_per_second: f64,
         }
     }
+    mod lent {
+        #[derive(Clone)]
+        pub struct LentFrame {
+            pub counts: LentCounts,
+            pub maps: Option<Lent>,
+            pub done: Option<Moment>,
+        }
+        impl Session {
+            pub fn lent_maps_bytes(&self) -> u64 {}
+        }
+    }
     pub use feed::Feed;
     pub use latency::Latency;
+    pub use lent::LentFrame;
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
     pub struct FrameId(pub u64);
     #[derive(Debug, Clone)]
@@ -2307,6 +2467,7 @@ pub mod session {
         pub maps_every: Option<usize>,
         pub feed: Feed,
         pub follow: Option<Follow>,
+        pub lent: bool,
     }
     #[private_fields]
     pub struct Session {}
@@ -2331,6 +2492,7 @@ pub mod session {
             histograms: &[f32],
             measured: &[bool],
         ) -> Result<FrameId> {}
+        pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {}
         pub fn is_idle(&self) -> bool {}
         pub fn latency(&self) -> Latency {}
         pub fn poll(&mut self) -> Result<Option<&Frame>> {}
@@ -2696,6 +2858,7 @@ pub mod solve {
         pub struct Beside<'b, 'w> {
             pub watch: &'b mut Watch<'w>,
             pub keep: Option<Keep<'b>>,
+            pub lent: Option<&'b mut LentCounts>,
         }
         impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {}
     }
@@ -2707,6 +2870,40 @@ pub mod solve {
     }
     mod extent {
         pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {}
+    }
+    mod intake {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub enum Format {
+            F32,
+            U32,
+            U16,
+        }
+        impl Format {
+            pub fn bytes_of(self, counts: usize) -> u64 {}
+        }
+        #[derive(Clone)]
+        pub struct LentCounts {
+            pub counts: Lent,
+            pub format: Format,
+            pub after: Option<Moment>,
+            pub taken: Option<Moment>,
+        }
+        pub struct Lending<'n>(pub &'n dyn Needs);
+        impl Needs for Lending<'_> {}
+        pub fn tally_of(
+            from: Buffer,
+            bins: usize,
+            format: Format,
+            ends: &[usize],
+        ) -> Schedule {}
+        pub fn intake(
+            plan: &Plan,
+            rows: &Rows,
+            format: Format,
+            [factor,
+            below,
+            ]: [f64; 2],
+        ) -> Schedule {}
     }
     mod on_device {
         pub struct OnDevice {
@@ -3123,6 +3320,7 @@ pub mod solve {
             pub refined: Option<usize>,
             pub more_taps: [usize; 2],
             pub cosine_volume: bool,
+            pub lent: bool,
         }
         pub trait Needs {
             fn demand(&self) -> Demand;
@@ -3158,6 +3356,7 @@ pub mod solve {
             pub pulse_deviation: f64,
             pub tap_sets: usize,
             pub tap_room: usize,
+            pub lent: bool,
             pub curved: bool,
             pub scanned: usize,
             pub others: usize,
@@ -3217,6 +3416,12 @@ pub mod solve {
                 capture: &Capture,
                 beside: Beside<'_, '_>,
             ) -> Result<Reconstruction>;
+            fn give(
+                &mut self,
+                content: &[u8],
+                to: &Lent,
+                done: Option<Moment>,
+            ) -> Result<()>;
         }
         impl Planned {
             pub fn new(
@@ -3228,6 +3433,12 @@ pub mod solve {
             pub fn gpu(&self) -> &Gpu {}
             pub fn plan(&self) -> &Arc<Plan> {}
             pub fn is_made(&self) -> bool {}
+            pub fn give(
+                &mut self,
+                content: &[u8],
+                to: &Lent,
+                done: Option<Moment>,
+            ) -> Result<()> {}
             pub fn made(
                 &mut self,
                 first: impl FnOnce(&mut OnDevice) -> Result<()>,
@@ -3257,6 +3468,7 @@ pub mod solve {
             pub surface_left: bool,
             pub is_warm: bool,
             pub beyond: Option<TakenOff>,
+            pub noise: Option<f64>,
             pub kernels: Vec<(&'static str, KernelTime)>,
         }
     }
@@ -3454,14 +3666,19 @@ pub mod solve {
                 memory: Option<u64>,
                 with_volume: bool,
             ) -> Result<impl Prepared + use<>> {}
-            pub fn prepare_to_follow(
+            #[derive(Debug, Clone, Copy, Default, PartialEq)]
+            pub struct Frames {
+                pub follow: Option<Follow>,
+                pub lent: bool,
+            }
+            pub fn prepare_for_frames(
                 gpu: &Gpu,
                 capture: &Capture,
                 grid: Grid,
                 options: &VectorOptions,
                 memory: Option<u64>,
                 with_volume: bool,
-                how: Option<Follow>,
+                frames: Frames,
             ) -> Result<impl Prepared + use<>> {}
         }
         mod preview {
@@ -3532,7 +3749,7 @@ pub mod solve {
         pub use follow::Follow;
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
-        pub use prepared::{prepare, prepare_to_follow};
+        pub use prepared::{Frames, prepare, prepare_for_frames};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub use trial::{Left, PAIRS, Start, Trial};
@@ -3555,6 +3772,7 @@ pub mod solve {
     pub use drive::{Beside, Doing, Progress, Watch};
     pub use estimate::{background, expected_noise, variance_per_count, variances};
     pub use extent::default_volume;
+    pub use intake::{Format, Lending, LentCounts, intake, tally_of};
     pub use on_device::{OnDevice, VolumeMap, upload};
     pub use option::{Preset, Suit};
     pub use outline::{Part, Step, When};
@@ -3579,6 +3797,185 @@ pub mod solve {
         surface::passes::ALL,
     ];
     pub fn pass_of(kernel: &str) -> Option<&'static Pass> {}
+}
+#[cfg(feature = "formats")]
+pub mod tags {
+    mod arrange {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Scan {
+            pub laser: Vec<DVec3>,
+            pub sensor: Vec<DVec3>,
+            pub per_line: Option<usize>,
+        }
+        impl Scan {
+            pub fn grid(
+                [columns,
+                rows,
+                ]: [usize; 2],
+                wall: f64,
+                snake: bool,
+            ) -> Result<Scan> {}
+            pub fn read(path: &Path) -> Result<Scan> {}
+            pub fn points(&self) -> usize {}
+            pub fn is_confocal(&self) -> bool {}
+        }
+    }
+    mod curves {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Curve {
+            pub tick: f64,
+            pub counts: Vec<u32>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Curves {
+            pub curves: Vec<Curve>,
+        }
+        impl Curves {
+            pub fn is_one(path: &Path) -> bool {}
+            pub fn read(path: &Path) -> Result<Curves> {}
+        }
+    }
+    mod division {
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Division {
+            Pixels { marker: u32, frame: Option<u32> },
+            Lines { start: u32, stop: Option<u32>, frame: Option<u32> },
+            Pulses { each: u64, before: u64 },
+            Starts(Vec<(Start, Option<Start>)>),
+        }
+        impl Division {
+            pub fn of_image(image: &Image) -> Option<Division> {}
+        }
+    }
+    mod histogram {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub enum PileUp {
+            Auto,
+            On,
+            Off,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Asked {
+            pub inputs: Inputs,
+            pub division: Option<Division>,
+            pub channel: Option<i32>,
+            pub bin_width: Option<f64>,
+            pub zero: Zero,
+            pub until: Option<f64>,
+            pub pile_up: PileUp,
+            pub turn: Turn,
+        }
+        impl Default for Asked {}
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Dark {
+            pub per_bin: f64,
+            pub per_second: Option<f64>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
+        pub struct Histograms {
+            pub capture: Capture,
+            pub instrument: String,
+            pub survey: Option<Survey>,
+            pub direct: Option<Vec<f64>>,
+            pub photons: u64,
+            pub left_out: u64,
+            pub pulses: Option<[u64; 2]>,
+            pub dark: Dark,
+            pub dropped: usize,
+            pub notes: Vec<String>,
+        }
+        pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {}
+    }
+    mod starts {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Start {
+            Pulse(i64),
+            Seconds(f64),
+        }
+        pub fn starts(path: &Path) -> Result<Vec<(Start, Option<Start>)>> {}
+    }
+    mod survey {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[private_fields]
+        pub struct Channel {
+            pub channel: i32,
+            pub photons: u64,
+            pub longest: i64,
+            pub second: u64,
+        }
+        #[derive(Debug, Clone, Default, PartialEq)]
+        #[non_exhaustive]
+        pub struct Survey {
+            pub channels: Vec<Channel>,
+            pub markers: Vec<(i64, u16)>,
+            pub out_of_order: usize,
+            pub pulses: i64,
+            pub period: Option<f64>,
+            pub passed: Passed,
+        }
+        impl Survey {
+            pub fn of(tags: &Tags) -> Result<Survey> {}
+            pub fn channel(&self, wanted: Option<i32>) -> Result<Channel> {}
+        }
+    }
+    mod zero {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Zero {
+            Direct,
+            At(f64),
+        }
+    }
+    pub use arrange::Scan;
+    pub use curves::{Curve, Curves};
+    pub use division::Division;
+    pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
+    pub use starts::{Start, starts};
+    pub use survey::{Channel, Survey};
+    pub use zero::Zero;
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Record {
+        Sync { time: i64 },
+        Photon { channel: i32, time: i64, delay: u32 },
+        Marker { bits: u16, time: i64 },
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Event {
+        Photon { channel: i32, sync: i64, delay: i64 },
+        Marker { bits: u16, sync: i64 },
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Eq)]
+    pub struct Inputs {
+        pub sync: i32,
+        pub markers: Vec<i32>,
+    }
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+    pub struct Image {
+        pub markers: [Option<u32>; 3],
+        pub size: [Option<usize>; 2],
+        pub both_ways: bool,
+    }
+    #[private_fields]
+    pub struct Tags {
+        pub instrument: String,
+        pub tick: f64,
+        pub period: Option<f64>,
+        pub image: Image,
+    }
+    #[derive(Debug, Clone, Default, PartialEq)]
+    pub struct Passed {
+        pub records: u64,
+        pub unknown: u64,
+        pub without_sync: u64,
+        pub period: Option<f64>,
+        pub notes: Vec<String>,
+    }
+    pub fn is_picoquant(path: &Path) -> bool {}
+    impl Tags {
+        pub fn open(path: &Path, inputs: &Inputs) -> Result<Tags> {}
+        pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {}
+        pub fn events(&self, mut hear: impl FnMut(Event)) -> Result<Passed> {}
+    }
 }
 pub mod transport {
     mod grid {
@@ -3639,6 +4036,7 @@ pub mod transport {
             pub bin_width: f64,
             pub t_start: f64,
             pub measured: Vec<f32>,
+            pub moments: Option<Moments>,
             pub elements: usize,
             pub pulse: Option<PulseTaps>,
             pub pulse_shape: Option<Pulse>,
@@ -3706,6 +4104,16 @@ pub mod transport {
             pub fn scene_of(&self, grid: &Grid, pairs: usize) -> SceneData {}
         }
     }
+    mod moments {
+        #[derive(Debug, Clone, PartialEq)]
+        #[private_fields]
+        pub struct Moments {}
+        impl Moments {
+            pub fn of(ends: &[usize], between: Vec<Vec<[f64; 2]>>) -> Moments {}
+            pub fn first(&self, pairs: usize) -> &[[f64; 2]] {}
+            pub fn all(&self) -> &[[f64; 2]] {}
+        }
+    }
     mod reflectance {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
         pub enum Reflectance {
@@ -3724,6 +4132,8 @@ pub mod transport {
         #[private_fields]
         pub struct Rows {}
         impl Rows {
+            pub fn pairs(&self) -> &[usize] {}
+            pub fn bins(&self) -> Range<usize> {}
             pub fn reorder(&mut self, order: &[usize]) {}
             pub fn crop(&mut self, bins: Range<usize>) {}
         }
@@ -3827,6 +4237,17 @@ pub mod transport {
                 raw: &[Raw],
                 active: &[bool],
             ) -> Vec<Option<Column>> {}
+        }
+        mod intake {
+            pub fn tally(counts: &[f64], bins: usize, of_slice: usize) -> Vec<[f64; 4]> {}
+            pub fn intake(
+                counts: &[f64],
+                bins: usize,
+                rows: &Rows,
+                [factor,
+                below,
+                ]: [f64; 2],
+            ) -> Vec<f64> {}
         }
         mod optimise {
             pub fn update(
@@ -4126,6 +4547,7 @@ pub mod transport {
             initialise, initialise_raw, join, levels, rim, room, smooth, taps, threshold,
             touched,
         };
+        pub use intake::{intake, tally};
         pub use optimise::{learning_rate, noise, update};
         pub use pulse::{Way, instrument, pulse, spot, sum_bins};
         pub use random::random3;
@@ -4190,6 +4612,7 @@ pub mod transport {
     }
     pub use grid::{BRICK_VOXELS, Grid, Volume};
     pub use model::{Binning, Gradient, Model, Sampling, cells};
+    pub use moments::Moments;
     pub use reflectance::Reflectance;
     pub use rows::Rows;
     pub use spot::{Rendered, Spot, SpotTaps};

@@ -11,6 +11,7 @@ mod choice;
 pub mod compare;
 pub mod demo;
 mod evaluate;
+mod histogram;
 pub mod inspect;
 mod overview;
 mod places;
@@ -32,6 +33,7 @@ use std::time::Instant;
 use crate::Result;
 use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate};
 use crate::solve::Preset;
+use crate::tags;
 
 pub use crate::solve::{SolverOptions, check_solver, reflectance};
 
@@ -42,6 +44,7 @@ pub use choice::{Choice, Resolved};
 pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
+pub use histogram::{Histogramming, histogram};
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file};
 pub use request::{FindPulse, Request, memory_bytes};
@@ -166,6 +169,22 @@ pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {
         let whole = capture::formats::measured(capture, &mut notes)?;
         capture::formats::keep_prepared(whole, input.turn, &input.keep(), prepare, notes)
     })
+}
+
+/// Makes a capture of time tags or of an instrument's histograms, the file of `input`, and prepares it as [`load`] does. Where
+/// the points are and how they are turned is in `scan` and `asked`; values that complete a file are not used.
+///
+/// # Errors
+/// Those of [`tags::histogram()`] and [`take`].
+pub fn load_tags(input: &Input, scan: &tags::Scan, asked: &tags::Asked) -> Result<Loaded> {
+    let start = Instant::now();
+    let made = tags::histogram(&input.path, scan, asked)?;
+    let input = Input { wall: None, turn: capture::Turn::default(), ..input.clone() };
+    let mut loaded = take(made.capture, &input)?;
+    loaded.notes.splice(0..0, made.notes);
+    loaded.dropped += made.dropped;
+    loaded.seconds = start.elapsed().as_secs_f64();
+    Ok(loaded)
 }
 
 fn prepared(

@@ -51,6 +51,8 @@ pub mod measure;
 pub mod session;
 pub mod simulate;
 pub mod solve;
+#[cfg(feature = "formats")]
+pub mod tags;
 pub mod transport;
 
 pub use error::{Error, Kind, Result, panic_message};

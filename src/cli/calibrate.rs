@@ -2,11 +2,10 @@
 
 use std::path::PathBuf;
 
-use thirdbounce::capture::Gate;
 use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::{Result, capture, export};
 
-use super::input::UnsaidArgs;
+use super::input::{UnsaidArgs, gate};
 use super::progress::say;
 use super::{interrupt, print};
 
@@ -26,7 +25,7 @@ pub struct Args {
     /// Draw the residual over the shift into this file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// Use only these paths of the target's capture, in metres
+    /// Use only these paths of the target's capture: 0.8:2.4 or 2.7ns:8ns
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
     gate: Option<String>,
     #[command(flatten)]
@@ -46,7 +45,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let target = read(&args.capture)?;
     let gated = match &args.gate {
-        Some(gate) => target.gated(Gate::parse(gate)?)?,
+        Some(text) => target.gated(gate(text)?)?,
         None => target.clone(),
     };
     let found = time_zero(&gated, args.reach).map_err(|e| e.at(args.capture.display()))?;

@@ -9,6 +9,7 @@ use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
 
 use super::solver::SolverArgs;
+use super::units;
 
 /// The capture, and the part of it that is used.
 #[derive(Args)]
@@ -21,30 +22,30 @@ pub struct CaptureArgs {
     /// Use only N pairs, drawn at random with --seed
     #[arg(long, value_name = "N", help_heading = "Capture")]
     pub subset: Option<usize>,
-    /// Use only these paths, in metres; one end may be left out (0.8:2.4, 0.8:, :2.4)
+    /// Use only these paths; one end may be left out: 0.8:2.4 or 80cm:240cm or 2.7ns:8ns, 0.8:, :2.4
     #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, help_heading = "Capture")]
     pub gate: Option<String>,
     /// Use all paths. Without this option, direct light is left out, and --preset captured takes the half of the bins
     /// with the most counts
     #[arg(long, conflicts_with = "gate", help_heading = "Capture")]
     pub no_auto_gate: bool,
-    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, in metres of path; the
-    /// same and, behind a colon, the length over which its tail falls to 1/e; an npz file with pulse, pulse_delta_t and
+    /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, as a time (60ps) or a path
+    /// (18mm, metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; an npz file with pulse, pulse_delta_t and
     /// pulse_t_start; none for sharp paths; or auto to find the width by quick
     /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else auto if the
     /// trials of the model show a pulse, else none]
     #[arg(long, value_name = "M|M:TAIL|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
-    /// Laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the wall.
-    /// One number is both; 0 or none is a point [default: the spots in the capture, else points]
+    /// Laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, on the wall (2cm, metres
+    /// as a plain number). One number is both; 0 or none is a point [default: the spots in the capture, else points]
     #[arg(long, value_name = "M|LASER,SENSOR|none", help_heading = "Capture")]
     pub spot: Option<String>,
     // Not flattened from UnsaidArgs: with a group inside a group, clap cannot tell whether a capture was given.
-    /// Scale the wall so that its outermost scan points are SIZE metres apart
-    #[arg(long, value_name = "SIZE", help_heading = "Capture")]
+    /// Scale the wall so that its outermost scan points are so far apart: 2m, 80cm, metres as a plain number
+    #[arg(long, value_name = "SIZE", value_parser = units::length, help_heading = "Capture")]
     pub wall: Option<f64>,
-    /// Bin width in metres of path (picoseconds times 0.000299792458), for files without it
-    #[arg(long, value_name = "M", help_heading = "Capture")]
+    /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)
+    #[arg(long, value_name = "WIDTH", value_parser = units::path, help_heading = "Capture")]
     pub bin_width: Option<f64>,
     /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
@@ -65,11 +66,11 @@ pub struct CaptureArgs {
 /// Values that a capture file may lack, for verbs without a solver.
 #[derive(Args)]
 pub struct UnsaidArgs {
-    /// Scale the wall so that its outermost scan points are SIZE metres apart
-    #[arg(long, value_name = "SIZE", help_heading = "Capture")]
+    /// Scale the wall so that its outermost scan points are so far apart: 2m, 80cm, metres as a plain number
+    #[arg(long, value_name = "SIZE", value_parser = units::length, help_heading = "Capture")]
     pub wall: Option<f64>,
-    /// Bin width in metres of path (picoseconds times 0.000299792458), for files without it
-    #[arg(long, value_name = "M", help_heading = "Capture")]
+    /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)
+    #[arg(long, value_name = "WIDTH", value_parser = units::path, help_heading = "Capture")]
     pub bin_width: Option<f64>,
     /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
@@ -110,7 +111,7 @@ impl CaptureArgs {
             stride: self.stride,
             subset: self.subset,
             subset_seed: solver.choice().seed(),
-            gate: self.gate.as_deref().map(Gate::parse).transpose()?,
+            gate: self.gate.as_deref().map(gate).transpose()?,
             no_auto_gate: self.no_auto_gate,
             pulse: match self.pulse.as_deref() {
                 None => None,
@@ -133,9 +134,16 @@ impl CaptureArgs {
     }
 }
 
-/// Reads a pulse from an option: a Gaussian's width in metres of path, the same and the length of its tail, or a file.
+/// Reads a range of paths from an option; either end may have a unit.
+pub fn gate(text: &str) -> Result<Gate> {
+    let metres =
+        |part: &str| units::path(part).map_or_else(|_| part.to_string(), |metres| metres.to_string());
+    Gate::parse(&text.split(':').map(metres).collect::<Vec<_>>().join(":"))
+}
+
+/// Reads a pulse from an option: a Gaussian's width as a path or a time, the same and the length of its tail, or a file.
 pub fn pulse(text: &str) -> Result<Pulse> {
-    let numbers: Vec<Option<f64>> = text.split(':').map(|n| n.trim().parse().ok()).collect();
+    let numbers: Vec<Option<f64>> = text.split(':').map(|n| units::path(n).ok()).collect();
     match numbers[..] {
         [Some(width)] => Pulse::gaussian(width),
         [Some(width), Some(tail)] => Pulse::gaussian(width)?.with_tail(tail),
@@ -143,7 +151,7 @@ pub fn pulse(text: &str) -> Result<Pulse> {
     }
 }
 
-/// Reads the widths of the spots of laser and sensor from an option, metres.
+/// Reads the widths of the spots of laser and sensor from an option; metres if no unit is given.
 pub fn spots(text: &str) -> Result<[f64; 2]> {
     let wrong = || {
         Error::options(
@@ -154,8 +162,7 @@ pub fn spots(text: &str) -> Result<[f64; 2]> {
     if text == "none" {
         return Ok([0.0; 2]);
     }
-    let width =
-        |n: &str| n.trim().parse::<f64>().ok().filter(|w| w.is_finite() && *w >= 0.0).ok_or_else(wrong);
+    let width = |n: &str| units::length(n).ok().filter(|w| w.is_finite() && *w >= 0.0).ok_or_else(wrong);
     match text.split_once(',') {
         None => Ok([width(text)?; 2]),
         Some((laser, sensor)) => Ok([width(laser)?, width(sensor)?]),
@@ -169,9 +176,9 @@ pub struct VolumeArgs {
     /// apart, native none, N every N neighbours [default: auto; the paper's solver native]
     #[arg(long, value_name = "auto|native|N", help_heading = "Volume")]
     pub bins: Option<String>,
-    /// Voxel size along z in metres. The volume sums bins that are narrower [default: the bin width; of the vector
+    /// Voxel size along z (4mm, metres as a plain number). The volume sums bins that are narrower [default: the bin width; of the vector
     /// solver at least half of a voxel's width]
-    #[arg(long, value_name = "M", help_heading = "Volume")]
+    #[arg(long, value_name = "M", value_parser = units::length, help_heading = "Volume")]
     pub depth_pitch: Option<f64>,
     /// Reconstruct this box, in metres, for example -0.5:0.5,-0.5:0.5,0.3:1.2 [default: the wall's extent, and the
     /// depths that the gate allows]. Given the name of a .npz or .hdf5 file, the verb reconstruct writes the volume to
@@ -226,7 +233,7 @@ const BOX: &str = "three ranges in metres, for x, y and z: -0.5:0.5,-0.5:0.5,0.3
 /// A box of three ranges; `None` if the text is a file's name.
 fn box_of(text: &str) -> Result<Option<Volume>> {
     let wrong = || Error::options(format!("--volume is {text:?}"), format!("give {BOX}, or a file"));
-    let number = |n: &str| n.trim().parse::<f64>().map_err(|_| wrong());
+    let number = |n: &str| units::length(n).map_err(|_| wrong());
     let is_file = [".npz", ".hdf5", ".h5"].iter().any(|e| text.to_ascii_lowercase().ends_with(e));
     if is_file || !text.contains([':', ',']) {
         return Ok(None);
@@ -292,9 +299,21 @@ pub fn load_file(
     grid: &VolumeArgs,
     device: &DeviceArgs,
 ) -> Result<(Loaded, Request)> {
+    load_with(path, capture, solver, grid, device, job::load)
+}
+
+/// As [`load_file`], by another way of reading.
+pub fn load_with(
+    path: &Path,
+    capture: &CaptureArgs,
+    solver: &SolverArgs,
+    grid: &VolumeArgs,
+    device: &DeviceArgs,
+    read: impl FnOnce(&job::Input) -> Result<Loaded>,
+) -> Result<(Loaded, Request)> {
     check(solver, grid, device)?;
     let input = job::Input { path: path.into(), ..capture.input(solver)? };
-    let mut loaded = job::load(&input)?;
+    let mut loaded = read(&input)?;
     let (mut request, notes) = request(&loaded.capture, solver, grid, device)?;
     loaded.notes.extend(notes);
     request.find_pulse = capture.find_pulse(request.find_pulse);
@@ -333,4 +352,28 @@ pub fn request(
         ..resolved.request()
     };
     Ok((request, notes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_and_widths_have_units_or_none() {
+        let metres = |text: &str| gate(text).map(|g| [g.from, g.to]).unwrap();
+        assert_eq!(metres("80cm:2.4"), [0.8, 2.4]);
+        assert_eq!(metres(":2.4m"), [f64::NEG_INFINITY, 2.4]);
+        assert!((metres("2ns:4ns")[1] - 1.199_169_832).abs() < 1e-9);
+        for wrong in ["2x:3", "80cm", "2m:1m"] {
+            assert!(gate(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(spots("2cm,5mm").unwrap(), [0.02, 0.005]);
+        assert!(spots("20ps").is_err());
+        let [narrow, wide] = ["60ps", "60ps:1ns"].map(|text| pulse(text).unwrap());
+        assert!((narrow.fwhm() / 0.017_987_547 - 1.0).abs() < 0.02 && wide.end() > 1.0);
+        assert_eq!(
+            box_of("-50cm:0.5,-0.5:50cm,30cm:1.2m").unwrap().map(|v| v.max.to_array()),
+            Some([0.5, 0.5, 1.2])
+        );
+    }
 }

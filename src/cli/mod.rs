@@ -9,6 +9,7 @@ mod convert;
 mod demo;
 mod devices;
 mod evaluate;
+mod histogram;
 mod info;
 mod input;
 mod interrupt;
@@ -22,6 +23,7 @@ mod schedule;
 mod simulate;
 mod solver;
 mod tables;
+mod units;
 mod view;
 
 use std::process::ExitCode;
@@ -41,7 +43,7 @@ Examples:
   thirdbounce profile capture.npz --trace timeline.json
   thirdbounce compare z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
 
-Lengths are metres, times are metres of path (seconds times 299792458).";
+Lengths are metres, times are metres of path (seconds times 299792458), unless a unit follows: 32ps, 4mm, 2m.";
 
 /// Sees around corners: reconstructs a hidden scene from light that bounced three times.
 ///
@@ -74,6 +76,8 @@ enum Verb {
     Evaluate(evaluate::Args),
     /// Compare methods on one capture: error against run time.
     Compare(Box<compare::Args>),
+    /// Make a capture of time tags: PicoQuant .ptu and .phu, dumps, text.
+    Histogram(Box<histogram::Args>),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
     Convert(convert::Args),
     /// Find the shift of time zero from a capture of one small target, and write a corrected capture.
@@ -132,6 +136,7 @@ fn run() -> Result<ExitCode> {
         Verb::View(args) => view::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Compare(args) => compare::run(&args),
+        Verb::Histogram(args) => histogram::run(&args),
         Verb::Convert(args) => convert::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
         Verb::Profile(args) => profile::run(&args),

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use thirdbounce::Result;
 use thirdbounce::job::{self, Loaded, Request};
+use thirdbounce::{Result, tags};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file};
+use super::histogram::FromTags;
+use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file, load_with};
 use super::progress::{Meter, say};
 use super::solver::SolverArgs;
 use super::{interrupt, print, tables};
@@ -49,6 +50,8 @@ pub struct Args {
     #[arg(long, short)]
     pub quiet: bool,
     #[command(flatten)]
+    tags: FromTags,
+    #[command(flatten)]
     solver: SolverArgs,
     #[command(flatten)]
     grid: VolumeArgs,
@@ -62,8 +65,16 @@ impl Args {
         check(&self.solver, &self.grid, &self.device)
     }
 
-    /// Reads a capture as the options say, and makes a request of those that other verbs have, too.
+    /// Reads a capture, or makes one of time tags, as the options say. Makes a request of those that other verbs have, too.
     pub fn load(&self, path: &Path) -> Result<(Loaded, Request)> {
+        if self.tags.are_given() || tags::is_picoquant(path) {
+            let read = |input: &job::Input| {
+                let scan = self.tags.scan(input.wall)?;
+                let asked = self.tags.asked(input.bin_width, input.turn)?;
+                job::load_tags(input, &scan, &asked)
+            };
+            return load_with(path, &self.capture, &self.solver, &self.grid, &self.device, read);
+        }
         load_file(path, &self.capture, &self.solver, &self.grid, &self.device)
     }
 

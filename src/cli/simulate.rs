@@ -11,6 +11,7 @@ use thirdbounce::{Error, Result};
 use super::input::{pulse, spots};
 use super::options::word;
 use super::progress::say;
+use super::units::{length, path};
 use super::{interrupt, print, tables};
 
 #[derive(clap::Args)]
@@ -25,8 +26,8 @@ pub struct Args {
     /// --truth their truths to the folder TRUTH.npz
     #[arg(long, value_name = "N")]
     moving: Option<usize>,
-    /// Metres that the scene moves from frame to frame
-    #[arg(long, value_name = "M", default_value_t = 0.01, requires = "moving")]
+    /// How far the scene moves from frame to frame: 1cm, metres as a plain number
+    #[arg(long, value_name = "M", default_value_t = 0.01, value_parser = length, requires = "moving")]
     step: f64,
     /// Also write true depth, normals and mask, to this file
     #[arg(long, value_name = "TRUTH.npz")]
@@ -53,11 +54,11 @@ pub struct Args {
     #[arg(long, value_name = "SHAPE", default_value = "flat",
         value_parser = PossibleValuesParser::new(["flat", "bump"]).map(wall_shape))]
     wall_shape: WallShape,
-    /// Side of the square wall in metres
-    #[arg(long, value_name = "SIZE", default_value_t = 1.0)]
+    /// Side of the square wall: 80cm, metres as a plain number
+    #[arg(long, value_name = "SIZE", default_value_t = 1.0, value_parser = length)]
     wall: f64,
-    /// Bin width in metres of path
-    #[arg(long, value_name = "M", default_value_t = 0.006)]
+    /// Bin width: a time (20ps) or a path (6mm, metres as a plain number)
+    #[arg(long, value_name = "WIDTH", default_value_t = 0.006, value_parser = path)]
     bin_width: f64,
     /// Number of bins [default: as many as the scene's paths need]
     #[arg(long, value_name = "N")]
@@ -73,8 +74,8 @@ pub struct Args {
     /// Albedo of all surfaces [default: 1, except the floor of beyond]
     #[arg(long, value_name = "A")]
     albedo: Option<f64>,
-    /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, in metres of
-    /// path; the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
+    /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, as a time (60ps) or
+    /// a path (metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
     /// pulse_delta_t and pulse_t_start. The capture then holds the pulse
     #[arg(long, value_name = "M|M:TAIL|FILE")]
     pulse: Option<String>,
@@ -137,7 +138,7 @@ fn layout(args: &Args) -> Result<Layout> {
 }
 
 fn point_of(text: &str) -> Result<DVec2> {
-    let numbers: Vec<Option<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let numbers: Vec<Option<f64>> = text.split(',').map(|n| length(n).ok()).collect();
     match numbers[..] {
         [Some(x), Some(y)] => Ok(DVec2::new(x, y)),
         _ => Err(Error::options(format!("--point is {text:?}"), "give x,y in metres: 0.1,-0.2")),

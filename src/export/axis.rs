@@ -167,9 +167,9 @@ impl<B: Canvas> Panel<'_, B> {
         Ok(())
     }
 
-    /// Fills the area from the lower axis up to `y`, between two values of x.
-    pub fn bar(&mut self, [from, to]: [f64; 2], y: f64, colour: RGBColor) -> Drawn<B> {
-        self.0.draw_series([Rectangle::new([(from, 0.0), (to, y)], colour.filled())])?;
+    /// Fills the area between two values of x and two of y.
+    pub fn bar(&mut self, [from, to]: [f64; 2], [low, high]: [f64; 2], colour: RGBColor) -> Drawn<B> {
+        self.0.draw_series([Rectangle::new([(from, low), (to, high)], colour.filled())])?;
         Ok(())
     }
 

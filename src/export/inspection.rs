@@ -26,51 +26,83 @@ const STEP: f64 = 540.0;
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, capture: &Capture) -> Result<()> {
     capture.check()?;
-    png::write(path, &picture(capture)?)
+    let picture = Overview { capture, title: "path of the peak (m)", logarithmic: false };
+    png::write(path, &picture.picture(&peaks(capture))?)
 }
 
-fn picture(capture: &Capture) -> Result<Picture> {
-    let mut picture = figure::picture(&MeanHistogram(capture))?;
+/// As [`write()`], for a capture made of time tags. The mean histogram is logarithmic, because direct light is among it, and the
+/// first map shows `direct`, the direct peak of every pair as a path from the laser's trigger on, metres: over a flat wall
+/// it is smooth. Without `direct` it shows the path of the peak.
+///
+/// # Errors
+/// Those of [`write()`].
+pub fn write_with_direct(path: &Path, capture: &Capture, direct: Option<&[f64]>) -> Result<()> {
+    capture.check()?;
+    let title = if direct.is_some() { "path to the direct peak (m)" } else { "path of the peak (m)" };
+    let picture = Overview { capture, title, logarithmic: true };
+    let values = direct.map_or_else(|| peaks(capture), |all| all.iter().map(|v| *v as f32).collect());
+    png::write(path, &picture.picture(&values)?)
+}
+
+/// The path of each histogram's peak, metres; NaN without signal.
+fn peaks(capture: &Capture) -> Vec<f32> {
     let path = |bin: usize| capture.t_start + (bin as f64 + 0.5) * capture.bin_width;
-    let histograms = || capture.histograms.chunks_exact(capture.bins);
-    let totals: Vec<f32> = histograms().map(|h| h.iter().sum()).collect();
-    let peaks: Vec<f32> = histograms()
-        .map(|h| {
-            let peak = (0..h.len()).max_by(|a, b| h[*a].total_cmp(&h[*b]).then(b.cmp(a)));
-            peak.filter(|b| h[*b] > 0.0).map_or(f32::NAN, |b| path(b) as f32)
-        })
-        .collect();
-    let [top, side] = MAPS.map(|v| v as usize);
-    for (at, values) in [peaks, totals].iter().enumerate() {
-        let x = (LEFT + at as f64 * STEP) as usize;
-        let range = percentile(values, 1.0).zip(percentile(values, 99.0));
-        let (low, high) = range.map_or((0.0, 1.0), |(a, b)| (f64::from(a), f64::from(b)));
-        picture.paste(&map(values, capture.scan, low, high), x, top);
-        let labels = [high, low].map(|value| plain(rounded(value)));
-        picture.colour_bar(x + side + 12, [top, top + side], 0.0, &labels, [INK.0, INK.1, INK.2]);
-    }
-    Ok(picture)
+    let peak = |h: &[f32]| {
+        let peak = (0..h.len()).max_by(|a, b| h[*a].total_cmp(&h[*b]).then(b.cmp(a)));
+        peak.filter(|b| h[*b] > 0.0).map_or(f32::NAN, |b| path(b) as f32)
+    };
+    capture.histograms.chunks_exact(capture.bins).map(peak).collect()
 }
 
 /// The mean histogram, and the titles of the maps below it.
-struct MeanHistogram<'a>(&'a Capture);
+struct Overview<'a> {
+    capture: &'a Capture,
+    /// Of the first map.
+    title: &'a str,
+    /// Whether counts have a logarithmic axis.
+    logarithmic: bool,
+}
 
-impl Figure for MeanHistogram<'_> {
+impl Overview<'_> {
+    /// The picture, `first` in the first map.
+    fn picture(&self, first: &[f32]) -> Result<Picture> {
+        let capture = self.capture;
+        let mut picture = figure::picture(self)?;
+        let histograms = capture.histograms.chunks_exact(capture.bins);
+        let totals: Vec<f32> = histograms.map(|h| h.iter().sum()).collect();
+        let [top, side] = MAPS.map(|v| v as usize);
+        for (at, values) in [first, &totals].into_iter().enumerate() {
+            let x = (LEFT + at as f64 * STEP) as usize;
+            let range = percentile(values, 1.0).zip(percentile(values, 99.0));
+            let (low, high) = range.map_or((0.0, 1.0), |(a, b)| (f64::from(a), f64::from(b)));
+            picture.paste(&map(values, capture.scan, low, high), x, top);
+            let labels = [high, low].map(|value| plain(rounded(value)));
+            picture.colour_bar(x + side + 12, [top, top + side], 0.0, &labels, [INK.0, INK.1, INK.2]);
+        }
+        Ok(picture)
+    }
+}
+
+impl Figure for Overview<'_> {
     fn size(&self) -> [u32; 2] {
         [WIDTH as u32, (MAPS[0] + MAPS[1] + 60.0) as u32]
     }
 
     fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
-        let capture = self.0;
+        let capture = self.capture;
         let [nx, ny] = capture.scan;
         let title = format!("{}: {nx} × {ny} histograms of {} bins", capture.name, capture.bins);
         line_of_text(area, &title, &font(HEADING, INK), [LEFT, 28.0])?;
-        for (at, title) in ["path of the peak (m)", "sum of the counts"].iter().enumerate() {
+        for (at, title) in [self.title, "sum of the counts"].iter().enumerate() {
             line_of_text(area, title, &font(TITLE, INK), [LEFT + at as f64 * STEP, MAPS[0] - 17.0])?;
         }
         let mean = capture.mean_histogram();
         let along = Axis::new([capture.t_start, capture.t_end()].into_iter(), false);
-        let up = Axis::new(mean.iter().copied().chain([0.0]), false);
+        let up = match self.logarithmic {
+            true => Axis::new(mean.iter().copied(), true),
+            false => Axis::new(mean.iter().copied().chain([0.0]), false),
+        };
+        let floor = if self.logarithmic { up.low } else { 0.0 };
         let mut panel = Panel::new(area, PLOT, ["mean histogram", "path (m)"], [along, up])?;
         // If many bins share a column of pixels, it shows the largest.
         let per_column = mean.len().div_ceil(px(PLOT[2]) as usize).max(1);
@@ -78,7 +110,7 @@ impl Figure for MeanHistogram<'_> {
         for (at, bins) in mean.chunks(per_column).enumerate() {
             let from = at * per_column;
             let value = bins.iter().copied().fold(0.0, f64::max);
-            panel.bar([path(from), path(from + bins.len())], value, COLOURS[0])?;
+            panel.bar([path(from), path(from + bins.len())], [floor, value.max(floor)], COLOURS[0])?;
         }
         Ok(())
     }

@@ -79,7 +79,10 @@ fn two_settings_side_by_side() {
         ["compare.json", "compare.md", "error_vs_time.png", "error_vs_time.svg", "paper", "slow____fixed_"]
     );
     let page = std::fs::read_to_string(out.join("compare.md")).unwrap();
-    assert!(page.contains("| paper | ") && page.contains(" | 30 | ") && page.contains("ran 2 times"), "{page}");
+    assert!(
+        page.contains("| paper | ") && page.contains(" | 30 | ") && page.contains("ran 2 times"),
+        "{page}"
+    );
     let svg = std::fs::read_to_string(out.join("error_vs_time.svg")).unwrap();
     assert!(
         svg.contains(">\npaper: 30 iterations") && svg.contains(">\nslow &amp; &lt;fixed&gt;: 30"),

@@ -7,6 +7,7 @@ mod batch;
 mod native;
 mod opened;
 mod real;
+mod tags;
 mod ytal;
 
 use std::path::{Path, PathBuf};
@@ -48,6 +49,11 @@ fn main() -> ExitCode {
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
     all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
+    all.extend(trials![
+        "needs Python with ptufile",
+        with("ptufile, numpy"),
+        tags::ptufile_reads_the_same_records
+    ]);
     libtest_mimic::run(&Arguments::from_args(), all).exit_code()
 }
 

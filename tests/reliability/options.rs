@@ -52,6 +52,14 @@ fn base(verb: &str) -> Vec<String> {
                 "{capture} --truth {truth} --out {{}}/c --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
             )
         }
+        "histogram" => {
+            let tags = files().folder().join("tags.csv");
+            std::fs::write(&tags, "0,10\n1,15\n0,110\n1,117\n0,210\n1,222\n0,310\n1,311\n").expect("a file");
+            format!(
+                "{} --scan 2x1 --wall 1m --pulses-per-point 2 --zero 0 --out {{}}/c.npz --quiet",
+                tags.display()
+            )
+        }
         "convert" => format!("{capture} {{}}/c.npz"),
         "calibrate" => format!("{capture} --out {{}}/c.npz"),
         "profile" => format!("{capture} --lateral 8 --iterations 3 --quiet"),

@@ -251,15 +251,11 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
 /// `Kind::Input` if the capture fails [`Capture::check`], `Kind::Options` for another ending or a capture that the
 /// format cannot hold, `Kind::Output` if the file cannot be written.
 pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
-    let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    let mut notes = match ending.as_str() {
+    check_ending(path)?;
+    let mut notes = match ending(path).as_str() {
         "npz" => return npz::write(capture, path).map(|()| vec![]),
-        "hdf5" | "h5" => ytal::write(capture, path).map(|()| vec![]),
         "mat" => stanford::write(capture, path),
-        _ => Err(Error::options(
-            format!("{}: the ending is not that of a capture format", path.display()),
-            "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
-        )),
+        _ => ytal::write(capture, path).map(|()| vec![]),
     }?;
     if capture.pulse.is_some() {
         notes.push(
@@ -273,6 +269,24 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
         notes.push("this format cannot hold the number of laser pulses (cycles): write npz".into());
     }
     Ok(notes)
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase())
+}
+
+/// Checks that a file's name has the ending of a format that [`write()`] knows.
+///
+/// # Errors
+/// `Kind::Options` if it has none.
+pub(crate) fn check_ending(path: &Path) -> Result<()> {
+    if matches!(ending(path).as_str(), "npz" | "hdf5" | "h5" | "mat") {
+        return Ok(());
+    }
+    Err(Error::options(
+        format!("{}: the ending is not that of a capture format", path.display()),
+        "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
+    ))
 }
 
 fn unknown(what: &str) -> Error {

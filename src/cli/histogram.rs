@@ -1,0 +1,251 @@
+//! `thirdbounce histogram TAGS --scan SCAN --out CAPTURE`.
+
+use std::path::{Path, PathBuf};
+
+use thirdbounce::capture::Turn;
+use thirdbounce::job::{self, Histogramming};
+use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero, starts};
+use thirdbounce::{Error, Result};
+
+use super::progress::say;
+use super::units::{length, path, time};
+use super::{interrupt, print, tables};
+
+const EXAMPLES: &str = "\
+Examples:
+  thirdbounce histogram scan.ptu --scan 64x64 --wall 2m --pixels 1 --out capture.npz --png check.png
+  thirdbounce histogram scan.ptu --scan points.csv --pulses-per-point 250000 --bin-width 32ps --out capture.npz
+  thirdbounce histogram tags.csv --scan 32x32 --wall 1m --sync-channel 1 --marker-channels 3 --pixels 1 --out capture.npz";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    /// Time tags: PicoQuant .ptu, text .csv or .txt (channel, time in ps), a dump of 16 bytes a tag .dump or .bin; or
+    /// histograms of a PicoQuant instrument, .phu
+    tags: PathBuf,
+    #[command(flatten)]
+    pub from: FromTags,
+    /// Capture to write: .npz, .hdf5 for y-tal, or .mat
+    #[arg(long, value_name = "CAPTURE")]
+    out: PathBuf,
+    /// Draw the mean histogram, and maps of the scan with the direct peaks and the sums of counts, into this file
+    #[arg(long, value_name = "FILE")]
+    png: Option<PathBuf>,
+    /// Errors only
+    #[arg(long, short)]
+    quiet: bool,
+    /// Distance of the outermost scan points along the longer side, such as 2m or 80cm
+    #[arg(long, value_name = "SIZE", value_parser = length)]
+    wall: Option<f64>,
+    /// Bin width: a time (32ps) or a path (9.6mm, metres as a plain number) [default: the instrument's ticks, or as many as 8 ps
+    /// need]
+    #[arg(long, value_name = "WIDTH", value_parser = path)]
+    bin_width: Option<f64>,
+    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both
+    #[arg(long, value_name = "x|y|xy")]
+    flip: Option<String>,
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures
+    #[arg(long, value_name = "DEGREES")]
+    rotate: Option<u32>,
+}
+
+/// How time tags become histograms.
+#[derive(clap::Args)]
+pub struct FromTags {
+    /// Points in the order in which they were measured: columns x rows of a flat wall (64x64, with --wall), row by row from
+    /// the lowest left; or a text file with x, y, z of each in metres, or of its laser point and its sensor point
+    #[arg(long, value_name = "NXxNY|FILE", help_heading = "Time tags")]
+    scan: Option<String>,
+    /// Every other row of the grid runs backwards
+    #[arg(long, help_heading = "Time tags")]
+    snake: bool,
+    /// This marker, from 1, begins each point
+    #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
+    pixels: Option<u32>,
+    /// These markers begin and end each line; its points take equal shares of it. Without the second, the next line's begin is the
+    /// end [default: those in the file's header, if it has any]
+    #[arg(
+        long,
+        value_name = "BEGIN,END",
+        value_delimiter = ',',
+        conflicts_with = "pixels",
+        help_heading = "Time tags"
+    )]
+    lines: Vec<u32>,
+    /// This marker begins each round of all points; rounds are added up
+    #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
+    frames: Option<u32>,
+    /// Every point has N laser pulses, one after the other
+    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "frames", "starts"], help_heading = "Time tags")]
+    pulses_per_point: Option<u64>,
+    /// Laser pulses before the first point
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        requires = "pulses_per_point",
+        help_heading = "Time tags"
+    )]
+    pulses_before: u64,
+    /// Text file with a line for each point: where it begins, and if you like where it ends, as numbers of laser pulses or as
+    /// times with a unit (1.25s)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "lines", "frames"], help_heading = "Time tags")]
+    starts: Option<PathBuf>,
+    /// The detector's channel [default: the only one with photons]
+    #[arg(long, value_name = "N", help_heading = "Time tags")]
+    channel: Option<i32>,
+    /// The channel of the laser pulses in text and dumps
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Time tags")]
+    sync_channel: i32,
+    /// Channels of markers in text and dumps: the first is marker 1
+    #[arg(long, value_name = "N,N,...", value_delimiter = ',', help_heading = "Time tags")]
+    marker_channels: Vec<i32>,
+    /// What is path 0: direct, each point's peak of light from the wall itself, which removes both legs; or a delay after the laser
+    /// pulse, such as 12.5ns, for all points
+    #[arg(long, value_name = "direct|TIME", default_value = "direct", help_heading = "Time tags")]
+    zero: String,
+    /// Leave out photons later than this after their laser pulse, such as 40ns
+    #[arg(long, value_name = "TIME", value_parser = time, help_heading = "Time tags")]
+    until: Option<f64>,
+    /// Whether pile-up is taken out when the capture is read; auto: if no laser pulse gave two photons
+    #[arg(long, value_name = "auto|on|off", default_value = "auto", value_parser = ["auto", "on", "off"],
+        help_heading = "Time tags")]
+    pile_up: String,
+}
+
+impl FromTags {
+    /// Whether a capture is to be made of time tags.
+    pub fn are_given(&self) -> bool {
+        self.scan.is_some()
+    }
+
+    /// The scan. A grid needs the wall's size.
+    pub fn scan(&self, wall: Option<f64>) -> Result<Scan> {
+        let text = self.scan.as_deref().ok_or_else(|| {
+            Error::options(
+                "it is not known where the points of the scan are",
+                "give --scan 64x64 with --wall 2m, or --scan with a file of points",
+            )
+        })?;
+        let grid =
+            text.split_once(['x', 'X', '×']).and_then(|(nx, ny)| Some([nx.parse().ok()?, ny.parse().ok()?]));
+        match (grid, wall) {
+            (Some(grid), Some(wall)) => Scan::grid(grid, wall, self.snake),
+            (Some(_), None) => Err(Error::options(
+                format!("--scan {text} does not say how large the scan is"),
+                "give the distance of its outermost points: --wall 2m",
+            )),
+            (None, _) if self.snake => Err(Error::options(
+                "--snake was given with a file of points",
+                "leave it out: the file has the points in their order",
+            )),
+            (None, Some(_)) => Err(Error::options(
+                "--wall was given with a file of points",
+                "leave it out: the points say how large the scan is",
+            )),
+            (None, None) => Scan::read(Path::new(text)),
+        }
+    }
+
+    /// How tags become histograms.
+    pub fn asked(&self, bin_width: Option<f64>, turn: Turn) -> Result<Asked> {
+        let frame = self.frames;
+        let division = match (self.pixels, &self.lines[..], self.pulses_per_point, &self.starts) {
+            (Some(marker), ..) => Some(Division::Pixels { marker, frame }),
+            (_, &[start], ..) => Some(Division::Lines { start, stop: None, frame }),
+            (_, &[start, stop], ..) => Some(Division::Lines { start, stop: Some(stop), frame }),
+            (_, [_, _, ..], ..) => {
+                return Err(Error::options(
+                    format!("--lines is {:?}", self.lines),
+                    "give two markers: --lines 1,2",
+                ));
+            }
+            (_, _, Some(each), _) => Some(Division::Pulses { each, before: self.pulses_before }),
+            (_, _, _, Some(file)) => Some(Division::Starts(starts(file)?)),
+            _ => None,
+        };
+        if let (None, Some(frame)) = (&division, frame) {
+            return Err(Error::options(
+                format!("--frames {frame} was given, but not what begins points or lines"),
+                "give --pixels or --lines, too",
+            ));
+        }
+        let zero = match self.zero.as_str() {
+            "direct" => Zero::Direct,
+            text => Zero::At(time(text).map_err(|mend| {
+                Error::options(format!("--zero is {text:?}"), format!("give direct, or {}", &mend[5..]))
+            })?),
+        };
+        let pile_up = match self.pile_up.as_str() {
+            "on" => PileUp::On,
+            "off" => PileUp::Off,
+            _ => PileUp::Auto,
+        };
+        let inputs = Inputs { sync: self.sync_channel, markers: self.marker_channels.clone() };
+        Ok(Asked {
+            inputs,
+            division,
+            channel: self.channel,
+            bin_width,
+            zero,
+            until: self.until,
+            pile_up,
+            turn,
+        })
+    }
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let turn = Turn::parse(args.flip.as_deref(), args.rotate)?;
+    let what = Histogramming {
+        tags: args.tags.clone(),
+        scan: args.from.scan(args.wall)?,
+        asked: args.from.asked(args.bin_width, turn)?,
+        out: args.out.clone(),
+        picture: args.png.clone(),
+    };
+    let (made, seconds) = job::histogram(&what, &mut interrupt::take_care)?;
+    if !args.quiet {
+        made.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    print(&text(&made, seconds));
+    let files = std::iter::once(&args.out).chain(&args.png).map(|f| f.display().to_string());
+    print(&format!("wrote     {}", files.collect::<Vec<_>>().join("\n          ")));
+    Ok(())
+}
+
+/// What the file holds, and what became of it.
+pub fn text(made: &Histograms, seconds: f64) -> String {
+    let mut out = format!("tags      {}\n", made.instrument);
+    if let Some(survey) = &made.survey {
+        let records = survey.passed.records;
+        out += &format!("records   {records}, read twice in {}\n", tables::seconds(seconds));
+        let pulses = survey.pulses;
+        match survey.period {
+            Some(period) => {
+                out += &format!("pulses    {pulses} of the laser, {:.4} MHz\n", 1e-6 / period);
+            }
+            None => out += &format!("pulses    {pulses} of the laser\n"),
+        }
+        for channel in &survey.channels {
+            out += &format!("channel   {}: {} photons\n", channel.channel, channel.photons);
+        }
+    }
+    if let Some([least, most]) = made.pulses {
+        out += &match least == most {
+            true => format!("points    {least} laser pulses each\n"),
+            false => format!("points    {least} to {most} laser pulses\n"),
+        };
+    }
+    if let Some(direct) = &made.direct {
+        let (low, high) =
+            direct.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        out += &format!("direct    {low:.4} to {high:.4} m of path after the laser pulse: path 0\n");
+    }
+    let rate = made.dark.per_second.map_or(String::new(), |rate| format!(", {rate:.0} a second"));
+    out += &format!("dark      {:.3} counts in a bin{rate}, stray light included\n", made.dark.per_bin);
+    if made.left_out > 0 {
+        out += &format!("left out  {} photons: between points, or too late for some\n", made.left_out);
+    }
+    out + &made.capture.summary().to_string()
+}

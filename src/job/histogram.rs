@@ -1,0 +1,48 @@
+//! Makes a capture of time tags.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::places;
+use crate::capture;
+use crate::export;
+use crate::tags::{self, Asked, Histograms, Scan};
+use crate::{Error, Result};
+
+/// What to make of which file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Histogramming {
+    /// Time tags, or histograms of the instrument.
+    pub tags: PathBuf,
+    /// The points of the scan.
+    pub scan: Scan,
+    /// How tags become histograms.
+    pub asked: Asked,
+    /// The capture to write: .npz, .hdf5 or .mat.
+    pub out: PathBuf,
+    /// A picture of the mean histogram, and of the direct peaks and counts over the scan.
+    pub picture: Option<PathBuf>,
+}
+
+/// Writes the capture, and the picture if it is asked for. Returns both with the seconds that it took to make them;
+/// `before_writing` is called once everything is computed.
+///
+/// # Errors
+/// Those of [`tags::histogram()`], and a file that cannot be written.
+pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
+    places::check_file(&what.out)?;
+    capture::formats::check_ending(&what.out)?;
+    what.picture.as_deref().map(places::check_file).transpose()?;
+    if what.picture.as_ref() == Some(&what.out) {
+        return Err(Error::options("capture and picture go to the same file", "give two files"));
+    }
+    let start = Instant::now();
+    let mut made = tags::histogram(&what.tags, &what.scan, &what.asked)?;
+    let seconds = start.elapsed().as_secs_f64();
+    before_writing();
+    made.notes.extend(capture::write(&made.capture, &what.out)?);
+    if let Some(picture) = &what.picture {
+        export::inspection::write_with_direct(picture, &made.capture, made.direct.as_deref())?;
+    }
+    Ok((made, seconds))
+}

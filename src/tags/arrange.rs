@@ -1,0 +1,188 @@
+//! The wall points of a scan, in the order in which they were measured.
+
+use std::path::Path;
+
+use glam::{DVec3, dvec3};
+
+use crate::capture::lattice::Lattice;
+use crate::capture::{Capture, Turn};
+use crate::error::{Error, Result};
+
+/// Most points: a sane limit for a grid that is only asked for.
+const MOST: usize = 1 << 22;
+
+/// Laser and sensor point of each point of a scan, in the order in which they were measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scan {
+    /// Laser points, metres.
+    pub laser: Vec<DVec3>,
+    /// Sensor points, metres.
+    pub sensor: Vec<DVec3>,
+    /// Points of a line, if there are lines.
+    pub per_line: Option<usize>,
+}
+
+impl Scan {
+    /// A confocal scan of `columns` x `rows` points of the flat wall z = 0 around the origin. The outermost points along
+    /// the longer side are `wall` metres apart. It is measured row by row from the lowest, each from -x to +x; `snake`:
+    /// every other row from +x to -x.
+    ///
+    /// # Errors
+    /// `Kind::Options` for a wall that is no positive length, no points, or far too many.
+    pub fn grid([columns, rows]: [usize; 2], wall: f64, snake: bool) -> Result<Scan> {
+        let points = columns.checked_mul(rows).filter(|n| *n <= MOST).unwrap_or(0);
+        let longer = columns.max(rows);
+        if points == 0 || longer < 2 {
+            return Err(Error::options(
+                format!("a scan of {columns} x {rows} points is not possible"),
+                "give columns x rows, such as 64x64, or a file of points",
+            ));
+        }
+        if !(wall.is_finite() && wall > 0.0) {
+            return Err(Error::options(
+                format!("the scan is {wall} m wide"),
+                "give the distance of its outermost points in metres",
+            ));
+        }
+        let step = wall / (longer - 1) as f64;
+        let at = |i: usize, n: usize| (i as f64 - (n - 1) as f64 / 2.0) * step;
+        let point = |p: usize| {
+            let (row, k) = (p / columns, p % columns);
+            let column = if snake && row % 2 == 1 { columns - 1 - k } else { k };
+            dvec3(at(column, columns), at(row, rows), 0.0)
+        };
+        let all: Vec<_> = (0..points).map(point).collect();
+        Ok(Scan { laser: all.clone(), sensor: all, per_line: Some(columns) })
+    }
+
+    /// Reads the points of a scan from text, a line for each in the order in which they were measured: `x, y`, or `x, y, z`
+    /// for laser and sensor at one point, or `x, y, z` of the laser point and `x, y, z` of the sensor point; metres. A
+    /// first line of words, empty lines and those that begin with `#` are not read.
+    ///
+    /// # Errors
+    /// `Kind::Input`, beginning with the path: no such file, no points, or a line that is not one.
+    pub fn read(path: &Path) -> Result<Scan> {
+        let text =
+            std::fs::read_to_string(path).map_err(super::unreadable).map_err(|e| e.at(path.display()))?;
+        Self::of_text(&text).map_err(|e| e.at(path.display()))
+    }
+
+    fn of_text(text: &str) -> Result<Scan> {
+        let mut scan = Scan { laser: vec![], sensor: vec![], per_line: None };
+        for (number, line) in text.lines().enumerate() {
+            let line = line.trim();
+            if line.is_empty() || line.starts_with('#') {
+                continue;
+            }
+            let parts = line.split([',', ';', '\t', ' ']).filter(|part| !part.is_empty());
+            let values: Option<Vec<f64>> =
+                parts.map(|part| part.parse().ok().filter(|v: &f64| v.is_finite())).collect();
+            let (laser, sensor) = match values.as_deref() {
+                Some(&[x, y]) => (dvec3(x, y, 0.0), dvec3(x, y, 0.0)),
+                Some(&[x, y, z]) => (dvec3(x, y, z), dvec3(x, y, z)),
+                Some(&[a, b, c, x, y, z]) => (dvec3(a, b, c), dvec3(x, y, z)),
+                None if scan.laser.is_empty() && line.starts_with(|c: char| c.is_alphabetic()) => continue,
+                _ => {
+                    return Err(Error::input(
+                        format!("line {} is {line:?}", number + 1),
+                        "write x, y, z of each point in metres, or those of its laser point and of its sensor point",
+                    ));
+                }
+            };
+            scan.laser.push(laser);
+            scan.sensor.push(sensor);
+        }
+        if scan.laser.is_empty() {
+            return Err(Error::input("holds no point", "write a line for each: x, y, z in metres"));
+        }
+        Ok(scan)
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.laser.len()
+    }
+
+    /// Whether laser and sensor see the same point, everywhere.
+    pub fn is_confocal(&self) -> bool {
+        let reach = self.reach();
+        self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= 1e-3 * reach)
+    }
+
+    /// The diagonal of the box around all points, metres.
+    pub(super) fn reach(&self) -> f64 {
+        let all = || self.laser.iter().chain(&self.sensor);
+        let low = all().copied().reduce(DVec3::min).unwrap_or_default();
+        let high = all().copied().reduce(DVec3::max).unwrap_or_default();
+        low.distance(high)
+    }
+
+    /// The pairs of a capture without counts, turned and, if they form a lattice, by columns and rows; and the pair of each
+    /// point.
+    pub(super) fn pairs(&self, turn: Turn) -> (Capture, Vec<usize>) {
+        let points = self.points();
+        // The side that is scanned, if the other stands still; both if they move together.
+        let moves = |side: &[DVec3]| side.iter().any(|p| *p != side[0]);
+        let side = if moves(&self.laser) && !moves(&self.sensor) { &self.laser } else { &self.sensor };
+        let moved_apart = moves(&self.laser) && moves(&self.sensor) && !self.is_confocal();
+        let lattice = Lattice::of(side);
+        let (scan, order) = match lattice.places.filter(|_| !moved_apart) {
+            Some(places) => {
+                let [_, rows] = lattice.counts;
+                let mut order = vec![0; points];
+                places.iter().enumerate().for_each(|(point, [x, y])| order[x * rows + y] = point);
+                (lattice.counts, order)
+            }
+            None => ([points, 1], (0..points).collect()),
+        };
+        let pick = |side: &[DVec3]| order.iter().map(|p| side[*p]).collect::<Vec<_>>();
+        // A pair carries the number of its point as its count through the turn. There are fewer than 2^24.
+        let numbers = order.iter().map(|p| *p as f32).collect();
+        let capture = Capture::new(scan, pick(&self.laser), pick(&self.sensor), 1, 1.0, numbers).turned(turn);
+        let mut pair_of = vec![0; points];
+        capture.histograms.iter().enumerate().for_each(|(pair, point)| pair_of[*point as usize] = pair);
+        (capture.outline(), pair_of)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_go_to_their_place_in_the_scan() {
+        let scan = Scan::grid([3, 2], 0.2, true).unwrap();
+        assert_eq!(scan.laser[0], dvec3(-0.1, -0.05, 0.0));
+        assert_eq!(scan.laser[3], dvec3(0.1, 0.05, 0.0), "the second row comes from the right");
+        for turn in [Turn::default(), Turn::parse(Some("x"), Some(90)).unwrap()] {
+            let (capture, pair_of) = scan.pairs(turn);
+            let wanted = if turn == Turn::default() { [3, 2] } else { [2, 3] };
+            assert_eq!(capture.scan, wanted);
+            for (point, pair) in pair_of.iter().enumerate() {
+                let alone =
+                    Capture::new([1, 1], vec![scan.laser[point]], vec![scan.laser[point]], 1, 1.0, vec![1.0]);
+                assert!(capture.laser[*pair].distance(alone.turned(turn).laser[0]) < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn points_are_read_from_text() {
+        let text = "# by hand\nx,y,z\n0,0,0\n0 0.1 0\n0.1;0;0\n0.1\t0.1\t0\n";
+        let scan = Scan::of_text(text).unwrap();
+        assert!(scan.points() == 4 && scan.is_confocal());
+        assert_eq!(scan.pairs(Turn::default()).0.scan, [2, 2]);
+        let apart = Scan::of_text("0,0,0,1,0,0\n0,0.1,0,1,0,0").unwrap();
+        assert!(!apart.is_confocal() && apart.sensor[1] == dvec3(1.0, 0.0, 0.0));
+        assert_eq!(apart.pairs(Turn::default()).0.scan, [1, 2]);
+        for (text, words) in
+            [("", "no point"), ("0,0\n0,x", "line 2"), ("1", "line 1"), ("1,2,inf", "line 1")]
+        {
+            assert!(Scan::of_text(text).unwrap_err().what.contains(words), "{text}");
+        }
+        for grid in [[0, 3], [1, 1], [usize::MAX, 2]] {
+            assert!(Scan::grid(grid, 1.0, false).is_err());
+        }
+        assert!(Scan::grid([2, 2], f64::NAN, false).is_err());
+    }
+}

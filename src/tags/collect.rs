@@ -1,0 +1,125 @@
+//! The second pass over a file of time tags: photons into cells of delay, point by point.
+
+use super::cuts::{Cuts, NONE, Span};
+use super::{Curves, Event, Tags};
+use crate::error::{Error, Result};
+
+/// Counts of each point by delay.
+#[derive(Debug, Default)]
+pub(super) struct Cells {
+    /// `[point * cells + cell]`.
+    pub counts: Vec<u32>,
+    /// Cells of a point.
+    pub cells: usize,
+    /// Seconds of a cell.
+    pub width: f64,
+    /// Laser pulses of each point, if known.
+    pub pulses: Option<Vec<u64>>,
+    /// Photons of the detector that belong to no point.
+    pub outside: u64,
+    /// Photons behind the last cell.
+    pub late: u64,
+}
+
+/// No counts, with room for them.
+fn room(points: usize, cells: usize) -> Result<Vec<u32>> {
+    let too_large = || {
+        Error::memory(
+            format!("the histograms of {points} points and {cells} cells of delay do not fit in memory"),
+            "choose wider bins, or an earlier last delay",
+        )
+    };
+    let all = points.checked_mul(cells).filter(|n| *n <= isize::MAX as usize / 8).ok_or_else(too_large)?;
+    let mut counts = vec![];
+    counts.try_reserve_exact(all).map_err(|_| too_large())?;
+    counts.resize(all, 0);
+    Ok(counts)
+}
+
+impl Cells {
+    /// The photons of a detector. `ticks` ticks are a cell.
+    pub(super) fn of_tags(
+        tags: &Tags,
+        detector: i32,
+        spans: &[Span],
+        points: usize,
+        ticks: i64,
+        cells: usize,
+    ) -> Result<Cells> {
+        let (cuts, pulses) = Cuts::of(spans, points);
+        let mut counts = room(points, cells)?;
+        let (mut at, mut outside, mut late) = (0, 0, 0);
+        // A division takes longer than all the rest; most files have a power of two.
+        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
+        tags.events(|event| {
+            let Event::Photon { channel, sync, delay } = event else { return };
+            if channel != detector {
+                return;
+            }
+            let point = cuts.point(sync, &mut at);
+            if point == NONE {
+                outside += 1;
+                return;
+            }
+            let cell = shift.map_or_else(|| delay / ticks, |bits| delay >> bits) as usize;
+            if cell >= cells {
+                late += 1;
+                return;
+            }
+            let count = &mut counts[point as usize * cells + cell];
+            *count = count.saturating_add(1);
+        })?;
+        Ok(Cells { counts, cells, width: ticks as f64 * tags.tick, pulses: Some(pulses), outside, late })
+    }
+
+    /// The histograms of an instrument, one for each point.
+    pub(super) fn of_curves(
+        curves: &Curves,
+        points: usize,
+        ticks: usize,
+        last: Option<f64>,
+    ) -> Result<Cells> {
+        let all = &curves.curves;
+        if all.len() != points {
+            return Err(Error::options(
+                format!("the file holds {} histograms for {points} points", all.len()),
+                "give the points of these histograms, in their order",
+            ));
+        }
+        let tick = all[0].tick;
+        if let Some(other) = all.iter().position(|c| c.tick != tick || c.counts.len() != all[0].counts.len())
+        {
+            return Err(Error::input(
+                format!("histogram {other} has other bins than histogram 0"),
+                "measure all points with one resolution",
+            ));
+        }
+        let whole = all[0].counts.len();
+        let used = last.map_or(whole, |last| ((last / tick).ceil().max(1.0) as usize).min(whole));
+        let cells = used.div_ceil(ticks);
+        let mut counts = room(points, cells)?;
+        let mut late = 0;
+        for (curve, counts) in all.iter().zip(counts.chunks_exact_mut(cells)) {
+            for (from, to) in curve.counts[..used].chunks(ticks).zip(counts) {
+                *to = from.iter().fold(0, |sum, n| sum.saturating_add(*n));
+            }
+            late += curve.counts[used..].iter().map(|n| u64::from(*n)).sum::<u64>();
+        }
+        Ok(Cells { counts, cells, width: ticks as f64 * tick, pulses: None, outside: 0, late })
+    }
+
+    /// The counts of a point.
+    pub(super) fn of(&self, point: usize) -> &[u32] {
+        &self.counts[point * self.cells..(point + 1) * self.cells]
+    }
+
+    /// Number of points.
+    pub(super) fn points(&self) -> usize {
+        self.counts.len() / self.cells.max(1)
+    }
+
+    /// All counts.
+    pub(super) fn total(&self) -> u64 {
+        self.counts.iter().map(|n| u64::from(*n)).sum()
+    }
+}

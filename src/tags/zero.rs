@@ -1,0 +1,120 @@
+//! The delay of path 0, for each point of a scan.
+//!
+//! In a confocal scan, the strongest light of a point comes from the wall itself: from the laser to the wall point and from
+//! there to the sensor. Taken as path 0, it removes both legs and the delays of cables and electronics at once.
+
+use rayon::prelude::*;
+
+use super::collect::Cells;
+use crate::error::{Error, Result};
+
+/// What delay is path 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Zero {
+    /// The peak of direct light of each point; only for confocal scans.
+    Direct,
+    /// This delay, seconds, for all points: legs are not removed.
+    At(f64),
+}
+
+/// The peak must stand above all else of its point by so many standard deviations of the noise there.
+const CLEAR: f64 = 6.0;
+/// Cells at least this share of the peak belong to it.
+const PART: f64 = 0.5;
+/// At least this share of the points must have a direct peak.
+const MOST: f64 = 0.5;
+
+/// The delay of each point's direct peak in cells (the middle of cell c is c + 0.5), `None` where there is none. Peaks of
+/// neighbours cannot differ by more than `reach` cells.
+pub(super) fn direct(cells: &Cells, reach: f64) -> Result<Vec<Option<f64>>> {
+    let all = |range: Option<[f64; 2]>| -> Vec<Option<f64>> {
+        (0..cells.points()).into_par_iter().map(|point| peak(cells.of(point), range)).collect()
+    };
+    let mut first = all(None);
+    let mut known: Vec<f64> = first.iter().flatten().copied().collect();
+    if known.is_empty() {
+        return Err(none(0, first.len()));
+    }
+    let middle = known.len() / 2;
+    let usual = *known.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let near = [usual - reach, usual + reach];
+    let is_near = |delay: &Option<f64>| delay.is_some_and(|d| (near[0]..=near[1]).contains(&d));
+    if !first.iter().all(is_near) {
+        let second = all(Some(near));
+        for (delay, again) in first.iter_mut().zip(second) {
+            if !is_near(delay) {
+                *delay = again;
+            }
+        }
+    }
+    let found = first.iter().flatten().count();
+    if (found as f64) < MOST * first.len() as f64 {
+        return Err(none(found, first.len()));
+    }
+    Ok(first)
+}
+
+fn none(found: usize, points: usize) -> Error {
+    Error::input(
+        format!("{found} of {points} points have a clear peak of direct light"),
+        "give the delay of path 0 in place of the direct peak; check that the detector is not gated off when direct light comes",
+    )
+}
+
+/// The middle of the strongest peak, in cells, among those of a range; `None` if it does not stand out.
+fn peak(counts: &[u32], range: Option<[f64; 2]>) -> Option<f64> {
+    let end = counts.len();
+    let [from, to] = range.map_or([0, end], |r| r.map(|v| (v.max(0.0) as usize).min(end)));
+    // Three cells together: single photons make no peak.
+    let around =
+        |c: usize| counts[c.saturating_sub(1)..(c + 2).min(end)].iter().map(|n| u64::from(*n)).sum::<u64>();
+    let best = (from..to).rev().max_by_key(|c| around(*c))?;
+    let total: u64 = counts.iter().map(|n| u64::from(*n)).sum();
+    let noise = 3.0 * total as f64 / end as f64;
+    if (around(best) as f64) < noise + CLEAR * (noise + 1.0).sqrt() {
+        return None;
+    }
+    let level = PART * around(best) as f64;
+    let first = (0..best).rev().find(|c| (around(*c) as f64) < level).map_or(0, |c| c + 1);
+    let last = (best..end).find(|c| (around(*c) as f64) < level).unwrap_or(end);
+    let (mut sum, mut moment) = (0.0, 0.0);
+    for (c, count) in counts.iter().enumerate().take(last).skip(first) {
+        sum += f64::from(*count);
+        moment += f64::from(*count) * (c as f64 + 0.5);
+    }
+    (sum > 0.0).then(|| moment / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(rows: &[Vec<u32>]) -> Cells {
+        Cells { counts: rows.concat(), cells: rows[0].len(), width: 1e-12, ..Cells::default() }
+    }
+
+    fn row(peaks: &[(usize, u32)]) -> Vec<u32> {
+        let mut row: Vec<u32> = (0..200).map(|c| (c * 7 % 3) as u32).collect();
+        for (at, count) in peaks {
+            for (c, share) in [(at - 1, 2), (*at, 4), (at + 1, 2)] {
+                row[c] += count * share / 4;
+            }
+        }
+        row
+    }
+
+    #[test]
+    fn the_direct_peak_is_found_point_by_point() {
+        let rows = [row(&[(50, 400)]), row(&[(55, 400), (140, 40)]), row(&[(52, 300), (150, 900)]), row(&[])];
+        let found = direct(&cells(&rows), 10.0).unwrap();
+        for (delay, wanted) in found.iter().zip([Some(50.5), Some(55.5), Some(52.5), None]) {
+            match (delay, wanted) {
+                (Some(delay), Some(wanted)) => assert!((delay - wanted).abs() < 0.05, "{delay} {wanted}"),
+                (delay, wanted) => assert_eq!(*delay, wanted),
+            }
+        }
+        let dark = [row(&[]), row(&[]), row(&[(50, 400)])];
+        assert!(direct(&cells(&dark), 10.0).unwrap_err().what.contains("1 of 3"));
+        assert!(direct(&cells(&dark[..2]), 10.0).unwrap_err().what.contains("0 of 2"));
+    }
+}

@@ -1,0 +1,5 @@
+//! Time tags: decoders, histograms, an instrument from end to end.
+
+mod histograms;
+mod instrument;
+mod records;

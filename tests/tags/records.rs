@@ -1,0 +1,203 @@
+//! Every record of every format, and files that are damaged.
+
+use std::path::Path;
+
+use fixtures::captures::{assert_error, place};
+use fixtures::tags::{TYPES, Writer, csv, dump, is_t3, phu, varied, write};
+use thirdbounce::Kind;
+use thirdbounce::tags::{Curves, Event, Inputs, Passed, Record, Survey, Tags, is_picoquant};
+
+fn all(path: &Path, inputs: &Inputs) -> (Vec<Record>, Passed) {
+    let mut found = vec![];
+    let passed = Tags::open(path, inputs).unwrap().records(|record| found.push(record)).unwrap();
+    (found, passed)
+}
+
+#[test]
+fn every_record_type_is_read_tag_for_tag() {
+    let (_folder, path) = place("made.ptu");
+    for (number, name) in TYPES {
+        let writer = varied(number, 30_000);
+        write(&path, writer.file(4e-12, 1e-7, &[]));
+        let (found, passed) = all(&path, &Inputs::default());
+        assert!(found == writer.wanted, "{name}");
+        assert_eq!((passed.records, passed.unknown), (writer.words.len() as u64, 0), "{name}");
+        assert_eq!(passed.notes, Vec::<String>::new(), "{name}");
+        let tags = Tags::open(&path, &Inputs::default()).unwrap();
+        assert_eq!(tags.tick, 4e-12);
+        assert_eq!(tags.period, is_t3(number).then_some(1e-7), "{name}");
+        assert!(tags.instrument.starts_with(&name[..7]), "{} {name}", tags.instrument);
+        assert!(is_picoquant(&path));
+    }
+}
+
+#[test]
+fn dumps_and_text_are_read_tag_for_tag() {
+    let records: Vec<_> = varied(0x0001_0207, 20_000).wanted;
+    // One marker at a time has a channel of its own.
+    let one = |r: &Record| !matches!(r, Record::Marker { bits, .. } if bits.count_ones() > 1);
+    let records: Vec<_> = records.into_iter().filter(one).collect();
+    let inputs = Inputs { sync: 0, markers: (100..104).collect() };
+    let (_folder, path) = place("tags.csv");
+    write(&path, csv(&records));
+    assert!(all(&path, &inputs).0 == records);
+    let path = path.with_extension("dump");
+    write(&path, dump(&records));
+    assert!(all(&path, &inputs).0 == records);
+    // Overflows and missed events are told; a cut tag is left out.
+    let mut bytes = dump(&records[..3]);
+    bytes.extend([4, 0, 7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    bytes.extend([9; 16]);
+    bytes.extend([0; 5]);
+    write(&path, bytes);
+    let (found, passed) = all(&path, &inputs);
+    assert!(found == records[..3] && passed.unknown == 1);
+    for words in ["missed 7 events", "5 bytes", "1 records of no known kind"] {
+        assert!(passed.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", passed.notes);
+    }
+    let wrong = Inputs { sync: 1, markers: vec![1] };
+    assert_error(Tags::open(&path, &wrong).map(drop), Kind::Options, &["laser pulses channel 1"]);
+}
+
+#[test]
+fn times_become_delays_from_the_laser_pulse() {
+    let (_folder, path) = place("made.ptu");
+    for (number, name) in TYPES {
+        let mut writer = Writer::new(number);
+        let t3 = is_t3(number);
+        let period = 50_000;
+        // Photons before the first laser pulse have no delay.
+        if !t3 {
+            writer.photon(2, 5, 0);
+        }
+        let mut wanted = vec![];
+        for sync in 0..3000 {
+            let start = 1000 + sync * period;
+            writer.sync(start);
+            if sync % 7 == 0 {
+                writer.marker(5, if t3 { sync } else { start + 40 });
+                wanted.push(Event::Marker { bits: 5, sync });
+            }
+            if sync % 3 == 0 {
+                let delay = sync % 4000;
+                writer.photon(1, if t3 { sync } else { start + delay }, delay as u32);
+                wanted.push(Event::Photon { channel: 1, sync, delay });
+            }
+        }
+        write(&path, writer.file(4e-12, 2e-7, &[]));
+        let mut found = vec![];
+        let tags = Tags::open(&path, &Inputs::default()).unwrap();
+        let passed = tags.events(|event| found.push(event)).unwrap();
+        assert!(found == wanted, "{name}");
+        assert_eq!(passed.without_sync, u64::from(!t3), "{name}");
+        let survey = Survey::of(&tags).unwrap();
+        assert!((survey.period.unwrap() / 2e-7 - 1.0).abs() < 1e-9, "{name}: {:?}", survey.period);
+        assert_eq!(survey.channels[0].photons, 1000);
+        assert_eq!((survey.markers.len(), survey.out_of_order), (429, 0));
+    }
+}
+
+#[test]
+fn what_is_missing_at_the_end_is_told() {
+    let (_folder, path) = place("made.ptu");
+    let writer = varied(0x0001_0307, 1000);
+    let whole = writer.file(4e-12, 1e-7, &[]);
+    let records = writer.words.len();
+    for cut in [1, 3, 4, 402] {
+        write(&path, &whole[..whole.len() - cut]);
+        let (found, passed) = all(&path, &Inputs::default());
+        assert!(writer.wanted.starts_with(&found) && found.len() < writer.wanted.len());
+        let left = records - cut.div_ceil(4);
+        let note = format!("the file ends after {left} of its {records} records");
+        assert!(passed.notes[0].starts_with(&note), "{:?}", passed.notes);
+    }
+    // More than the header says is not read: some programs append data of their own.
+    let mut more = whole.clone();
+    more.extend([0xFF; 64]);
+    write(&path, &more);
+    assert!(all(&path, &Inputs::default()).0 == writer.wanted);
+    // A measurement that was ended by force does not know its records.
+    let at = whole.windows(24).position(|w| w == b"TTResult_NumberOfRecords").unwrap() + 40;
+    let mut unsaid = whole.clone();
+    unsaid[at..at + 8].fill(0);
+    unsaid.extend([1, 2]);
+    write(&path, &unsaid);
+    let (found, passed) = all(&path, &Inputs::default());
+    assert!(found == writer.wanted && passed.notes[0].contains("2 bytes"), "{:?}", passed.notes);
+}
+
+#[test]
+fn damaged_files_are_refused_and_never_panic() {
+    let (_folder, path) = place("made.ptu");
+    let mut state = 77u64;
+    let mut random = move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize
+    };
+    for number in [0x0001_0203, 0x0001_0303, 0x0001_0204, 0x0001_0307] {
+        let good = varied(number, 300).file(4e-12, 1e-7, &[]);
+        let header = good.windows(10).position(|w| w == b"Header_End").unwrap() + 48;
+        for length in (0..header).step_by(7) {
+            write(&path, &good[..length]);
+            let opened = Tags::open(&path, &Inputs::default()).map(drop);
+            let error = opened.expect_err("a header that is cut");
+            assert!(error.what.starts_with(&path.display().to_string()), "{error}");
+            assert!(error.kind == Kind::Input && !error.mend.to_string().is_empty());
+        }
+        for _ in 0..300 {
+            let mut bad = good.clone();
+            for _ in 0..1 + random() % 4 {
+                let at = random() % bad.len();
+                bad[at] = random() as u8;
+            }
+            write(&path, &bad);
+            if let Ok(tags) = Tags::open(&path, &Inputs::default()) {
+                let mut last = 0;
+                let heard = |event| {
+                    if let Event::Photon { delay, .. } = event {
+                        last = delay;
+                    }
+                };
+                drop(tags.events(heard));
+                drop(Survey::of(&tags));
+                std::hint::black_box(last);
+            }
+        }
+    }
+    for (name, text, words) in [
+        ("other.ptu", "not a file of tags", "no file of time tags"),
+        ("empty.csv", "", "is empty"),
+        ("missing.ptu", "-", "no such file"),
+    ] {
+        let path = path.with_file_name(name);
+        if text != "-" {
+            write(&path, text);
+        }
+        assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &[name, words]);
+    }
+    // A pipe is refused before its writer is waited for.
+    let pipe = path.with_file_name("pipe.ptu");
+    if std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|made| made.success()) {
+        assert_error(Tags::open(&pipe, &Inputs::default()).map(drop), Kind::Input, &["regular file"]);
+        assert!(!Curves::is_one(&pipe) && !is_picoquant(&pipe));
+    }
+    let unknown = Writer::new(0x0001_0309).file(4e-12, 1e-7, &[]);
+    write(&path, unknown);
+    assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &["0x00010309"]);
+}
+
+#[test]
+fn histograms_of_an_instrument_are_read() {
+    let (_folder, path) = place("made.phu");
+    let curves: Vec<Vec<u32>> = (0..5).map(|c| (0..100).map(|b| c * 1000 + b * b).collect()).collect();
+    let bytes = phu(&curves, 16e-12);
+    write(&path, &bytes);
+    let read = Curves::read(&path).unwrap();
+    assert!(Curves::is_one(&path) && is_picoquant(&path));
+    assert!(read.curves.iter().map(|c| &c.counts).eq(&curves) && read.curves[3].tick == 16e-12);
+    for cut in [1, 4, 2000, bytes.len() - 40] {
+        write(&path, &bytes[..bytes.len() - cut]);
+        assert_error(Curves::read(&path), Kind::Input, &["made.phu", "cut"]);
+    }
+    assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &["PHU"]);
+}
