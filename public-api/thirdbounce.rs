@@ -594,6 +594,22 @@ pub mod export {
         pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {}
         pub fn read_truth(path: &Path) -> Result<Truth> {}
     }
+    pub mod page {
+        #[derive(Debug, Clone, Serialize)]
+        #[private_fields]
+        pub struct Light {}
+        impl Light {
+            pub fn of(capture: &Capture) -> Light {}
+        }
+        pub fn write(
+            path: &Path,
+            title: &str,
+            maps: &Maps,
+            light: &Light,
+            report: &Report,
+            notes: &[String],
+        ) -> Result<()> {}
+    }
     pub mod picture {
         pub const BACKGROUND: [u8; 3] = [20, 20, 26];
         pub const INK: [u8; 3] = [230, 230, 230];
@@ -2459,6 +2475,7 @@ pub mod session {
     pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
     #[derive(Default)]
     pub struct SessionOptions {
+        pub sum: Option<usize>,
         pub memory: Option<u64>,
         pub mask_fraction: Option<f64>,
         pub with_volume: bool,
@@ -2888,17 +2905,21 @@ pub mod solve {
             pub after: Option<Moment>,
             pub taken: Option<Moment>,
         }
-        pub struct Lending<'n>(pub &'n dyn Needs);
+        pub struct Lending<'n>(pub &'n dyn Needs, pub LentRows);
         impl Needs for Lending<'_> {}
+        impl LentRows {
+            pub fn of_bins(bins: usize) -> LentRows {}
+        }
         pub fn tally_of(
             from: Buffer,
-            bins: usize,
+            rows: LentRows,
             format: Format,
             ends: &[usize],
         ) -> Schedule {}
         pub fn intake(
             plan: &Plan,
             rows: &Rows,
+            lent: LentRows,
             format: Format,
             [factor,
             below,
@@ -3320,7 +3341,12 @@ pub mod solve {
             pub refined: Option<usize>,
             pub more_taps: [usize; 2],
             pub cosine_volume: bool,
-            pub lent: bool,
+            pub lent: Option<LentRows>,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct LentRows {
+            pub counts: usize,
+            pub sum: usize,
         }
         pub trait Needs {
             fn demand(&self) -> Demand;
@@ -3356,7 +3382,7 @@ pub mod solve {
             pub pulse_deviation: f64,
             pub tap_sets: usize,
             pub tap_room: usize,
-            pub lent: bool,
+            pub lent: Option<LentRows>,
             pub curved: bool,
             pub scanned: usize,
             pub others: usize,
@@ -3418,10 +3444,10 @@ pub mod solve {
             ) -> Result<Reconstruction>;
             fn give(
                 &mut self,
-                content: &[u8],
-                to: &Lent,
-                done: Option<Moment>,
-            ) -> Result<()>;
+                _content: &[u8],
+                _to: &Lent,
+                _done: Option<Moment>,
+            ) -> Result<()> {}
         }
         impl Planned {
             pub fn new(
@@ -3484,6 +3510,7 @@ pub mod solve {
                 abilities: &Abilities,
                 with_volume: bool,
             ) -> Result<Plan>;
+            fn needs(&self) -> Option<&dyn Needs> {}
             fn outline(&self, plan: &Plan) -> Vec<Part>;
             fn prepare(
                 &self,
@@ -3669,7 +3696,7 @@ pub mod solve {
             #[derive(Debug, Clone, Copy, Default, PartialEq)]
             pub struct Frames {
                 pub follow: Option<Follow>,
-                pub lent: bool,
+                pub lent: Option<LentRows>,
             }
             pub fn prepare_for_frames(
                 gpu: &Gpu,
@@ -3779,8 +3806,8 @@ pub mod solve {
     pub use over_pairs::sum_bins;
     pub use paper::{Decay, NoiseTerm, PaperOptions};
     pub use plan::{
-        Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, PairPart, Pass,
-        Plan, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
+        Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs,
+        PairPart, Pass, Plan, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
     };
     pub use prepared::Prepared;
     pub use result::{Reconstruction, TakenOff};
