@@ -51,7 +51,7 @@ impl Lent {
     /// shared with the queue's family, or belongs to it. Nobody writes it while a frame reads it, and nobody uses it while
     /// a frame writes it.
     pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<Lent> {
-        if offset % 4 != 0 || bytes % 4 != 0 || bytes == 0 {
+        if !offset.is_multiple_of(4) || !bytes.is_multiple_of(4) || bytes == 0 {
             return Err(Error::options(
                 format!("{bytes} bytes of a buffer from byte {offset} on"),
                 "give whole words of 4 bytes, at least one",
@@ -246,7 +246,11 @@ impl Executor {
         done: Option<Moment>,
     ) -> Result<()> {
         let bytes = content.len() as u64;
-        assert!(bytes <= to.bytes && bytes % 4 == 0, "{bytes} bytes are given into {} lent bytes", to.bytes);
+        assert!(
+            bytes <= to.bytes && bytes.is_multiple_of(4),
+            "{bytes} bytes are given into {} lent bytes",
+            to.bytes
+        );
         self.settle()?;
         let source = *self.arena.get(through);
         let parts = content.chunks(source.bytes as usize / 4 * 4);
