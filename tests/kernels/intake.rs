@@ -11,11 +11,11 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model, Reflectance, Rows, twin};
 
 /// Counts of 30 pairs: three for a bin but the last, which has two.
-const ROWS: LentRows = LentRows { counts: 122, sum: 3 };
+pub const ROWS: LentRows = LentRows { counts: 122, sum: 3 };
 const BINS: usize = 41;
 
 /// A plan for lent counts of 30 pairs with 41 bins, of which bins 3 to 36 are kept, in another order of pairs.
-fn lending(gpu: &Gpu, grid: &Grid) -> (OnDevice, Rows) {
+pub fn lending(gpu: &Gpu, grid: &Grid) -> (OnDevice, Rows) {
     let points: Vec<_> =
         (0..30).map(|i| dvec3(0.1 * f64::from(i % 6), 0.1 * f64::from(i / 6), 0.0)).collect();
     let scan = Capture::new([6, 5], points.clone(), points, BINS, 0.05, vec![]);
@@ -28,7 +28,7 @@ fn lending(gpu: &Gpu, grid: &Grid) -> (OnDevice, Rows) {
 }
 
 /// Counts of the pairs as a buffer has them in this format, and the values of their bins.
-fn counts(format: Format, random: &mut Random) -> (Vec<u32>, Vec<f64>) {
+pub fn counts(format: Format, random: &mut Random) -> (Vec<u32>, Vec<f64>) {
     let values: Vec<f64> = (0..30 * ROWS.counts).map(|_| random.uniform(0.0, 60_000.0).floor()).collect();
     let words: Vec<u32> = match format {
         Format::F32 => values.iter().map(|v| (*v as f32).to_bits()).collect(),
@@ -74,13 +74,18 @@ pub fn counts_are_summed_over_slices_of_pairs() {
     assert_valid(&gpu);
 }
 
+/// Writes which of a caller's rows are the model's.
+pub fn write_rows_of(job: &mut OnDevice, rows: &Rows) {
+    let words: Vec<u32> = [0, 0].into_iter().chain(rows.pairs().iter().map(|p| *p as u32)).collect();
+    write(job, buffer::ROWS, &words);
+}
+
 #[test]
 pub fn counts_become_the_measurement() {
     let gpu = gpu();
     let grid = grid();
     let (mut job, rows) = lending(&gpu, &grid);
-    let words: Vec<u32> = [0, 0].into_iter().chain(rows.pairs().iter().map(|p| *p as u32)).collect();
-    write(&mut job, buffer::ROWS, &words);
+    write_rows_of(&mut job, &rows);
     let mut random = Random::new(4);
     for format in FORMATS {
         let (words, values) = counts(format, &mut random);

@@ -10,9 +10,11 @@ use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::surface::{self, Placed};
 use thirdbounce::solve::vector::follow::{self, passes::*};
-use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper, sum_bins, vector};
+use thirdbounce::solve::{Accumulation, Format, NoiseTerm, OnDevice, intake, paper, sum_bins, vector};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Model, Reflectance};
+
+use crate::intake::{ROWS, counts, lending, write_rows_of};
 
 /// More than 65,535 groups, in rows.
 const WIDE: [u32; 3] = [GROUPS_X, 2, 1];
@@ -165,10 +167,20 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     left(&mut job, 2, &[buffer::HEIGHTS])
 }
 
+fn lent_counts(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    let (mut job, rows) = lending(gpu, &grid());
+    write_rows_of(&mut job, &rows);
+    let (words, _) = counts(Format::F32, &mut Random::new(7));
+    write(&mut job, buffer::HISTOGRAMS, &words);
+    let taken = intake(&job.plan, &rows, ROWS, Format::F32, [0.5, 3.0]);
+    runs.run(&mut job, taken);
+    left(&mut job, 0, &[buffer::MEASURED])
+}
+
 #[test]
 fn groups_beyond_the_work_write_nothing() {
     let mut seen = BTreeSet::new();
-    for solve in [paper_solve, vector_solve, surface_solve] {
+    for solve in [paper_solve, vector_solve, surface_solve, lent_counts] {
         let [plain, wide] = [false, true].map(|wide| {
             // Dropped at the end: no canary was touched.
             let gpu = gpu();
