@@ -102,10 +102,11 @@ fn solved(session: &mut Session, counts: &[f32]) -> Vec<u32> {
     bits(&session.wait().unwrap().result)
 }
 
-/// The bits of a solve of its own.
+/// The bits of a solve of its own, in the bins that a session takes.
 fn alone(gpu: &Gpu, scan: &Capture, solver: &SolverOptions, counts: &[f32]) -> Vec<u32> {
     let grid = default_grid(scan, solver).unwrap();
     let capture = changed(scan, |c| c.histograms = counts.to_vec());
+    let capture = capture.binned(solver.usual_sum(scan, None)).unwrap();
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     bits(&solver.solve(gpu, &capture, grid, None, true, &mut unwatched(&mut hear)).unwrap())
 }
