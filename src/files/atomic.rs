@@ -9,7 +9,8 @@ use super::staging::{aside, sweep};
 use crate::error::{Error, Result};
 
 /// Writes `bytes` to `path`: first to a temporary file in the same folder, which is then renamed to `path`. Missing
-/// folders are created. On an error nothing is left behind, and an older file at `path` does not change.
+/// folders are created. On an error nothing is left behind, and an older file at `path` does not change. A link stays: the
+/// file that it names is replaced. A device or a pipe (`/dev/null`, `/dev/stdout`) stays too, and gets the bytes.
 ///
 /// # Errors
 /// `Kind::Output`, naming the path and what to do.
@@ -31,14 +32,17 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
     if path.is_dir() {
         return Err(Error::output(format!("{}: is a folder", path.display()), "give the name of a file"));
     }
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
+    let stream = is_stream(path);
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.into());
+    let folder = match target.parent() {
+        _ if stream => std::env::temp_dir(),
+        Some(folder) if !folder.as_os_str().is_empty() => folder.into(),
+        _ => PathBuf::from("."),
     };
-    create_dir(folder)?;
-    let prefix = format!(".{}.", name.to_string_lossy());
-    sweep(folder, &prefix);
-    let temporary = Temporary(aside(folder, &prefix));
+    create_dir(&folder)?;
+    let prefix = format!(".{}.", target.file_name().unwrap_or(name).to_string_lossy());
+    sweep(&folder, &prefix);
+    let temporary = Temporary(aside(&folder, &prefix));
     let fault = next_fault();
     if let Some(fault) = fault {
         begin(fault, &temporary.0).map_err(|e| cannot(path, &e))?;
@@ -50,7 +54,21 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
     if fault == Some(DiskFault::Unmoved) {
         return Err(cannot(path, &ErrorKind::PermissionDenied.into()));
     }
-    fs::rename(&temporary.0, path).map_err(|e| cannot(path, &e))
+    let moved = if stream { pour(&temporary.0, path) } else { fs::rename(&temporary.0, &target) };
+    moved.map_err(|e| cannot(path, &e))
+}
+
+/// Whether `path` takes bytes but is no file that another may replace: a device, a pipe, or an open file of a process.
+pub fn is_stream(path: &Path) -> bool {
+    let open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
+    let open = open.iter().any(|name| path.starts_with(name)) && path.exists();
+    open || fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+fn pour(from: &Path, to: &Path) -> std::io::Result<()> {
+    // Standard output may be a file that already has text.
+    let mut to = fs::OpenOptions::new().append(true).open(to)?;
+    std::io::copy(&mut fs::File::open(from)?, &mut to).map(|_| ())
 }
 
 /// A fault of the disk, for tests.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::files::atomic::cannot;
+use crate::files::atomic::{cannot, is_stream};
 use crate::files::staging;
 use crate::{Error, Result};
 
@@ -59,6 +59,9 @@ pub fn check_file(file: &Path) -> Result<()> {
             format!("{}: is a folder", file.display()),
             "give the name of a file in it",
         ));
+    }
+    if is_stream(file) {
+        return Ok(());
     }
     check_folder(file.parent().unwrap_or(Path::new(".")))
 }

@@ -377,6 +377,39 @@ fn a_failed_write_keeps_the_old_file() {
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
 }
 
+/// What another program reads from, and what a link names, may not be replaced by a file of ours: least of all `/dev/null`.
+#[cfg(unix)]
+#[test]
+fn links_pipes_and_devices_stay() {
+    use std::os::unix::fs::{FileTypeExt, symlink};
+    let (folder, file) = place("file");
+    let at = |name: &str| folder.path().join(name);
+    let kind = |path: &Path| std::fs::symlink_metadata(path).unwrap().file_type();
+
+    std::fs::write(&file, "old").unwrap();
+    symlink(&file, at("link")).unwrap();
+    atomic::write(&at("link"), b"new").unwrap();
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "new");
+    assert!(kind(&at("link")).is_symlink());
+
+    let pipe = at("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = std::thread::spawn({
+        let pipe = pipe.clone();
+        move || std::fs::read_to_string(pipe).unwrap()
+    });
+    atomic::write(&pipe, b"through").unwrap();
+    assert!(kind(&pipe).is_fifo());
+    assert_eq!(reader.join().unwrap(), "through");
+
+    symlink("/dev/null", at("null")).unwrap();
+    atomic::write(&at("null"), b"nowhere").unwrap();
+    assert!(kind(&at("null")).is_symlink() && kind(Path::new("/dev/null")).is_char_device());
+    symlink("/dev/full", at("full")).unwrap();
+    assert_error(atomic::write(&at("full"), b"x"), Kind::Output, &["full", "the disk is full"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "no temporary file is left");
+}
+
 #[test]
 fn impossible_places_are_errors() {
     let (folder, path) = place("file");

@@ -100,6 +100,12 @@ fn paths() -> Vec<String> {
         let _ = std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o000));
     }
     let text = |p: &Path| p.display().to_string();
+    // By a link: a program that replaces what it is told to write to then harms the link alone.
+    let device = folder.join("null");
+    #[cfg(unix)]
+    if !device.is_symlink() {
+        std::os::unix::fs::symlink("/dev/null", &device).expect("a link");
+    }
     vec![
         String::new(),
         text(&folder.join("missing.npz")),
@@ -108,7 +114,7 @@ fn paths() -> Vec<String> {
         text(&garbage.join("below")),
         text(&hidden),
         "/proc/nowhere/file.npz".into(),
-        "/dev/null".into(),
+        text(&device),
     ]
 }
 
@@ -222,6 +228,8 @@ pub fn rows(share: Share) -> Vec<Row> {
             });
         }
     });
+    let device = files().folder().join("null");
+    assert!(device.is_symlink() || cfg!(not(unix)), "a run replaced a device by a file");
     rows.into_inner().expect("no panic").into_values().collect()
 }
 
