@@ -2905,8 +2905,6 @@ pub mod solve {
             pub after: Option<Moment>,
             pub taken: Option<Moment>,
         }
-        pub struct Lending<'n>(pub &'n dyn Needs, pub LentRows);
-        impl Needs for Lending<'_> {}
         impl LentRows {
             pub fn of_bins(bins: usize) -> LentRows {}
         }
@@ -3698,6 +3696,8 @@ pub mod solve {
                 pub follow: Option<Follow>,
                 pub lent: Option<LentRows>,
             }
+            pub struct ForFrames<'o>(pub &'o VectorOptions, pub Frames);
+            impl Needs for ForFrames<'_> {}
             pub fn prepare_for_frames(
                 gpu: &Gpu,
                 capture: &Capture,
@@ -3776,7 +3776,7 @@ pub mod solve {
         pub use follow::Follow;
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
-        pub use prepared::{Frames, prepare, prepare_for_frames};
+        pub use prepared::{ForFrames, Frames, prepare, prepare_for_frames};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub use trial::{Left, PAIRS, Start, Trial};
@@ -3799,7 +3799,7 @@ pub mod solve {
     pub use drive::{Beside, Doing, Progress, Watch};
     pub use estimate::{background, expected_noise, variance_per_count, variances};
     pub use extent::default_volume;
-    pub use intake::{Format, Lending, LentCounts, intake, tally_of};
+    pub use intake::{Format, LentCounts, intake, tally_of};
     pub use on_device::{OnDevice, VolumeMap, upload};
     pub use option::{Preset, Suit};
     pub use outline::{Part, Step, When};

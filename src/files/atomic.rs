@@ -59,7 +59,7 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
 }
 
 /// Whether `path` takes bytes but is no file that another may replace: a device, a pipe, or an open file of a process.
-pub fn is_stream(path: &Path) -> bool {
+pub(crate) fn is_stream(path: &Path) -> bool {
     let open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     let open = open.iter().any(|name| path.starts_with(name)) && path.exists();
     open || fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())

@@ -10,6 +10,7 @@
 //! solution of the one before. A session may move between threads. Several sessions may share a device, each with
 //! buffers and a thread of its own.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -122,7 +123,7 @@ impl Session {
             scan.check_counts(&scan.histograms)?;
         }
         let sum = options.sum.unwrap_or_else(|| solver.usual_sum(scan, None));
-        let summed = scan.binned(sum)?;
+        let summed = in_bins(scan, sum)?;
         let grid = match grid {
             Some(grid) => grid,
             None => grid_of(&summed, solver)?,
@@ -290,7 +291,12 @@ impl Drop for Session {
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    grid_of(&scan.binned(solver.usual_sum(scan, None))?, solver)
+    grid_of(&*in_bins(scan, solver.usual_sum(scan, None))?, solver)
+}
+
+/// The scan with so many of its bins in one.
+fn in_bins(scan: &Capture, sum: usize) -> Result<Cow<'_, Capture>> {
+    if sum == 1 { Ok(Cow::Borrowed(scan)) } else { scan.binned(sum).map(Cow::Owned) }
 }
 
 /// The grid of a scan in the bins that the solver takes.

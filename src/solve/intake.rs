@@ -4,10 +4,10 @@
 use super::on_device::{OnDevice, Uploads, upload};
 use super::over_pairs::groups;
 use super::passes::{INTAKE, TALLY};
-use super::{Demand, LeftOut, LentRows, Level, Needs, Pass, Plan};
+use super::{LentRows, Plan};
 use crate::capture::negative::quiet_bins;
 use crate::gpu::caller::{Lent, Moment};
-use crate::gpu::{Buffer, Constant, Gpu, Schedule};
+use crate::gpu::{Buffer, Gpu, Schedule};
 use crate::transport::kernels::*;
 use crate::transport::{Moments, Rows};
 use crate::{Error, Result};
@@ -60,43 +60,6 @@ impl LentCounts {
     /// The device fails.
     pub(crate) fn release(&mut self, gpu: &Gpu) -> Result<()> {
         self.taken.take().map_or(Ok(()), |taken| gpu.signal(taken))
-    }
-}
-
-/// What a solver needs of a plan if such rows of counts may lie in a caller's buffer.
-pub struct Lending<'n>(pub &'n dyn Needs, pub LentRows);
-
-impl Needs for Lending<'_> {
-    fn demand(&self) -> Demand {
-        Demand { lent: Some(self.1), ..self.0.demand() }
-    }
-
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        self.0.capacities(levels)
-    }
-
-    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        self.0.constants(plan)
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        self.0.passes()
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        self.0.buffers(plan)
-    }
-
-    fn betas(&self) -> [f64; 2] {
-        self.0.betas()
-    }
-
-    fn volumes(&self, plan: &Plan) -> [Buffer; 2] {
-        self.0.volumes(plan)
-    }
-
-    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        self.0.left_out(plan, out);
     }
 }
 

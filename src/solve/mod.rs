@@ -36,7 +36,7 @@ pub use drive::{Beside, Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub use extent::default_volume;
 pub(crate) use intake::check_scan as check_lent_scan;
-pub use intake::{Format, Lending, LentCounts, intake, tally_of};
+pub use intake::{Format, LentCounts, intake, tally_of};
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
 pub use outline::{Part, Step, When};

@@ -6,7 +6,8 @@ use glam::dvec3;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Command, Gpu, Schedule};
 use thirdbounce::solve::passes::TALLY;
-use thirdbounce::solve::{Format, Lending, LentRows, OnDevice, intake, tally_of};
+use thirdbounce::solve::vector::{ForFrames, Frames};
+use thirdbounce::solve::{Format, LentRows, OnDevice, intake, tally_of};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model, Reflectance, Rows, twin};
 
@@ -23,7 +24,8 @@ pub fn lending(gpu: &Gpu, grid: &Grid) -> (OnDevice, Rows) {
     rows.reorder(&(0..30).map(|i| i * 7 % 30).collect::<Vec<_>>());
     rows.crop(3..36);
     model.bins = 33;
-    let job = job(gpu, &model, grid, &Lending(&vector_options(grid), ROWS));
+    let job =
+        job(gpu, &model, grid, &ForFrames(&vector_options(grid), Frames { lent: Some(ROWS), follow: None }));
     (job, rows)
 }
 

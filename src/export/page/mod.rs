@@ -36,8 +36,8 @@ pub struct Light {
     /// x, y, z of each pair, metres.
     laser: Vec<f32>,
     sensor: Vec<f32>,
-    /// All pairs have the same laser point, so the sensor scans.
-    one_laser: bool,
+    /// Whether the laser is the side that scans.
+    laser_scans: bool,
     /// Full width at half maximum of the pulse, metres of path.
     pulse: f64,
     counts: Numbers,
@@ -66,7 +66,7 @@ impl Light {
             t_start: capture.t_start,
             laser: points(&capture.laser),
             sensor: points(&capture.sensor),
-            one_laser: capture.laser.iter().all(|p| *p == capture.laser[0]),
+            laser_scans: capture.laser_scans(),
             pulse: capture.pulse.as_ref().map_or(0.0, |p| p.fwhm()),
             counts: Numbers::of(counts.into_iter()),
         }

@@ -16,7 +16,7 @@ const confidence = data.maps.confidence && numbers(data.maps.confidence);
 const normal = Float32Array.from(new Int8Array(bytes(data.maps.normal)), v => v / 127);
 const mask = new Uint8Array(bytes(data.maps.mask));
 const counts = numbers(data.light.counts);
-const { bins, bin_width, t_start, laser, sensor, one_laser, pulse } = data.light;
+const { bins, bin_width, t_start, laser, sensor, laser_scans, pulse } = data.light;
 const pairs = laser.length / 3;
 const pixel = [(extent[1] - extent[0]) / nx, (extent[3] - extent[2]) / ny];
 const place = i => [extent[0] + (Math.floor(i / ny) + .5) * pixel[0], extent[2] + (i % ny + .5) * pixel[1], depth[i]];
@@ -95,14 +95,14 @@ const path = (p, at) => arm(laser, p, at) + arm(sensor, p, at);
 // The light of the surface in a pair's bins, by the reflectance that was used, without a scale.
 function rendered(p) {
   const light = new Float32Array(bins), model = data.report.settings.model;
-  const scanned = one_laser ? sensor : laser;
+  const scanned = laser_scans ? laser : sensor;
   const cosine = (points, i, at, d) => [0, 1, 2].reduce((s, c) => s + normal[3 * i + c] * (points[3 * p + c] - at[c]) / d, 0);
   for (let i = 0; i < nx * ny; i++) {
     if (!isSurface(i)) continue;
     const at = place(i), there = arm(laser, p, at), back = arm(sensor, p, at);
     let value = albedo[i] / (there * back);
     if (model !== "retroreflective") value /= there * back;
-    if (model === "cosine") value *= Math.max(0, cosine(scanned, i, at, one_laser ? back : there));
+    if (model === "cosine") value *= Math.max(0, cosine(scanned, i, at, laser_scans ? there : back));
     if (model === "lambertian") {
       value *= Math.max(0, cosine(laser, i, at, there)) * Math.max(0, cosine(sensor, i, at, back));
       value *= Math.abs(at[2] - laser[3 * p + 2]) / there * Math.abs(at[2] - sensor[3 * p + 2]) / back;
@@ -154,7 +154,7 @@ function drawHistogram() {
 }
 
 // The wall.
-const wall = element("wall"), moving = one_laser ? sensor : laser;
+const wall = element("wall"), moving = laser_scans ? laser : sensor;
 const box = [0, 1].map(c => { const all = Array.from({ length: pairs }, (_, p) => moving[3 * p + c]); return [Math.min(...all), Math.max(...all)]; });
 const reach = Math.max(box[0][1] - box[0][0], box[1][1] - box[1][0]) || 1, dot = Math.max(3, .85 * 280 / Math.sqrt(pairs));
 const onWall = p => [10 + 280 * (moving[3 * p] - box[0][0]) / reach, 290 - 280 * (moving[3 * p + 1] - box[1][0]) / reach];

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, Planes, Spare, fast_length, turn};
+use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn};
 use super::resample::{Cumulative, linear};
 use crate::capture::Capture;
 use crate::transport::Grid;
@@ -149,6 +149,28 @@ pub(super) fn filter_planes(
         backward.plane(wide, scan.n[0], spare);
         out_of_wide(wide, padded, plane, scan.n);
     });
+}
+
+/// The spectra over the padded scan of points' spectra `[point * frequencies + frequency]`:
+/// `[(frequency * padded[1] + ky) * padded[0] + kx]`.
+pub(super) fn plane_waves(scan: &RegularScan, of_points: Vec<Complex>) -> Vec<Complex> {
+    let (points, padded) = (scan.points(), scan.padded());
+    let frequencies = of_points.len() / points;
+    let mut of_frequencies = vec![Complex::default(); of_points.len()];
+    transpose(&of_points, &mut of_frequencies, [points, frequencies]);
+    drop(of_points);
+    let forward = Planes::forward(padded);
+    let mut all = vec![Complex::default(); padded[0] * padded[1] * frequencies];
+    all.par_chunks_mut(padded[0] * padded[1]).zip(of_frequencies.par_chunks(points)).for_each_init(
+        Default::default,
+        |s, (to, plane)| {
+            let (wide, spare): &mut (Vec<Complex>, Spare) = s;
+            in_wide(plane, scan.n, padded, wide);
+            forward.spectrum(wide, scan.n[0], spare);
+            to.copy_from_slice(wide);
+        },
+    );
+    all
 }
 
 /// Puts a plane of `n` places into the corner of one of `padded` places.

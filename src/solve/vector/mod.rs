@@ -41,7 +41,7 @@ mod trial;
 pub use follow::Follow;
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
-pub use prepared::{Frames, prepare, prepare_for_frames};
+pub use prepared::{ForFrames, Frames, prepare, prepare_for_frames};
 pub use preview::preview;
 pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};

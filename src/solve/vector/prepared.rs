@@ -4,25 +4,27 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::beyond::{self, Beyond, Search};
-use super::follow::{self, Follow, Following, Pace, rate};
+use super::follow::{self, Follow, Pace, rate};
 use super::{
     VectorOptions, albedo_of, iteration, make_ready, outline_of, solve_volume, steps, stop_below, take,
 };
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
-use crate::gpu::{Gpu, Schedule};
+use crate::gpu::{Buffer, Constant, Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
-use crate::solve::intake::{self, Lending, LentCounts};
+use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
 use crate::solve::plan::LentRows;
+use crate::solve::plan::pass::Pass;
 use crate::solve::prepared::Planned;
 use crate::solve::result::{TakenOff, finish};
 use crate::solve::surface::{self, GoOn, energy};
 use crate::solve::{
-    Beside, Keep, Needs, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
+    Beside, Demand, Keep, LeftOut, Level, Needs, OnDevice, Plan, Prepared, Reconstruction, TracePoint,
+    domain, outline, passes,
 };
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Rows};
@@ -54,6 +56,36 @@ pub struct Frames {
     pub lent: Option<LentRows>,
 }
 
+/// What the solver needs of a plan for frames of a session.
+pub struct ForFrames<'o>(pub &'o VectorOptions, pub Frames);
+
+impl Needs for ForFrames<'_> {
+    fn demand(&self) -> Demand {
+        Demand { lent: self.1.lent, ..self.0.demand() }
+    }
+
+    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
+        self.0.capacities(levels)
+    }
+
+    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
+        self.0.constants(plan)
+    }
+
+    fn passes(&self) -> Vec<&'static Pass> {
+        let of_frames = if self.1.follow.is_some() { follow::passes::ALL } else { &[] };
+        [&Needs::passes(self.0)[..], of_frames].concat()
+    }
+
+    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
+        self.0.buffers(plan)
+    }
+
+    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
+        self.0.left_out(plan, out);
+    }
+}
+
 /// As [`prepare`], for frames of a session.
 ///
 /// # Errors
@@ -71,12 +103,9 @@ pub fn prepare_for_frames(
     let how = frames.follow;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
-    let following = Following(options);
-    let needs: &dyn Needs = if how.is_some() { &following } else { options };
-    let lending = frames.lent.map(|rows| Lending(needs, rows));
-    let needs = lending.as_ref().map_or(needs, |lending| lending as &dyn Needs);
-    let plan = Plan::new(&outline, grid, capture.resolution(), needs, &gpu.abilities(), with_volume)?;
-    let plan = plan.within(needs, &gpu.memory(), memory)?;
+    let needs = ForFrames(options, frames);
+    let plan = Plan::new(&outline, grid, capture.resolution(), &needs, &gpu.abilities(), with_volume)?;
+    let plan = plan.within(&needs, &gpu.memory(), memory)?;
     if (how.is_some() || frames.lent.is_some()) && plan.cut.is_some() {
         return Err(Error::memory(
             "frames that follow each other, or lie in a caller's buffer, need all pairs on the device at once: they fit only in parts",

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{Volume, on_grid};
-use super::light_cone::in_wide;
+use super::light_cone::plane_waves;
 use super::options::ImageOptions;
 use super::resample::linear;
 use super::{HostMethod, RegularScan, host_method};
@@ -161,22 +161,7 @@ impl FkOptions {
                 to.copy_from_slice(&values[..frequencies]);
             },
         );
-        let mut of_frequencies = vec![Complex::default(); points * frequencies];
-        transpose(&of_points, &mut of_frequencies, [points, frequencies]);
-        drop(of_points);
-        let padded = scan.padded();
-        let forward = Planes::forward(padded);
-        let mut spectra = vec![Complex::default(); padded[0] * padded[1] * frequencies];
-        spectra.par_chunks_mut(padded[0] * padded[1]).zip(of_frequencies.par_chunks(points)).for_each_init(
-            Default::default,
-            |s, (to, plane)| {
-                let (wide, spare): &mut (Vec<Complex>, Spare) = s;
-                in_wide(plane, scan.n, padded, wide);
-                forward.spectrum(wide, scan.n[0], spare);
-                to.copy_from_slice(wide);
-            },
-        );
-        spectra
+        plane_waves(scan, of_points)
     }
 }
 

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{Volume, on_grid};
-use super::light_cone::in_wide;
+use super::light_cone::plane_waves;
 use super::options::ImageOptions;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
@@ -171,22 +171,7 @@ fn wave_at_wall(capture: &Capture, scan: &RegularScan, band: &Band) -> Vec<Compl
             *to = value * turn(-omega * centre) * *weight as f32;
         }
     });
-    let mut of_band = vec![Complex::default(); points * count];
-    transpose(&of_points, &mut of_band, [points, count]);
-    drop(of_points);
-    let padded = scan.padded();
-    let forward = Planes::forward(padded);
-    let mut all = vec![Complex::default(); padded[0] * padded[1] * count];
-    all.par_chunks_mut(padded[0] * padded[1]).zip(of_band.par_chunks(points)).for_each_init(
-        Default::default,
-        |s, (to, plane)| {
-            let (wide, spare): &mut (Vec<Complex>, Spare) = s;
-            in_wide(plane, scan.n, padded, wide);
-            forward.spectrum(wide, scan.n[0], spare);
-            to.copy_from_slice(wide);
-        },
-    );
-    all
+    plane_waves(scan, of_points)
 }
 
 /// A plane wave: its wave number along z, and the depth from which on it has come from beyond the padded scan. `None` if

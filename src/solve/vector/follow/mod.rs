@@ -16,11 +16,10 @@ use std::time::Duration;
 use super::passes::*;
 use super::schedule::{backproject, bounds, settle};
 use super::{VectorOptions, iteration};
-use crate::gpu::{Buffer, Constant, Schedule};
+use crate::gpu::Schedule;
 use crate::solve::over_pairs::{arguments, compare, forward, groups, over_parts, scene_of_sums};
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL};
-use crate::solve::plan::pass::Pass;
-use crate::solve::plan::{Demand, LeftOut, Level, Needs, SEEN};
+use crate::solve::plan::{Level, SEEN};
 use crate::solve::{Plan, domain};
 use crate::transport::Model;
 use crate::transport::kernels::*;
@@ -88,35 +87,6 @@ pub(super) fn change(left: f64, before: f64, empty: f64) -> f64 {
     match empty - before {
         explained if explained > 0.0 => (left - before) / explained,
         _ => f64::NAN,
-    }
-}
-
-/// What the vector solver needs of a plan if frames follow each other.
-pub(super) struct Following<'o>(pub &'o VectorOptions);
-
-impl Needs for Following<'_> {
-    fn demand(&self) -> Demand {
-        self.0.demand()
-    }
-
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        self.0.capacities(levels)
-    }
-
-    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        self.0.constants(plan)
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        [&Needs::passes(self.0)[..], passes::ALL].concat()
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        self.0.buffers(plan)
-    }
-
-    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        self.0.left_out(plan, out);
     }
 }
 
