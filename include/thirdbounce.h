@@ -130,13 +130,17 @@ typedef struct tb_scan {
     // The same of the laser's and of the sensor's spot on the wall, metres; 0 for points.
     double laser_spot;
     double sensor_spot;
+    // The counts of a frame, bin b of pair p at [p * bins + b], copied. The box ends where their light does, and quick solves
+    // find the model and the pulse that nobody gave. NULL: the box ends where the bins do, and the model is cosine unless
+    // `options` of tb_settings says otherwise.
+    const float *counts;
 } tb_scan;
 
 // What a progress function is told.
 typedef struct tb_progress {
     // sizeof(tb_progress) of the library.
     size_t size;
-    // The frame.
+    // The frame; 0 while `tb_session_new` looks for the model and the pulse.
     uint64_t frame;
     // Iterations done, and iterations of the whole frame.
     size_t iteration;
@@ -158,13 +162,14 @@ typedef struct tb_settings {
     const char *solver;
     // Lateral pixels of the maps; 0: the solver's default.
     size_t lateral;
-    // Further options of the solver as "name=value name=value", by their names on the command line; NULL: none.
+    // Further options of the solver as "name=value name=value", by their names on the command line, "model=lambertian" among
+    // them; NULL: none.
     const char *options;
     // Most device memory to use, bytes; 0: what is free.
     uint64_t memory;
     // A frame that takes longer is stopped, seconds; 0: none is.
     double time_limit;
-    // Hears of the progress. Called by the session's own thread; it must not call functions of this session but
+    // Hears of the progress. Called by the session's own thread, and by `tb_session_new` while it looks for model and pulse; it must not call functions of this session but
     // `tb_session_cancel`.
     tb_hear hear;
     // Given to `hear`.

@@ -1527,46 +1527,6 @@ pub mod job {
             tell: &mut dyn FnMut(&Told),
         ) -> Result<Tally> {}
     }
-    mod bins {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-        pub enum Bins {
-            Auto,
-            Native,
-            Sum(usize),
-        }
-        impl fmt::Display for Bins {}
-        impl FromStr for Bins {
-            type Err = Error;
-        }
-        impl Serialize for Bins {}
-    }
-    mod choice {
-        #[derive(Debug, Clone, Default, PartialEq)]
-        pub struct Choice {
-            pub solver: Option<String>,
-            pub model: Option<String>,
-            pub preset: Option<Preset>,
-            pub options: Vec<(&'static str, Value)>,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Resolved {
-            pub preset: Preset,
-            pub why: Option<&'static str>,
-            pub solver: SolverOptions,
-            pub models: Vec<SolverOptions>,
-        }
-        impl Choice {
-            pub fn over(self, base: &Choice) -> Choice {}
-            pub fn check(&self) -> Result<()> {}
-            pub fn seed(&self) -> u64 {}
-            pub fn solver_name(&self) -> &str {}
-            pub fn foreign(&self) -> Option<&'static str> {}
-            pub fn resolve(&self, capture: &Capture) -> Resolved {}
-        }
-        impl Resolved {
-            pub fn request(self) -> Request {}
-        }
-    }
     pub mod compare {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Method {
@@ -1957,12 +1917,6 @@ pub mod job {
         ) -> Result<Finished> {}
     }
     mod request {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum FindPulse {
-            Never,
-            IfItShows,
-            Always,
-        }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Request {
             pub preset: Option<Preset>,
@@ -1996,7 +1950,11 @@ pub mod job {
                 solver: impl Into<SolverOptions>,
                 out: impl Into<PathBuf>,
             ) -> Request {}
+            pub fn discretisation(&self) -> Discretisation {}
             pub fn grid(&self, capture: &Capture) -> Result<Grid> {}
+        }
+        impl Resolved {
+            pub fn request(self) -> Request {}
         }
         pub fn memory_bytes(text: &str) -> Result<u64> {}
     }
@@ -2068,55 +2026,6 @@ pub mod job {
         pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
         pub fn read(path: &Path) -> Result<Kept> {}
     }
-    pub mod trials {
-        mod model {
-            pub const MODELS: [Reflectance; 3] = [
-                Reflectance::Cosine,
-                Reflectance::Lambertian,
-                Reflectance::Retroreflective,
-            ];
-            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-            pub struct Refuted {
-                pub reflectance: Reflectance,
-                pub surface: f64,
-                pub volume: f64,
-            }
-            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-            pub struct FoundModel {
-                pub reflectance: Reflectance,
-                pub trials: Vec<(Reflectance, f64, Option<f64>)>,
-                pub refuted: Option<Refuted>,
-                pub failed: Option<String>,
-            }
-            impl FoundModel {
-                pub fn note(&self) -> String {}
-            }
-        }
-        mod pulse {
-            #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-            pub struct FoundPulse {
-                pub fwhm: f64,
-                pub trials: Vec<[f64; 2]>,
-                pub seconds: f64,
-                pub failed: Option<String>,
-            }
-            impl FoundPulse {
-                pub fn pulse(&self) -> Result<Option<Pulse>> {}
-                pub fn note(&self) -> String {}
-            }
-        }
-        pub use model::{FoundModel, MODELS, Refuted};
-        pub use pulse::FoundPulse;
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Found {
-            pub model: Option<FoundModel>,
-            pub pulse: Option<FoundPulse>,
-            pub seconds: f64,
-        }
-        impl Found {
-            pub fn notes(&self) -> Vec<String> {}
-        }
-    }
     mod words {
         pub fn plain(value: &impl serde::Serialize) -> String {}
         pub fn write_json(
@@ -2125,22 +2034,20 @@ pub mod job {
             indented: bool,
         ) -> Result<()> {}
     }
-    pub use crate::solve::{SolverOptions, check_solver, reflectance};
+    pub use crate::solve::{Bins, SolverOptions, check_solver, reflectance};
+    pub use crate::trials::{Choice, FindPulse, MODELS, Resolved, preset_for};
     pub use advice::suggestions;
     pub use batch::{Batch, batch};
-    pub use bins::Bins;
-    pub use choice::{Choice, Resolved};
     pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
     pub use histogram::{Histogramming, histogram};
     pub use inspect::{Inspection, inspect, schedule};
     pub use places::{PREVIEW, check_file};
-    pub use request::{FindPulse, Request, memory_bytes};
+    pub use request::{Request, memory_bytes};
     pub use run::{Outcome, Solved, run, solve};
     pub use simulated::{Simulated, Simulation, simulate};
     pub use sizes::usual_pipeline_cache;
-    pub use trials::MODELS;
     pub use words::{plain, write_json};
     #[derive(Debug, Clone, Default, PartialEq)]
     pub struct Input {
@@ -2188,7 +2095,6 @@ pub mod job {
         scan: &tags::Scan,
         asked: &tags::Asked,
     ) -> Result<Loaded> {}
-    pub fn preset_for(capture: &Capture) -> Preset {}
 }
 #[cfg(feature = "formats")]
 pub mod live {
@@ -2707,6 +2613,19 @@ pub mod simulate {
     pub use wall::WallShape;
 }
 pub mod solve {
+    mod bins {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+        pub enum Bins {
+            Auto,
+            Native,
+            Sum(usize),
+        }
+        impl fmt::Display for Bins {}
+        impl FromStr for Bins {
+            type Err = Error;
+        }
+        impl Serialize for Bins {}
+    }
     mod checkpoint {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct Identity {
@@ -2847,6 +2766,37 @@ pub mod solve {
             result: &mut Reconstruction,
             snapshots: &mut [(usize, Maps)],
         ) {}
+    }
+    mod discretisation {
+        #[derive(Debug, Clone, Copy, Default, PartialEq)]
+        pub struct Discretisation {
+            pub bins: Bins,
+            pub depth_pitch: Option<f64>,
+            pub volume: Option<Volume>,
+        }
+        pub struct Ready<'c> {
+            pub capture: Cow<'c, Capture>,
+            pub grid: Grid,
+            pub sum: usize,
+        }
+        impl Discretisation {
+            pub fn ready<'c>(
+                &self,
+                solver: &SolverOptions,
+                capture: Cow<'c, Capture>,
+            ) -> Result<Ready<'c>> {}
+            pub fn summed<'c>(
+                &self,
+                solver: &SolverOptions,
+                capture: Cow<'c, Capture>,
+            ) -> Result<(Cow<'c, Capture>, usize)> {}
+            pub fn sum(&self, solver: &SolverOptions, capture: &Capture) -> usize {}
+            pub fn grid(
+                &self,
+                solver: &SolverOptions,
+                capture: &Capture,
+            ) -> Result<Grid> {}
+        }
     }
     mod domain {
         pub fn compact(plan: &Plan, level: &Level) -> Schedule {}
@@ -3793,8 +3743,10 @@ pub mod solve {
         pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {}
         pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {}
     }
+    pub use bins::Bins;
     pub use checkpoint::{Checkpoint, Identity, Keep};
     pub use conditions::conclude;
+    pub use discretisation::{Discretisation, Ready};
     pub use domain::{compact, extract};
     pub use drive::{Beside, Doing, Progress, Watch};
     pub use estimate::{background, expected_noise, variance_per_count, variances};
@@ -4150,6 +4102,13 @@ pub mod transport {
             Isotropic,
         }
         impl Reflectance {
+            pub const ALL: [Reflectance; 4] = [
+                Reflectance::Cosine,
+                Reflectance::Lambertian,
+                Reflectance::Retroreflective,
+                Reflectance::Isotropic,
+            ];
+            pub fn name(self) -> &'static str {}
             pub fn has_normals(self) -> bool {}
             pub fn number(self) -> u32 {}
         }
@@ -4645,5 +4604,125 @@ pub mod transport {
     pub use spot::{Rendered, Spot, SpotTaps};
     pub use spread::spread_order;
     pub use wall::{Geometry, Wall};
+}
+pub mod trials {
+    mod choice {
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Choice {
+            pub solver: Option<String>,
+            pub model: Option<String>,
+            pub preset: Option<Preset>,
+            pub options: Vec<(&'static str, Value)>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Resolved {
+            pub preset: Preset,
+            pub why: Option<&'static str>,
+            pub solver: SolverOptions,
+            pub models: Vec<SolverOptions>,
+        }
+        impl Choice {
+            pub fn over(self, base: &Choice) -> Choice {}
+            pub fn check(&self) -> Result<()> {}
+            pub fn seed(&self) -> u64 {}
+            pub fn solver_name(&self) -> &str {}
+            pub fn foreign(&self) -> Option<&'static str> {}
+            pub fn resolve(&self, capture: &Capture) -> Resolved {}
+        }
+        impl Resolved {
+            pub fn find_pulse(&self) -> FindPulse {}
+            pub fn tune(
+                &self,
+                gpu: &Gpu,
+                frame: &Capture,
+                memory: Option<u64>,
+                hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+            ) -> Result<Tuned> {}
+        }
+        #[derive(Debug, Clone)]
+        pub struct Tuned {
+            pub solver: SolverOptions,
+            pub scan: Capture,
+            pub found: Found,
+        }
+        pub fn preset_for(capture: &Capture) -> Preset {}
+    }
+    mod model {
+        pub const MODELS: [Reflectance; 3] = [
+            Reflectance::Cosine,
+            Reflectance::Lambertian,
+            Reflectance::Retroreflective,
+        ];
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct Refuted {
+            pub reflectance: Reflectance,
+            pub surface: f64,
+            pub volume: f64,
+        }
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct FoundModel {
+            pub reflectance: Reflectance,
+            pub trials: Vec<(Reflectance, f64, Option<f64>)>,
+            pub refuted: Option<Refuted>,
+            pub failed: Option<String>,
+        }
+        impl FoundModel {
+            pub fn note(&self) -> String {}
+        }
+    }
+    mod pulse {
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct FoundPulse {
+            pub fwhm: f64,
+            pub trials: Vec<[f64; 2]>,
+            pub seconds: f64,
+            pub failed: Option<String>,
+        }
+        impl FoundPulse {
+            pub fn pulse(&self) -> Result<Option<Pulse>> {}
+            pub fn note(&self) -> String {}
+        }
+    }
+    pub use choice::{Choice, Resolved, Tuned, preset_for};
+    pub use model::{FoundModel, MODELS, Refuted};
+    pub use pulse::FoundPulse;
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum FindPulse {
+        Never,
+        IfItShows,
+        Always,
+    }
+    #[derive(Debug, Clone, Copy)]
+    pub struct Ask<'a> {
+        pub solver: &'a SolverOptions,
+        pub models: &'a [SolverOptions],
+        pub find_pulse: FindPulse,
+        pub discretisation: Discretisation,
+        pub memory: Option<u64>,
+    }
+    impl Ask<'_> {
+        pub fn find_pulse(&self, capture: &Capture) -> FindPulse {}
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Found {
+        pub model: Option<FoundModel>,
+        pub pulse: Option<FoundPulse>,
+        pub seconds: f64,
+    }
+    impl Found {
+        pub fn notes(&self) -> Vec<String> {}
+        pub fn settle<'c>(
+            &self,
+            solver: &SolverOptions,
+            models: &[SolverOptions],
+            capture: &'c Capture,
+        ) -> Result<(SolverOptions, Cow<'c, Capture>)> {}
+    }
+    pub fn find(
+        ask: &Ask<'_>,
+        capture: &Capture,
+        gpu: &Gpu,
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Found> {}
 }
 pub use error::{Error, Kind, Result, panic_message};

@@ -6,8 +6,6 @@
 
 mod advice;
 pub mod batch;
-mod bins;
-mod choice;
 pub mod compare;
 pub mod demo;
 mod evaluate;
@@ -15,6 +13,7 @@ mod histogram;
 pub mod inspect;
 mod overview;
 mod places;
+mod planned;
 mod preview;
 pub mod profile;
 mod reconstruct;
@@ -24,7 +23,6 @@ mod run;
 mod simulated;
 mod sizes;
 pub mod state_file;
-pub mod trials;
 mod words;
 
 use std::path::PathBuf;
@@ -35,23 +33,21 @@ use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate};
 use crate::solve::Preset;
 use crate::tags;
 
-pub use crate::solve::{SolverOptions, check_solver, reflectance};
+pub use crate::solve::{Bins, SolverOptions, check_solver, reflectance};
+pub use crate::trials::{Choice, FindPulse, MODELS, Resolved, preset_for};
 
 pub use advice::suggestions;
 pub use batch::{Batch, batch};
-pub use bins::Bins;
-pub use choice::{Choice, Resolved};
 pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use histogram::{Histogramming, histogram};
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file};
-pub use request::{FindPulse, Request, memory_bytes};
+pub use request::{Request, memory_bytes};
 pub use run::{Outcome, Solved, run, solve};
 pub use simulated::{Simulated, Simulation, simulate};
 pub use sizes::usual_pipeline_cache;
-pub use trials::MODELS;
 pub use words::{plain, write_json};
 
 /// A capture, and the part of it that is used.
@@ -241,11 +237,4 @@ fn prepared(
     capture.check().map_err(|e| if is_file { e.at(input.path.display()) } else { e })?;
     let seconds = start.elapsed().as_secs_f64();
     Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
-}
-
-/// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a
-/// detector made them.
-pub fn preset_for(capture: &Capture) -> Preset {
-    let measured = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
-    if measured { Preset::Captured } else { Preset::Synthetic }
 }

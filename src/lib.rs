@@ -54,5 +54,6 @@ pub mod solve;
 #[cfg(feature = "formats")]
 pub mod tags;
 pub mod transport;
+pub mod trials;
 
 pub use error::{Error, Kind, Result, panic_message};

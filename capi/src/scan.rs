@@ -38,6 +38,10 @@ pub struct TbScan {
     /// The same of the laser's and of the sensor's spot on the wall, metres; 0 for points.
     pub laser_spot: f64,
     pub sensor_spot: f64,
+    /// The counts of a frame, bin b of pair p at [p * bins + b], copied. The box ends where their light does, and quick solves
+    /// find the model and the pulse that nobody gave. NULL: the box ends where the bins do, and the model is cosine unless
+    /// `options` of tb_settings says otherwise.
+    pub counts: *const f32,
 }
 
 // SAFETY: it is `repr(C)` and begins with its size; zero is valid for all fields.
@@ -47,10 +51,10 @@ unsafe impl Versioned for TbScan {
 }
 
 impl TbScan {
-    /// The scan as a capture without counts.
+    /// The scan as a capture, with the counts that it has.
     ///
     /// # Safety
-    /// The arrays are NULL or hold three numbers for every pair.
+    /// The arrays are NULL or hold three numbers for every pair, `counts` a number for every bin of every pair.
     pub unsafe fn capture(&self) -> Result<Capture> {
         let pairs = self.points_x.checked_mul(self.points_y).filter(|n| *n > 0 && *n < 1 << 31);
         let Some(pairs) = pairs.filter(|_| !self.laser.is_null()) else {
@@ -67,7 +71,12 @@ impl TbScan {
             false => points(unsafe { std::slice::from_raw_parts(self.sensor, 3 * pairs) }),
         };
         let scan = [self.points_x, self.points_y];
-        let mut capture = Capture::new(scan, laser, sensor, self.bins, self.bin_width, vec![]);
+        let counts = match pairs.checked_mul(self.bins).filter(|_| !self.counts.is_null()) {
+            // SAFETY: as above.
+            Some(count) => unsafe { std::slice::from_raw_parts(self.counts, count) }.to_vec(),
+            None => vec![],
+        };
+        let mut capture = Capture::new(scan, laser, sensor, self.bins, self.bin_width, counts);
         capture.t_start = self.t_start;
         capture.integer_counts = self.photon_counts != 0;
         capture.pulse = (self.pulse_fwhm != 0.0).then(|| Pulse::gaussian(self.pulse_fwhm)).transpose()?;

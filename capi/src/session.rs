@@ -10,6 +10,7 @@ use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions};
 use engine::solve::option::{Suit, Value};
 use engine::solve::vector::Follow;
 use engine::solve::{Progress, SolverOptions};
+use engine::trials::Choice;
 use engine::{Error, Result};
 
 use crate::error::{TbStatus, guarded, options_error};
@@ -23,7 +24,7 @@ use crate::{TbDevice, log, text};
 pub struct TbProgress {
     /// sizeof(tb_progress) of the library.
     pub size: usize,
-    /// The frame.
+    /// The frame; 0 while `tb_session_new` looks for the model and the pulse.
     pub frame: u64,
     /// Iterations done, and iterations of the whole frame.
     pub iteration: usize,
@@ -47,13 +48,14 @@ pub struct TbSettings {
     pub solver: *const c_char,
     /// Lateral pixels of the maps; 0: the solver's default.
     pub lateral: usize,
-    /// Further options of the solver as "name=value name=value", by their names on the command line; NULL: none.
+    /// Further options of the solver as "name=value name=value", by their names on the command line, "model=lambertian" among
+    /// them; NULL: none.
     pub options: *const c_char,
     /// Most device memory to use, bytes; 0: what is free.
     pub memory: u64,
     /// A frame that takes longer is stopped, seconds; 0: none is.
     pub time_limit: f64,
-    /// Hears of the progress. Called by the session's own thread; it must not call functions of this session but
+    /// Hears of the progress. Called by the session's own thread, and by `tb_session_new` while it looks for model and pulse; it must not call functions of this session but
     /// `tb_session_cancel`.
     pub hear: TbHear,
     /// Given to `hear`.
@@ -159,12 +161,22 @@ pub unsafe extern "C" fn tb_session_new(
             (sized::read(scan)?.capture()?, settings)
         };
         capture.check_scan()?;
-        let (solver, options) = match &settings {
+        // SAFETY: as above.
+        let choice = unsafe { settings.as_ref().map(|s| s.choice()).transpose()?.unwrap_or_default() };
+        let mut options = match &settings {
             // SAFETY: as above.
-            Some(settings) => unsafe { (settings.solver(&Suit::of(&capture))?, settings.session_options()?) },
-            None => (chosen(SolverOptions::DEFAULT, &Suit::of(&capture))?, SessionOptions::default()),
+            Some(settings) => unsafe { settings.session_options()? },
+            None => SessionOptions::default(),
         };
-        let made = Session::new(&device.gpu, &capture, None, &solver, options)?;
+        let memory = options.memory;
+        // No frame has the number 0.
+        let mut hear = |p: &Progress| match &mut options.hear {
+            Some(hear) => hear(FrameId(0), p),
+            None => ControlFlow::Continue(()),
+        };
+        let tuned = choice.resolve(&capture).tune(&device.gpu, &capture, memory, &mut hear)?;
+        tuned.found.notes().iter().for_each(|note| log::note(note));
+        let made = Session::new(&device.gpu, &tuned.scan, None, &tuned.solver, options)?;
         let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
         log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().pairs));
         let canceller = made.canceller();
@@ -267,12 +279,6 @@ pub fn no_handle(what: &str) -> Error {
     options_error(format!("`{what}` is NULL"), "give the handle that was made")
 }
 
-fn chosen(name: &str, suit: &Suit) -> Result<SolverOptions> {
-    SolverOptions::suited_to(name, suit).ok_or_else(|| {
-        options_error(format!("there is no solver {name:?}"), "use \"vector\" or \"paper\", or NULL")
-    })
-}
-
 /// A pointer of the program's, for the session's thread.
 struct User(*mut c_void);
 
@@ -288,18 +294,19 @@ impl User {
 impl TbSettings {
     /// # Safety
     /// The strings are NULL or end with a zero.
-    unsafe fn solver(&self, suit: &Suit) -> Result<SolverOptions> {
+    unsafe fn choice(&self) -> Result<Choice> {
         // SAFETY: as the caller states.
         let [name, options] =
             unsafe { [text::of(self.solver, "solver")?, text::of(self.options, "options")?] };
-        let mut solver = chosen(name.unwrap_or(SolverOptions::DEFAULT), suit)?;
+        let mut choice = Choice { solver: name.map(String::from), ..Choice::default() };
+        choice.check()?;
         if self.lateral > 0 {
-            solver.set("lateral", &Value::Count(self.lateral));
+            choice.options.push(("lateral", Value::Count(self.lateral)));
         }
         for option in options.unwrap_or_default().split_whitespace() {
-            set(&mut solver, option)?;
+            set(&mut choice, option)?;
         }
-        Ok(solver)
+        choice.check().map(|()| choice)
     }
 
     /// # Safety
@@ -338,17 +345,21 @@ impl TbSettings {
     }
 }
 
-/// Sets an option from "name=value".
-fn set(solver: &mut SolverOptions, option: &str) -> Result<()> {
+/// Adds an option that is given as "name=value".
+fn set(choice: &mut Choice, option: &str) -> Result<()> {
     let wrong = |what: &str| {
         let mend = "see `thirdbounce help reconstruct` for names and values";
         Err(options_error(format!("the option \"{option}\" {what}"), mend))
     };
     let Some((name, text)) = option.split_once('=') else { return wrong("is not name=value") };
-    let key = name.replace('-', "_");
-    if solver.get(&key).is_none() {
-        return wrong("is none of this solver's");
+    if name == "model" {
+        choice.model = Some(text.into());
+        return Ok(());
     }
+    let key = name.replace('-', "_");
+    let mut solver = SolverOptions::suited_to(choice.solver_name(), &Suit::USUAL).expect("it was checked");
+    let rows = solver.solver().rows();
+    let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
     let values = [
         text.parse().ok().map(Value::Count),
         text.parse().ok().map(Value::Number),
@@ -356,11 +367,13 @@ fn set(solver: &mut SolverOptions, option: &str) -> Result<()> {
         Some(Value::Word(text.into())),
     ];
     // An option that does not take a value does not give it back.
-    let taken = values.into_iter().flatten().any(|value| {
-        solver.set(&key, &value);
-        solver.get(&key) == Some(value)
+    let taken = values.into_iter().flatten().find(|value| {
+        solver.set(row.key, value);
+        solver.get(row.key).as_ref() == Some(value)
     });
-    if taken { Ok(()) } else { wrong("has a value that it does not take") }
+    let Some(value) = taken else { return wrong("has a value that it does not take") };
+    choice.options.push((row.key, value));
+    Ok(())
 }
 
 impl TbProgress {

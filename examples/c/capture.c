@@ -100,6 +100,9 @@ int main(int count, char **arguments) {
     atomic_int heard = 0;
     tb_scan scan = {.size = sizeof scan, .points_x = SIDE, .points_y = SIDE, .laser = &camera->wall[0][0]};
     scan.bins = BINS, scan.bin_width = BIN_WIDTH, scan.photon_counts = 1;
+    /* A frame in which the session looks for the model of reflectance and the pulse. */
+    expose(camera, camera->newest, 0);
+    scan.counts = camera->newest;
     tb_settings settings = {.size = sizeof settings, .lateral = 32, .hear = hear, .user = &heard};
     settings.options = "iterations=20 beyond=false", settings.follow = 1;
     must(tb_session_new(device, &scan, &settings, &session), "making a session");

@@ -82,7 +82,6 @@ impl Session {
         // The session's own thread calls it: signals come to the thread that waits.
         let teller = Teller::new(progress, false);
         let raised = teller.raised();
-        let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
         let session = guarded(py, None, || {
             py.detach(|| {
                 let limit = time_limit.map(Duration::try_from_secs_f64).transpose();
@@ -90,12 +89,13 @@ impl Session {
                     limit.map_err(|e| Error::options(format!("time_limit: {e}"), "give seconds, or None"))?;
                 let choice = settings.choice()?;
                 scan.check_scan()?;
-                let solver = choice.resolve(&scan).solver;
                 let memory = settings.memory()?;
                 let gpu = devices::open(&settings.device)?;
+                let tuned = choice.resolve(&scan).tune(&gpu, &scan, memory, &mut |p| teller.hear(p))?;
+                let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
                 let options =
                     SessionOptions { memory, time_limit, hear: Some(hear), ..SessionOptions::default() };
-                engine_session::Session::new(&gpu, &scan, None, &solver, options)
+                engine_session::Session::new(&gpu, &tuned.scan, None, &tuned.solver, options)
             })
         })?;
         let canceller = session.canceller();

@@ -21,7 +21,8 @@ pub struct Args {
     /// (docs/live.md), or - for a stream on the standard input
     #[arg(required_unless_present = "listen")]
     source: Option<PathBuf>,
-    /// A capture with the points, bins, pulse and spots of all frames; its counts are not used
+    /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
+    /// quick trials find the model and the pulse, as in reconstruct
     #[arg(long, value_name = "CAPTURE")]
     capture: PathBuf,
     /// Take streams from programs that connect to this address, such as 127.0.0.1:7000. Other addresses than those of this
@@ -76,15 +77,20 @@ pub fn run(args: &Args) -> Result<()> {
         job::check_file(&out.join("maps.npz"))?;
     }
     let scan = capture::read(&args.capture)?;
-    let solver = args.solver.choice().resolve(&scan).solver.without_search();
+    let resolved = args.solver.choice().resolve(&scan);
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {
         print(&format!("page      http://{}/", page.address()));
     }
     interrupt::take_care();
+    let tuned = resolved.tune(&gpu, &scan, None, &mut |_| interrupt::asked())?;
+    if !args.quiet {
+        tuned.found.notes().iter().for_each(|note| say(note));
+    }
+    let solver = tuned.solver.without_search();
     let mut last = None;
-    let done = live::run(&gpu, &scan, &solver, options, &source, page.as_ref(), &mut |news| {
+    let done = live::run(&gpu, &tuned.scan, &solver, options, &source, page.as_ref(), &mut |news| {
         match news {
             News::Solved(frame, latency) => {
                 if !args.quiet {

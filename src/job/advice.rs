@@ -1,10 +1,10 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
-use super::request::Ready;
-use super::{Loaded, Request, trials};
+use super::{Loaded, Request, planned};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::{Capture, Gate};
 use crate::gpu::Gpu;
+use crate::solve::Ready;
 use crate::{Error, Kind};
 
 /// Replaces the advice of an error: if a job needs too much memory, the advice names options that would fit.
@@ -59,6 +59,6 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
 
 fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
     let with_volume = request.volume_file.is_some();
-    let Ok(Ready { capture, grid, .. }) = trials::at_most(request, capture) else { return false };
+    let Ok(Ready { capture, grid, .. }) = planned::at_most(request, capture) else { return false };
     request.solver.plan_within(&capture, grid, gpu, request.memory, with_volume).is_ok()
 }

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::report::box_of;
-use super::request::{Ready, summed_note};
-use super::{Loaded, Request, SolverOptions, advice, trials};
+use super::request::summed_note;
+use super::{Loaded, Request, SolverOptions, advice, planned};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
+use crate::solve::Ready;
 use crate::solve::{Accumulation, Part, Preset};
 use crate::{Error, Kind, Result};
 
@@ -75,7 +76,7 @@ pub struct Planned {
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.solver.check()?;
     let capture = &loaded.capture;
-    let Ready { capture: planned, grid, sum } = trials::to_plan(request, capture)?;
+    let Ready { capture: planned, grid, sum } = planned::to_plan(request, capture)?;
     let mut problems = Vec::new();
     let device = match request.open() {
         Ok(gpu) => Some(gpu),
@@ -94,7 +95,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
                 .into(),
         );
     }
-    if trials::finds_pulse(request, capture) {
+    if planned::finds_pulse(request, capture) {
         notes.push(
             "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
                 .into(),
@@ -149,7 +150,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
-    let Ready { capture: planned, grid, .. } = trials::to_plan(request, &loaded.capture)?;
+    let Ready { capture: planned, grid, .. } = planned::to_plan(request, &loaded.capture)?;
     let with_volume = request.volume_file.is_some();
     let plan = request.solver.plan_within(&planned, grid, &gpu, request.memory, with_volume);
     let plan = plan.map_err(|e| advice::advise(e, request, loaded, &gpu))?;

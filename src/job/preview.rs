@@ -9,12 +9,12 @@ use std::time::Instant;
 
 use super::Request;
 use super::places::PREVIEW;
-use super::request::Ready;
 use crate::capture::Capture;
 use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
+use crate::solve::Ready;
 use crate::solve::{Doing, Progress, TracePoint, vector};
 use crate::{Error, Kind, Result};
 

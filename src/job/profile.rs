@@ -27,6 +27,7 @@ use crate::export::{self, report};
 use crate::gpu::{Gpu, HostSpan, Recording};
 use crate::solve::{Plan, Progress};
 use crate::transport::Grid;
+use crate::trials;
 use crate::{Error, Result};
 
 pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
@@ -124,8 +125,8 @@ pub fn profile(
     say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     // Trials are no part of the profile.
-    let found = super::trials::find(&request, &loaded.capture, &gpu, hear)?;
-    let (request, capture) = found.settle(&request, &loaded.capture)?;
+    let found = trials::find(&request.ask(), &loaded.capture, &gpu, hear)?;
+    let (request, capture) = request.settled(&found, &loaded.capture)?;
     let with_pulse = match capture {
         Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),
         Cow::Borrowed(_) => None,

@@ -6,17 +6,16 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::preview::Preview;
-use super::request::Ready;
 use super::sizes;
 use super::state_file::{self, Kept};
-use super::trials::{self, Found};
 use super::{Loaded, Request, SolverOptions, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::{Beside, Checkpoint, Keep, Progress, Reconstruction, Watch, conclude};
+use crate::solve::{Beside, Checkpoint, Keep, Progress, Ready, Reconstruction, Watch, conclude};
 use crate::transport::Grid;
+use crate::trials::{self, Found};
 use crate::{Error, Kind, Result};
 
 /// The result of a solve, and its figures.
@@ -66,9 +65,9 @@ pub fn solve(
     });
     let found = match known {
         Some(found) => found,
-        None => trials::find(request, &loaded.capture, gpu, hear)?,
+        None => trials::find(&request.ask(), &loaded.capture, gpu, hear)?,
     };
-    let (settled, capture) = found.settle(request, &loaded.capture)?;
+    let (settled, capture) = request.settled(&found, &loaded.capture)?;
     let request = &settled;
     let Ready { capture, grid, sum } = request.ready(capture)?;
     let capture = &*capture;

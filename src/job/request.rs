@@ -3,25 +3,15 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use super::{Bins, SolverOptions, places};
+use super::{Bins, FindPulse, Resolved, SolverOptions, places};
 use crate::capture::Capture;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
-use crate::solve::{Preset, default_volume, pixel_of};
+use crate::solve::{Discretisation, Preset, Ready, pixel_of};
 use crate::transport::{Grid, Volume};
+use crate::trials::{Ask, Found};
 use crate::{Error, Result};
-
-/// Whether the width of the instrument's pulse is found first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FindPulse {
-    /// Paths are sharp, unless the capture holds a pulse.
-    Never,
-    /// If the trials of the model show one: a pulse as wide as two of their bins explains the data better than sharp paths.
-    IfItShows,
-    /// By trials of its own.
-    Always,
-}
 
 /// What to reconstruct, how, and where the results go. The capture is given separately.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,16 +68,6 @@ pub struct Request {
     pub volume_file: Option<PathBuf>,
 }
 
-/// A capture in the bins that the solver takes, with the grid for it.
-pub(super) struct Ready<'c> {
-    /// The capture, summed.
-    pub capture: Cow<'c, Capture>,
-    /// The grid.
-    pub grid: Grid,
-    /// How many bins were summed.
-    pub sum: usize,
-}
-
 impl Request {
     /// Default number of iterations between two checkpoints.
     pub const CHECKPOINT_EVERY: usize = 50;
@@ -122,60 +102,54 @@ impl Request {
         }
     }
 
+    /// How finely the capture is solved.
+    pub fn discretisation(&self) -> Discretisation {
+        Discretisation { bins: self.bins, depth_pitch: self.depth_pitch, volume: self.volume }
+    }
+
     /// The grid for a capture whose bins are those of the solver.
     ///
     /// # Errors
-    /// A box without voxels, a box nearer than the least depth, or more voxels than can be counted.
+    /// Those of [`Discretisation::grid`].
     pub fn grid(&self, capture: &Capture) -> Result<Grid> {
-        let volume = match self.volume {
-            Some(volume) => volume,
-            None => default_volume(capture, self.solver.common().min_depth)?,
-        };
-        let pitch = self.depth_pitch.unwrap_or_else(|| self.usual_depth_pitch(capture));
-        let grid = Grid::new(volume, self.solver.common().lateral, pitch)?;
-        if volume.max.z <= self.solver.common().min_depth {
-            return Err(Error::options(
-                format!("the volume ends at a depth of {} m", volume.max.z),
-                format!(
-                    "give a deeper volume: nothing nearer than the least depth, {} m, is reconstructed",
-                    self.solver.common().min_depth
-                ),
-            ));
-        }
-        if grid.origin.z > volume.max.z {
-            return Err(Error::options(
-                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
-                "give a smaller depth pitch or a deeper volume",
-            ));
-        }
-        Ok(grid)
+        self.discretisation().grid(&self.solver, capture)
     }
 
     /// Sums the bins of a capture, whose pulse is known if it ever will be, and makes the grid for it.
     ///
     /// # Errors
-    /// As [`Request::grid`], and a number of bins to sum that the capture does not have.
+    /// Those of [`Discretisation::ready`].
     pub(super) fn ready<'c>(&self, capture: Cow<'c, Capture>) -> Result<Ready<'c>> {
-        let sum = self.sum(&capture);
-        let capture = if sum == 1 { capture } else { Cow::Owned(capture.binned(sum)?) };
-        Ok(Ready { grid: self.grid(&capture)?, capture, sum })
+        self.discretisation().ready(&self.solver, capture)
     }
 
     /// How many bins of a capture are one for the solver. The counts do not matter.
     pub(super) fn sum(&self, capture: &Capture) -> usize {
-        match self.bins {
-            Bins::Native => 1,
-            Bins::Sum(n) => n,
-            Bins::Auto => self.solver.usual_sum(capture, self.volume),
+        self.discretisation().sum(&self.solver, capture)
+    }
+
+    /// What trials are to find before the solve.
+    pub(super) fn ask(&self) -> Ask<'_> {
+        Ask {
+            solver: &self.solver,
+            models: &self.models,
+            find_pulse: self.find_pulse,
+            discretisation: self.discretisation(),
+            memory: self.memory,
         }
     }
 
-    /// The depth of a voxel where none is given: the solver's, and a bin where native bins are asked for.
-    fn usual_depth_pitch(&self, capture: &Capture) -> f64 {
-        match self.bins {
-            Bins::Native => capture.bin_width,
-            _ => self.solver.usual_depth_pitch(capture, self.volume),
-        }
+    /// The request and the capture with what trials found.
+    ///
+    /// # Errors
+    /// Those of [`Found::settle`].
+    pub(super) fn settled<'c>(
+        &self,
+        found: &Found,
+        capture: &'c Capture,
+    ) -> Result<(Request, Cow<'c, Capture>)> {
+        let (solver, capture) = found.settle(&self.solver, &self.models, capture)?;
+        Ok((Request { solver, ..self.clone() }, capture))
     }
 
     /// Width of a pixel of the maps, metres ([`pixel_of`]).
@@ -246,6 +220,21 @@ impl Request {
     /// The folder below `out` for the maps after an iteration.
     pub(super) fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
         out.join("snapshots").join(format!("{iteration:06}"))
+    }
+}
+
+impl Resolved {
+    /// The request for a capture whose pulse nobody gave: kept sizes, the solver's usual mask, and a search for the pulse
+    /// where that is usual. The rest is that of [`Request::new`].
+    pub fn request(self) -> Request {
+        Request {
+            preset: Some(self.preset),
+            tuned: true,
+            mask_fraction: self.solver.usual_mask(),
+            find_pulse: self.find_pulse(),
+            models: self.models,
+            ..Request::new(self.solver, "")
+        }
     }
 }
 

@@ -12,11 +12,11 @@ use flate2::{Compression, Crc, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 
 use super::Request;
-use super::trials::Found;
 use crate::files::atomic::{self, cannot};
 use crate::maps::Maps;
 use crate::measure::Metrics;
 use crate::solve::{Checkpoint, Identity, TracePoint};
+use crate::trials::Found;
 use crate::{Error, Result};
 
 /// The last byte is the version of the format.

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::vector::{self, Follow, Frames};
-use crate::solve::{LentRows, check_lent_scan};
+use crate::solve::{Bins, Discretisation, LentRows, check_lent_scan};
 use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
@@ -122,12 +122,10 @@ impl Session {
         if !scan.histograms.is_empty() {
             scan.check_counts(&scan.histograms)?;
         }
-        let sum = options.sum.unwrap_or_else(|| solver.usual_sum(scan, None));
-        let summed = in_bins(scan, sum)?;
-        let grid = match grid {
-            Some(grid) => grid,
-            None => grid_of(&summed, solver)?,
-        };
+        let how =
+            Discretisation { bins: options.sum.map_or(Bins::Auto, Bins::Sum), ..Discretisation::default() };
+        let (summed, sum) = how.summed(solver, Cow::Borrowed(scan))?;
+        let grid = grid.map_or_else(|| how.grid(solver, &summed), Ok)?;
         options.feed.check()?;
         let lent = options.lent.then_some(LentRows { counts: scan.bins, sum });
         let mut prepared = prepared(gpu, &summed, grid, solver, &options, lent)?;
@@ -291,17 +289,8 @@ impl Drop for Session {
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    grid_of(&*in_bins(scan, solver.usual_sum(scan, None))?, solver)
-}
-
-/// The scan with so many of its bins in one.
-fn in_bins(scan: &Capture, sum: usize) -> Result<Cow<'_, Capture>> {
-    if sum == 1 { Ok(Cow::Borrowed(scan)) } else { scan.binned(sum).map(Cow::Owned) }
-}
-
-/// The grid of a scan in the bins that the solver takes.
-fn grid_of(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    Grid::new(solver.default_volume(scan)?, solver.common().lateral, solver.usual_depth_pitch(scan, None))
+    let ready = Discretisation::default().ready(solver, Cow::Borrowed(scan))?;
+    Ok(ready.grid)
 }
 
 /// The solver, prepared as the options say.

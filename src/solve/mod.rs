@@ -6,9 +6,11 @@
 //! allocated, [`OnDevice`] holds its buffers, and the driver submits schedules and reads the trace of finished blocks.
 
 mod adam;
+mod bins;
 mod checkpoint;
 pub mod closed_form;
 mod conditions;
+mod discretisation;
 mod domain;
 mod drive;
 mod estimate;
@@ -29,8 +31,10 @@ pub mod surface;
 mod trace;
 pub mod vector;
 
+pub use bins::Bins;
 pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use conditions::conclude;
+pub use discretisation::{Discretisation, Ready};
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};

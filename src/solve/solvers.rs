@@ -420,14 +420,8 @@ pub fn check_solver(name: &str) -> Result<()> {
 /// # Errors
 /// The name is not known.
 pub fn reflectance(name: &str) -> Result<Reflectance> {
-    const ALL: [(&str, Reflectance); 4] = [
-        ("cosine", Reflectance::Cosine),
-        ("lambertian", Reflectance::Lambertian),
-        ("retroreflective", Reflectance::Retroreflective),
-        ("isotropic", Reflectance::Isotropic),
-    ];
-    choice("model", name, &ALL.map(|r| r.0))?;
-    Ok(ALL.iter().find(|r| r.0 == name).map_or(Reflectance::Cosine, |r| r.1))
+    choice("model", name, &Reflectance::ALL.map(Reflectance::name))?;
+    Ok(Reflectance::ALL.into_iter().find(|r| r.name() == name).unwrap_or(Reflectance::Cosine))
 }
 
 fn choice(option: &str, name: &str, here: &[&str]) -> Result<()> {

@@ -17,6 +17,20 @@ pub enum Reflectance {
 }
 
 impl Reflectance {
+    /// All of them.
+    pub const ALL: [Reflectance; 4] =
+        [Reflectance::Cosine, Reflectance::Lambertian, Reflectance::Retroreflective, Reflectance::Isotropic];
+
+    /// Its name, on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Reflectance::Cosine => "cosine",
+            Reflectance::Lambertian => "lambertian",
+            Reflectance::Retroreflective => "retroreflective",
+            Reflectance::Isotropic => "isotropic",
+        }
+    }
+
     /// True if the light depends on the surface's normal.
     pub fn has_normals(self) -> bool {
         matches!(self, Reflectance::Cosine | Reflectance::Lambertian)

@@ -282,6 +282,13 @@ fn sleepy(
     (done, asleep, start.elapsed().as_secs_f64())
 }
 
+/// What `measure` gives as soon as it holds. Other work on the machine only ever adds time, so it holds in a quiet moment or
+/// never.
+fn in_a_quiet_moment<T>(measure: impl Fn() -> Result<T, String>) -> T {
+    let mut tries = (0..5).map(|_| measure());
+    tries.find_map(|tried| tried.inspect_err(|e| eprintln!("{e}")).ok()).expect("one of five tries holds")
+}
+
 #[test]
 fn measuring_does_not_move_the_clock() {
     let gpu = gpu();
@@ -306,19 +313,25 @@ fn measuring_does_not_move_the_clock() {
     let (done, asleep, wall) = run(Some(1), 0.03);
     assert_eq!(done.trace.len(), 40);
     assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
-    let fastest = |maps_every| {
-        let times = (0..3).map(|_| run(maps_every, 0.0).0.trace.last().unwrap().seconds);
-        times.fold(f64::INFINITY, f64::min)
-    };
-    let (without, with) = (fastest(None), fastest(Some(1)));
-    assert!((0.3..3.0).contains(&(with / without)), "{with} s with, {without} s without");
+    let seconds = |maps_every| run(maps_every, 0.0).0.trace.last().unwrap().seconds;
+    in_a_quiet_moment(|| {
+        let (without, with) = (seconds(None), seconds(Some(1)));
+        if (0.3..3.0).contains(&(with / without)) {
+            Ok(())
+        } else {
+            Err(format!("{with} s with, {without} s without"))
+        }
+    });
 
     // A listener beside a working device hides none of its work. The clock runs on through the naps, except those for
     // the last blocks (three at most), when the device is done.
-    let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
-    let beside = done.trace.len() - 3;
-    let stood_still = wall - done.solve_seconds;
-    assert!(beside > 0 && stood_still < asleep - 0.5 * beside as f64 + 0.4, "{stood_still} of {asleep}");
+    let done = in_a_quiet_moment(|| {
+        let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
+        let beside = done.trace.len() - 3;
+        let stood_still = wall - done.solve_seconds;
+        let most = asleep - 0.5 * beside as f64 + 0.4;
+        if beside > 0 && stood_still < most { Ok(done) } else { Err(format!("{stood_still} s of {asleep}")) }
+    });
     let loss = |r: &Reconstruction| r.trace.last().unwrap().data_loss;
     assert!((loss(&done) / loss(&plain) - 1.0).abs() < 0.1 && loss(&plain) < plain.empty_loss);
     let point = plain.trace.last().unwrap();

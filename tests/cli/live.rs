@@ -45,7 +45,7 @@ fn frames() -> (tempfile::TempDir, PathBuf) {
 }
 
 fn arguments<'a>(source: &'a str, scan: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    [&["live", source, "--capture", scan][..], &QUICK, more].concat()
+    [&["live", source, "--capture", scan, "--model", "cosine"][..], &QUICK, more].concat()
 }
 
 /// The frames as a stream.
@@ -65,12 +65,14 @@ fn frames_of_a_folder_are_solved_in_order() {
         .map(|p| p.to_string_lossy().into_owned());
     // A file that is no capture is one error.
     std::fs::write(frames.join("frame-0001b.npz"), b"no capture").unwrap();
-    let more = ["--feed", "every", "--frames", "3", "--out", &out];
-    let output = Command::new(program()).args(arguments(&source, &scan, &more)).output().unwrap();
+    // Nobody names the model.
+    let more = ["live", &source, "--capture", &scan, "--feed", "every", "--frames", "3", "--out", &out];
+    let output = Command::new(program()).args(more).args(QUICK).output().unwrap();
     let (text, errors) = (stdout(&output), stderr(&output));
     assert!(output.status.success(), "{errors}");
     let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
     assert!(lines.len() == 3 && lines[0].contains(" cold ") && lines[2].contains(" warm "), "{text}");
+    assert!(errors.contains("the model of reflectance: cosine, by trials"), "{errors}");
     assert!(errors.matches("error:").count() == 1 && errors.contains("frame-0001b.npz"), "{errors}");
     assert!(text.contains("3 frames of 3 solved, 0 dropped, 1 wrong; latency: median"), "{text}");
     assert!(Path::new(&out).join("maps.npz").exists());

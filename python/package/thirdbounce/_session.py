@@ -23,7 +23,8 @@ class Session:
                 show(session.wait())
 
     One frame at a time is solved, in a thread of the session's own; `submit` returns at once. Methods may be called from any
-    thread. A session finds neither a model nor a pulse: name them.
+    thread. A session that is made of a `Capture` finds the model and the pulse that nobody named in its counts, as
+    `reconstruct` does; one that is made of points takes the cosine model.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class Session:
         photon_counts: bool = False,
         pixels: Optional[int] = None,
         solver: str = "vector",
-        model: str = "cosine",
+        model: Optional[str] = None,
         preset: Optional[str] = None,
         device: Union[None, str, int] = None,
         memory: Union[None, str, int] = None,
@@ -48,7 +49,8 @@ class Session:
         """Prepares for frames of a scan.
 
         sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture`, whose points, bins, pulse and
-            spots are those of the frames, and whose counts tell how deep the volume is.
+            spots are those of the frames, and whose counts tell how deep the volume is, which model fits, and how wide the
+            pulse is.
         bins, bin_width, t0: number and width of the bins, and leading edge of bin 0, metres of path.
         photon_counts: whether counts are photon counts; else the noise of each frame is estimated, which takes longer.
         time_limit: a frame that takes longer is stopped, seconds.
@@ -63,7 +65,7 @@ class Session:
             arrays["photon_counts"] = photon_counts
         self._scan = tuple(arrays["scan"])
         settings = _settings(solver, pixels, options, device, memory)
-        settings.update(model=model, preset=preset or "synthetic")
+        settings.update(model=model, preset=preset)
         self._native = _native.Session(arrays, settings, time_limit, _hear(progress))
 
     def submit(self, H: Any, *, bins_axis: int = -1) -> int:

@@ -6,8 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::request::Ready;
-use super::super::{Request, places, sizes, trials};
+use super::super::{Request, places, planned, sizes};
 use super::device_of;
 use super::kernels::counted;
 use crate::Result;
@@ -17,6 +16,7 @@ use crate::files::atomic;
 use crate::gpu::spirv::Counts;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::simulate::{RenderOptions, Scene, simulate};
+use crate::solve::Ready;
 use crate::solve::{Accumulation, Pass};
 
 /// The compiled kernels of a solve.
@@ -104,7 +104,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
         pipeline_cache: request.pipeline_cache.clone(),
         ..GpuOptions::default()
     })?;
-    let Ready { capture, grid, .. } = trials::to_plan(request, capture)?;
+    let Ready { capture, grid, .. } = planned::to_plan(request, capture)?;
     let solver = sizes::with_kept(request, &gpu, &capture);
     let plan = solver.plan(&capture, grid, &gpu.abilities(), request.volume_file.is_some())?;
     let mut kernels = vec![];

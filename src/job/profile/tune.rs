@@ -6,10 +6,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::request::Ready;
 use super::super::sizes::{class_of, keep};
 use super::super::{FindPulse, Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
+use crate::solve::Ready;
 use crate::solve::{Sizes, pass_of};
 use crate::{Kind, Result};
 

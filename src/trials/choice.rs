@@ -1,10 +1,13 @@
 //! A solver and its options as somebody chooses them: what is not chosen follows from the capture.
 
-use super::{FindPulse, Request, SolverOptions, preset_for, reflectance, trials};
+use std::ops::ControlFlow;
+
+use super::{Ask, FindPulse, Found, MODELS};
 use crate::Result;
 use crate::capture::Capture;
+use crate::gpu::Gpu;
 use crate::solve::option::{Suit, Value};
-use crate::solve::{Preset, check_solver};
+use crate::solve::{Discretisation, Preset, Progress, SolverOptions, check_solver, reflectance};
 use crate::transport::Reflectance;
 
 /// The choice of a solver and of its options; nothing is chosen by default.
@@ -91,7 +94,7 @@ impl Choice {
         let solver = of_model(named.unwrap_or(Reflectance::Cosine));
         // The paper's solver has the paper's model, and closed-form methods take the reflectance as given.
         let usual = self.model.is_none() && solver.name() != SolverOptions::DEFAULT;
-        let models = if named.is_some() || usual { vec![] } else { trials::MODELS.map(of_model).to_vec() };
+        let models = if named.is_some() || usual { vec![] } else { MODELS.map(of_model).to_vec() };
         Resolved { preset, why, solver, models }
     }
 
@@ -109,27 +112,59 @@ impl Choice {
 }
 
 impl Resolved {
-    /// The request for a capture whose pulse nobody gave: kept sizes, the solver's usual mask, and a search for the pulse
-    /// where that is usual. The rest is that of [`Request::new`].
-    pub fn request(self) -> Request {
-        Request {
-            preset: Some(self.preset),
-            tuned: true,
-            mask_fraction: self.solver.usual_mask(),
-            find_pulse: find_pulse(self.preset, &self.solver),
-            models: self.models,
-            ..Request::new(self.solver, "")
+    /// Whether to find the pulse of a capture that has none, if nobody says so: for a vector solve with a surface, always if
+    /// the values are captured counts. The paper's solver takes paths as sharp.
+    pub fn find_pulse(&self) -> FindPulse {
+        match (&self.solver, self.preset) {
+            (SolverOptions::Vector(o), _) if o.surface.iterations == 0 => FindPulse::Never,
+            (SolverOptions::Vector(_), Preset::Captured) => FindPulse::Always,
+            (SolverOptions::Vector(_), Preset::Synthetic) => FindPulse::IfItShows,
+            _ => FindPulse::Never,
         }
+    }
+
+    /// What a session of such frames solves with: quick solves of one `frame` find model and pulse, as they do in a run of the
+    /// command. Without light in `frame` both stay as they are. `hear` may cancel.
+    ///
+    /// # Errors
+    /// The device fails, or `hear` cancels.
+    pub fn tune(
+        &self,
+        gpu: &Gpu,
+        frame: &Capture,
+        memory: Option<u64>,
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Tuned> {
+        if !frame.histograms.iter().any(|v| *v > 0.0) {
+            return Ok(Tuned { solver: self.solver.clone(), scan: frame.clone(), found: Found::default() });
+        }
+        let ask = Ask {
+            solver: &self.solver,
+            models: &self.models,
+            find_pulse: self.find_pulse(),
+            discretisation: Discretisation::default(),
+            memory,
+        };
+        let found = super::find(&ask, frame, gpu, hear)?;
+        let (solver, scan) = found.settle(&self.solver, &self.models, frame)?;
+        Ok(Tuned { solver, scan: scan.into_owned(), found })
     }
 }
 
-/// Whether a run finds an unknown pulse first, if nobody says so: for a vector solve with a surface, always if the values are
-/// captured counts. The paper's solver takes paths as sharp.
-fn find_pulse(preset: Preset, solver: &SolverOptions) -> FindPulse {
-    match (solver, preset) {
-        (SolverOptions::Vector(o), _) if o.surface.iterations == 0 => FindPulse::Never,
-        (SolverOptions::Vector(_), Preset::Captured) => FindPulse::Always,
-        (SolverOptions::Vector(_), Preset::Synthetic) => FindPulse::IfItShows,
-        _ => FindPulse::Never,
-    }
+/// A solver and a scan for a session.
+#[derive(Debug, Clone)]
+pub struct Tuned {
+    /// The solver with its options.
+    pub solver: SolverOptions,
+    /// The frame, with the pulse.
+    pub scan: Capture,
+    /// What was found.
+    pub found: Found,
+}
+
+/// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a
+/// detector made them.
+pub fn preset_for(capture: &Capture) -> Preset {
+    let measured = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
+    if measured { Preset::Captured } else { Preset::Synthetic }
 }

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Begun, Tried};
-use crate::job::words::plain;
 use crate::solve::vector::Left;
 use crate::transport::Reflectance;
 
@@ -57,7 +56,7 @@ impl FoundModel {
 
     /// The result as a sentence.
     pub fn note(&self) -> String {
-        let name = plain(&self.reflectance);
+        let name = self.reflectance.name();
         if let Some(why) = &self.failed {
             return format!(
                 "the model of reflectance is not known, {name} is taken: {why} (name it if known)"
@@ -73,11 +72,11 @@ impl FoundModel {
             }
         }
         let told: Vec<String> =
-            each.iter().map(|(m, left)| format!("{} {:.2} %", plain(m), 100.0 * left)).collect();
+            each.iter().map(|(m, left)| format!("{} {:.2} %", m.name(), 100.0 * left)).collect();
         let why = self.refuted.as_ref().map_or_else(String::new, |r| {
             format!(
                 "; brightness does not follow the slopes: a {} surface leaves {:.2} %, its volume with free normals {:.2} %",
-                plain(&r.reflectance),
+                r.reflectance.name(),
                 100.0 * r.surface,
                 100.0 * r.volume
             )

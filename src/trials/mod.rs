@@ -7,18 +7,20 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::request::Ready;
-use super::{FindPulse, Request};
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::solve::vector::{Left, PAIRS, Start, Trial};
-use crate::solve::{Doing, Progress, SolverOptions, VectorOptions, Watch, default_volume};
-use crate::transport::Reflectance;
+use crate::solve::{
+    Discretisation, Doing, Progress, Ready, SolverOptions, VectorOptions, Watch, default_volume,
+};
+use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
 
+mod choice;
 mod model;
 mod pulse;
 
+pub use choice::{Choice, Resolved, Tuned, preset_for};
 use model::WITHOUT_NORMALS;
 pub use model::{FoundModel, MODELS, Refuted};
 pub use pulse::FoundPulse;
@@ -35,6 +37,43 @@ const SURFACE_ITERATIONS: usize = 40;
 /// A volume that is compared with a surface: its iterations, and how many times as much as the surface it may leave. A
 /// volume with more iterations follows only if this one comes as close; the last one refutes the surface's model.
 const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, 0.9)];
+
+/// Whether the width of the instrument's pulse is found first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FindPulse {
+    /// Paths are sharp, unless the capture holds a pulse.
+    Never,
+    /// If the trials of the model show one: a pulse as wide as two of their bins explains the data better than sharp paths.
+    IfItShows,
+    /// By trials of its own.
+    Always,
+}
+
+/// What trials are to find.
+#[derive(Debug, Clone, Copy)]
+pub struct Ask<'a> {
+    /// The solver with its options, for the usual model.
+    pub solver: &'a SolverOptions,
+    /// Its options for each model of reflectance to choose among; empty if the model is known. The first is the usual one.
+    pub models: &'a [SolverOptions],
+    /// Whether to find the width of the instrument's pulse, if the capture holds no pulse.
+    pub find_pulse: FindPulse,
+    /// How finely the solve will be. Trials have voxels of their own.
+    pub discretisation: Discretisation,
+    /// Most device memory to use, in bytes.
+    pub memory: Option<u64>,
+}
+
+impl Ask<'_> {
+    /// Whether to find the pulse of this capture: there is none yet, and only trials of the model can show one.
+    pub fn find_pulse(&self, capture: &Capture) -> FindPulse {
+        match (self.find_pulse, &capture.pulse) {
+            (_, Some(_)) => FindPulse::Never,
+            (FindPulse::IfItShows, None) if self.models.len() < 2 => FindPulse::Never,
+            (asked, None) => asked,
+        }
+    }
+}
 
 /// What the trials of a run found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -55,93 +94,48 @@ impl Found {
         self.model.iter().map(FoundModel::note).chain(self.pulse.iter().map(FoundPulse::note)).collect()
     }
 
-    /// The request and the capture with what was found.
+    /// The solver with its options for the model that was found, and the capture with the pulse.
     ///
     /// # Errors
     /// A width that makes no pulse. This does not happen with a width that was found.
-    pub(super) fn settle<'c>(
+    pub fn settle<'c>(
         &self,
-        request: &Request,
+        solver: &SolverOptions,
+        models: &[SolverOptions],
         capture: &'c Capture,
-    ) -> Result<(Request, Cow<'c, Capture>)> {
-        let mut request = request.clone();
-        if let Some(found) = &self.model {
-            let of_model = |o: &&SolverOptions| o.common().reflectance == found.reflectance;
-            if let Some(options) = request.models.iter().find(of_model) {
-                request.solver = options.clone();
-            }
-        }
+    ) -> Result<(SolverOptions, Cow<'c, Capture>)> {
+        let of_model =
+            |found: &FoundModel| models.iter().find(|o| o.common().reflectance == found.reflectance).cloned();
+        let solver = self.model.as_ref().and_then(of_model).unwrap_or_else(|| solver.clone());
         let capture = match self.pulse.as_ref().map(FoundPulse::pulse).transpose()?.flatten() {
             Some(pulse) => Cow::Owned(Capture { pulse: Some(pulse), ..capture.clone() }),
             None => Cow::Borrowed(capture),
         };
-        Ok((request, capture))
+        Ok((solver, capture))
     }
 }
 
-/// Whether a run finds the pulse of this capture: there is none yet, and only trials of the model can show one.
-fn find_pulse(request: &Request, capture: &Capture) -> FindPulse {
-    match (request.find_pulse, &capture.pulse) {
-        (_, Some(_)) => FindPulse::Never,
-        (FindPulse::IfItShows, None) if request.models.len() < 2 => FindPulse::Never,
-        (asked, None) => asked,
-    }
-}
-
-/// Whether a run finds the pulse first, whatever the trials of the model show.
-pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
-    find_pulse(request, capture) == FindPulse::Always
-}
-
-/// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
-/// still to be found gets any width: all widths take the same memory.
-///
-/// # Errors
-/// A bin width that makes no pulse, and those of [`Request::ready`].
-pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
-    planned(request, capture, finds_pulse(request, capture))
-}
-
-/// What needs the most memory, whatever trials find; see [`to_plan`].
-///
-/// # Errors
-/// Those of [`to_plan`].
-pub(super) fn at_most(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
-    planned(request, capture, find_pulse(request, capture) != FindPulse::Never)
-}
-
-fn planned(request: &Request, capture: &Capture, with_pulse: bool) -> Result<Ready<'static>> {
-    let pulse = match with_pulse {
-        true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
-        false => capture.pulse.clone(),
-    };
-    let sum = request.sum(&Capture { pulse: pulse.clone(), ..capture.outline() });
-    let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
-    let grid = request.grid(&summed)?;
-    Ok(Ready { capture: Cow::Owned(Capture { pulse, ..summed.outline() }), grid, sum })
-}
-
-/// Finds what `request` asks for.
+/// Finds what is asked for, by quick solves of parts of `capture`, which has counts.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels a trial ([`Kind::Cancelled`]). If a trial fails otherwise, the usual model and
 /// sharp paths stay, and the solve itself reports what is wrong.
-pub(super) fn find(
-    request: &Request,
+pub fn find(
+    ask: &Ask<'_>,
     capture: &Capture,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Found> {
-    let finds_model = request.models.len() > 1;
-    let find_pulse = find_pulse(request, capture);
+    let finds_model = ask.models.len() > 1;
+    let find_pulse = ask.find_pulse(capture);
     if !finds_model && find_pulse == FindPulse::Never {
         return Ok(Found::default());
     }
     let _span = gpu.span("trials");
     let start = Instant::now();
-    let usual = request.solver.common().reflectance;
+    let usual = ask.solver.common().reflectance;
     let mut tried = vec![];
-    let searched = Trials::new(request, capture, gpu, hear).and_then(|mut trials| {
+    let searched = Trials::new(ask, capture, gpu, hear).and_then(|mut trials| {
         let found = search(&mut trials, usual, finds_model, find_pulse);
         tried = std::mem::take(&mut trials.tried);
         found
@@ -246,13 +240,12 @@ struct Trials<'t> {
 
 impl<'t> Trials<'t> {
     fn new(
-        request: &Request,
+        ask: &Ask<'_>,
         capture: &Capture,
         gpu: &'t Gpu,
         hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Trials<'t>> {
-        let all =
-            if request.models.is_empty() { std::slice::from_ref(&request.solver) } else { &request.models };
+        let all = if ask.models.is_empty() { std::slice::from_ref(ask.solver) } else { ask.models };
         let judges = capture.pair_count() / 2;
         if judges < LEAST_PAIRS {
             return Err(Error::input(
@@ -263,13 +256,15 @@ impl<'t> Trials<'t> {
         let thin = capture.subset((2 * PAIRS).min(capture.pair_count()), 0)?;
         let confocal = capture.is_confocal();
         let options = quick(all[0].as_vector(confocal), confocal);
-        let volume = request.volume.map_or_else(|| default_volume(capture, options.domain.min_depth), Ok)?;
-        let trial = Request { volume: Some(volume), bins: request.bins, ..Request::new(options, "") };
-        let Ready { capture: thin, grid, .. } = trial.ready(Cow::Owned(thin))?;
-        let of_solve = request.sum(&capture.outline()) as f64 * capture.bin_width;
+        let of_all = || default_volume(capture, options.domain.min_depth);
+        let volume: Volume = ask.discretisation.volume.map_or_else(of_all, Ok)?;
+        let of_trial =
+            Discretisation { volume: Some(volume), bins: ask.discretisation.bins, depth_pitch: None };
+        let Ready { capture: thin, grid, .. } = of_trial.ready(&options.into(), Cow::Owned(thin))?;
+        let of_solve = ask.discretisation.sum(ask.solver, &capture.outline()) as f64 * capture.bin_width;
         let of_model = |options: &SolverOptions| {
             let options = quick(options.as_vector(confocal), confocal);
-            (options.reflectance, Trial::new(gpu, &thin, grid, options, request.memory))
+            (options.reflectance, Trial::new(gpu, &thin, grid, options, ask.memory))
         };
         Ok(Trials {
             models: all.iter().map(of_model).collect(),

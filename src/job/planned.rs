@@ -1,0 +1,41 @@
+//! What a run needs memory for, before trials have found the pulse.
+
+use std::borrow::Cow;
+
+use super::{FindPulse, Request};
+use crate::Result;
+use crate::capture::{Capture, Pulse};
+use crate::solve::Ready;
+
+/// Whether a run finds the pulse first, whatever the trials of the model show.
+pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
+    request.ask().find_pulse(capture) == FindPulse::Always
+}
+
+/// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
+/// still to be found gets any width: all widths take the same memory.
+///
+/// # Errors
+/// A bin width that makes no pulse, and those of [`Request::ready`].
+pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
+    planned(request, capture, finds_pulse(request, capture))
+}
+
+/// What needs the most memory, whatever trials find; see [`to_plan`].
+///
+/// # Errors
+/// Those of [`to_plan`].
+pub(super) fn at_most(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
+    planned(request, capture, request.ask().find_pulse(capture) != FindPulse::Never)
+}
+
+fn planned(request: &Request, capture: &Capture, with_pulse: bool) -> Result<Ready<'static>> {
+    let pulse = match with_pulse {
+        true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
+        false => capture.pulse.clone(),
+    };
+    let sum = request.sum(&Capture { pulse: pulse.clone(), ..capture.outline() });
+    let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
+    let grid = request.grid(&summed)?;
+    Ok(Ready { capture: Cow::Owned(Capture { pulse, ..summed.outline() }), grid, sum })
+}
