@@ -29,6 +29,7 @@ use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
 mod beyond;
 pub mod follow;
+mod frames;
 mod hat;
 mod needs;
 mod options;
@@ -39,9 +40,10 @@ mod schedule;
 mod trial;
 
 pub use follow::Follow;
+pub use frames::{ForFrames, Frames};
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
-pub use prepared::{ForFrames, Frames, prepare, prepare_for_frames};
+pub use prepared::{prepare, prepare_for_frames};
 pub use preview::preview;
 pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};

@@ -5,26 +5,24 @@ use std::time::Instant;
 
 use super::beyond::{self, Beyond, Search};
 use super::follow::{self, Follow, Pace, rate};
+use super::frames::{ForFrames, Frames};
 use super::{
     VectorOptions, albedo_of, iteration, make_ready, outline_of, solve_volume, steps, stop_below, take,
 };
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
-use crate::gpu::{Buffer, Constant, Gpu, Schedule};
+use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
-use crate::solve::plan::LentRows;
-use crate::solve::plan::pass::Pass;
 use crate::solve::prepared::Planned;
 use crate::solve::result::{TakenOff, finish};
 use crate::solve::surface::{self, GoOn, energy};
 use crate::solve::{
-    Beside, Demand, Keep, LeftOut, Level, Needs, OnDevice, Plan, Prepared, Reconstruction, TracePoint,
-    domain, outline, passes,
+    Beside, Keep, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
 };
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Rows};
@@ -44,46 +42,6 @@ pub fn prepare(
     with_volume: bool,
 ) -> Result<impl Prepared + use<>> {
     prepare_for_frames(gpu, capture, grid, options, memory, with_volume, Frames::default())
-}
-
-/// What frames of a session ask of their solver beside what single captures do.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Frames {
-    /// They begin with the frame before.
-    pub follow: Option<Follow>,
-    /// Their counts may lie in a caller's buffer, in these rows. The search for light from beyond the box needs them on
-    /// the host, and is left out.
-    pub lent: Option<LentRows>,
-}
-
-/// What the solver needs of a plan for frames of a session.
-pub struct ForFrames<'o>(pub &'o VectorOptions, pub Frames);
-
-impl Needs for ForFrames<'_> {
-    fn demand(&self) -> Demand {
-        Demand { lent: self.1.lent, ..self.0.demand() }
-    }
-
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        self.0.capacities(levels)
-    }
-
-    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        self.0.constants(plan)
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        let of_frames = if self.1.follow.is_some() { follow::passes::ALL } else { &[] };
-        [&Needs::passes(self.0)[..], of_frames].concat()
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        self.0.buffers(plan)
-    }
-
-    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        self.0.left_out(plan, out);
-    }
 }
 
 /// As [`prepare`], for frames of a session.
