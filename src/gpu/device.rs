@@ -2,8 +2,8 @@
 
 use std::ops::Deref;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use ash::{ext, khr, vk};
@@ -11,9 +11,10 @@ use ash::{ext, khr, vk};
 use super::budget::Kinds;
 use super::caller::{BlockSource, QueueLock};
 use super::faults::{Faults, Struck};
-use super::instance::{DeviceInfo, DeviceKind, Instance, version_text};
+use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kept::Cache;
 use super::offered::Offered;
+use super::owned::{OwnedDevice, Queue};
 use super::pace::dispatch_of;
 use super::recording::Recorder;
 use crate::advice::{Remedy, advice};
@@ -154,48 +155,6 @@ pub struct Opened {
     pub(super) instance: Arc<Instance>,
 }
 
-/// A logical device that destroys itself, after everything made from it.
-pub(super) struct OwnedDevice {
-    pub raw: ash::Device,
-    /// It did not come back from work in time, and may still be at it.
-    hung: AtomicBool,
-    /// A caller's device stays open.
-    is_callers: bool,
-    // The instance must outlive its device.
-    instance: Arc<Instance>,
-}
-
-impl OwnedDevice {
-    /// Whether the device did not come back from work in time.
-    pub fn has_hung(&self) -> bool {
-        self.hung.load(Relaxed)
-    }
-}
-
-impl OwnedDevice {
-    /// A caller's device.
-    pub fn of_caller(raw: ash::Device, instance: Arc<Instance>) -> OwnedDevice {
-        OwnedDevice { raw, hung: AtomicBool::new(false), is_callers: true, instance }
-    }
-}
-
-impl Drop for OwnedDevice {
-    fn drop(&mut self) {
-        if self.has_hung() {
-            // Executors and arenas have left their objects behind, which keep the device and its instance.
-            std::mem::forget(self.instance.clone());
-            return;
-        }
-        if self.is_callers {
-            return;
-        }
-        // SAFETY: the last owner is gone, so nothing made from this device is left. Every executor has waited for its own
-        // work, so the queue is idle. `vkDeviceWaitIdle` would add nothing, and RADV's null device (Mesa 22.3), which
-        // only compiles, calls through a null pointer there.
-        unsafe { self.raw.destroy_device(None) };
-    }
-}
-
 /// What a device is made of.
 pub(super) struct Parts {
     pub instance: Arc<Instance>,
@@ -208,26 +167,6 @@ pub(super) struct Parts {
     pub cache: Cache,
     pub lock: Option<Arc<dyn QueueLock>>,
     pub blocks: Option<Arc<dyn BlockSource>>,
-}
-
-/// The queue, while this thread alone may use it.
-pub(super) struct Queue<'g> {
-    queue: MutexGuard<'g, vk::Queue>,
-    lock: Option<&'g dyn QueueLock>,
-}
-
-impl Deref for Queue<'_> {
-    type Target = vk::Queue;
-
-    fn deref(&self) -> &vk::Queue {
-        &self.queue
-    }
-}
-
-impl Drop for Queue<'_> {
-    fn drop(&mut self) {
-        self.lock.into_iter().for_each(QueueLock::unlock);
-    }
 }
 
 fn limits_of(
@@ -262,27 +201,12 @@ impl Gpu {
         let all = instance.list();
         let (physical, info) = choose(&all, options.device.as_deref())?;
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
-        if properties.api_version < vk::API_VERSION_1_2 {
-            return Err(Error::device(
-                format!(
-                    "{} offers Vulkan {}, 1.2 is needed",
-                    info.name,
-                    version_text(properties.api_version)
-                ),
-                advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
-            ));
-        }
         let (family, _) = compute_family(&instance, physical, &info)?;
         let offered = Offered::by(&instance, physical, &info, options)?;
         let raw = offered.create(&instance, physical, &info, family)?;
         // SAFETY: the family was asked for with one queue.
         let queue = unsafe { raw.get_device_queue(family, 0) };
-        let device = Arc::new(OwnedDevice {
-            raw,
-            hung: AtomicBool::new(false),
-            is_callers: false,
-            instance: instance.clone(),
-        });
+        let device = Arc::new(OwnedDevice::new(raw, instance.clone(), false));
         let cache = Cache::open(device.clone(), options.pipeline_cache.as_deref(), &properties);
         let parts = Parts {
             instance,
@@ -401,7 +325,7 @@ impl Gpu {
 
     /// The error of a device that did not come back in time. Nothing that it may still use is destroyed after this.
     pub(super) fn hangs(&self, waited: Duration) -> Error {
-        self.device.hung.store(true, Relaxed);
+        self.device.note_hung();
         Error::device(
             format!("{} did not finish its work within {} s", self.info.name, waited.as_secs()),
             advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],

@@ -11,7 +11,7 @@ use std::time::SystemTime;
 
 use ash::vk;
 
-use super::device::OwnedDevice;
+use super::owned::OwnedDevice;
 
 /// Bytes of a driver's cache at most.
 const LARGEST: u64 = 64 << 20;

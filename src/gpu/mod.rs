@@ -17,6 +17,7 @@ mod make;
 mod memory;
 mod names;
 mod offered;
+mod owned;
 mod pace;
 mod pipeline;
 mod record;

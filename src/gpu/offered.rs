@@ -32,7 +32,7 @@ pub(super) struct Offered {
 
 impl Offered {
     /// # Errors
-    /// A device without timeline semaphores.
+    /// A device of Vulkan before 1.2, or without timeline semaphores.
     pub fn by(
         instance: &Instance,
         physical: vk::PhysicalDevice,
@@ -40,6 +40,14 @@ impl Offered {
         options: &GpuOptions,
     ) -> Result<Offered> {
         // SAFETY: the physical device is the instance's.
+        let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+        if properties.api_version < vk::API_VERSION_1_2 {
+            return Err(Error::device(
+                format!("{} offers Vulkan {}, 1.2 is needed", info.name, info.api),
+                advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
+            ));
+        }
+        // SAFETY: as above.
         let extensions =
             unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
         let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));

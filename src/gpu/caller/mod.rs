@@ -11,10 +11,11 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::device::{OwnedDevice, Parts};
+use super::device::Parts;
 use super::instance::Instance;
 use super::kept::Cache;
 use super::offered::Offered;
+use super::owned::OwnedDevice;
 use super::{Gpu, GpuOptions, Place};
 use crate::advice::advice;
 use crate::{Error, Result};
@@ -118,7 +119,7 @@ impl Gpu {
         check_family(&instance, vulkan, &info.name)?;
         // SAFETY: the caller gives a device of the instance.
         let device = unsafe { ash::Device::load(instance.raw.fp_v1_0(), vulkan.device) };
-        let device = Arc::new(OwnedDevice::of_caller(device, instance.clone()));
+        let device = Arc::new(OwnedDevice::new(device, instance.clone(), true));
         let cache = Cache::of_caller(device.clone(), vulkan.pipeline_cache);
         let (lock, blocks) = (vulkan.lock.clone(), vulkan.blocks.clone());
         let (queue, family) = (vulkan.queue, vulkan.family);

@@ -118,14 +118,6 @@ pub unsafe fn requirements(
     let raw = unsafe { load(get_instance_proc_addr, instance) };
     let instance = Instance::of_caller(raw, false);
     let info = instance.describe(0, physical_device);
-    // SAFETY: the physical device is the instance's.
-    let properties = unsafe { instance.raw.get_physical_device_properties(physical_device) };
-    if properties.api_version < VERSION {
-        return Err(Error::device(
-            format!("{} offers Vulkan {}, 1.2 is needed", info.name, version_text(properties.api_version)),
-            "update its driver, or choose another device",
-        ));
-    }
     let offered = Offered::by(&instance, physical_device, &info, &GpuOptions::default())?;
     let (family, _) = compute_family(&instance, physical_device, &info)?;
     let features = Features {

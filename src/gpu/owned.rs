@@ -1,0 +1,75 @@
+//! Who owns a logical device, and who may use its queue.
+
+use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, MutexGuard};
+
+use ash::vk;
+
+use super::caller::QueueLock;
+use super::instance::Instance;
+
+/// A logical device that destroys itself, after everything made from it.
+pub(super) struct OwnedDevice {
+    pub raw: ash::Device,
+    /// It did not come back from work in time, and may still be at it.
+    hung: AtomicBool,
+    /// A caller's device stays open.
+    is_callers: bool,
+    // The instance must outlive its device.
+    instance: Arc<Instance>,
+}
+
+impl OwnedDevice {
+    /// A device of `instance`: a caller's, or one that this value is to destroy.
+    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_callers: bool) -> OwnedDevice {
+        OwnedDevice { raw, hung: AtomicBool::new(false), is_callers, instance }
+    }
+
+    /// Whether the device did not come back from work in time.
+    pub fn has_hung(&self) -> bool {
+        self.hung.load(Relaxed)
+    }
+
+    /// Notes that it did not.
+    pub fn note_hung(&self) {
+        self.hung.store(true, Relaxed);
+    }
+}
+
+impl Drop for OwnedDevice {
+    fn drop(&mut self) {
+        if self.has_hung() {
+            // Executors and arenas have left their objects behind, which keep the device and its instance.
+            std::mem::forget(self.instance.clone());
+            return;
+        }
+        if self.is_callers {
+            return;
+        }
+        // SAFETY: the last owner is gone, so nothing made from this device is left. Every executor has waited for its own
+        // work, so the queue is idle. `vkDeviceWaitIdle` would add nothing, and RADV's null device (Mesa 22.3), which
+        // only compiles, calls through a null pointer there.
+        unsafe { self.raw.destroy_device(None) };
+    }
+}
+
+/// The queue, while this thread alone may use it.
+pub(super) struct Queue<'g> {
+    pub queue: MutexGuard<'g, vk::Queue>,
+    pub lock: Option<&'g dyn QueueLock>,
+}
+
+impl Deref for Queue<'_> {
+    type Target = vk::Queue;
+
+    fn deref(&self) -> &vk::Queue {
+        &self.queue
+    }
+}
+
+impl Drop for Queue<'_> {
+    fn drop(&mut self) {
+        self.lock.into_iter().for_each(QueueLock::unlock);
+    }
+}
