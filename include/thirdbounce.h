@@ -76,6 +76,19 @@ typedef enum tb_format {
     TB_U16 = 2,
 } tb_format;
 
+// What becomes of a frame that is submitted while another one is being solved.
+typedef enum tb_feed {
+    // It is refused: TB_OPTIONS.
+    TB_ONE = 0,
+    // It waits, in the place of the one that waited.
+    TB_NEWEST = 1,
+    // It waits behind all others, up to `waiting` of tb_settings. Each is solved, once the result before it was taken.
+    TB_EVERY = 2,
+    // It is added to a running sum, which was multiplied by `decay` of tb_settings before, and is solved as soon as that is
+    // possible.
+    TB_SUM = 3,
+} tb_feed;
+
 // A buffer over memory that another program or interface shares.
 typedef struct tb_buffer tb_buffer;
 
@@ -99,6 +112,23 @@ typedef struct tb_problem {
     uint64_t asked;
     uint64_t available;
 } tb_problem;
+
+// Times of the last frames, up to 256, from submission to result, seconds: what waits is included.
+typedef struct tb_latency {
+    // sizeof(tb_latency): set it before the call.
+    size_t size;
+    // Frames that were solved.
+    uint64_t frames;
+    // Frames that were submitted and never solved, as newer ones replaced them.
+    uint64_t dropped;
+    // The last frame's time, and those that half, nine of ten and ninety-nine of a hundred frames do not exceed.
+    double last;
+    double median;
+    double p90;
+    double p99;
+    // Results in a second, while frames came; 0 before the second one.
+    double frames_per_second;
+} tb_latency;
 
 // Receives messages. `text` is valid during the call.
 typedef void (*tb_log)(void *user, enum tb_level level, const char *text);
@@ -182,6 +212,14 @@ typedef struct tb_settings {
     double budget;
     // How many neighbouring bins are one for the solver; 0: as many as the maps' pixels do not tell apart.
     size_t sum;
+    // What becomes of frames that are submitted while one is solved: a `tb_feed`.
+    uint32_t feed;
+    // Not used: 0.
+    uint32_t reserved;
+    // Most frames that wait with TB_EVERY; 0: 16.
+    size_t waiting;
+    // What a sum is multiplied by before the next frame, from 0 to 1, with TB_SUM.
+    double decay;
 } tb_settings;
 
 // A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -354,6 +392,25 @@ const char *tb_last_remedy(void);
 // `problem` begins with its size, and may be written.
 enum tb_status tb_last_problem(struct tb_problem *problem);
 
+// As `tb_session_submit`, for a scan that goes on: only pairs whose byte in `measured`, `pairs` of them, is not 0 have new
+// counts. The others keep those of the frames before; their places in `counts` are not read as counts, but must be finite. Pairs
+// that were never measured are dark.
+//
+// # Safety
+// `session` lives. `counts` holds `count` numbers, and `measured` `pairs` bytes. `frame` is NULL or may be written.
+enum tb_status tb_session_submit_part(const struct tb_session *session,
+                                      const float *counts,
+                                      size_t count,
+                                      const uint8_t *measured,
+                                      size_t pairs,
+                                      uint64_t *frame);
+
+// How long the last frames took, into `latency`. Any thread, also while another one waits.
+//
+// # Safety
+// `session` lives. `latency` begins with its size, and may be written.
+enum tb_status tb_session_latency(const struct tb_session *session, struct tb_latency *latency);
+
 // Sends messages to `log` from now on, with `user`; NULL sends none. Any thread. `log` is called by any thread that calls
 // the library, one at a time, and must not call the library itself.
 //
@@ -375,7 +432,8 @@ enum tb_status tb_session_new(const struct tb_device *device,
 
 // Begins to solve a frame and returns. `counts` are those of bin b of pair p at [p * bins + b], `count` of them; they are
 // copied. `frame` receives the frame's number; it may be NULL. TB_INPUT if the counts cannot be used, TB_OPTIONS while a
-// frame is being solved: nothing changes then. Any thread; calls for one session wait for each other.
+// frame is being solved, unless `feed` of tb_settings lets it wait: nothing changes then. Any thread, also while another
+// one waits.
 //
 // # Safety
 // `session` lives. `counts` holds `count` numbers. `frame` is NULL or may be written.
@@ -384,9 +442,9 @@ enum tb_status tb_session_submit(const struct tb_session *session,
                                  size_t count,
                                  uint64_t *frame);
 
-// Waits up to `seconds` for the frame that was submitted last: 0 only looks, below 0 waits as long as it takes. TB_OK with
+// Waits up to `seconds` for the next result, that of the frame that was submitted last unless every frame counts: 0 only looks, below 0 waits as long as it takes. TB_OK with
 // the frame; TB_NOT_YET if it is not solved by then, or there is none; else why it failed or that it was stopped
-// (TB_CANCELLED). The next one can be submitted then. Below 0 without a frame is TB_OPTIONS. Any thread; calls for one
+// (TB_CANCELLED). The next one can be submitted then. Above 0 it also waits for a frame that another thread submits meanwhile. Below 0 without a frame is TB_OPTIONS. Any thread; calls for one
 // session wait for each other.
 //
 // # Safety

@@ -57,6 +57,19 @@ public:
         check(tb_session_submit(handle_.get(), counts.data(), counts.size(), &id));
         return id;
     }
+    // The same for a scan that goes on: only pairs whose byte is not 0 have new counts.
+    uint64_t submit_part(const std::vector<float> &counts, const std::vector<uint8_t> &measured) {
+        uint64_t id = 0;
+        check(tb_session_submit_part(handle_.get(), counts.data(), counts.size(), measured.data(), measured.size(), &id));
+        return id;
+    }
+    // How long the last frames took.
+    tb_latency latency() const {
+        tb_latency told{};
+        told.size = sizeof told;
+        check(tb_session_latency(handle_.get(), &told));
+        return told;
+    }
     // Waits for the frame that was submitted last.
     tb_frame wait() { return *wait_for(-1.0); }
     // The same, up to so many seconds; nothing if it is not solved by then. The arrays are valid until the next frame.

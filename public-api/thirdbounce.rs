@@ -2368,9 +2368,24 @@ pub mod session {
             pub fn lent_maps_bytes(&self) -> u64 {}
         }
     }
+    mod submit {
+        #[derive(Clone)]
+        #[private_fields]
+        pub struct Submitter {}
+        impl Submitter {
+            pub fn latency(&self) -> Latency {}
+            pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {}
+            pub fn submit_part(
+                &self,
+                histograms: &[f32],
+                measured: &[bool],
+            ) -> Result<FrameId> {}
+        }
+    }
     pub use feed::Feed;
     pub use latency::Latency;
     pub use lent::LentFrame;
+    pub use submit::Submitter;
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
     pub struct FrameId(pub u64);
     #[derive(Debug, Clone)]
@@ -2423,6 +2438,7 @@ pub mod session {
         pub fn wait_for(&mut self, limit: Duration) -> Result<Option<&Frame>> {}
         pub fn last(&self) -> Option<&Frame> {}
         pub fn cancel(&self) {}
+        pub fn submitter(&self) -> Submitter {}
         pub fn canceller(&self) -> Canceller {}
     }
     impl Drop for Session {}
@@ -2803,31 +2819,33 @@ pub mod solve {
         pub fn extract(level: &Level) -> Schedule {}
     }
     mod drive {
-        #[derive(Debug, Clone)]
-        pub struct Progress {
-            pub doing: Doing,
-            pub point: TracePoint,
-            pub iterations: usize,
-            pub remaining: Option<f64>,
-            pub maps: Option<Maps>,
+        mod watch {
+            #[derive(Debug, Clone)]
+            pub struct Progress {
+                pub doing: Doing,
+                pub point: TracePoint,
+                pub iterations: usize,
+                pub remaining: Option<f64>,
+                pub maps: Option<Maps>,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub enum Doing {
+                Preview,
+                Trial,
+                Solve,
+            }
+            pub struct Watch<'w> {
+                pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
+                pub maps_every: Option<usize>,
+                pub maps_at: &'w [usize],
+            }
+            pub struct Beside<'b, 'w> {
+                pub watch: &'b mut Watch<'w>,
+                pub keep: Option<Keep<'b>>,
+                pub lent: Option<&'b mut LentCounts>,
+            }
+            impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {}
         }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Doing {
-            Preview,
-            Trial,
-            Solve,
-        }
-        pub struct Watch<'w> {
-            pub hear: &'w mut dyn FnMut(&Progress) -> ControlFlow<()>,
-            pub maps_every: Option<usize>,
-            pub maps_at: &'w [usize],
-        }
-        pub struct Beside<'b, 'w> {
-            pub watch: &'b mut Watch<'w>,
-            pub keep: Option<Keep<'b>>,
-            pub lent: Option<&'b mut LentCounts>,
-        }
-        impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {}
     }
     mod estimate {
         pub fn expected_noise(model: &Model) -> f64 {}
@@ -3122,6 +3140,40 @@ pub mod solve {
             pub const AMPLE: usize = 32;
             pub fn sum_of(model: &Model, grid: &Grid) -> usize {}
         }
+        mod needs {
+            #[derive(Debug, Clone, Copy, PartialEq)]
+            pub struct Demand {
+                pub accumulation: Accumulation,
+                pub sizes: Sizes,
+                pub general: bool,
+                pub coarse_to_fine: bool,
+                pub iterations: [usize; 2],
+                pub pixels_per_voxel: usize,
+                pub binning: Binning,
+                pub gradient: Gradient,
+                pub has_rim: bool,
+                pub smooth: [f64; 2],
+                pub refined: Option<usize>,
+                pub more_taps: [usize; 2],
+                pub cosine_volume: bool,
+                pub lent: Option<LentRows>,
+            }
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub struct LentRows {
+                pub counts: usize,
+                pub sum: usize,
+            }
+            pub trait Needs {
+                fn demand(&self) -> Demand;
+                fn capacities(&self, levels: &[Level]) -> [usize; 2];
+                fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
+                fn passes(&self) -> Vec<&'static Pass>;
+                fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
+                fn betas(&self) -> [f64; 2] {}
+                fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {}
+                fn left_out(&self, plan: &Plan, out: &mut LeftOut);
+            }
+        }
         pub(in crate::solve) mod parts {
             #[derive(Debug, Clone, PartialEq)]
             pub struct PairPart {
@@ -3273,38 +3325,6 @@ pub mod solve {
                 ) -> Result<Tuning> {}
                 pub fn samples_of_group(&self, samples: usize) -> u32 {}
             }
-        }
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Demand {
-            pub accumulation: Accumulation,
-            pub sizes: Sizes,
-            pub general: bool,
-            pub coarse_to_fine: bool,
-            pub iterations: [usize; 2],
-            pub pixels_per_voxel: usize,
-            pub binning: Binning,
-            pub gradient: Gradient,
-            pub has_rim: bool,
-            pub smooth: [f64; 2],
-            pub refined: Option<usize>,
-            pub more_taps: [usize; 2],
-            pub cosine_volume: bool,
-            pub lent: Option<LentRows>,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct LentRows {
-            pub counts: usize,
-            pub sum: usize,
-        }
-        pub trait Needs {
-            fn demand(&self) -> Demand;
-            fn capacities(&self, levels: &[Level]) -> [usize; 2];
-            fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
-            fn passes(&self) -> Vec<&'static Pass>;
-            fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
-            fn betas(&self) -> [f64; 2] {}
-            fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {}
-            fn left_out(&self, plan: &Plan, out: &mut LeftOut);
         }
         #[derive(Debug, Clone, PartialEq)]
         pub struct Plan {
@@ -3629,6 +3649,15 @@ pub mod solve {
                 above: f64,
             ) -> Schedule {}
         }
+        mod frames {
+            #[derive(Debug, Clone, Copy, Default, PartialEq)]
+            pub struct Frames {
+                pub follow: Option<Follow>,
+                pub lent: Option<LentRows>,
+            }
+            pub struct ForFrames<'o>(pub &'o VectorOptions, pub Frames);
+            impl Needs for ForFrames<'_> {}
+        }
         mod hat {
             pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
         }
@@ -3641,13 +3670,6 @@ pub mod solve {
                 memory: Option<u64>,
                 with_volume: bool,
             ) -> Result<impl Prepared + use<>> {}
-            #[derive(Debug, Clone, Copy, Default, PartialEq)]
-            pub struct Frames {
-                pub follow: Option<Follow>,
-                pub lent: Option<LentRows>,
-            }
-            pub struct ForFrames<'o>(pub &'o VectorOptions, pub Frames);
-            impl Needs for ForFrames<'_> {}
             pub fn prepare_for_frames(
                 gpu: &Gpu,
                 capture: &Capture,
@@ -3724,9 +3746,10 @@ pub mod solve {
             }
         }
         pub use follow::Follow;
+        pub use frames::{ForFrames, Frames};
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
-        pub use prepared::{ForFrames, Frames, prepare, prepare_for_frames};
+        pub use prepared::{prepare, prepare_for_frames};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub use trial::{Left, PAIRS, Start, Trial};

@@ -6,6 +6,7 @@
 //! `unsafe` is here because C gives pointers; each block states what the header asks of the caller.
 
 mod error;
+mod feed;
 mod log;
 mod scan;
 mod session;
@@ -14,6 +15,7 @@ mod text;
 mod vulkan;
 
 pub use error::{TB_PROBLEM_SETTINGS, TbProblem, TbStatus};
+pub use feed::{TbFeed, TbLatency};
 pub use log::{TbLevel, TbLog};
 pub use scan::TbScan;
 pub use session::{TbFrame, TbHear, TbProgress, TbSession, TbSettings};

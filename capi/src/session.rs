@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions};
+use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions, Submitter};
 use engine::solve::option::{Suit, Value};
 use engine::solve::vector::Follow;
 use engine::solve::{Progress, SolverOptions};
@@ -16,7 +16,7 @@ use engine::{Error, Result};
 use crate::error::{TbStatus, guarded, options_error};
 use crate::scan::TbScan;
 use crate::sized::{self, Versioned};
-use crate::{TbDevice, log, text};
+use crate::{TbDevice, feed, log, text};
 
 /// What a progress function is told.
 #[derive(Clone, Copy)]
@@ -68,6 +68,14 @@ pub struct TbSettings {
     pub budget: f64,
     /// How many neighbouring bins are one for the solver; 0: as many as the maps' pixels do not tell apart.
     pub sum: usize,
+    /// What becomes of frames that are submitted while one is solved: a `tb_feed`.
+    pub feed: u32,
+    /// Not used: 0.
+    pub reserved: u32,
+    /// Most frames that wait with TB_EVERY; 0: 16.
+    pub waiting: usize,
+    /// What a sum is multiplied by before the next frame, from 0 to 1, with TB_SUM.
+    pub decay: f64,
 }
 
 /// A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
@@ -129,6 +137,8 @@ unsafe impl Versioned for TbFrame {
 /// A solver with everything that it needs for frames of one scan.
 pub struct TbSession {
     session: Mutex<Session>,
+    /// Frames are submitted while another thread waits.
+    pub submitter: Submitter,
     canceller: Canceller,
 }
 
@@ -179,15 +189,17 @@ pub unsafe extern "C" fn tb_session_new(
         let made = Session::new(&device.gpu, &tuned.scan, None, &tuned.solver, options)?;
         let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
         log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().pairs));
-        let canceller = made.canceller();
+        let (submitter, canceller) = (made.submitter(), made.canceller());
+        let made = TbSession { session: Mutex::new(made), submitter, canceller };
         // SAFETY: the caller gives a pointer to write to.
-        unsafe { sized::give_handle(session, TbSession { session: Mutex::new(made), canceller }, "session") }
+        unsafe { sized::give_handle(session, made, "session") }
     })
 }
 
 /// Begins to solve a frame and returns. `counts` are those of bin b of pair p at [p * bins + b], `count` of them; they are
 /// copied. `frame` receives the frame's number; it may be NULL. TB_INPUT if the counts cannot be used, TB_OPTIONS while a
-/// frame is being solved: nothing changes then. Any thread; calls for one session wait for each other.
+/// frame is being solved, unless `feed` of tb_settings lets it wait: nothing changes then. Any thread, also while another
+/// one waits.
 ///
 /// # Safety
 /// `session` lives. `counts` holds `count` numbers. `frame` is NULL or may be written.
@@ -205,7 +217,7 @@ pub unsafe extern "C" fn tb_session_submit(
             return Err(options_error("`counts` is NULL", "give the frame's counts"));
         }
         // SAFETY: so many numbers are there, as the caller states.
-        let id = session.session().submit(unsafe { std::slice::from_raw_parts(counts, count) })?;
+        let id = session.submitter.submit(unsafe { std::slice::from_raw_parts(counts, count) })?;
         if !frame.is_null() {
             // SAFETY: the caller gives a pointer to write to.
             unsafe { frame.write(id.0) };
@@ -214,9 +226,9 @@ pub unsafe extern "C" fn tb_session_submit(
     })
 }
 
-/// Waits up to `seconds` for the frame that was submitted last: 0 only looks, below 0 waits as long as it takes. TB_OK with
+/// Waits up to `seconds` for the next result, that of the frame that was submitted last unless every frame counts: 0 only looks, below 0 waits as long as it takes. TB_OK with
 /// the frame; TB_NOT_YET if it is not solved by then, or there is none; else why it failed or that it was stopped
-/// (TB_CANCELLED). The next one can be submitted then. Below 0 without a frame is TB_OPTIONS. Any thread; calls for one
+/// (TB_CANCELLED). The next one can be submitted then. Above 0 it also waits for a frame that another thread submits meanwhile. Below 0 without a frame is TB_OPTIONS. Any thread; calls for one
 /// session wait for each other.
 ///
 /// # Safety
@@ -340,6 +352,7 @@ impl TbSettings {
             follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
             lent: self.lent != 0,
             sum: (self.sum > 0).then_some(self.sum),
+            feed: feed::of(self)?,
             ..SessionOptions::default()
         })
     }

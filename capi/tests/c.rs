@@ -99,6 +99,17 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
     }
 }
 
+/// A thread submits parts of a scan while another one waits.
+fn feeds(flags: &[&str], environment: &[(&str, &str)]) {
+    let (_folder, text) = example("cpp/camera.cpp", flags, environment);
+    assert!(text.contains("every frame was shown or dropped"), "{text}");
+}
+
+#[test]
+fn a_cpp_program_feeds_parts_of_a_scan() {
+    feeds(&[], &[]);
+}
+
 #[test]
 fn a_c_program_captures() {
     captures(&[], &[]);
@@ -130,6 +141,7 @@ fn the_sanitizers_have_nothing_to_say() {
         captures(&[flags], &quiet);
         lends(&[flags], &quiet);
         cancels(&[flags], &quiet);
+        feeds(&[flags], &quiet);
     }
 }
 

@@ -43,7 +43,7 @@ impl LentFrame {
                 "make it with `lent` in its options",
             );
         };
-        if matches!(session.feed, Feed::Sum { .. }) {
+        if matches!(session.submitter.feed(), Feed::Sum { .. }) {
             return refused(
                 "frames in lent buffers cannot be summed".into(),
                 "add them up in the caller's own pass, or feed single frames",

@@ -27,11 +27,13 @@ use crate::{Error, Kind, Result};
 mod feed;
 mod latency;
 mod lent;
+mod submit;
 mod worker;
 
 pub use feed::Feed;
 pub use latency::Latency;
 pub use lent::LentFrame;
+pub use submit::Submitter;
 use worker::{Shared, Taken, Worker};
 
 /// Number of a frame, from 1, in the order of submission.
@@ -81,9 +83,7 @@ pub struct SessionOptions {
 pub struct Session {
     gpu: Gpu,
     plan: Arc<Plan>,
-    /// The scan, without counts.
-    scan: Capture,
-    feed: Feed,
+    submitter: Submitter,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     last: Option<Frame>,
@@ -150,7 +150,8 @@ impl Session {
             .map_err(|e| {
                 Error::memory(format!("a session's thread does not start ({e})"), "close programs")
             })?;
-        Ok(Session { gpu: gpu.clone(), plan, scan, feed, shared, thread: Some(thread), last: None })
+        let submitter = Submitter::new(shared.clone(), scan, feed);
+        Ok(Session { gpu: gpu.clone(), plan, submitter, shared, thread: Some(thread), last: None })
     }
 
     /// The device.
@@ -171,11 +172,7 @@ impl Session {
     /// [`Kind::Input`] if there are too few or too many counts, one is not finite, or there is no signal; single frames of a
     /// sum may be dark, the sum may not. [`Kind::Options`] if the feed refuses another frame. Nothing changes then.
     pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {
-        match self.feed {
-            Feed::Sum { .. } => self.scan.check_finite(histograms)?,
-            _ => self.scan.check_counts(histograms)?,
-        }
-        self.shared.submit(histograms, None, &self.scan)
+        self.submitter.submit(histograms)
     }
 
     /// As [`Session::submit`], for a scan that goes on: only the pairs that are `measured` have new counts, `[pair]`. The
@@ -185,15 +182,7 @@ impl Session {
     /// # Errors
     /// As [`Session::submit`]; [`Kind::Input`] if `measured` does not say so for every pair.
     pub fn submit_part(&mut self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {
-        let pairs = self.scan.pair_count();
-        if measured.len() != pairs {
-            return Err(Error::input(
-                format!("{} values of `measured` for {pairs} pairs", measured.len()),
-                "say for every pair whether it was measured",
-            ));
-        }
-        self.scan.check_finite(histograms)?;
-        self.shared.submit(histograms, Some(measured), &self.scan)
+        self.submitter.submit_part(histograms, measured)
     }
 
     /// Begins to solve a frame whose counts lie in a buffer of the caller's on the device, and returns. The counts are never on
@@ -217,7 +206,7 @@ impl Session {
 
     /// How long the last frames took, and how many were dropped.
     pub fn latency(&self) -> Latency {
-        self.shared.latency()
+        self.submitter.latency()
     }
 
     /// A frame that is solved by now and was not taken before: the last one, or the oldest if every frame counts.
@@ -238,7 +227,7 @@ impl Session {
         })
     }
 
-    /// As [`Session::poll`], but waits up to `limit`.
+    /// As [`Session::poll`], but waits up to `limit`, also for a frame that a [`Submitter`] submits meanwhile.
     ///
     /// # Errors
     /// As [`Session::poll`].
@@ -264,6 +253,11 @@ impl Session {
     /// Cancels the frame that is being solved: [`Canceller::cancel`].
     pub fn cancel(&self) {
         self.shared.cancel();
+    }
+
+    /// A handle that submits frames from other threads, while this one waits for results.
+    pub fn submitter(&self) -> Submitter {
+        self.submitter.clone()
     }
 
     /// A handle that cancels frames from other threads.

@@ -142,7 +142,8 @@ impl Shared {
         Ok(id)
     }
 
-    /// Takes the result of a frame, if one is there by `end`; waits as long as it takes without an end.
+    /// Takes the result of a frame, if one is there by `end`, also of one that another thread submits meanwhile. Without an
+    /// end, waits as long as it takes, if there is a frame.
     pub fn taken(&self, end: Option<Instant>) -> Taken {
         let mut state = self.state();
         loop {
@@ -151,7 +152,8 @@ impl Shared {
                 self.changed.notify_all();
                 return Taken::Done(id, result);
             }
-            if state.solving.is_none() && state.waiting.is_empty() || state.broken.is_some() {
+            let is_idle = state.solving.is_none() && state.waiting.is_empty();
+            if state.broken.is_some() || is_idle && end.is_none() {
                 return Taken::Nothing;
             }
             let left = end.map(|end| end.saturating_duration_since(Instant::now()));
@@ -264,6 +266,9 @@ impl State {
     fn admit(&self) -> Result<()> {
         if let Some(error) = &self.broken {
             return Err(error.clone());
+        }
+        if self.closing {
+            return Err(Error::options("the session was dropped", "keep it while frames are submitted"));
         }
         match (self.feed, self.solving.map(|s| s.0).or(self.waiting.front().map(|w| w.id))) {
             (Feed::One, Some(FrameId(id))) => Err(Error::options(

@@ -372,6 +372,31 @@ fn frames_that_are_no_counts_are_refused_and_the_session_goes_on() {
 }
 
 #[test]
+fn another_thread_submits_while_one_waits() {
+    let gpu = gpu();
+    let scan = scan(8, 0.04);
+    let [counts, _] = frames(&scan);
+    let mut session = session(&gpu, &scan, &vector(|_| ()));
+    let submitter = session.submitter();
+    let camera = std::thread::spawn({
+        let submitter = submitter.clone();
+        move || {
+            // By now the other one waits, most likely.
+            std::thread::sleep(Duration::from_millis(20));
+            submitter.submit(&counts).map(|id| (id, counts))
+        }
+    });
+    let id = session.wait_for(Duration::from_secs(300)).unwrap().expect("a frame comes").id;
+    let (submitted, counts) = camera.join().unwrap().unwrap();
+    assert_eq!(submitted, id);
+    assert!(session.wait_for(Duration::from_millis(1)).unwrap().is_none());
+    assert_eq!(submitter.latency().frames, 1);
+    drop(session);
+    let error = submitter.submit(&counts).unwrap_err();
+    assert!(error.kind == Kind::Options && error.what.contains("dropped"), "{error}");
+}
+
+#[test]
 fn sessions_that_are_dropped_leave_no_memory_behind() {
     let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
     let scan = scan(4, 0.1);
