@@ -1,10 +1,11 @@
 //! Sessions: frames of one scan.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use engine::maps::Maps;
-use engine::session::{self as engine_session, Canceller, Frame, Hear, SessionOptions};
+use engine::session::{self as engine_session, Canceller, Feed, Frame, Hear, SessionOptions, Submitter};
 use engine::solve::Progress;
 use engine::{Error, Result};
 use numpy::PyReadonlyArray1;
@@ -21,38 +22,43 @@ use crate::tell::{Raised, Teller};
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// A session behind a lock, so that several threads may call it. Cancelling needs no lock.
+/// A session behind a lock, so that several threads may call it. Submitting and cancelling need no lock.
 #[pyclass(module = "thirdbounce._native", frozen)]
 pub struct Session {
-    session: Mutex<Option<Open>>,
+    session: Mutex<Option<engine_session::Session>>,
+    submitter: Submitter,
     canceller: Canceller,
+    /// A frame was submitted, and its result was not taken. Not used where frames may wait for each other.
+    is_pending: AtomicBool,
+    may_wait: bool,
     /// What the progress function raised.
     raised: Raised,
 }
 
-/// A session that is not closed.
-struct Open {
-    session: engine_session::Session,
-    /// A frame was submitted, and its result was not taken.
-    is_pending: bool,
+/// What becomes of frames that come while one is solved.
+#[derive(FromPyObject)]
+pub enum FeedGiven {
+    /// What a running sum is multiplied by before each frame.
+    Decay(f64),
+    /// `one`, `newest` or `every`.
+    Word(String),
 }
 
-impl Open {
-    fn submit(&mut self, counts: &[f32]) -> Result<u64> {
-        let id = self.session.submit(counts)?;
-        self.is_pending = true;
-        Ok(id.0)
-    }
+/// Frames that wait where every frame counts.
+const WAITING: usize = 64;
 
-    /// The maps of the frame, its number and its seconds, if it is solved by then.
-    fn wait_for(&mut self, limit: Duration) -> Result<Option<(Maps, u64, f64)>> {
-        if !self.is_pending {
-            return Err(Error::options("there is no frame to wait for", "submit one first"));
+impl FeedGiven {
+    fn feed(&self) -> Result<Feed> {
+        match self {
+            FeedGiven::Decay(decay) => Ok(Feed::Sum { decay: *decay }),
+            FeedGiven::Word(word) if word == "one" => Ok(Feed::One),
+            FeedGiven::Word(word) if word == "newest" => Ok(Feed::Newest),
+            FeedGiven::Word(word) if word == "every" => Ok(Feed::Every { most: WAITING }),
+            FeedGiven::Word(word) => Err(Error::options(
+                format!("feed is {word:?}"),
+                "give one, newest, every, or what a running sum is multiplied by before each frame",
+            )),
         }
-        let found = self.session.wait_for(limit);
-        self.is_pending = matches!(found, Ok(None));
-        let packed = |frame: &Frame| (frame.result.maps.clone(), frame.id.0, frame.result.solve_seconds);
-        Ok(found?.map(packed))
     }
 }
 
@@ -61,9 +67,22 @@ fn closed() -> Error {
 }
 
 impl Session {
-    fn locked(&self) -> MutexGuard<'_, Option<Open>> {
+    fn locked(&self) -> MutexGuard<'_, Option<engine_session::Session>> {
         // A session is whole after a panic: its thread has the rest.
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The maps of the next result, its number and its seconds, if it is there by then.
+    fn wait_for(&self, limit: Duration) -> Result<Option<(Maps, u64, f64)>> {
+        let mut session = self.locked();
+        let session = session.as_mut().ok_or_else(closed)?;
+        if !self.may_wait && !self.is_pending.load(Relaxed) {
+            return Err(Error::options("there is no frame to wait for", "submit one first"));
+        }
+        let found = session.wait_for(limit);
+        self.is_pending.store(matches!(found, Ok(None)), Relaxed);
+        let packed = |frame: &Frame| (frame.result.maps.clone(), frame.id.0, frame.result.solve_seconds);
+        Ok(found?.map(packed))
     }
 }
 
@@ -77,7 +96,9 @@ impl Session {
         settings: Settings,
         time_limit: Option<f64>,
         progress: Option<Py<PyAny>>,
+        feed: Option<FeedGiven>,
     ) -> PyResult<Session> {
+        let feed = guarded(py, None, || feed.map_or(Ok(Feed::One), |given| given.feed()))?;
         let scan = guarded(py, None, || arrays.capture())?;
         // The session's own thread calls it: signals come to the thread that waits.
         let teller = Teller::new(progress, false);
@@ -93,22 +114,47 @@ impl Session {
                 let gpu = devices::open(&settings.device)?;
                 let tuned = choice.resolve(&scan).tune(&gpu, &scan, memory, &mut |p| teller.hear(p))?;
                 let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
-                let options =
-                    SessionOptions { memory, time_limit, hear: Some(hear), ..SessionOptions::default() };
+                let options = SessionOptions {
+                    memory,
+                    time_limit,
+                    hear: Some(hear),
+                    feed,
+                    ..SessionOptions::default()
+                };
                 engine_session::Session::new(&gpu, &tuned.scan, None, &tuned.solver, options)
             })
         })?;
-        let canceller = session.canceller();
-        let open = Open { session, is_pending: false };
-        Ok(Session { canceller, session: Mutex::new(Some(open)), raised })
+        let (submitter, canceller) = (session.submitter(), session.canceller());
+        let (session, is_pending) = (Mutex::new(Some(session)), AtomicBool::new(false));
+        Ok(Session { session, submitter, canceller, is_pending, may_wait: feed != Feed::One, raised })
     }
 
-    /// Begins to solve a frame, and returns its number. The counts are copied.
-    fn submit(&self, py: Python<'_>, counts: PyReadonlyArray1<'_, f32>) -> PyResult<u64> {
+    /// Begins to solve a frame, and returns its number. The counts, of all pairs or of those that were `measured`, are copied.
+    fn submit(
+        &self,
+        py: Python<'_>,
+        counts: PyReadonlyArray1<'_, f32>,
+        measured: Option<PyReadonlyArray1<'_, bool>>,
+    ) -> PyResult<u64> {
         guarded(py, None, || {
-            let mut session = self.locked();
-            session.as_mut().ok_or_else(closed)?.submit(flat(&counts)?)
+            let counts = flat(&counts)?;
+            let id = match &measured {
+                None => self.submitter.submit(counts)?,
+                Some(measured) => {
+                    let measured: Vec<bool> = measured.as_array().iter().copied().collect();
+                    self.submitter.submit_part(counts, &measured)?
+                }
+            };
+            self.is_pending.store(true, Relaxed);
+            Ok(id.0)
         })
+    }
+
+    /// Frames that were solved and dropped; seconds of the last frame, median, 90th and 99th percentile; results in a second.
+    fn latency(&self) -> (u64, u64, [f64; 4], f64) {
+        let told = self.submitter.latency();
+        let seconds = [told.last, told.median, told.p90, told.p99].map(|time| time.as_secs_f64());
+        (told.frames, told.dropped, seconds, told.frames_per_second)
     }
 
     /// Waits for the frame that was submitted last; `None` if it is not solved after `seconds`. A signal cancels the frame.
@@ -116,12 +162,7 @@ impl Session {
         let end = seconds.map(|s| Instant::now() + Duration::try_from_secs_f64(s.max(0.0)).unwrap_or(LOOK));
         let found = loop {
             let left = end.map_or(LOOK, |end| end.saturating_duration_since(Instant::now()).min(LOOK));
-            let found = guarded(py, None, || {
-                py.detach(|| -> Result<_> {
-                    let mut session = self.locked();
-                    session.as_mut().ok_or_else(closed)?.wait_for(left)
-                })
-            });
+            let found = guarded(py, None, || py.detach(|| self.wait_for(left)));
             if let Some(raised) = self.raised.take() {
                 return Err(raised);
             }

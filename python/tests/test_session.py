@@ -44,6 +44,29 @@ def test_a_frame_may_be_polled_and_stopped(capture):
             frames.wait()
 
 
+def test_a_camera_thread_feeds_parts_of_a_scan(capture):
+    half = np.zeros(capture.H.shape[:2], bool)
+    half[::2] = True
+    with session(capture, feed="newest", model="cosine", **QUICK) as frames:
+        camera = threading.Thread(target=lambda: [frames.submit(capture.H, measured=m) for m in (half, ~half)])
+        camera.start()
+        shown = [frames.wait(60.0)]
+        while shown[-1].frame < 2:
+            shown.append(frames.wait(60.0))
+        camera.join()
+        # Both halves are the whole scan.
+        assert shown[-1].albedo.tobytes() == frames.solve(capture.H).albedo.tobytes()
+        told = frames.latency
+        assert told.frames + told.dropped == 3 and 0.0 < told.median <= told.p99
+    with pytest.raises(tb.OptionsError, match="feed"):
+        session(capture, feed="some", **QUICK)
+
+
+def test_a_session_of_a_capture_finds_the_model(capture):
+    with tb.Session(capture, **QUICK) as found, tb.Session(capture, model="cosine", **QUICK) as named:
+        assert found.solve(capture.H).albedo.tobytes() == named.solve(capture.H).albedo.tobytes()
+
+
 def test_a_time_limit_stops_a_frame(capture):
     with session(capture, time_limit=0.2, **LONG) as frames:
         with pytest.raises(tb.CancelledError, match="limit"):

@@ -268,7 +268,10 @@ impl State {
             return Err(error.clone());
         }
         if self.closing {
-            return Err(Error::options("the session was dropped", "keep it while frames are submitted"));
+            return Err(Error::options(
+                "the session is closed",
+                "make a new one, or keep it while frames come",
+            ));
         }
         match (self.feed, self.solving.map(|s| s.0).or(self.waiting.front().map(|w| w.id))) {
             (Feed::One, Some(FrameId(id))) => Err(Error::options(

@@ -393,7 +393,7 @@ fn another_thread_submits_while_one_waits() {
     assert_eq!(submitter.latency().frames, 1);
     drop(session);
     let error = submitter.submit(&counts).unwrap_err();
-    assert!(error.kind == Kind::Options && error.what.contains("dropped"), "{error}");
+    assert!(error.kind == Kind::Options && error.what.contains("closed"), "{error}");
 }
 
 #[test]

@@ -25,7 +25,7 @@ from ._native import (
     OutputError,
     __version__,
 )
-from ._session import Session
+from ._session import Latency, Session
 from ._solve import Progress, devices, options, reconstruct
 from ._simulate import scenes, simulate
 
@@ -46,6 +46,7 @@ __all__ = [
     "OutputError",
     "Progress",
     "Pulse",
+    "Latency",
     "Session",
     "__version__",
     "devices",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any, Optional, Type, Union
+from typing import Any, NamedTuple, Optional, Type, Union
 
 import numpy as np
 
@@ -12,6 +12,25 @@ from ._arrays import as_counts, as_points, like_points
 from ._capture import Capture
 from ._maps import Maps
 from ._solve import Hear, _hear, _settings
+
+
+class Latency(NamedTuple):
+    """Times of the last frames, up to 256, from submission to result, in seconds: what waits is included."""
+
+    frames: int
+    """Frames that were solved."""
+    dropped: int
+    """Frames that were submitted and never solved, as newer ones replaced them."""
+    last: float
+    """The last frame's."""
+    median: float
+    """Half of the frames took no longer."""
+    p90: float
+    """Nine of ten."""
+    p99: float
+    """Ninety-nine of a hundred."""
+    frames_per_second: float
+    """Results in a second, while frames came; 0 before the second one."""
 
 
 class Session:
@@ -44,6 +63,7 @@ class Session:
         memory: Union[None, str, int] = None,
         time_limit: Optional[float] = None,
         progress: Optional[Hear] = None,
+        feed: Union[str, float] = "one",
         **options: Any,
     ) -> None:
         """Prepares for frames of a scan.
@@ -54,6 +74,8 @@ class Session:
         bins, bin_width, t0: number and width of the bins, and leading edge of bin 0, metres of path.
         photon_counts: whether counts are photon counts; else the noise of each frame is estimated, which takes longer.
         time_limit: a frame that takes longer is stopped, seconds.
+        feed: what becomes of frames that come while one is solved: "one" refuses them, "newest" keeps the newest, "every" solves
+            all in order; a number from 0 to 1 adds all up and multiplies the sum by it before each.
         progress: is called with a `Progress` by the session's thread, and stops the frame if it returns False.
         The other arguments are those of `reconstruct`.
         """
@@ -66,18 +88,28 @@ class Session:
         self._scan = tuple(arrays["scan"])
         settings = _settings(solver, pixels, options, device, memory)
         settings.update(model=model, preset=preset)
-        self._native = _native.Session(arrays, settings, time_limit, _hear(progress))
+        self._native = _native.Session(arrays, settings, time_limit, _hear(progress), feed)
 
-    def submit(self, H: Any, *, bins_axis: int = -1) -> int:
-        """Begins to solve a frame, and returns its number.
+    def submit(self, H: Any, *, bins_axis: int = -1, measured: Any = None) -> int:
+        """Begins to solve a frame, and returns its number. Any thread, also while another one waits.
 
         H: (X, Y, T) or (P, T) counts, as for `Capture`. float32 in C order is read in place; the engine copies it.
-        Raises OptionsError while another frame is being solved, and InputError for counts that cannot be used.
+        measured: (X, Y) or (P,), true where a point has new counts: the others keep those of the frames before.
+        Raises OptionsError while another frame is being solved, unless `feed` lets it wait, and InputError for counts that cannot
+        be used.
         """
-        return self._native.submit(as_counts(H, self._scan, bins_axis).reshape(-1))
+        part = None if measured is None else np.ascontiguousarray(measured, dtype=bool).reshape(-1)
+        return self._native.submit(as_counts(H, self._scan, bins_axis).reshape(-1), part)
+
+    @property
+    def latency(self) -> Latency:
+        """How long the last frames took, and how many were dropped."""
+        frames, dropped, seconds, rate = self._native.latency()
+        return Latency(frames, dropped, *seconds, rate)
 
     def wait(self, timeout: Optional[float] = None) -> Optional[Maps]:
-        """Waits for the frame that was submitted last; None if it is not solved after `timeout` seconds.
+        """Waits for the frame that was submitted last, or for the next result if frames may wait (`feed`); None if there is
+        none after `timeout` seconds.
 
         Raises CancelledError if the frame was stopped. Ctrl-C stops it: KeyboardInterrupt; the session can be used on.
         """
