@@ -16,7 +16,7 @@ fn two_of_three_errors_are_within_the_confidence() {
         let what = Simulation {
             scene: Scene { scan: 16, bin_width: 0.01, photons, ..Scene::named("figure").unwrap() },
             hide_pulse: false,
-            render: RenderOptions { noise: 0.03, ..Default::default() },
+            render: RenderOptions { noise: 0.05, ..Default::default() },
             out: capture.clone(),
             truth: Some((truth.clone(), 64)),
         };

@@ -51,7 +51,7 @@ fn grid_of(capture: &Capture) -> Grid {
 fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
     let o = VectorOptions::default().with(|o| {
         o.lateral = 16;
-        o.iterations = 8;
+        o.iterations = 5;
         // Three points are no surface: rounding decides where its pixels go.
         o.surface.iterations = 2;
         o.domain.coarse_to_fine = false;
@@ -68,7 +68,7 @@ fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general:
 fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
     let o = PaperOptions::preset(Preset::Synthetic).with(|o| {
         o.lateral = 16;
-        o.iterations = 6;
+        o.iterations = 4;
         o.domain.coarse_to_fine = false;
         o.domain.min_depth = 0.3;
         o.learning_rate = 0.05;

@@ -218,11 +218,11 @@ fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
     let gpu = gpu();
     let (_, capture) = letter(8);
     let solve = |accumulation, seed| {
-        let o = small(60).with(|o| {
+        let o = small(24).with(|o| {
             o.accumulation = accumulation;
             o.seed = seed;
             o.lateral = 16;
-            o.domain.double_every = 30;
+            o.domain.double_every = 12;
         });
         run(&gpu, &capture, &o)
     };
