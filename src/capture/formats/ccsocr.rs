@@ -1,7 +1,7 @@
 //! Captures of CC-SOCR (Liu, Wang, Li and others 2021/2023), three MATLAB v5 files: `C_i` and `C_d` (P, 3), the laser
 //! and sensor points as whole numbers (depth, horizontal, vertical), and `sub_Sig` (P, T), the counts of each pair.
 //!
-//! What a step of the points and a bin are in metres is not in these files: see [`super::socr_units`]. The depth coordinate has
+//! What a step of the points and a bin are in metres is not in these files: see `socr_units.rs`. The depth coordinate has
 //! another unit than the other two (their `bx`, `by`, `bz`).
 //!
 //! Some `sub_Sig` (their letters N and T) hold the square roots of counts: 1, 1.414, 1.732, and so on. They are squared.
