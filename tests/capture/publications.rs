@@ -289,7 +289,7 @@ fn socr_square_roots_are_squared_and_nothing_else_is() {
     assert!(!plain.notes.iter().any(|n| n.contains("squared")));
     // Rendered signals below 1, whose squares are close to 0, and others that are no roots.
     for value in
-        [&|p, t| 1e-3 * counts(p, t) as f64, &|p, t| 1.1 * counts(p, t)] as [&dyn Fn(usize, usize) -> f64; 2]
+        [&|p, t| 1e-3 * counts(p, t), &|p, t| 1.1 * counts(p, t)] as [&dyn Fn(usize, usize) -> f64; 2]
     {
         let rendered = read(value);
         assert!(!rendered.notes.iter().any(|n| n.contains("squared")));
