@@ -95,6 +95,7 @@ pub mod capture {
             pub struct Given {
                 pub wall: Option<f64>,
                 pub bin_width: Option<f64>,
+                pub depth_unit: Option<f64>,
                 pub bounce: Option<Bounce>,
                 pub time_of_flight: Option<PathBuf>,
                 pub turn: Turn,
@@ -102,6 +103,7 @@ pub mod capture {
             impl Given {
                 pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {}
                 pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {}
+                pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> Given {}
                 pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {}
                 pub fn with_time_of_flight(
                     self,
@@ -147,7 +149,11 @@ pub mod capture {
             pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
         }
         pub mod npz {
-            pub fn read(path: &Path) -> Result<Capture> {}
+            pub fn read(
+                path: &Path,
+                given: &Given,
+                notes: &mut Vec<String>,
+            ) -> Result<Capture> {}
             pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
         }
         pub mod phasor {
@@ -163,6 +169,7 @@ pub mod capture {
                 pub fn open(path: &Path) -> Result<Set> {}
                 pub fn holding(&self, name: &str) -> Result<Option<&Variables>> {}
                 pub fn add_beside(&mut self, names: &[String]) -> Result<()> {}
+                pub fn beside(&self, name: &str) -> PathBuf {}
                 pub fn add(&mut self, path: &Path) -> Result<()> {}
                 pub fn name(&self) -> String {}
                 pub fn first(&self) -> Option<&Variables> {}
@@ -441,6 +448,7 @@ pub mod capture {
         pub laser_spot: Option<f64>,
         pub sensor_spot: Option<f64>,
         pub cycles: Option<f64>,
+        pub direct: Option<f64>,
     }
     impl Capture {
         pub fn new(
@@ -836,6 +844,7 @@ pub mod files {
             path: &Path,
             fill: impl FnOnce(&Path) -> Result<()>,
         ) -> Result<()> {}
+        pub fn is_stream(path: &Path) -> bool {}
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum DiskFault {
             Denied,
@@ -2054,6 +2063,7 @@ pub mod job {
         pub path: PathBuf,
         pub wall: Option<f64>,
         pub bin_width: Option<f64>,
+        pub depth_unit: Option<f64>,
         pub bounce: Option<capture::Bounce>,
         pub time_of_flight: Option<PathBuf>,
         pub turn: capture::Turn,
@@ -2146,14 +2156,31 @@ pub mod live {
             pub fn bytes(&self) -> [u8; HEADER] {}
         }
     }
+    mod tags {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Tags {
+            pub path: PathBuf,
+            pub scan: Scan,
+            pub asked: Asked,
+            pub gate: Option<Gate>,
+        }
+        impl Tags {
+            pub fn first(
+                &self,
+                wait: &dyn Fn() -> ControlFlow<()>,
+            ) -> Result<Option<Capture>> {}
+        }
+    }
     pub use page::Page;
     pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
-    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub use tags::Tags;
+    #[derive(Debug, Clone, PartialEq)]
     pub enum Source {
         Folder(PathBuf),
         Stream(PathBuf),
         Stdin,
         Listen(std::net::SocketAddr),
+        Tags(Box<Tags>),
     }
     pub enum News<'n> {
         Solved(&'n Frame, Latency),
@@ -3818,6 +3845,7 @@ pub mod tags {
                 snake: bool,
             ) -> Result<Scan> {}
             pub fn read(path: &Path) -> Result<Scan> {}
+            pub fn read_galvo(path: &Path, galvo: &Galvo) -> Result<Scan> {}
             pub fn points(&self) -> usize {}
             pub fn is_confocal(&self) -> bool {}
         }
@@ -3848,6 +3876,31 @@ pub mod tags {
         impl Division {
             pub fn of_image(image: &Image) -> Option<Division> {}
         }
+    }
+    mod galvo {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Galvo {
+            pub origin: DVec3,
+            pub forward: DVec3,
+            pub up: DVec3,
+            pub scale: [f64; 2],
+            pub offset: [f64; 2],
+            pub between: f64,
+            pub wall: [DVec3; 2],
+        }
+        impl Galvo {
+            pub fn read(path: &Path) -> Result<Galvo> {}
+            pub fn point(&self, values: [f64; 2]) -> Option<DVec3> {}
+        }
+    }
+    mod growing {
+        pub fn passes(
+            path: &Path,
+            scan: &Scan,
+            asked: &Asked,
+            wait: &dyn Fn() -> ControlFlow<()>,
+            hear: &mut dyn FnMut(Capture) -> ControlFlow<()>,
+        ) -> Result<()> {}
     }
     mod histogram {
         #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -3931,6 +3984,8 @@ pub mod tags {
     pub use arrange::Scan;
     pub use curves::{Curve, Curves};
     pub use division::Division;
+    pub use galvo::Galvo;
+    pub use growing::passes;
     pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
     pub use starts::{Start, starts};
     pub use survey::{Channel, Survey};
@@ -3976,7 +4031,7 @@ pub mod tags {
     impl Tags {
         pub fn open(path: &Path, inputs: &Inputs) -> Result<Tags> {}
         pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {}
-        pub fn events(&self, mut hear: impl FnMut(Event)) -> Result<Passed> {}
+        pub fn events(&self, hear: impl FnMut(Event)) -> Result<Passed> {}
     }
 }
 pub mod transport {

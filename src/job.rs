@@ -59,6 +59,8 @@ pub struct Input {
     pub wall: Option<f64>,
     /// Bin width in metres of path, for files without it.
     pub bin_width: Option<f64>,
+    /// Metres of a step of the wall's depth, for formats that do not say.
+    pub depth_unit: Option<f64>,
     /// Bounces that count, for formats that keep them apart.
     pub bounce: Option<capture::Bounce>,
     /// File with the times of flight to the wall, for formats that keep them in a second file.
@@ -96,6 +98,7 @@ impl Input {
         capture::Given {
             wall: self.wall,
             bin_width: self.bin_width,
+            depth_unit: self.depth_unit,
             bounce: self.bounce,
             time_of_flight: self.time_of_flight.clone(),
             turn: self.turn,
@@ -155,7 +158,7 @@ pub fn load(input: &Input) -> Result<Loaded> {
 }
 
 /// Prepares a capture that is in memory as [`load`] prepares one that it reads. The path of `input` is only for the report,
-/// and values that complete a file are not used: `bin_width`, `bounce` and `time_of_flight`.
+/// and values that complete a file are not used: `bin_width`, `depth_unit`, `bounce` and `time_of_flight`.
 ///
 /// # Errors
 /// Those of [`Capture::check`]; a wall size that does not fit the capture.

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fixtures::readers;
+use fixtures::{readers, tags};
 use thirdbounce::capture::{Pulse, read_given, write};
 
 fn main() {
@@ -17,7 +17,20 @@ fn main() {
         let name = from.file_name().expect("a file");
         std::fs::copy(from, folder.join(name)).expect("the input is written");
     };
-    let targets = ["znlos", "netf", "stanford", "lct", "one_array", "ccsocr", "general", "phasor"];
+    let targets = [
+        "znlos",
+        "netf",
+        "stanford",
+        "lct",
+        "one_array",
+        "ccsocr",
+        "general",
+        "phasor",
+        "kilometre",
+        "convolutional",
+        "lit",
+        "npz",
+    ];
     for (name, file, opened, given) in readers::every_reader(&scratch) {
         if let Some(target) = targets.iter().find(|t| name.starts_with(**t)) {
             put(target, &file);
@@ -33,6 +46,11 @@ fn main() {
         capture.pulse = Some(Pulse::gaussian(3.0 * capture.bin_width).expect("a width"));
         write(&capture, &path).expect("it is written");
         put("npz", &path);
+    }
+    for (target, name, bytes) in tags::every_reader() {
+        let path = scratch.join(name);
+        std::fs::write(&path, bytes).expect("it is written");
+        put(target, &path);
     }
     std::fs::remove_dir_all(&scratch).expect("the folder goes");
     println!("wrote {}", corpus.display());

@@ -35,6 +35,7 @@ pub struct Arrays<'py> {
     laser_spot: Option<f64>,
     sensor_spot: Option<f64>,
     cycles: Option<f64>,
+    direct: Option<f64>,
 }
 
 impl Arrays<'_> {
@@ -52,7 +53,7 @@ impl Arrays<'_> {
             made.pulse = Some(Pulse::new(flat(samples)?.to_vec(), *width, *start));
         }
         (made.laser_spot, made.sensor_spot) = (self.laser_spot, self.sensor_spot);
-        made.cycles = self.cycles;
+        (made.cycles, made.direct) = (self.cycles, self.direct);
         Ok(made)
     }
 }
@@ -88,6 +89,7 @@ pub fn dictionary<'py>(py: Python<'py>, capture: Capture) -> PyResult<Bound<'py,
     made.set_item("laser_spot", capture.laser_spot)?;
     made.set_item("sensor_spot", capture.sensor_spot)?;
     made.set_item("cycles", capture.cycles)?;
+    made.set_item("direct", capture.direct)?;
     made.set_item("counts", PyArray1::from_vec(py, capture.histograms))?;
     Ok(made)
 }
@@ -100,6 +102,7 @@ pub fn read<'py>(
     path: PathBuf,
     wall: Option<f64>,
     bin_width: Option<f64>,
+    depth_unit: Option<f64>,
     bounce: Option<String>,
     tof: Option<PathBuf>,
     flip: Option<String>,
@@ -110,6 +113,7 @@ pub fn read<'py>(
         let given = Given::default()
             .with_wall(wall)
             .with_bin_width(bin_width)
+            .with_depth_unit(depth_unit)
             .with_bounce(bounce.as_deref().map(Bounce::parse).transpose()?)
             .with_time_of_flight(tof)
             .with_turn(Turn::parse(flip.as_deref(), rotate)?);

@@ -93,6 +93,12 @@ impl Capture {
                 "give the number of laser pulses of a pair, or leave it out",
             ));
         }
+        if let Some(path) = self.direct.filter(|path| !path.is_finite()) {
+            return Err(Error::input(
+                format!("direct light is at {path} m of path (direct)"),
+                "give the path in metres, or leave it out",
+            ));
+        }
         check_points("laser", &self.laser)?;
         check_points("sensor", &self.sensor)?;
         check_normals("laser", self.laser_normal.as_deref())?;

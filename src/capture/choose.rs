@@ -135,7 +135,7 @@ impl Capture {
     }
 
     /// The given pairs in the given order, as a scan of that shape.
-    pub(super) fn keep(&self, kept: &[usize], scan: [usize; 2]) -> Capture {
+    pub(crate) fn keep(&self, kept: &[usize], scan: [usize; 2]) -> Capture {
         let pick = |points: &[DVec3]| kept.iter().map(|&p| points[p]).collect::<Vec<_>>();
         Capture {
             name: self.name.clone(),

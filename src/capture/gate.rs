@@ -140,8 +140,44 @@ const VALLEY: f64 = 4.0;
 const RESIDUE: f64 = 0.03;
 
 /// Looks for direct light: a strong peak near path 0, in the same bin for nearly all pairs, well separated from the
-/// indirect signal. Returns a gate that leaves the peak out, or `None` if there is none.
+/// indirect signal. Where the capture knows the path of direct light, it need not be strong. Returns a gate that leaves the
+/// peak out, or `None` if there is none.
 pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
+    strong_direct(capture).or_else(|| known_direct(capture, capture.direct?))
+}
+
+/// The peak of direct light may be so many bins off the path where it is known to be.
+const OFF: usize = 2;
+
+/// The gate behind direct light whose path is known, `None` if no bin holds it.
+fn known_direct(capture: &Capture, path: f64) -> Option<AutoGate> {
+    let mean = smooth_mean(capture);
+    let at = ((path - capture.t_start) / capture.bin_width).floor();
+    if !(at >= -(OFF as f64) && at < capture.bins as f64) {
+        return None;
+    }
+    let strongest = |from: usize, to: usize| (from..to).rev().max_by(|a, b| mean[*a].total_cmp(&mean[*b]));
+    let at = at.max(0.0) as usize;
+    let peak = strongest(at.saturating_sub(OFF), (at + OFF + 1).min(capture.bins))?;
+    let dark = mean[peak..].iter().copied().fold(f64::INFINITY, f64::min);
+    // Where the peak has decayed to this share of itself, what is strongest behind is the scene's, or the rest of its tail.
+    let decayed = |level: f64, from: usize, to: usize| {
+        (from..to).find(|b| mean[*b] - dark <= RESIDUE * (level - dark)).unwrap_or(to)
+    };
+    let end = decayed(mean[peak], peak, capture.bins);
+    let scene = strongest(end, capture.bins)?;
+    let valley = (end..=scene).rev().min_by(|a, b| mean[*a].total_cmp(&mean[*b]))?;
+    let open = decayed(mean[scene], end, valley);
+    let from = capture.edge(open);
+    let d = decimals(3, capture.unit());
+    let reason = format!(
+        "direct light is at path {path:.d$} m, as the capture says; paths below {from:.d$} m are left out"
+    );
+    Some(AutoGate { gate: Gate { from, to: f64::INFINITY }, reason })
+}
+
+/// The gate behind a strong peak near path 0, `None` without one.
+fn strong_direct(capture: &Capture) -> Option<AutoGate> {
     let bins = capture.bins;
     let mut peaks: Vec<usize> = capture.histograms.chunks_exact(bins).filter_map(peak_bin).collect();
     if peaks.is_empty() || bins < 8 {

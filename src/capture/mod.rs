@@ -78,6 +78,9 @@ pub struct Capture {
     pub sensor_spot: Option<f64>,
     /// Laser pulses of every pair, if known, and if the detector records only the first photon of each.
     pub cycles: Option<f64>,
+    /// The path of direct light, laser to wall point to sensor, in every pair, metres, where bins hold it and it is known: 0 in
+    /// a capture of time tags. [`auto_gate`] leaves it out however weak it is.
+    pub direct: Option<f64>,
 }
 
 impl Capture {
@@ -112,6 +115,7 @@ impl Capture {
             laser_spot: None,
             sensor_spot: None,
             cycles: None,
+            direct: None,
         }
     }
 

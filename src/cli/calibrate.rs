@@ -51,6 +51,7 @@ pub fn run(args: &Args) -> Result<()> {
     let found = time_zero(&gated, args.reach).map_err(|e| e.at(args.capture.display()))?;
     let mut fixed = args.apply_to.as_ref().map_or(Ok(target), read)?;
     fixed.t_start += found.shift;
+    fixed.direct = fixed.direct.map(|path| path + found.shift);
     interrupt::take_care();
     let notes = capture::write(&fixed, &args.out)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use thirdbounce::capture::Turn;
 use thirdbounce::job::{self, Histogramming};
-use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero, starts};
+use thirdbounce::tags::{Asked, Division, Galvo, Histograms, Inputs, PileUp, Scan, Zero, starts};
 use thirdbounce::{Error, Result};
 
 use super::progress::say;
@@ -56,6 +56,9 @@ pub struct FromTags {
     /// the lowest left; or a text file with x, y, z of each in metres, or of its laser point and its sensor point
     #[arg(long, value_name = "NXxNY|FILE", help_heading = "Time tags")]
     scan: Option<String>,
+    /// The points of --scan are two voltages or angles each: the calibration of the galvo scanner, a text file (docs/tags.md)
+    #[arg(long, value_name = "FILE", requires = "scan", help_heading = "Time tags")]
+    galvo: Option<PathBuf>,
     /// Every other row of the grid runs backwards
     #[arg(long, help_heading = "Time tags")]
     snake: bool,
@@ -74,9 +77,9 @@ pub struct FromTags {
     lines: Vec<u32>,
     /// This marker begins each round of all points; rounds are added up
     #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
-    frames: Option<u32>,
+    rounds: Option<u32>,
     /// Every point has N laser pulses, one after the other
-    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "frames", "starts"], help_heading = "Time tags")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "rounds", "starts"], help_heading = "Time tags")]
     pulses_per_point: Option<u64>,
     /// Laser pulses before the first point
     #[arg(
@@ -89,7 +92,7 @@ pub struct FromTags {
     pulses_before: u64,
     /// Text file with a line for each point: where it begins, and if you like where it ends, as numbers of laser pulses or as
     /// times with a unit (1.25s)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "lines", "frames"], help_heading = "Time tags")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "lines", "rounds"], help_heading = "Time tags")]
     starts: Option<PathBuf>,
     /// The detector's channel [default: the only one with photons]
     #[arg(long, value_name = "N", help_heading = "Time tags")]
@@ -129,6 +132,20 @@ impl FromTags {
         })?;
         let grid =
             text.split_once(['x', 'X', '×']).and_then(|(nx, ny)| Some([nx.parse().ok()?, ny.parse().ok()?]));
+        if let Some(galvo) = &self.galvo {
+            let wrong = |what: &str| {
+                Err(Error::options(
+                    format!("{what} was given with --galvo"),
+                    "leave it out: the voltages or angles of --scan and the calibration say where the points are",
+                ))
+            };
+            return match (grid, wall, self.snake) {
+                (Some(_), ..) => wrong("a grid"),
+                (_, Some(_), _) => wrong("--wall"),
+                (_, _, true) => wrong("--snake"),
+                _ => Scan::read_galvo(Path::new(text), &Galvo::read(galvo)?),
+            };
+        }
         match (grid, wall) {
             (Some(grid), Some(wall)) => Scan::grid(grid, wall, self.snake),
             (Some(_), None) => Err(Error::options(
@@ -149,7 +166,7 @@ impl FromTags {
 
     /// How tags become histograms.
     pub fn asked(&self, bin_width: Option<f64>, turn: Turn) -> Result<Asked> {
-        let frame = self.frames;
+        let frame = self.rounds;
         let division = match (self.pixels, &self.lines[..], self.pulses_per_point, &self.starts) {
             (Some(marker), ..) => Some(Division::Pixels { marker, frame }),
             (_, &[start], ..) => Some(Division::Lines { start, stop: None, frame }),
@@ -166,7 +183,7 @@ impl FromTags {
         };
         if let (None, Some(frame)) = (&division, frame) {
             return Err(Error::options(
-                format!("--frames {frame} was given, but not what begins points or lines"),
+                format!("--rounds {frame} was given, but not what begins points or lines"),
                 "give --pixels or --lines, too",
             ));
         }

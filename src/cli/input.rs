@@ -47,6 +47,9 @@ pub struct CaptureArgs {
     /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)
     #[arg(long, value_name = "WIDTH", value_parser = units::path, help_heading = "Capture")]
     pub bin_width: Option<f64>,
+    /// A step of the wall's depth, for a CC-SOCR capture of a wall that is not flat: 1cm, metres as a plain number
+    #[arg(long, value_name = "SIZE", value_parser = units::length, help_heading = "Capture")]
+    pub wall_depth_unit: Option<f64>,
     /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
     pub bounce: Option<String>,
@@ -72,6 +75,9 @@ pub struct UnsaidArgs {
     /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)
     #[arg(long, value_name = "WIDTH", value_parser = units::path, help_heading = "Capture")]
     pub bin_width: Option<f64>,
+    /// A step of the wall's depth, for a CC-SOCR capture of a wall that is not flat: 1cm, metres as a plain number
+    #[arg(long, value_name = "SIZE", value_parser = units::length, help_heading = "Capture")]
+    pub wall_depth_unit: Option<f64>,
     /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
     pub bounce: Option<String>,
@@ -93,6 +99,7 @@ impl UnsaidArgs {
         Ok(Given::default()
             .with_wall(self.wall)
             .with_bin_width(self.bin_width)
+            .with_depth_unit(self.wall_depth_unit)
             .with_bounce(self.bounce.as_deref().map(Bounce::parse).transpose()?)
             .with_time_of_flight(self.tof.clone())
             .with_turn(Turn::parse(self.flip.as_deref(), self.rotate)?))
@@ -105,6 +112,7 @@ impl CaptureArgs {
             path: self.capture.clone(),
             wall: self.wall,
             bin_width: self.bin_width,
+            depth_unit: self.wall_depth_unit,
             bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
             time_of_flight: self.tof.clone(),
             turn: Turn::parse(self.flip.as_deref(), self.rotate)?,

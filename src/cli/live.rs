@@ -5,26 +5,56 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use thirdbounce::capture::{Capture, Turn, auto_gate};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
 use thirdbounce::solve::vector::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
+use super::histogram::FromTags;
 use super::progress::say;
 use super::solver::SolverArgs;
-use super::{advice, interrupt, print};
+use super::units::{length, path};
+use super::{advice, input, interrupt, print};
 
 #[derive(clap::Args)]
 pub struct Args {
     /// Where frames come from: a folder in which npz captures appear, a pipe or file with a stream of frames
-    /// (docs/live.md), or - for a stream on the standard input
+    /// (docs/live.md), - for a stream on the standard input, or, with --scan, a file of time tags that grows: a frame for each
+    /// pass of the scan
     #[arg(required_unless_present = "listen")]
     source: Option<PathBuf>,
     /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
     /// quick trials find the model and the pulse, as in reconstruct
-    #[arg(long, value_name = "CAPTURE")]
-    capture: PathBuf,
+    #[arg(long, value_name = "CAPTURE", required_unless_present = "scan", conflicts_with = "scan")]
+    capture: Option<PathBuf>,
+    /// Distance of the outermost scan points along the longer side, such as 2m or 80cm
+    #[arg(long, value_name = "SIZE", value_parser = length, requires = "scan", help_heading = "Time tags")]
+    wall: Option<f64>,
+    /// Bin width: a time (32ps) or a path (9.6mm, metres as a plain number)
+    #[arg(long, value_name = "WIDTH", value_parser = path, requires = "scan", help_heading = "Time tags")]
+    bin_width: Option<f64>,
+    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both
+    #[arg(long, value_name = "x|y|xy", requires = "scan", help_heading = "Time tags")]
+    flip: Option<String>,
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures
+    #[arg(long, value_name = "DEGREES", requires = "scan", help_heading = "Time tags")]
+    rotate: Option<u32>,
+    /// Use only these paths: 0.8:2.4 or 80cm: [default: those behind the direct light of the first pass]
+    #[arg(
+        long,
+        value_name = "FROM:TO",
+        allow_hyphen_values = true,
+        requires = "scan",
+        help_heading = "Time tags"
+    )]
+    gate: Option<String>,
+    /// How the instrument spreads a path over time: a width (60ps), or an npz file with a pulse
+    #[arg(long, value_name = "M|M:TAIL|FILE", requires = "scan", help_heading = "Time tags")]
+    pulse: Option<String>,
+    #[command(flatten)]
+    tags: FromTags,
     /// Take streams from programs that connect to this address, such as 127.0.0.1:7000. Other addresses than those of this
     /// machine let others on the network send frames
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "source")]
@@ -66,24 +96,17 @@ pub fn run(args: &Args) -> Result<()> {
     args.solver.check_fit()?;
     let options =
         SessionOptions { feed: feed(&args.feed)?, follow: follow(args)?, ..SessionOptions::default() };
-    let source = match (&args.source, args.listen) {
-        (_, Some(address)) => Source::Listen(address),
-        (Some(path), _) if path.as_os_str() == "-" => Source::Stdin,
-        (Some(path), _) if path.is_dir() => Source::Folder(path.clone()),
-        (Some(path), _) => Source::Stream(path.clone()),
-        (None, None) => unreachable!("one of them is given"),
-    };
     if let Some(out) = &args.out {
         job::check_file(&out.join("maps.npz"))?;
     }
-    let scan = capture::read(&args.capture)?;
+    interrupt::take_care();
+    let Some((source, scan)) = source(args)? else { return Ok(()) };
     let resolved = args.solver.choice().resolve(&scan);
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {
         print(&format!("page      http://{}/", page.address()));
     }
-    interrupt::take_care();
     let tuned = resolved.tune(&gpu, &scan, None, &mut |_| interrupt::asked())?;
     if !args.quiet {
         tuned.found.notes().iter().for_each(|note| say(note));
@@ -117,6 +140,50 @@ pub fn run(args: &Args) -> Result<()> {
     }
     print(&summary(&done));
     Ok(())
+}
+
+/// Where frames come from, and a capture of their points and bins; `None` if the user ends it before there is one.
+fn source(args: &Args) -> Result<Option<(Source, Capture)>> {
+    let Some(capture) = &args.capture else { return growing(args) };
+    let source = match (&args.source, args.listen) {
+        (_, Some(address)) => Source::Listen(address),
+        (Some(path), _) if path.as_os_str() == "-" => Source::Stdin,
+        (Some(path), _) if path.is_dir() => Source::Folder(path.clone()),
+        (Some(path), _) => Source::Stream(path.clone()),
+        (None, None) => unreachable!("one of them is given"),
+    };
+    Ok(Some((source, capture::read(capture)?)))
+}
+
+/// A file of time tags, and the capture of its first pass.
+fn growing(args: &Args) -> Result<Option<(Source, Capture)>> {
+    let Some(path) = &args.source else {
+        return Err(Error::options(
+            "--scan was given, but no file of time tags",
+            "give the file, not --listen",
+        ));
+    };
+    let turn = Turn::parse(args.flip.as_deref(), args.rotate)?;
+    let gate = args.gate.as_deref().map(input::gate).transpose()?;
+    let pulse = args.pulse.as_deref().map(input::pulse).transpose()?;
+    let (scan, asked) = (args.tags.scan(args.wall)?, args.tags.asked(args.bin_width, turn)?);
+    let mut tags = live::Tags { path: path.clone(), scan, asked, gate };
+    let Some(first) = tags.first(&interrupt::asked)? else { return Ok(None) };
+    let found = auto_gate(&first).filter(|_| gate.is_none());
+    let mut first = match &found {
+        Some(found) => {
+            say(&format!("note: automatic gate: {}", found.reason));
+            tags.gate = Some(found.gate);
+            first.gated(found.gate)?
+        }
+        None => first,
+    };
+    if let Some(pulse) = pulse {
+        pulse.taps(first.bin_width)?;
+        first.pulse = Some(pulse);
+    }
+    first.check()?;
+    Ok(Some((Source::Tags(Box::new(tags)), first)))
 }
 
 fn line(frame: &Frame, latency: &Latency) -> String {

@@ -1,4 +1,4 @@
-//! Live frames: counts come from a folder, a pipe or a connection, and maps go to a listener and to a page.
+//! Live frames: counts come from a folder, a pipe, a connection or a file of time tags that grows, and maps go to a listener and to a page.
 //!
 //! [`run`] reads frames in a thread of its own and gives them to a [`Session`]. What is wrong with a frame or a stream is one
 //! message; the session lives on. Every frame has the points and bins of one capture, the scan.
@@ -18,12 +18,14 @@ use crate::{Error, Kind, Result};
 mod folder;
 mod page;
 mod stream;
+mod tags;
 
 pub use page::Page;
 pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
+pub use tags::Tags;
 
 /// Where frames come from.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Source {
     /// Captures that appear in a folder as .npz files, in the order of their names. It never ends.
     Folder(PathBuf),
@@ -33,6 +35,8 @@ pub enum Source {
     Stdin,
     /// Streams of programs that connect to this address, one after the other. It never ends.
     Listen(std::net::SocketAddr),
+    /// Passes of a scan in a file of time tags that is still written. It never ends.
+    Tags(Box<Tags>),
 }
 
 /// What [`run`] tells.
@@ -86,6 +90,7 @@ pub fn run(
     match source {
         Source::Folder(folder) => folder::begin(folder.clone(), [pairs, bins], give)?,
         Source::Stream(file) => stream::begin_file(file.clone(), [pairs, bins], give)?,
+        Source::Tags(file) => tags::begin((**file).clone(), [pairs, bins], give)?,
         Source::Stdin => stream::begin_stdin([pairs, bins], give)?,
         Source::Listen(address) => stream::begin_listening(*address, [pairs, bins], give)?,
     }

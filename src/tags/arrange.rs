@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::{DVec3, dvec3};
 
+use super::Galvo;
 use crate::capture::lattice::Lattice;
 use crate::capture::{Capture, Turn};
 use crate::error::{Error, Result};
@@ -65,6 +66,35 @@ impl Scan {
         let text =
             std::fs::read_to_string(path).map_err(super::unreadable).map_err(|e| e.at(path.display()))?;
         Self::of_text(&text).map_err(|e| e.at(path.display()))
+    }
+
+    /// Reads the points of a confocal scan from text with two voltages or angles of a galvo scanner in each line.
+    ///
+    /// # Errors
+    /// Those of [`Scan::read`]; `Kind::Input` for a point that is not on the wall.
+    pub fn read_galvo(path: &Path, galvo: &Galvo) -> Result<Scan> {
+        let text = std::fs::read_to_string(path).map_err(super::unreadable);
+        text.and_then(|text| Self::of_galvo(&text, galvo)).map_err(|e| e.at(path.display()))
+    }
+
+    fn of_galvo(text: &str, galvo: &Galvo) -> Result<Scan> {
+        let mut points = vec![];
+        let values = Self::of_text(text)?;
+        for (number, v) in values.laser.iter().enumerate() {
+            if v.z != 0.0 || values.sensor[number] != *v {
+                return Err(Error::input(
+                    format!("point {number} has more than two values"),
+                    "write two voltages or angles for each point, or leave the galvo's calibration out",
+                ));
+            }
+            points.push(galvo.point([v.x, v.y]).ok_or_else(|| {
+                Error::input(
+                    format!("the beam of point {number}, at {} and {}, does not meet the wall", v.x, v.y),
+                    "check the galvo's calibration: its scale, directions and wall",
+                )
+            })?);
+        }
+        Ok(Scan { laser: points.clone(), sensor: points, per_line: None })
     }
 
     fn of_text(text: &str) -> Result<Scan> {
@@ -175,6 +205,20 @@ mod tests {
         let apart = Scan::of_text("0,0,0,1,0,0\n0,0.1,0,1,0,0").unwrap();
         assert!(!apart.is_confocal() && apart.sensor[1] == dvec3(1.0, 0.0, 0.0));
         assert_eq!(apart.pairs(Turn::default()).0.scan, [1, 2]);
+        let galvo = Galvo {
+            origin: dvec3(0.0, 0.0, -1.0),
+            forward: DVec3::Z,
+            up: DVec3::Y,
+            scale: [-45.0, 45.0],
+            offset: [0.0; 2],
+            between: 0.0,
+            wall: [DVec3::ZERO, DVec3::Z],
+        };
+        let volts = Scan::of_galvo("v1,v2\n0,0\n1,0\n0,-1\n", &galvo).unwrap();
+        assert!(volts.laser[1].distance(DVec3::X) < 1e-12 && volts.laser[2].distance(-DVec3::Y) < 1e-12);
+        for (text, words) in [("0,0,1", "two values"), ("0,0\n3,0", "point 1")] {
+            assert!(Scan::of_galvo(text, &galvo).unwrap_err().what.contains(words), "{text}");
+        }
         for (text, words) in
             [("", "no point"), ("0,0\n0,x", "line 2"), ("1", "line 1"), ("1,2,inf", "line 1")]
         {

@@ -36,6 +36,49 @@ fn room(points: usize, cells: usize) -> Result<Vec<u32>> {
     Ok(counts)
 }
 
+/// Cells that take photons.
+pub(super) struct Filling {
+    cells: Cells,
+    cuts: Cuts,
+    at: usize,
+    ticks: i64,
+    /// A division takes longer than all the rest; most files have a power of two.
+    shift: Option<u32>,
+}
+
+impl Filling {
+    /// No photons of these points. `ticks` ticks are a cell.
+    pub(super) fn new(spans: &[Span], points: usize, ticks: i64, cells: usize) -> Result<Filling> {
+        let (cuts, pulses) = Cuts::of(spans, points);
+        let counts = room(points, cells)?;
+        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
+        let cells = Cells { counts, cells, pulses: Some(pulses), ..Cells::default() };
+        Ok(Filling { cells, cuts, at: 0, ticks, shift })
+    }
+
+    /// Takes a photon of the detector.
+    #[inline]
+    pub(super) fn add(&mut self, sync: i64, delay: i64) {
+        let point = self.cuts.point(sync, &mut self.at);
+        if point == NONE {
+            self.cells.outside += 1;
+            return;
+        }
+        let cell = self.shift.map_or_else(|| delay / self.ticks, |bits| delay >> bits) as usize;
+        if cell >= self.cells.cells {
+            self.cells.late += 1;
+            return;
+        }
+        let count = &mut self.cells.counts[point as usize * self.cells.cells + cell];
+        *count = count.saturating_add(1);
+    }
+
+    /// The cells, if a tick is so many seconds.
+    pub(super) fn done(self, tick: f64) -> Cells {
+        Cells { width: self.ticks as f64 * tick, ..self.cells }
+    }
+}
+
 impl Cells {
     /// The photons of a detector. `ticks` ticks are a cell.
     pub(super) fn of_tags(
@@ -46,30 +89,15 @@ impl Cells {
         ticks: i64,
         cells: usize,
     ) -> Result<Cells> {
-        let (cuts, pulses) = Cuts::of(spans, points);
-        let mut counts = room(points, cells)?;
-        let (mut at, mut outside, mut late) = (0, 0, 0);
-        // A division takes longer than all the rest; most files have a power of two.
-        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
+        let mut filling = Filling::new(spans, points, ticks, cells)?;
         tags.events(|event| {
-            let Event::Photon { channel, sync, delay } = event else { return };
-            if channel != detector {
-                return;
+            if let Event::Photon { channel, sync, delay } = event
+                && channel == detector
+            {
+                filling.add(sync, delay);
             }
-            let point = cuts.point(sync, &mut at);
-            if point == NONE {
-                outside += 1;
-                return;
-            }
-            let cell = shift.map_or_else(|| delay / ticks, |bits| delay >> bits) as usize;
-            if cell >= cells {
-                late += 1;
-                return;
-            }
-            let count = &mut counts[point as usize * cells + cell];
-            *count = count.saturating_add(1);
         })?;
-        Ok(Cells { counts, cells, width: ticks as f64 * tags.tick, pulses: Some(pulses), outside, late })
+        Ok(filling.done(tags.tick))
     }
 
     /// The histograms of an instrument, one for each point.

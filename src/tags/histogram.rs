@@ -153,6 +153,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     let mut capture = bins(&cells, per_bin, &zeros, &pair_of, outline)?;
     capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let pulses = cells.pulses.as_ref().and_then(|all| Some([*all.iter().min()?, *all.iter().max()?]));
+    capture.direct = direct.then_some(0.0);
     capture.cycles = cycles(&cells, asked.pile_up, share, &mut notes)?;
     let dark = dark(&cells, per_bin);
     let in_pairs = |zeros: &[f64]| {
@@ -172,7 +173,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     Ok(Histograms { capture, instrument, survey, direct, photons, left_out, pulses, dark, dropped, notes })
 }
 
-fn check(scan: &Scan, asked: &Asked) -> Result<()> {
+pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
     let positive = |what: &str, value: Option<f64>| match value {
         Some(value) if !(value.is_finite() && value > 0.0) => {
             Err(Error::options(format!("{what} is {value}"), "give one above 0"))
@@ -195,7 +196,7 @@ fn check(scan: &Scan, asked: &Asked) -> Result<()> {
 }
 
 /// Ticks of a cell, and of a bin: the whole number nearest to the asked width.
-fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
+pub(super) fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
     let tick_path = tick * LIGHT;
     let ticks = match asked {
         Some(width) => (width / tick_path).round().max(1.0),
@@ -259,7 +260,12 @@ fn second_share(survey: &Survey, channel: Option<i32>) -> Result<f64> {
 }
 
 /// The delay of path 0 in cells for each point, and whether it is that of direct light. NaN without a direct peak.
-fn zeros(cells: &Cells, scan: &Scan, asked: &Asked, notes: &mut Vec<String>) -> Result<(Vec<f64>, bool)> {
+pub(super) fn zeros(
+    cells: &Cells,
+    scan: &Scan,
+    asked: &Asked,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<f64>, bool)> {
     let delay = match asked.zero {
         Zero::At(delay) => return Ok((vec![delay / cells.width; cells.points()], false)),
         Zero::Direct => zero::direct(cells, (2.0 * scan.reach() + 0.1) / (cells.width * LIGHT))?,
@@ -272,7 +278,7 @@ fn zeros(cells: &Cells, scan: &Scan, asked: &Asked, notes: &mut Vec<String>) -> 
 }
 
 /// Cells as bins whose paths begin at each point's zero.
-fn bins(
+pub(super) fn bins(
     cells: &Cells,
     per_bin: usize,
     zeros: &[f64],

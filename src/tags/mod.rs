@@ -11,6 +11,8 @@ mod curves;
 mod cuts;
 mod division;
 mod dump;
+mod galvo;
+mod growing;
 mod header;
 mod histogram;
 mod records;
@@ -23,13 +25,17 @@ mod zero;
 pub use arrange::Scan;
 pub use curves::{Curve, Curves};
 pub use division::Division;
+pub use galvo::Galvo;
+pub use growing::passes;
 pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
 pub use starts::{Start, starts};
 pub use survey::{Channel, Survey};
 pub use zero::Zero;
 
+use std::cell::Cell;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
@@ -296,17 +302,40 @@ impl Tags {
     /// # Errors
     /// `Kind::Input`, beginning with the path, if the file cannot be read, or a line of text is not one.
     pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {
-        self.read(hear).map_err(|e| e.at(self.path.display()))
+        let read = || self.read(self.begin()?, self.count, hear);
+        read().map_err(|e| e.at(self.path.display()))
     }
 
     /// Calls `hear` with every photon and marker in the order of the file. Instruments write markers a little out of order.
     ///
     /// # Errors
     /// Those of [`Tags::records`].
-    pub fn events(&self, mut hear: impl FnMut(Event)) -> Result<Passed> {
+    pub fn events(&self, hear: impl FnMut(Event)) -> Result<Passed> {
+        let read = || self.read_events(self.begin()?, self.count, hear);
+        read().map_err(|e| e.at(self.path.display()))
+    }
+
+    /// Calls `hear` with the events of a file that is still written, and `wait` at its end, again and again until that breaks or
+    /// `ended` is set. The number of records in its header does not count.
+    fn follow(
+        &self,
+        ended: &Cell<bool>,
+        wait: &dyn Fn() -> ControlFlow<()>,
+        hear: impl FnMut(Event),
+    ) -> Result<Passed> {
+        let read = || self.read_events(growing::Growing { file: self.begin()?, ended, wait }, None, hear);
+        read().map_err(|e| e.at(self.path.display()))
+    }
+
+    fn read_events(
+        &self,
+        file: impl Read,
+        count: Option<u64>,
+        mut hear: impl FnMut(Event),
+    ) -> Result<Passed> {
         let t3 = matches!(self.format, Format::Picoquant(layout) if layout.is_t3());
         let mut passed = if t3 {
-            self.records(|record| match record {
+            self.read(file, count, |record| match record {
                 Record::Photon { channel, time, delay } => {
                     hear(Event::Photon { channel, sync: time, delay: i64::from(delay) });
                 }
@@ -315,7 +344,7 @@ impl Tags {
             })?
         } else {
             let mut syncs = Syncs::default();
-            let mut passed = self.records(|record| {
+            let mut passed = self.read(file, count, |record| {
                 if let Some(event) = syncs.event(record) {
                     hear(event);
                 }
@@ -333,25 +362,36 @@ impl Tags {
         Ok(passed)
     }
 
-    fn read(&self, mut hear: impl FnMut(Record)) -> Result<Passed> {
+    /// The file, at its first record.
+    fn begin(&self) -> Result<File> {
         let mut file = open(&self.path)?;
         file.seek(SeekFrom::Start(self.start)).map_err(unreadable)?;
+        Ok(file)
+    }
+
+    /// Calls `hear` with every record, of which there are `count`, or as many as the file has.
+    fn read(&self, file: impl Read, count: Option<u64>, mut hear: impl FnMut(Record)) -> Result<Passed> {
+        let file = file.take(count.map_or(u64::MAX, |n| n.saturating_mul(4)));
         let mut passed = Passed::default();
         let mut base = 0;
         match self.format {
             Format::Text => text::read(file, &self.inputs, &mut passed, hear)?,
             Format::Dump => dump::read(file, &self.inputs, &mut passed, hear)?,
             Format::Picoquant(Layout::PicoT2) => {
-                self.words(file, &mut passed, &mut hear, |word| records::pico_t2(word, &mut base))?;
+                self.words(file, count, &mut passed, &mut hear, |word| records::pico_t2(word, &mut base))?;
             }
             Format::Picoquant(Layout::PicoT3) => {
-                self.words(file, &mut passed, &mut hear, |word| records::pico_t3(word, &mut base))?;
+                self.words(file, count, &mut passed, &mut hear, |word| records::pico_t3(word, &mut base))?;
             }
             Format::Picoquant(Layout::T2 { wrap, counted }) => {
-                self.words(file, &mut passed, &mut hear, |word| records::t2(word, &mut base, wrap, counted))?;
+                self.words(file, count, &mut passed, &mut hear, |word| {
+                    records::t2(word, &mut base, wrap, counted)
+                })?;
             }
             Format::Picoquant(Layout::T3 { counted }) => {
-                self.words(file, &mut passed, &mut hear, |word| records::t3(word, &mut base, counted))?;
+                self.words(file, count, &mut passed, &mut hear, |word| {
+                    records::t3(word, &mut base, counted)
+                })?;
             }
         }
         if passed.unknown > 0 {
@@ -363,13 +403,13 @@ impl Tags {
     /// Reads records of 32 bits, as many as the header says, or to the end of the file.
     fn words(
         &self,
-        file: File,
+        mut file: impl Read,
+        count: Option<u64>,
         passed: &mut Passed,
         hear: &mut impl FnMut(Record),
         mut decode: impl FnMut(u32) -> Word,
     ) -> Result<()> {
-        let bytes = self.count.map_or(u64::MAX, |n| n.saturating_mul(4));
-        let rest = blocks::<4>(&mut file.take(bytes), |word| {
+        let rest = blocks::<4>(&mut file, |word| {
             passed.records += 1;
             match decode(u32::from_le_bytes(*word)) {
                 Word::Record(record) => hear(record),
@@ -377,7 +417,7 @@ impl Tags {
                 Word::Unknown => passed.unknown += 1,
             }
         })?;
-        match self.count.filter(|n| *n > passed.records) {
+        match count.filter(|n| *n > passed.records) {
             Some(count) => passed.notes.push(format!(
                 "the file ends after {} of its {count} records: the rest is missing",
                 passed.records

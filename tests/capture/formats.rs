@@ -4,7 +4,7 @@ use std::io::{Cursor, Write};
 
 use fixtures::captures::{as_written, assert_error, capture, changed, place, ramp};
 use glam::DVec3;
-use thirdbounce::capture::{Capture, formats, read, read_with_notes, write};
+use thirdbounce::capture::{Capture, Given, formats, read, read_with_notes, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::{Array, Element};
 use thirdbounce::{Kind, Result};
@@ -365,5 +365,8 @@ fn per_format_modules_are_public() {
     // A reader may be called directly; the values are then not checked.
     let (_folder, path) = place("made.npz");
     formats::npz::write(&ramp(), &path).unwrap();
-    assert_eq!(formats::npz::read(&path).unwrap().histograms, ramp().histograms);
+    assert_eq!(
+        formats::npz::read(&path, &Given::default(), &mut vec![]).unwrap().histograms,
+        ramp().histograms
+    );
 }

@@ -5,6 +5,7 @@ mod convert;
 mod formats;
 mod hostile;
 mod kept;
+mod publications;
 mod sampling;
 mod schemas;
 mod walls;

@@ -1,12 +1,16 @@
 //! `thirdbounce live`: frames from a folder and from streams, good and broken, and the page in a browser.
 
 use std::io::{BufRead, BufReader, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use fixtures::captures::assert_error;
 use fixtures::command::{fail, program, stderr, stdout, succeed};
-use thirdbounce::capture;
+use fixtures::tags::Writer;
 use thirdbounce::live::write;
+use thirdbounce::tags::{self, Asked, Division, Scan};
+use thirdbounce::{Kind, capture};
 
 use crate::browser::{browser, image_colours, look};
 
@@ -170,4 +174,104 @@ fn a_browser_shows_the_newest_maps() {
     for words in ["frame 3, warm", "latency: median", "albedo.png?3", "depth.png?3", "normal.png?3"] {
         assert!(text.contains(words), "{words}: {text}");
     }
+}
+
+/// Time tags of passes over a letter: marker 1 begins each point, the brightest bin has some ten photons, and direct light
+/// forty. Two points of a further pass have begun.
+fn passes(capture: &capture::Capture, count: i64) -> Vec<u8> {
+    const TICK: f64 = 16e-12;
+    let tick_path = TICK * 299_792_458.0;
+    let mut writer = Writer::new(0x0001_0307);
+    let (pulses, side) = (1000, capture.scan[1]);
+    let brightest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
+    let mut begin = 100;
+    for point in 0..count * capture.pair_count() as i64 + 2 {
+        writer.marker(1, begin);
+        // Row by row: pair ix * rows + iy is measured as iy * columns + ix.
+        let k = point as usize % capture.pair_count();
+        let pair = k % side * side + k / side;
+        let leg = 400 + k as u32 % 7;
+        let photons = |bin: usize| match bin {
+            0 => 40,
+            _ => (12.0 * capture.histograms[pair * capture.bins + bin - 1] / brightest).round() as usize,
+        };
+        let all = (0..=capture.bins).flat_map(|bin| (0..photons(bin)).map(move |i| (bin, i)));
+        for (n, (bin, i)) in all.enumerate() {
+            let path = if bin == 0 { 0.0 } else { capture.t_start + (bin - 1) as f64 * capture.bin_width };
+            // Spread over the bin, direct light over three ticks.
+            let within = if bin == 0 {
+                (i % 3) as f64
+            } else {
+                (i as f64 + 0.5) / 12.0 * capture.bin_width / tick_path
+            };
+            writer.photon(1, begin + (n as i64).min(pulses - 1), leg + (path / tick_path + within) as u32);
+        }
+        begin += pulses;
+    }
+    writer.file(TICK, 1e-7, &[])
+}
+
+#[test]
+fn passes_of_a_growing_file_of_time_tags_are_frames() {
+    let (folder, frames) = frames();
+    let letter = capture::read(&frames.join("frame-0000.npz")).unwrap();
+    let [file, out] = ["scan.ptu", "out"].map(|name| folder.path().join(name));
+    let bytes = passes(&letter, 3);
+    // The instrument has begun to write: the header, and a part of a record.
+    let (begun, rest) = bytes.split_at((bytes.len() / 7) | 1);
+    std::fs::write(&file, begun).unwrap();
+    let (rest, growing) = (rest.to_vec(), file.clone());
+    let writer = std::thread::spawn(move || {
+        let mut file = std::fs::OpenOptions::new().append(true).open(growing).unwrap();
+        for part in rest.chunks(rest.len() / 20 + 1) {
+            std::thread::sleep(std::time::Duration::from_millis(30));
+            file.write_all(part).unwrap();
+        }
+    });
+    let [source, out] = [file, out].map(|p| p.to_string_lossy().into_owned());
+    let more = [
+        "live",
+        &source,
+        "--scan",
+        "8x8",
+        "--wall",
+        "1m",
+        "--pixels",
+        "1",
+        "--bin-width",
+        "2cm",
+        "--feed",
+        "every",
+    ];
+    let arguments = [&more[..], &["--frames", "3", "--out", &out], &QUICK].concat();
+    let output = Command::new(program()).args(arguments).output().unwrap();
+    writer.join().unwrap();
+    let (text, errors) = (stdout(&output), stderr(&output));
+    assert!(output.status.success(), "{errors}");
+    assert!(errors.contains("automatic gate: direct light") && !errors.contains("error:"), "{errors}");
+    let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
+    assert!(lines.len() == 3 && lines[0].contains(" cold ") && lines[2].contains(" warm "), "{text}");
+    assert!(lines.iter().all(|line| !line.contains(" 0 pixels of surface")), "{text}");
+    assert!(Path::new(&out).join("maps.npz").exists());
+    // Every pass has the counts of the same letter.
+    let scan = Scan::grid([8, 8], 1.0, false).unwrap();
+    let asked = Asked {
+        division: Some(Division::Pixels { marker: 1, frame: None }),
+        bin_width: Some(0.02),
+        ..Asked::default()
+    };
+    let mut seen = vec![];
+    tags::passes(Path::new(&source), &scan, &asked, &|| ControlFlow::Break(()), &mut |pass| {
+        seen.push(pass);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert!(seen.len() == 3 && seen.iter().all(|pass| *pass == seen[0]), "{} passes", seen.len());
+    let starts = Asked { division: Some(Division::Starts(vec![])), ..asked };
+    let refused = tags::passes(Path::new(&source), &scan, &starts, &|| ControlFlow::Break(()), &mut |_| {
+        ControlFlow::Continue(())
+    });
+    assert_error(refused, Kind::Options, &["second pass"]);
+    fail(&["live", &source, "--scan", "8x8"], 1, "--wall");
+    fail(&["live", "--listen", "127.0.0.1:0", "--scan", "8x8", "--wall", "1m"], 1, "--listen");
 }

@@ -56,6 +56,8 @@ class Capture:
     """The same of what the sensor sees."""
     cycles: Optional[float]
     """Laser pulses of each pair, if the detector records only the first photon of each."""
+    direct: Optional[float]
+    """The path of light from the wall itself in every pair, metres, if it is known."""
     name: str
     """A short name."""
     notes: List[str]
@@ -77,6 +79,7 @@ class Capture:
         laser_spot: Optional[float] = None,
         sensor_spot: Optional[float] = None,
         cycles: Optional[float] = None,
+        direct: Optional[float] = None,
         name: str = "arrays",
     ) -> None:
         """A capture of arrays.
@@ -87,6 +90,7 @@ class Capture:
         sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3), metres; a single point (3,) is that of every pair. Without
             `laser_xyz` the scan is confocal.
         bin_width: metres of path.
+        direct: the path of light that comes from the wall itself in every pair, metres, if the capture holds it.
         """
         sensor = as_points(sensor_xyz, "sensor_xyz")
         laser = None if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
@@ -101,6 +105,7 @@ class Capture:
         self.photon_counts = photon_counts
         self.pulse = None if pulse is None else Pulse(as_array(pulse[0], np.float64, "pulse"), *map(float, pulse[1:]))
         self.laser_spot, self.sensor_spot, self.cycles = laser_spot, sensor_spot, cycles
+        self.direct = direct
         self.name, self.notes = name, []
 
     @property
@@ -146,6 +151,7 @@ class Capture:
             "laser_spot": self.laser_spot,
             "sensor_spot": self.sensor_spot,
             "cycles": self.cycles,
+            "direct": self.direct,
         }
 
     @classmethod
@@ -164,7 +170,8 @@ class Capture:
         made.photon_counts = arrays["photon_counts"]
         made.pulse = None if arrays["pulse"] is None else Pulse(*arrays["pulse"])
         made.laser_spot, made.sensor_spot = arrays["laser_spot"], arrays["sensor_spot"]
-        made.cycles, made.name, made.notes = arrays["cycles"], arrays["name"], notes
+        made.cycles, made.direct = arrays["cycles"], arrays["direct"]
+        made.name, made.notes = arrays["name"], notes
         return made
 
 
@@ -173,6 +180,7 @@ def read(
     *,
     wall: Optional[float] = None,
     bin_width: Optional[float] = None,
+    wall_depth_unit: Optional[float] = None,
     bounce: Optional[str] = None,
     tof: Optional[Path] = None,
     flip: Optional[str] = None,
@@ -182,8 +190,10 @@ def read(
 
     wall: distance of the outermost scan points, metres; bin_width: metres of path; tof: the file with the times of flight: for
         files that do not hold these.
+    wall_depth_unit: metres of a step of the wall's depth, for CC-SOCR captures of a wall that is not flat.
     bounce: "third", "all" or a number, for rendered Z-NLOS captures.
     flip: "x", "y" or "xy"; rotate: 90, 180 or 270 degrees: for files that do not say how the scan lies on the wall.
     """
-    arrays, notes = _native.read(path, wall, bin_width, None if bounce is None else str(bounce), tof, flip, rotate)
+    which = None if bounce is None else str(bounce)
+    arrays, notes = _native.read(path, wall, bin_width, wall_depth_unit, which, tof, flip, rotate)
     return Capture._of(arrays, notes)

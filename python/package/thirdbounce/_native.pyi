@@ -46,6 +46,7 @@ def read(
     path: _Path,
     wall: Optional[float],
     bin_width: Optional[float],
+    wall_depth_unit: Optional[float],
     bounce: Optional[str],
     tof: Optional[_Path],
     flip: Optional[str],

@@ -91,6 +91,34 @@ pub fn in_order(capture: Capture) -> Capture {
     }
 }
 
+/// Puts the pairs of a lattice scan, whose counts are not read yet, in our order.
+pub fn unread_in_order(unread: Unread) -> Unread {
+    match order_of(&unread.outline) {
+        Some(Order { pairs, scan }) => Unread {
+            from: pairs.iter().map(|pair| unread.from[*pair]).collect(),
+            outline: unread.outline.keep(&pairs, scan),
+            ..unread
+        },
+        None => unread,
+    }
+}
+
+/// [rows, points of a row] of points that form a lattice row after row, all in one direction; `None` if they do not, or are a
+/// single row.
+pub fn rows(points: &[DVec3]) -> Option<[usize; 2]> {
+    let step = *points.get(1)? - *points.first()?;
+    let tolerance = STRAIGHT * step.length();
+    let other = |pair: &[DVec3]| (pair[1] - pair[0] - step).length() > tolerance;
+    let row = points.windows(2).position(other).map_or(points.len(), |p| p + 1);
+    if row < 2 || row == points.len() || !points.len().is_multiple_of(row) {
+        return None;
+    }
+    let down = points[row] - points[0];
+    let place = |p: usize| points[0] + step * (p % row) as f64 + down * (p / row) as f64;
+    let near = |(p, at): (usize, &DVec3)| at.distance(place(p)) <= tolerance;
+    points.iter().enumerate().all(near).then_some([points.len() / row, row])
+}
+
 /// The order in which [`in_order`] puts the pairs; `None` if they are in order or no lattice.
 pub fn order_of(capture: &Capture) -> Option<Order> {
     let [a, b] = capture.scan;

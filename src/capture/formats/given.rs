@@ -40,6 +40,8 @@ pub struct Given {
     pub wall: Option<f64>,
     /// Bin width in metres of path.
     pub bin_width: Option<f64>,
+    /// Metres of a step of the wall's depth, for CC-SOCR captures of walls that are not flat.
+    pub depth_unit: Option<f64>,
     /// Bounces to use, for formats that keep them apart; the third by default.
     pub bounce: Option<Bounce>,
     /// The file with the times of flight to the wall, for formats that keep them in a second file.
@@ -57,6 +59,11 @@ impl Given {
     /// With the bin width in metres of path.
     pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {
         Given { bin_width: width.into(), ..self }
+    }
+
+    /// With the metres of a step of the wall's depth.
+    pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> Given {
+        Given { depth_unit: unit.into(), ..self }
     }
 
     /// With the bounces to use.

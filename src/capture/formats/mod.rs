@@ -3,14 +3,17 @@
 
 mod blocks;
 pub mod ccsocr;
+mod convolutional;
 mod dirac;
 mod exhaustive;
 mod frame;
 pub mod general;
 mod given;
 pub mod hdf5;
+mod kilometre;
 mod lct;
 pub mod legs;
+mod lit;
 mod matlab;
 pub mod matlab5;
 pub mod netf;
@@ -20,15 +23,18 @@ pub mod phasor;
 mod pulse;
 mod scatter;
 pub mod set;
+mod socr_units;
 pub mod stanford;
 mod unread;
 pub mod variables;
 pub mod ytal;
 pub mod znlos;
+mod zones;
 
 pub use given::{Bounce, Given};
 
 use unread::Unread;
+use variables::Variables;
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -120,7 +126,7 @@ pub(crate) fn read_prepared(
     let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let mut set;
     let found = match contents(path).map_err(place)? {
-        Contents::Zip => npz::read(path).map(Found::Whole),
+        Contents::Zip => npz::read(path, given, &mut notes).map(Found::Whole),
         Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
             set = set::Set::open(path).map_err(place)?;
             read_set(&mut set, given, &mut notes)
@@ -181,13 +187,13 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
             "leave the bounce out",
         )),
     };
-    let says_width = |what: &str| match given.bin_width {
-        None => Ok(()),
-        Some(_) => Err(Error::options(
-            format!("a bin width was given, but {what} holds its own bin width"),
-            "leave the bin width out",
-        )),
-    };
+    let socr = ["C_i", "C_d", "sub_Sig"].iter().any(|name| set.any(name));
+    if given.depth_unit.is_some() && !socr {
+        return Err(Error::options(
+            "a unit of the wall's depth was given, but only CC-SOCR captures need one",
+            "leave it out",
+        ));
+    }
     if set.any("meas") || set.any("tofgrid") {
         no_bounce("a Stanford f-k capture")?;
         return stanford::read(set, given, notes).map(Found::Unread);
@@ -198,11 +204,15 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
             "leave the file of times of flight out",
         ));
     }
-    if ["C_i", "C_d", "sub_Sig"].iter().any(|name| set.any(name)) {
+    if socr {
         no_bounce("a CC-SOCR capture")?;
         return ccsocr::read(set, given, notes).map(Found::Whole);
     }
     let positions = set.any("cameraGridPositions");
+    // The points of General-NLOS lie in a second file.
+    if !positions && general::counts_name(set).is_some() {
+        set.add_beside(&["setup.mat".into()])?;
+    }
     if ["laserpoints", "detectpoints"].iter().any(|name| set.any(name)) {
         no_bounce("a General-NLOS capture")?;
         return general::read(set, given, notes).map(Found::Whole);
@@ -212,7 +222,7 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
         None => set.first().ok_or_else(|| unknown("the folder is empty"))?,
     };
     if positions {
-        says_width("a file with Z-NLOS names")?;
+        no_width(given, "a file with Z-NLOS names")?;
         let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
         return if axes == 3 {
             no_bounce("a NeTF capture")?;
@@ -222,23 +232,49 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
         };
     }
     no_bounce("the file")?;
+    read_single(file, given, notes)
+}
+
+/// Refuses a bin width where the format holds its own.
+fn no_width(given: &Given, what: &str) -> Result<()> {
+    match given.bin_width {
+        None => Ok(()),
+        Some(_) => Err(Error::options(
+            format!("a bin width was given, but {what} holds its own bin width"),
+            "leave the bin width out",
+        )),
+    }
+}
+
+/// Finds the format of a capture that is one file, by the names of its arrays, and reads it.
+fn read_single<'s>(file: &'s Variables, given: &Given, notes: &mut Vec<String>) -> Result<Found<'s>> {
     if file.have(&["H"]) || file.have(&["laser_grid_xyz"]) {
-        says_width("a y-tal capture")?;
+        no_width(given, "a y-tal capture")?;
         return ytal::read(file).map(Found::Whole);
     }
     if file.have(&["data_t"]) {
-        says_width("an NLOS-Dirac capture")?;
+        no_width(given, "an NLOS-Dirac capture")?;
         return dirac::read(file, notes).map(Found::Unread);
     }
+    if convolutional::is_one(file) {
+        no_width(given, "a file with NLOSDATA")?;
+        return convolutional::read(file, notes).map(Found::Unread);
+    }
+    if file.have(&["sig_in"]) {
+        return kilometre::read(file, given, notes).map(Found::Unread);
+    }
+    if lit::is_one(file) {
+        return lit::read(file, given, notes).map(Found::Unread);
+    }
     if file.have(&["dataset/data"]) {
-        says_width("a phasor-field capture")?;
+        no_width(given, "a phasor-field capture")?;
         return phasor::read_2019(file, notes).map(Found::Whole);
     }
     if file.have(&["rect_data", "width"]) {
         return lct::read(file, given, notes).map(Found::Unread);
     }
     if file.have(&["rect_data", "ts"]) {
-        says_width("a phasor-field capture")?;
+        no_width(given, "a phasor-field capture")?;
         return phasor::read_2020(file, notes).map(Found::Unread);
     }
     matlab::read(file, given, notes).map(Found::Unread)
@@ -267,6 +303,9 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     }
     if capture.cycles.is_some() {
         notes.push("this format cannot hold the number of laser pulses (cycles): write npz".into());
+    }
+    if capture.direct.is_some() {
+        notes.push("this format cannot hold the path of direct light (direct): write npz".into());
     }
     Ok(notes)
 }

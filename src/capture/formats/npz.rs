@@ -6,7 +6,8 @@
 //! instrument's pulse, with the scalars `pulse_delta_t` (width of a sample, metres of path) and `pulse_t_start`
 //! (leading edge of the first sample behind the path, metres; 0 if missing). Optional scalars `laser_spot` and `sensor_spot`:
 //! full widths at half maximum on the wall, metres. Optional scalar `cycles`: laser pulses of a pair, if the detector
-//! records only the first photon of each.
+//! records only the first photon of each. In place of spots, `sensor_fov` and `laser_fov`, degrees across a square field of view,
+//! with `device_xyz` \[3\], where they are seen from. Optional scalar `direct`: the path of direct light in every pair, metres.
 //!
 //! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
 //! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3]. The points of either side may be a list instead: `H` [T, L, S]
@@ -17,21 +18,25 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{compact, exhaustive, largest_count, per_pair, triples, unit};
+use super::given::Given;
+use super::{compact, exhaustive, largest_count, per_pair, triples, unit, zones};
 use crate::capture::{Capture, Pulse, seen};
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
 use crate::files::atomic;
 
-const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, cycles; other arrays are ignored";
+const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, cycles, direct; other arrays are ignored";
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for a damaged archive, a missing array or shapes that do not agree.
-pub fn read(path: &Path) -> Result<Capture> {
+pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
     let mut npz = Npz::open(path)?;
+    if zones::is_one(&npz) {
+        return zones::read(&mut npz, given, notes);
+    }
     let h = npz.require("H", WANTED)?;
     let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
     let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;
@@ -61,17 +66,42 @@ pub fn read(path: &Path) -> Result<Capture> {
     };
     let t_start = npz.scalar("t_start")?.unwrap_or(0.0);
     let histograms = transpose(&h.to_f32(), bins, pairs);
+    let laser_spot = spot(&mut npz, ["laser_spot", "laser_fov"], &laser.0, notes)?;
+    let sensor_spot = spot(&mut npz, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;
     Ok(Capture {
         laser_normal: laser.1,
         sensor_normal: sensor.1,
         t_start,
         integer_counts: seen::whole(&histograms),
         pulse: Pulse::read_from(&mut npz)?,
-        laser_spot: npz.scalar("laser_spot")?,
-        sensor_spot: npz.scalar("sensor_spot")?,
+        laser_spot,
+        sensor_spot,
         cycles: npz.scalar("cycles")?,
+        direct: npz.scalar("direct")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
+}
+
+/// The spot of one side: as the file stores it, or that of a field of view.
+fn spot(
+    npz: &mut Npz,
+    [width, angle]: [&str; 2],
+    points: &[DVec3],
+    notes: &mut Vec<String>,
+) -> Result<Option<f64>> {
+    let (stored, degrees) = (npz.scalar(width)?, npz.scalar(angle)?);
+    let (None, Some(degrees)) = (stored, degrees) else { return Ok(stored) };
+    let device =
+        npz.require("device_xyz", "x, y, z of the device in metres, from where the field of view is seen")?;
+    let &[x, y, z] = &device.to_f64()[..] else {
+        return Err(Error::input(
+            format!("device_xyz has shape {:?}, not x, y, z", device.shape),
+            "store it as three numbers in metres",
+        ));
+    };
+    let spot = zones::spot_of(angle, degrees, DVec3::new(x, y, z), points)?;
+    notes.push(format!("{angle} of {degrees} degrees is a spot of {spot:.4} m on the wall"));
+    Ok(Some(spot))
 }
 
 /// Wall points of one side as the file stores them.
@@ -165,6 +195,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
         ("laser_spot", capture.laser_spot),
         ("sensor_spot", capture.sensor_spot),
         ("cycles", capture.cycles),
+        ("direct", capture.direct),
     ];
     for (name, value) in scalars.into_iter().filter_map(|(name, value)| Some((name, value?))) {
         arrays.push((name, Array::from_f64(&[], &[value])));

@@ -9,8 +9,20 @@ use crate::error::{Error, Result};
 const MOST_FILES: usize = 256;
 
 /// A file of a folder belongs to a capture if it has an array of one of these names.
-const KNOWN: [&str; 9] =
-    ["meas", "tofgrid", "C_i", "C_d", "sub_Sig", "laserpoints", "detectpoints", "data", "dataset/data"];
+const KNOWN: [&str; 12] = [
+    "meas",
+    "tofgrid",
+    "C_i",
+    "C_d",
+    "sub_Sig",
+    "laserpoints",
+    "detectpoints",
+    "data",
+    "counts",
+    "peak1",
+    "peak2",
+    "dataset/data",
+];
 
 /// Opened files.
 pub struct Set {
@@ -91,14 +103,19 @@ impl Set {
         if self.folder {
             return Ok(());
         }
-        let folder = self.path.parent().map(Path::to_path_buf).unwrap_or_default();
-        for path in names.iter().map(|name| folder.join(name)) {
+        for path in names.iter().map(|name| self.beside(name)).collect::<Vec<_>>() {
             let known = self.files.iter().any(|(p, _)| *p == path);
             if !known && path.is_file() {
                 self.add(&path)?;
             }
         }
         Ok(())
+    }
+
+    /// The path of a file of this name in the folder that was given, or beside the file.
+    pub fn beside(&self, name: &str) -> PathBuf {
+        let folder = if self.folder { Some(self.path.as_path()) } else { self.path.parent() };
+        folder.unwrap_or(Path::new("")).join(name)
     }
 
     /// Adds a file.
