@@ -252,6 +252,7 @@ impl PreparedVector {
         Ok(Reconstruction {
             volume_iterations,
             surface_left,
+            has_mask: false,
             beyond: light.map(|(_, told)| told),
             noise,
             ..finish(job, driven, with_volume.then_some(albedo_of))?
@@ -326,6 +327,7 @@ impl PreparedVector {
         Ok(Some(Reconstruction {
             volume_iterations: volume.iterations,
             surface_left,
+            has_mask: false,
             beyond: told,
             is_warm: true,
             noise,
