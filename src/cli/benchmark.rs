@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use thirdbounce::Result;
 use thirdbounce::export::benchmark::Case;
 use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, found_in};
 use thirdbounce::job::{self, Benchmark, Comparison, Input, Loaded, Turn};
 use thirdbounce::solve::Progress;
-use thirdbounce::Result;
 
 use super::compare::{HowArgs, METHODS, Turns};
 use super::progress::say;
@@ -47,9 +47,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let found = found_in(&args.folder)?;
     let without = found.without_truth.iter().map(|file| format!("{} has no truth beside it", file.display()));
     how.say(&without.collect::<Vec<_>>());
-    let there = found.captures.into_iter().map(|(name, file, truth)| {
-        Ok(Scene { name, source: Source::Capture { file, truth } })
-    });
+    let there = found
+        .captures
+        .into_iter()
+        .map(|(name, file, truth)| Ok(Scene { name, source: Source::Capture { file, truth } }));
     let made = found.scenes.into_iter().map(|(name, file)| {
         let what = Box::new(super::simulate::scene_of(&file)?);
         Ok(Scene { name, source: Source::Simulation { file, what } })

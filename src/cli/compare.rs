@@ -143,7 +143,8 @@ impl HowArgs {
 
     /// Every option that changes results, as texts.
     pub fn told(&self, specs: &[methods::Spec]) -> Result<Vec<String>> {
-        let mut all: Vec<String> = specs.iter().map(|spec| format!("method {} {:?}", spec.name, spec.choice)).collect();
+        let mut all: Vec<String> =
+            specs.iter().map(|spec| format!("method {} {:?}", spec.name, spec.choice)).collect();
         all.push(format!(
             "trace {} mask {:?} oracle {} bins {:?} depth {:?} volume {:?}",
             self.trace_every,
@@ -212,7 +213,8 @@ impl Turns {
     }
 
     pub fn hear(&mut self, turn: &Turn<'_>, progress: &Progress) -> ControlFlow<()> {
-        let is_shown = |(name, number, _): &(String, usize, Meter)| name == turn.name && *number == turn.number;
+        let is_shown =
+            |(name, number, _): &(String, usize, Meter)| name == turn.name && *number == turn.number;
         if !self.shown.as_ref().is_some_and(is_shown) {
             self.end();
             if !self.quiet {

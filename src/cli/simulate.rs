@@ -172,14 +172,18 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
         args: Args,
     }
     let at = |e: Error| e.at(file.display());
-    let mend = "write the arguments of simulate without files, for example: letter-Z --scan 32 --bin-width 6mm";
-    let text = std::fs::read_to_string(file)
-        .map_err(|e| at(Error::input(format!("cannot be read: {e}"), mend)))?;
+    let mend =
+        "write the arguments of simulate without files, for example: letter-Z --scan 32 --bin-width 6mm";
+    let text =
+        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), mend)))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| ["--out", "--truth", "--moving"].iter().any(|own| word.starts_with(own));
     if let Some(word) = words.iter().find(|word| is_own(word)) {
-        return Err(at(Error::input(format!("{word} does not fit here: the benchmark writes the files"), mend)));
+        return Err(at(Error::input(
+            format!("{word} does not fit here: the benchmark writes the files"),
+            mend,
+        )));
     }
     if let Some(first) = words.first_mut() {
         let mesh = file.with_file_name(&*first);

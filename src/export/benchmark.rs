@@ -9,7 +9,9 @@ use serde::Serialize;
 
 use super::axis::{Axis, Panel, Stroke, legend};
 use super::comparison::{Comparison, MethodReport};
-use super::figure::{self, Area, BODY, COLOURS, Canvas, Drawn, FRAME, Figure, HEADING, INK, font, line_of_text};
+use super::figure::{
+    self, Area, BODY, COLOURS, Canvas, Drawn, FRAME, Figure, HEADING, INK, font, line_of_text,
+};
 use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -105,12 +107,7 @@ const FIGURES: [Figured; 5] = [
         more_is_better: true,
         value: |m| m.metrics.best_iou,
     },
-    Figured {
-        title: "IoU of the maps' own mask",
-        digits: 3,
-        more_is_better: true,
-        value: |m| m.metrics.iou,
-    },
+    Figured { title: "IoU of the maps' own mask", digits: 3, more_is_better: true, value: |m| m.metrics.iou },
     Figured {
         title: "Depth MAE at the best IoU (mm)",
         digits: 2,
@@ -141,7 +138,8 @@ impl Table {
 
     /// The best figure of a row is between stars.
     fn html(&self) -> String {
-        let cell = |tag: &str, text: &String| match text.strip_prefix("**").and_then(|t| t.strip_suffix("**")) {
+        let cell = |tag: &str, text: &String| match text.strip_prefix("**").and_then(|t| t.strip_suffix("**"))
+        {
             Some(best) => format!("<{tag}><b>{}</b></{tag}>", escaped(best)),
             None => format!("<{tag}>{}</{tag}>", escaped(text)),
         };
@@ -246,7 +244,8 @@ impl Page {
 
     /// Best IoU, depth errors and times as Markdown tables.
     pub fn summary(&self) -> String {
-        let tables = [0, 2, 4].map(|i| format!("{}\n\n{}", FIGURES[i].title, self.table(&FIGURES[i]).markdown()));
+        let tables =
+            [0, 2, 4].map(|i| format!("{}\n\n{}", FIGURES[i].title, self.table(&FIGURES[i]).markdown()));
         tables.join("\n")
     }
 
@@ -362,8 +361,11 @@ pub fn write(folder: &Path, page: &Page) -> Result<Vec<PathBuf>> {
     let json = serde_json::to_string_pretty(&page.rows()).map_err(|e| {
         Error::output(format!("benchmark.json: cannot be packed as JSON: {e}"), "report this as a bug")
     })?;
-    let texts =
-        [("benchmark.md", page.markdown()), ("benchmark.json", json + "\n"), ("benchmark.html", page.html(folder)?)];
+    let texts = [
+        ("benchmark.md", page.markdown()),
+        ("benchmark.json", json + "\n"),
+        ("benchmark.html", page.html(folder)?),
+    ];
     for (name, text) in texts {
         let file = folder.join(name);
         atomic::write(&file, text.as_bytes())?;
@@ -413,7 +415,11 @@ impl Figure for AgainstPhotons<'_> {
         line_of_text(area, self.scene, &font(HEADING, INK), [LEFT, 26.0])?;
         line_of_text(area, "each method at its best IoU", &font(BODY, FRAME), [LEFT, 48.0])?;
         let photons = Axis::new(self.cases.iter().filter_map(|c| c.photons), true);
-        let shown = [(&FIGURES[0], "best IoU", false), (&FIGURES[2], "depth MAE (mm)", true), (&FIGURES[3], "normals (°)", false)];
+        let shown = [
+            (&FIGURES[0], "best IoU", false),
+            (&FIGURES[2], "depth MAE (mm)", true),
+            (&FIGURES[3], "normals (°)", false),
+        ];
         for (at, (figure, title, logarithmic)) in shown.into_iter().enumerate() {
             let curves: Vec<_> = self.methods.iter().map(|m| self.points(m, figure.value)).collect();
             let axis = Axis::new(curves.iter().flatten().map(|p| p[1]), logarithmic);

@@ -265,7 +265,10 @@ pub fn read_json(path: &Path) -> Result<Comparison> {
     let json = std::fs::read_to_string(path)
         .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
     serde_json::from_str(&json).map_err(|e| {
-        Error::input(format!("{}: is no comparison: {e}", path.display()), "remove the file, and compare again")
+        Error::input(
+            format!("{}: is no comparison: {e}", path.display()),
+            "remove the file, and compare again",
+        )
     })
 }
 

@@ -52,9 +52,10 @@ pub fn write_all(path: &Path, named: &[(&str, &Maps)], truth: &Truth) -> Result<
     truth.check()?;
     named.iter().try_for_each(|(_, maps)| maps.check())?;
     let real = as_maps(truth);
-    let scale = Scale::of(&[&real]);
+    let scale = Scale::of(&[&real]).at_least(0.01);
     let labels = scale.labels();
-    let columns: Vec<(&str, &Maps)> = std::iter::once(("truth", &real)).chain(named.iter().copied()).collect();
+    let columns: Vec<(&str, &Maps)> =
+        std::iter::once(("truth", &real)).chain(named.iter().copied()).collect();
     let bar = GAP + columns.len() * (SMALL + GAP);
     let height = GAP + LINE + 3 * (SMALL + GAP);
     let mut picture = Picture::new(bar + Picture::bar_width(&labels) + GAP, height);
@@ -93,6 +94,12 @@ impl Scale {
         let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
         let (near, far) = range.map_or((0.0, 1.0), |(a, b)| (a, b.max(1.001 * a)));
         Scale { near, far }
+    }
+
+    /// At least this share of the depths to either side: a flat object is one colour, and errors are others.
+    fn at_least(self, share: f32) -> Scale {
+        let middle = 0.5 * (self.near + self.far);
+        Scale { near: self.near.min((1.0 - share) * middle), far: self.far.max((1.0 + share) * middle) }
     }
 
     fn labels(&self) -> [String; 2] {

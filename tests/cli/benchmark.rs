@@ -46,8 +46,11 @@ fn page(folder: &Path) -> [String; 2] {
 fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     let folder = scenes();
     let out = folder.path().join("benchmark");
-    let mut child =
-        command(folder.path(), &["--photons", "100"]).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    let mut child = command(folder.path(), &["--photons", "100"])
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
     let start = Instant::now();
     while times(&out).is_empty() && start.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(5));
@@ -95,13 +98,17 @@ fn a_case_that_fails_stops_no_other() {
     let folder = scenes();
     std::fs::write(folder.path().join("bad.npz"), "no capture").unwrap();
     std::fs::copy(folder.path().join("truth_ball.npz"), folder.path().join("bad_truth.npz")).unwrap();
-    let counts = ["simulate", "plane", "--scan", "6", "--bin-width", "0.03", "--noise", "0.3", "--photons", "50"];
+    let counts =
+        ["simulate", "plane", "--scan", "6", "--bin-width", "0.03", "--noise", "0.3", "--photons", "50"];
     let at = |name: &str| folder.path().join(name).display().to_string();
     succeed(&[&counts[..], &["--out", &at("counts.npz"), "--truth", &at("counts_truth.npz")]].concat());
     let done = benchmark(folder.path(), &["--photons", "10", "--out", &at("results")]);
     let said = stderr(&done);
     assert_eq!(done.status.code(), Some(1), "{said}");
-    assert!(said.contains("error: bad:") && said.contains("counts-photons-10 is left out: its values"), "{said}");
+    assert!(
+        said.contains("error: bad:") && said.contains("counts-photons-10 is left out: its values"),
+        "{said}"
+    );
     let all: Vec<String> = times(&folder.path().join("results")).into_keys().collect();
     assert_eq!(all, ["ball", "ball-photons-10", "counts", "square", "square-photons-10"]);
     let [markdown, _] = page(&folder.path().join("results"));

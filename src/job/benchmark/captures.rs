@@ -32,7 +32,10 @@ pub enum Ready {
 /// A folder that cannot be read.
 pub fn found_in(folder: &Path) -> Result<Found> {
     let cannot = |e: std::io::Error| {
-        Error::input(format!("{}: cannot be read: {e}", folder.display()), "give a folder with captures or scenes")
+        Error::input(
+            format!("{}: cannot be read: {e}", folder.display()),
+            "give a folder with captures or scenes",
+        )
     };
     let mut all: Vec<PathBuf> = vec![];
     for entry in fs::read_dir(folder).map_err(cannot)? {
@@ -47,7 +50,8 @@ pub fn found_in(folder: &Path) -> Result<Found> {
         if ending == "scene" {
             found.scenes.push((name, path));
         } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
-            let truths = [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
+            let truths =
+                [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
             match truths.iter().map(|truth| folder.join(truth)).find(|truth| truth.is_file()) {
                 Some(truth) => found.captures.push((name, path, truth)),
                 None => found.without_truth.push(path),
@@ -101,10 +105,9 @@ pub fn ready(what: &Benchmark, scene: &Scene, photons: Option<f64>) -> Result<Re
     if clean.integer_counts {
         return Ok(Ready::None("its values are counts already, so no photons are drawn from them".into()));
     }
-    let noisy = photon_noise(&clean, photons, Dark::Counts(0.0), None, what.seed).map_err(|e| e.at(exact.display()))?;
-    keep(&folder, &name, &record, &[&capture], |staged| {
-        capture::write(&noisy, &staged[0]).map(|_| ())
-    })?;
+    let noisy = photon_noise(&clean, photons, Dark::Counts(0.0), None, what.seed)
+        .map_err(|e| e.at(exact.display()))?;
+    keep(&folder, &name, &record, &[&capture], |staged| capture::write(&noisy, &staged[0]).map(|_| ()))?;
     Ok(Ready::Files { capture, truth })
 }
 

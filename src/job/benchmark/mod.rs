@@ -109,7 +109,8 @@ impl Wanted<'_> {
 pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {
     what.check()?;
     let start = Instant::now();
-    let photons: Vec<Option<f64>> = std::iter::once(None).chain(what.photons.iter().copied().map(Some)).collect();
+    let photons: Vec<Option<f64>> =
+        std::iter::once(None).chain(what.photons.iter().copied().map(Some)).collect();
     let all = what.scenes.iter().flat_map(|scene| photons.iter().map(move |p| Wanted { scene, photons: *p }));
     let mut page = Page { version: env!("CARGO_PKG_VERSION").into(), seconds: 0.0, cases: vec![] };
     let mut files = vec![];

@@ -195,12 +195,15 @@ pub(super) fn plan<M: HostMethod>(
         [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
     let fine = upsample::finer(&capture.outline(), &scan, options.image()).into_owned();
     let own = options.arrays(&fine, &scan.finer(options.image().upsample), &grid);
-    let between = (options.image().upsample > 1)
-        .then(|| (FINER, 4 * (fine.pair_count() * fine.bins) as u64));
+    let between = (options.image().upsample > 1).then(|| (FINER, 4 * (fine.pair_count() * fine.bins) as u64));
     plan.passes.clear();
     plan.left_out.clear();
-    plan.buffers =
-        shared.into_iter().chain(between).chain(own).map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback)).collect();
+    plan.buffers = shared
+        .into_iter()
+        .chain(between)
+        .chain(own)
+        .map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback))
+        .collect();
     Ok(plan)
 }
 

@@ -114,7 +114,9 @@ fn interpolated(capture: &Capture, scan: &RegularScan, fine: &RegularScan, facto
 pub fn check_sum(image: &ImageOptions, method: &str) -> Result<()> {
     if image.upsample > 1 && image.upsample_by == Between::Zero {
         return Err(Error::options(
-            format!("a scan with empty points is asked for, and {method} sums pairs: empty ones change nothing"),
+            format!(
+                "a scan with empty points is asked for, and {method} sums pairs: empty ones change nothing"
+            ),
             "interpolate between the points (upsample-by bicubic), or choose lct, fk or phasor",
         ));
     }

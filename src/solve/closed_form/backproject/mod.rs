@@ -117,7 +117,7 @@ trait Projection: Options + Clone + Send + Sync + 'static {
 }
 
 impl Projection for BpOptions {
-    const MASK_SHARE: f64 = 0.60;
+    const MASK_SHARE: f64 = 1.0;
 
     fn image(&self) -> &ImageOptions {
         &self.image
@@ -157,7 +157,7 @@ impl Projection for FbpOptions {
 }
 
 impl Projection for PhasorBpOptions {
-    const MASK_SHARE: f64 = 0.50;
+    const MASK_SHARE: f64 = 0.70;
 
     fn image(&self) -> &ImageOptions {
         &self.image
