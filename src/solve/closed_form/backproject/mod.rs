@@ -17,7 +17,6 @@ use serde::{Deserialize, Serialize};
 use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
 use super::{NoPasses, RegularScan, in_one_step, upsample};
-use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
 use crate::solve::option::{Options, options, words};
@@ -31,6 +30,7 @@ use crate::solve::{
 };
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
+use crate::{Error, Result};
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -251,7 +251,10 @@ fn finer<'c>(capture: &'c Capture, image: &ImageOptions, name: &str) -> Result<C
         return Ok(Cow::Borrowed(capture));
     }
     upsample::check_sum(image, name)?;
-    let scan = RegularScan::with_one_spot(capture, "a scan with points between the measured ones")?;
+    let scan =
+        RegularScan::with_one_spot(capture, "a scan with points between the measured ones").map_err(|e| {
+            Error::input(e.what, "leave the upsampling out: the method takes the pairs as they are")
+        })?;
     Ok(upsample::finer(capture, &scan, image))
 }
 
