@@ -60,7 +60,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let what = Benchmark {
         scenes: there.chain(made).collect::<Result<_>>()?,
         photons: args.photons.clone(),
-        seed: u64::from(how.solver.choice().seed()),
+        seed: how.solver.choice().seed(),
         out: args.out.clone().unwrap_or_else(|| args.folder.join("benchmark")),
         options,
     };

@@ -183,7 +183,7 @@ fn of_exr(file: &Path) -> Result<Found> {
     let layer = &image.layer_data;
     let [nx, ny] = [layer.size.0, layer.size.1];
     let channel = |names: &[&str]| -> Option<Vec<f32>> {
-        let of = |name: &&str| layer.channel_data.list.iter().find(|c| c.name.to_string() == **name);
+        let of = |name: &&str| layer.channel_data.list.iter().find(|c| c.name == **name);
         let values: Vec<f32> = names.iter().find_map(of)?.sample_data.values_as_f32().collect();
         // Rows from the top down become columns of x, y upward.
         let at = |i: usize| values[(ny - 1 - i % ny) * nx + i / ny];
@@ -202,7 +202,7 @@ fn of_exr(file: &Path) -> Result<Found> {
         _ => None,
     };
     let extent = layer.attributes.other.iter().find_map(|(name, value)| match value {
-        AttributeValue::FloatRect(r) if name.to_string() == "extent" => {
+        AttributeValue::FloatRect(r) if *name == *"extent" => {
             Some([r.min.0, r.max.0, r.min.1, r.max.1].map(f64::from))
         }
         _ => None,
