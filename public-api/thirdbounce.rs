@@ -498,6 +498,41 @@ pub mod export {
     mod axis {
         pub fn plain(v: f64) -> String {}
     }
+    pub mod benchmark {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Page {
+            pub version: String,
+            pub seconds: f64,
+            pub cases: Vec<Case>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Case {
+            pub scene: String,
+            pub photons: Option<f64>,
+            pub folder: String,
+            pub was_there: bool,
+            pub failed: bool,
+            pub why: Option<String>,
+            pub remedy: Option<Advice>,
+            pub seconds: f64,
+            pub comparison: Option<Comparison>,
+        }
+        impl Case {
+            pub fn left_out(
+                scene: &str,
+                photons: Option<f64>,
+                folder: &str,
+                failed: bool,
+                why: &Error,
+            ) -> Case {}
+        }
+        impl Page {
+            pub fn summary(&self) -> String {}
+            pub fn markdown(&self) -> String {}
+            pub fn html(&self, root: &Path) -> Result<String> {}
+        }
+        pub fn write(folder: &Path, page: &Page) -> Result<Vec<PathBuf>> {}
+    }
     pub mod calibration {
         pub fn write(path: &Path, found: &Calibration) -> Result<()> {}
         impl Figure for Curve<'_> {}
@@ -511,6 +546,7 @@ pub mod export {
             pub capture_file: PathBuf,
             pub truth: Option<PathBuf>,
             pub mask_fraction: Option<f64>,
+            pub oracle: bool,
             pub repeats: usize,
             pub methods: Vec<MethodReport>,
             pub left_out: Vec<LeftOut>,
@@ -526,6 +562,8 @@ pub mod export {
             pub method: String,
             pub foreign: bool,
             pub runs_on: String,
+            pub folder: String,
+            pub mask_fraction: Option<f64>,
             pub settings: serde_json::Value,
             pub trace_every: usize,
             pub iterations: usize,
@@ -552,6 +590,7 @@ pub mod export {
             pub fn markdown(&self) -> String {}
         }
         pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {}
+        pub fn read_json(path: &Path) -> Result<Comparison> {}
         pub fn write_markdown(path: &Path, comparison: &Comparison) -> Result<()> {}
     }
     pub mod confidence {
@@ -575,6 +614,9 @@ pub mod export {
         }
         pub fn svg(figure: &impl Figure) -> Result<String> {}
         pub fn picture(figure: &impl Figure) -> Result<Picture> {}
+    }
+    pub mod foreign {
+        pub fn read(path: &Path, extent: [f64; 4]) -> Result<Maps> {}
     }
     pub mod inspection {
         pub fn write(path: &Path, capture: &Capture) -> Result<()> {}
@@ -844,7 +886,6 @@ pub mod files {
             path: &Path,
             fill: impl FnOnce(&Path) -> Result<()>,
         ) -> Result<()> {}
-        pub fn is_stream(path: &Path) -> bool {}
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum DiskFault {
             Denied,
@@ -1536,6 +1577,54 @@ pub mod job {
             tell: &mut dyn FnMut(&Told),
         ) -> Result<Tally> {}
     }
+    pub mod benchmark {
+        mod captures {
+            pub enum Ready {
+                Files { capture: PathBuf, truth: PathBuf },
+                None(String),
+            }
+            pub fn found_in(folder: &Path) -> Result<Found> {}
+        }
+        pub use captures::found_in;
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Benchmark {
+            pub scenes: Vec<Scene>,
+            pub photons: Vec<f64>,
+            pub seed: u64,
+            pub out: PathBuf,
+            pub options: Vec<String>,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Scene {
+            pub name: String,
+            pub source: Source,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Source {
+            Capture { file: PathBuf, truth: PathBuf },
+            Simulation { file: PathBuf, what: Box<Simulation> },
+        }
+        pub trait Caller {
+            fn comparison(
+                &mut self,
+                capture: &Path,
+                truth: &Path,
+            ) -> Result<(Loaded, Comparison)>;
+            fn hear(
+                &mut self,
+                case: &str,
+                progress: Option<(&Turn<'_>, &Progress)>,
+            ) -> ControlFlow<()>;
+            fn tell(&mut self, case: &Case);
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Benched {
+            pub page: Page,
+            pub stopped: bool,
+            pub files: Vec<PathBuf>,
+        }
+        pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {}
+    }
     pub mod compare {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Method {
@@ -1555,6 +1644,7 @@ pub mod job {
             pub methods: Vec<Method>,
             pub foreign: Vec<Foreign>,
             pub left_out: Vec<LeftOut>,
+            pub oracle: bool,
             pub repeats: usize,
             pub out: PathBuf,
         }
@@ -2047,6 +2137,7 @@ pub mod job {
     pub use crate::trials::{Choice, FindPulse, MODELS, Resolved, preset_for};
     pub use advice::suggestions;
     pub use batch::{Batch, batch};
+    pub use benchmark::{Benchmark, benchmark};
     pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
@@ -2753,7 +2844,8 @@ pub mod solve {
                 values: &[f32],
                 grid: &Grid,
             ) -> Vec<f32> {}
-            pub fn maps(grid: &Grid, volume: &Volume, step: f64) -> Maps {}
+            pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {}
+            pub fn maps(grid: &Grid, volume: &Volume, step: f64, share: f64) -> Maps {}
         }
         mod scan {
             #[derive(Debug, Clone, PartialEq)]
@@ -2761,6 +2853,7 @@ pub mod solve {
                 pub n: [usize; 2],
                 pub first: [f64; 2],
                 pub step: [f64; 2],
+                pub measured: [f64; 2],
                 pub z: f64,
                 pub pair_of: Vec<usize>,
                 pub spot: Option<DVec3>,
@@ -2777,6 +2870,16 @@ pub mod solve {
                 pub fn size(&self) -> [f64; 2] {}
             }
         }
+        mod upsample {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Between {
+                Zero,
+                Bicubic,
+            }
+            impl RegularScan {
+                pub fn finer(&self, factor: usize) -> RegularScan {}
+            }
+        }
         pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
         pub use dlct::DlctOptions;
         pub use fk::FkOptions;
@@ -2785,8 +2888,11 @@ pub mod solve {
         pub use options::ImageOptions;
         pub use phasor::PhasorOptions;
         pub use scan::RegularScan;
+        pub use upsample::Between;
         pub trait HostMethod: Options + Clone + Send + Sync + 'static {
             fn image(&self) -> &ImageOptions;
+            /// Its share of [`image::fraction_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+            const MASK_SHARE: f64;
             fn scan(&self, capture: &Capture) -> Result<RegularScan>;
             fn arrays(
                 &self,
@@ -3487,6 +3593,7 @@ pub mod solve {
             pub lateral: usize,
             pub volume_iterations: usize,
             pub surface_left: bool,
+            pub has_mask: bool,
             pub is_warm: bool,
             pub beyond: Option<TakenOff>,
             pub noise: Option<f64>,

@@ -1,11 +1,12 @@
 //! Whole jobs, from a capture file to result files. The command line calls them.
 //!
 //! [`load`] reads and prepares a capture. [`run`] reconstructs it and writes every result. [`batch()`] does this with many
-//! captures. [`compare()`] does it by several methods and compares them. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
+//! captures. [`compare()`] does it by several methods and compares them, [`benchmark()`] over all scenes of a folder. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
 //! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
 
 mod advice;
 pub mod batch;
+pub mod benchmark;
 pub mod compare;
 pub mod demo;
 mod evaluate;
@@ -38,6 +39,7 @@ pub use crate::trials::{Choice, FindPulse, MODELS, Resolved, preset_for};
 
 pub use advice::suggestions;
 pub use batch::{Batch, batch};
+pub use benchmark::{Benchmark, benchmark};
 pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};

@@ -1,9 +1,10 @@
 //! `thirdbounce compare CAPTURE --truth TRUTH --out DIR`.
 
-use std::path::PathBuf;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 
 use thirdbounce::export::comparison::LeftOut;
-use thirdbounce::job::{self, Comparison, Foreign, Method, Request, SolverOptions, Turn};
+use thirdbounce::job::{self, Comparison, FindPulse, Foreign, Loaded, Method, Request, SolverOptions, Turn};
 use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result};
 
@@ -13,7 +14,7 @@ use super::progress::{Meter, say};
 use super::solver::SolverArgs;
 use super::{interrupt, print};
 
-const METHODS: &str = "\
+pub const METHODS: &str = "\
 Methods:
   A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch and
   trace-every of reconstruct. name=... sets the name in plots and folders. Options that a method does not set are
@@ -37,24 +38,35 @@ pub struct Args {
     /// iterative solvers, or --solver]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
-    /// Maps that another program made of the same capture: a folder with maps.npz or the file itself, the seconds that it
-    /// took and what it ran on. They are measured and drawn beside the methods. May be repeated
+    /// Maps that another program made of the same capture: a file (npz, EXR or MATLAB) or a folder with maps.npz,
+    /// maps.exr or maps.mat, the seconds that it took and what it ran on. They are measured and drawn beside the methods.
+    /// May be repeated
     #[arg(long, value_name = "NAME=FOLDER,seconds=S,hardware=WORDS")]
     foreign: Vec<String>,
     /// Run every method R times, in turns; times are medians
     #[arg(long, value_name = "R", default_value_t = 3)]
     repeats: usize,
+    #[command(flatten)]
+    how: HowArgs,
+}
+
+/// How methods are run and measured.
+#[derive(clap::Args)]
+pub struct HowArgs {
     /// Measure after every Nth iteration; measuring does not count as solving
     #[arg(long, value_name = "N", default_value_t = 10)]
     trace_every: usize,
-    /// A pixel is surface above this share of the brightest albedo [default: the albedo's edges tell; paper 0.3]
+    /// A pixel is surface above this share of the brightest albedo [default: the usual mask of each method]
     #[arg(long, value_name = "X")]
     mask_fraction: Option<f64>,
+    /// Let the truth choose the mask of every method: the share of the brightest albedo with the best IoU. Tables say so
+    #[arg(long, conflicts_with = "mask_fraction")]
+    oracle: bool,
     /// No progress and no notes, errors only
     #[arg(long, short)]
-    quiet: bool,
+    pub quiet: bool,
     #[command(flatten)]
-    solver: SolverArgs,
+    pub solver: SolverArgs,
     #[command(flatten)]
     grid: VolumeArgs,
     #[command(flatten)]
@@ -62,63 +74,29 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.solver.choice().check()?;
-    let specs = specs(args)?;
-    let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
-    let (input, memory, volume) =
-        (args.capture.input(&args.solver)?, args.device.memory()?, args.grid.volume_only()?);
-    let loaded = job::load(&input)?;
-    if !args.quiet {
-        loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
-    }
-    let bins = args.grid.bins()?;
-    let method = |spec: &methods::Spec| {
-        let usual = spec.choice.resolve(&loaded.capture).request();
-        let request = Request {
-            tuned: false,
-            bins,
-            depth_pitch: spec.depth_pitch.or(args.grid.depth_pitch),
-            volume,
-            memory,
-            device: args.device.device.clone(),
-            pipeline_cache: args.device.pipeline_cache(),
-            validation: args.device.validation,
-            truth: Some(args.truth.clone()),
-            mask_fraction: args.mask_fraction.or(usual.mask_fraction),
-            trace_every: spec.trace_every.or(Some(args.trace_every)),
-            find_pulse: args.capture.find_pulse(usual.find_pulse),
-            ..usual
-        };
-        Method { name: spec.name.clone(), spec: spec.text.clone(), request }
+    let how = &args.how;
+    let choice = how.solver.choice();
+    let all = match &choice.solver {
+        Some(name) => vec![name.as_str()],
+        None => SolverOptions::ITERATIVE.to_vec(),
     };
-    let mut left_out = vec![];
-    let mut methods = vec![];
-    for spec in &specs {
-        let method = method(spec);
-        match method.request.solver.takes(&loaded.capture) {
-            Err(e) if spec.is_optional => left_out.push(LeftOut { name: method.name, why: e.what }),
-            _ => methods.push(method),
-        }
-    }
-    if !args.quiet {
-        left_out.iter().for_each(|m| say(&format!("note: {} is left out: {}", m.name, m.why)));
-    }
-    let comparison = Comparison { methods, foreign, left_out, repeats: args.repeats, out: args.out.clone() };
+    let specs = how.specs(&args.method, &all)?;
+    let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
+    let input = args.capture.input(&how.solver)?;
+    how.check()?;
+    let loaded = job::load(&input)?;
+    how.say(&loaded.notes);
+    let find_pulse = |usual| args.capture.find_pulse(usual);
+    let comparison = Comparison {
+        foreign,
+        repeats: args.repeats,
+        out: args.out.clone(),
+        ..how.comparison(&specs, &loaded, &args.truth, &find_pulse)?
+    };
     interrupt::take_care();
-    let mut meters: Vec<Meter> = vec![];
-    let mut turns = 0;
-    let compared = job::compare(&comparison, &loaded, &mut |turn: &Turn<'_>, progress: &Progress| {
-        if turn.number >= turns {
-            meters.iter().for_each(Meter::end);
-            turns = turn.number + 1;
-            meters = vec![Meter::new(args.quiet)];
-            if !args.quiet {
-                say(&format!("{} of {}: {}", turn.number + 1, turn.turns, turn.name));
-            }
-        }
-        meters.last_mut().map_or(std::ops::ControlFlow::Continue(()), |meter| meter.hear(progress))
-    });
-    meters.iter().for_each(Meter::end);
+    let mut meter = Turns::new(how.quiet);
+    let compared = job::compare(&comparison, &loaded, &mut |turn, progress| meter.hear(turn, progress));
+    meter.end();
     let compared = compared?;
     compared.validation.iter().for_each(|message| say(&format!("validation: {message}")));
     print(&compared.report.table());
@@ -127,29 +105,131 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The methods that are asked for, all of them checked.
-fn specs(args: &Args) -> Result<Vec<methods::Spec>> {
-    let asked: Vec<&str> = args.method.iter().map(|m| m.trim()).filter(|m| !m.is_empty()).collect();
-    if asked.is_empty() && !args.method.is_empty() {
-        return Err(Error::options("--method is empty", "name a solver: --method paper"));
+impl HowArgs {
+    /// Refuses what no capture makes good.
+    pub fn check(&self) -> Result<()> {
+        self.device.memory()?;
+        self.grid.volume_only()?;
+        self.grid.bins().map(|_| ())
     }
-    let base = args.solver.choice();
-    let all = match &base.solver {
-        Some(name) => vec![name.as_str()],
-        None => SolverOptions::ITERATIVE.to_vec(),
-    };
-    let asked = if asked.is_empty() { all } else { asked };
-    let mut specs = vec![];
-    for text in asked {
-        if text != "all" {
-            specs.push(methods::parse(text, &base)?);
-            continue;
-        }
-        for name in every() {
-            specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
+
+    /// Says notes, unless it is to be quiet.
+    pub fn say(&self, notes: &[String]) {
+        if !self.quiet {
+            notes.iter().for_each(|note| say(&format!("note: {note}")));
         }
     }
-    Ok(specs)
+
+    /// The methods that are asked for, else `usual`, all of them checked.
+    pub fn specs(&self, asked: &[String], usual: &[&str]) -> Result<Vec<methods::Spec>> {
+        self.solver.choice().check()?;
+        let named: Vec<&str> = asked.iter().map(|m| m.trim()).filter(|m| !m.is_empty()).collect();
+        if named.is_empty() && !asked.is_empty() {
+            return Err(Error::options("--method is empty", "name a solver: --method paper"));
+        }
+        let base = self.solver.choice();
+        let mut specs = vec![];
+        for text in if named.is_empty() { usual.to_vec() } else { named } {
+            if text != "all" {
+                specs.push(methods::parse(text, &base)?);
+                continue;
+            }
+            for name in every() {
+                specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
+            }
+        }
+        Ok(specs)
+    }
+
+    /// Every option that changes results, as texts.
+    pub fn told(&self, specs: &[methods::Spec]) -> Result<Vec<String>> {
+        let mut all: Vec<String> =
+            specs.iter().map(|spec| format!("method {} {:?}", spec.name, spec.choice)).collect();
+        all.push(format!(
+            "trace {} mask {:?} oracle {} bins {:?} depth {:?} volume {:?}",
+            self.trace_every,
+            self.mask_fraction,
+            self.oracle,
+            self.grid.bins()?,
+            self.grid.depth_pitch,
+            self.grid.volume_only()?
+        ));
+        Ok(all)
+    }
+
+    /// What is compared on a capture: once, without a folder.
+    pub fn comparison(
+        &self,
+        specs: &[methods::Spec],
+        loaded: &Loaded,
+        truth: &Path,
+        find_pulse: &dyn Fn(FindPulse) -> FindPulse,
+    ) -> Result<Comparison> {
+        let (memory, volume, bins) = (self.device.memory()?, self.grid.volume_only()?, self.grid.bins()?);
+        let method = |spec: &methods::Spec| {
+            let usual = spec.choice.resolve(&loaded.capture).request();
+            let request = Request {
+                tuned: false,
+                bins,
+                depth_pitch: spec.depth_pitch.or(self.grid.depth_pitch),
+                volume,
+                memory,
+                device: self.device.device.clone(),
+                pipeline_cache: self.device.pipeline_cache(),
+                validation: self.device.validation,
+                truth: Some(truth.into()),
+                mask_fraction: self.mask_fraction.or(usual.mask_fraction),
+                trace_every: spec.trace_every.or(Some(self.trace_every)),
+                find_pulse: find_pulse(usual.find_pulse),
+                ..usual
+            };
+            Method { name: spec.name.clone(), spec: spec.text.clone(), request }
+        };
+        let mut comparison = Comparison { oracle: self.oracle, repeats: 1, ..Comparison::default() };
+        for spec in specs {
+            let method = method(spec);
+            match method.request.solver.takes(&loaded.capture) {
+                Err(e) if spec.is_optional => {
+                    comparison.left_out.push(LeftOut { name: method.name, why: e.what });
+                }
+                _ => comparison.methods.push(method),
+            }
+        }
+        let missing = comparison.left_out.iter().map(|m| format!("{} is left out: {}", m.name, m.why));
+        self.say(&missing.collect::<Vec<_>>());
+        Ok(comparison)
+    }
+}
+
+/// The progress of the turns of a comparison.
+pub struct Turns {
+    quiet: bool,
+    shown: Option<(String, usize, Meter)>,
+}
+
+impl Turns {
+    pub fn new(quiet: bool) -> Turns {
+        Turns { quiet, shown: None }
+    }
+
+    pub fn hear(&mut self, turn: &Turn<'_>, progress: &Progress) -> ControlFlow<()> {
+        let is_shown =
+            |(name, number, _): &(String, usize, Meter)| name == turn.name && *number == turn.number;
+        if !self.shown.as_ref().is_some_and(is_shown) {
+            self.end();
+            if !self.quiet {
+                say(&format!("{} of {}: {}", turn.number + 1, turn.turns, turn.name));
+            }
+            self.shown = Some((turn.name.into(), turn.number, Meter::new(self.quiet)));
+        }
+        self.shown.as_mut().map_or(ControlFlow::Continue(()), |(_, _, meter)| meter.hear(progress))
+    }
+
+    pub fn end(&mut self) {
+        if let Some((_, _, meter)) = self.shown.take() {
+            meter.end();
+        }
+    }
 }
 
 /// All methods, the default solver first: the others are compared with it.

@@ -2,6 +2,7 @@
 
 mod advice;
 mod batch;
+mod benchmark;
 mod calibrate;
 mod compare;
 mod compiled;
@@ -76,6 +77,8 @@ enum Verb {
     Evaluate(evaluate::Args),
     /// Compare methods on one capture: error against run time.
     Compare(Box<compare::Args>),
+    /// Compare methods on every scene of a folder, at several photon counts, as one page. Skips what is done.
+    Benchmark(Box<benchmark::Args>),
     /// Make a capture of time tags: PicoQuant .ptu and .phu, dumps, text.
     Histogram(Box<histogram::Args>),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
@@ -128,6 +131,7 @@ fn run() -> Result<ExitCode> {
     interrupt::listen()?;
     match cli.verb {
         Verb::Batch(args) => return batch::run(&args),
+        Verb::Benchmark(args) => return benchmark::run(&args),
         Verb::Demo(args) => demo::run(&args),
         Verb::Info(args) => info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),

@@ -1,8 +1,9 @@
 //! `thirdbounce simulate SCENE --out CAPTURE`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
 use thirdbounce::job::{self, Simulation};
 use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
@@ -151,6 +152,60 @@ fn scenes() -> String {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    let simulation = simulation(args)?;
+    match args.moving {
+        Some(frames) => moving(args, &simulation, frames),
+        None => one(args, &simulation),
+    }
+}
+
+/// Reads the file of a scene: the arguments of `simulate` but for files, over as many lines as one likes; # begins a comment.
+/// The path of a mesh is that from the file's folder.
+///
+/// # Errors
+/// A file that cannot be read, arguments that `simulate` does not take, or files among them.
+pub fn scene_of(file: &Path) -> Result<Simulation> {
+    #[derive(Parser)]
+    #[command(no_binary_name = true, disable_help_flag = true)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+    let at = |e: Error| e.at(file.display());
+    let mend =
+        "write the arguments of simulate without files, for example: letter-Z --scan 32 --bin-width 6mm";
+    let text =
+        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), mend)))?;
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
+    let is_own = |word: &String| ["--out", "--truth", "--moving"].iter().any(|own| word.starts_with(own));
+    if let Some(word) = words.iter().find(|word| is_own(word)) {
+        return Err(at(Error::input(
+            format!("{word} does not fit here: the benchmark writes the files"),
+            mend,
+        )));
+    }
+    if let Some(first) = words.first_mut() {
+        let mesh = file.with_file_name(&*first);
+        if mesh.is_file() {
+            *first = mesh.display().to_string();
+        }
+    }
+    words.extend(["--out".into(), "capture.npz".into()]);
+    let command = Line::command().mut_args(|arg| {
+        let takes = arg.get_action().takes_values() && !arg.is_positional();
+        if takes { arg.allow_negative_numbers(true) } else { arg }
+    });
+    let parsed = command.try_get_matches_from(words).and_then(|m| Line::from_arg_matches(&m));
+    let line = parsed.map_err(|e| {
+        let said = e.to_string();
+        at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), mend))
+    })?;
+    simulation(&line.args).map_err(at)
+}
+
+/// What the arguments ask for.
+fn simulation(args: &Args) -> Result<Simulation> {
     let mut scene = Scene::named(&args.scene)?;
     args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
     (scene.scan, scene.wall) = (args.scan, args.wall);
@@ -160,17 +215,13 @@ pub fn run(args: &Args) -> Result<()> {
     (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);
-    let simulation = Simulation {
+    Ok(Simulation {
         scene,
         hide_pulse: args.hide_pulse,
         render: RenderOptions { noise: args.noise, seed: args.seed, ..RenderOptions::default() },
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
-    };
-    match args.moving {
-        Some(frames) => moving(args, &simulation, frames),
-        None => one(args, &simulation),
-    }
+    })
 }
 
 /// Writes the frames of a scene that moves.

@@ -23,8 +23,12 @@ pub struct Comparison {
     pub capture_file: PathBuf,
     /// The truth's file, if there is truth.
     pub truth: Option<PathBuf>,
-    /// Share of the brightest albedo above which a pixel is surface, for the figures at a fixed share.
+    /// Share of the brightest albedo above which a pixel is surface, if it is the same for all methods; else each has its
+    /// usual mask.
     pub mask_fraction: Option<f64>,
+    /// The truth chose the mask of every method: the share of the brightest albedo with the best IoU.
+    #[serde(default)]
+    pub oracle: bool,
     /// How often each method ran, in turns.
     pub repeats: usize,
     /// Every method, in the order they were given.
@@ -56,6 +60,12 @@ pub struct MethodReport {
     /// What did the work: the Vulkan device, or the host's cores.
     #[serde(default)]
     pub runs_on: String,
+    /// The folder of its maps, beside `compare.json`; of a foreign one empty.
+    #[serde(default)]
+    pub folder: String,
+    /// Share of the brightest albedo above which its pixels are surface; `None` if the albedo's edges tell.
+    #[serde(default)]
+    pub mask_fraction: Option<f64>,
     /// All settings as they were resolved.
     pub settings: serde_json::Value,
     /// Iterations between measured points; 0: measured at the end only.
@@ -107,10 +117,11 @@ impl MethodReport {
 impl Comparison {
     /// The figures as a Markdown table.
     pub fn table(&self) -> String {
-        let mut out = String::from(
-            "| method | runs on | iterations | time (s) | active | IoU | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) \
+        let mut out = format!(
+            "| method | runs on | iterations | time (s) | active | IoU{} | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) \
              | normals (°) | s to depth | s to normals | s to IoU | s to all three |\n\
              |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+            if self.oracle { " (oracle)" } else { "" }
         );
         let whole = self.methods.first().map_or(0.0, |m| m.seconds);
         for m in &self.methods {
@@ -150,7 +161,8 @@ impl Comparison {
         let mut out = format!(
             "# Error against run time\n\n\
              Capture `{}`, {} pairs of {} bins. Device: {} ({}). thirdbounce {}.\n\n\
-             ![Error against run time](error_vs_time.png)\n\n{}\n",
+             ![Error against run time](error_vs_time.png)\n\n\
+             ![Albedo, normals and depth of the truth and of every method](pictures.png)\n\n{}\n",
             file_name(&self.capture_file),
             self.capture.pairs,
             self.capture.bins,
@@ -163,13 +175,13 @@ impl Comparison {
             "Time is solve time, without load, set-up, measuring and export. Every method ran {}, in turns. The \
              time is the median, with the range in brackets. A pixel counts as surface above a fraction of the \
              brightest albedo. Every point uses the fraction with the best IoU, which only the truth tells; \
-             *IoU* is that of the maps' own mask. Depth and normal errors are over the \
-             pixels that are surface both in the result and in truth. (Figures {} are in \
+             *IoU* is that of {}. Depth and normal errors are over the \
+             pixels that are surface both in the result and in truth. (Figures within that mask are in \
              compare.json.)\n\n\
              *s to …*: seconds until the figure is as good as that of `{first}` at its end, and stays as good. Their \
              share of the whole time of `{first}` is in brackets. Times are those of measured points: {}.\n",
             times(self.repeats),
-            self.mask_fraction.map_or("over the maps' own mask".into(), |f| format!("at the fraction {f}")),
+            self.mask_rule(),
             self.steps(),
         );
         if self.methods.iter().any(|m| m.foreign) {
@@ -186,6 +198,15 @@ impl Comparison {
             out += &format!("\n`{}` is `{}`.\n", m.name, m.method);
         }
         out
+    }
+
+    /// Which mask the maps have, in words.
+    fn mask_rule(&self) -> String {
+        match self.mask_fraction {
+            _ if self.oracle => "a mask that the truth chose as well (oracle): no user has it".into(),
+            Some(f) => format!("the pixels above the fraction {f}"),
+            None => "the maps' own mask, by the usual rule of each method".into(),
+        }
     }
 
     /// Which points were measured, in words.
@@ -234,6 +255,21 @@ pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {
     })?;
     json.push('\n');
     atomic::write(path, json.as_bytes())
+}
+
+/// Reads a comparison.
+///
+/// # Errors
+/// `Kind::Input` if the file cannot be read or is no comparison.
+pub fn read_json(path: &Path) -> Result<Comparison> {
+    let json = std::fs::read_to_string(path)
+        .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
+    serde_json::from_str(&json).map_err(|e| {
+        Error::input(
+            format!("{}: is no comparison: {e}", path.display()),
+            "remove the file, and compare again",
+        )
+    })
 }
 
 /// Writes the page of [`Comparison::markdown`].

@@ -61,7 +61,10 @@ impl ErrorVsTime<'_> {
         let mut at = [LEFT, TOP + STEP[1] + PANEL[1] + 72.0];
         for (method, colour) in self.0.methods.iter().zip(COLOURS.into_iter().cycle()) {
             let (name, seconds) = (shortened(&method.name_and_model(), 90), plain(rounded(method.seconds)));
-            let text = format!("{name}: {} iterations in {seconds} s", method.iterations);
+            let text = match method.iterations {
+                0 | 1 => format!("{name}: {seconds} s"),
+                many => format!("{name}: {many} iterations in {seconds} s"),
+            };
             legend(area, &text, Stroke::Curve(colour), at)?;
             at[1] += LEGEND_LINE;
         }

@@ -23,8 +23,8 @@ pub(super) const FINE: u32 = 3;
 pub(super) const INK: RGBColor = RGBColor(40, 40, 46);
 pub(super) const GRID: RGBColor = RGBColor(226, 226, 230);
 pub(super) const FRAME: RGBColor = RGBColor(120, 120, 128);
-/// Colours that people with any kind of colour vision can tell apart (Okabe and Ito).
-pub(super) const COLOURS: [RGBColor; 7] = [
+/// Colours of curves. People with any kind of colour vision can tell the first seven apart (Okabe and Ito).
+pub(super) const COLOURS: [RGBColor; 11] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -32,6 +32,10 @@ pub(super) const COLOURS: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
     RGBColor(70, 70, 70),
+    RGBColor(140, 90, 50),
+    RGBColor(120, 60, 180),
+    RGBColor(120, 180, 40),
+    RGBColor(190, 20, 60),
 ];
 
 /// Sizes of text, in pixels per em.

@@ -2,6 +2,7 @@
 //! results give equal bytes.
 
 mod axis;
+pub mod benchmark;
 pub mod calibration;
 pub mod comparison;
 pub mod confidence;
@@ -9,6 +10,7 @@ pub mod curves;
 pub mod depth_error;
 pub mod exr;
 pub mod figure;
+pub mod foreign;
 pub mod inspection;
 pub mod mesh;
 pub mod npz;

@@ -2,22 +2,23 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::reconstruct::{self, Finished};
-use super::{Loaded, Request, places, report};
+use super::{Loaded, Request, overview, places, report};
 use crate::export::comparison::{self, LeftOut, MethodReport, Reached};
 use crate::export::report::TraceEntry;
-use crate::export::{self, curves, figure};
+use crate::export::{self, curves, figure, foreign};
 use crate::files::{atomic, staging};
 use crate::gpu::Gpu;
-use crate::maps::Truth;
+use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, Reach, median, metrics, reach};
 use crate::solve::{Progress, RunsOn};
 use crate::{Error, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
-const FILES: [&str; 4] = ["error_vs_time.png", "error_vs_time.svg", "compare.md", "compare.json"];
+const FILES: [&str; 5] =
+    ["error_vs_time.png", "error_vs_time.svg", "pictures.png", "compare.md", "compare.json"];
 
 /// A method of a comparison.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +36,7 @@ pub struct Method {
 pub struct Foreign {
     /// Its name in plots and tables.
     pub name: String,
-    /// The maps: a `maps.npz` as docs/results.md describes, or the folder of one.
+    /// The maps ([`foreign::read`]): a file, or a folder with a `maps.npz`, `maps.exr` or `maps.mat`.
     pub maps: PathBuf,
     /// Seconds that it took, as its user says.
     pub seconds: f64,
@@ -52,6 +53,8 @@ pub struct Comparison {
     pub foreign: Vec<Foreign>,
     /// Methods that do not take the capture: name, and why.
     pub left_out: Vec<LeftOut>,
+    /// The truth chooses the mask of every method: the share of the brightest albedo with the best IoU.
+    pub oracle: bool,
     /// How often each method runs. All methods run once, then all run again.
     pub repeats: usize,
     /// Folder for plots, tables and each method's maps.
@@ -81,7 +84,7 @@ pub struct Compared {
 }
 
 /// Runs every method `repeats` times, in turns and after a short warm-up. Writes `error_vs_time.png` and `.svg`,
-/// `compare.md`, each method's maps and report in a folder of its own, and last `compare.json`.
+/// `pictures.png`, `compare.md`, each method's maps and report in a folder of its own, and last `compare.json`.
 ///
 /// # Errors
 /// Before anything is computed: no method, no truth, options out of range, or a place that cannot be written. Later:
@@ -92,7 +95,7 @@ pub fn compare(
     hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
 ) -> Result<Compared> {
     let (methods, truth) = what.check()?;
-    let foreign = what.measure_foreign(&truth, methods[0].request.mask_fraction)?;
+    let foreign = what.measure_foreign(&truth, same_mask(&methods))?;
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
     for method in &methods {
@@ -105,15 +108,18 @@ pub fn compare(
         let method = &methods[at];
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
-        let done = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), None, &mut hear)
-            .map_err(|e| e.at(format!("method {:?}", method.name)))?;
+        let solved = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), None, &mut hear);
+        let mut done = solved.map_err(|e| e.at(format!("method {:?}", method.name)))?;
+        if what.oracle {
+            done.mask_by(&truth)?;
+        }
         match &mut runs[at] {
             Some(runs) => runs.add(&done),
             none => *none = Some(Runs::new(done)),
         }
     }
     let runs: Vec<Runs> = runs.into_iter().flatten().collect();
-    let report = what.report(&methods, loaded, &gpu, &runs, foreign);
+    let report = what.report(&methods, loaded, &gpu, &runs, &foreign);
 
     let json = what.out.join("compare.json");
     // An older one does not describe the files that are written from here on.
@@ -128,13 +134,23 @@ pub fn compare(
         files.push(folder.clone());
     }
     let figure = curves::ErrorVsTime(&report);
-    let [png, svg, page] = ["error_vs_time.png", "error_vs_time.svg", "compare.md"].map(|n| what.out.join(n));
+    let [png, svg, pictures, page, _] = FILES.map(|n| what.out.join(n));
     export::png::write(&png, &figure::picture(&figure)?)?;
     atomic::write(&svg, figure::svg(&figure)?.as_bytes())?;
+    let all = runs.iter().map(|run| &run.first.result.maps).chain(foreign.iter().map(|f| &f.maps));
+    let named: Vec<_> = report.methods.iter().map(|m| m.name.as_str()).zip(all).collect();
+    overview::write_all(&pictures, &named, &truth)?;
     comparison::write_markdown(&page, &report)?;
     comparison::write_json(&json, &report)?;
-    files.extend([png, svg, page, json]);
+    files.extend([png, svg, pictures, page, json]);
     Ok(Compared { report, validation: gpu.validation_messages(), files })
+}
+
+/// Maps of another program, and their figures.
+struct Measured<'f> {
+    foreign: &'f Foreign,
+    maps: Maps,
+    metrics: Metrics,
 }
 
 /// The runs of one method.
@@ -217,20 +233,26 @@ impl Comparison {
         Ok((methods, truth.ok_or_else(missing)?))
     }
 
-    /// The figures of other programs' maps. Their own mask counts, or pixels above `fraction` of the brightest albedo.
+    /// Reads the maps of other programs and measures them. Their own mask counts, or pixels above `fraction` of the
+    /// brightest albedo, or what the truth chooses.
     ///
     /// # Errors
     /// Maps that cannot be read, with the name of the program.
-    fn measure_foreign(&self, truth: &Truth, fraction: Option<f64>) -> Result<Vec<(&Foreign, Metrics)>> {
-        let measured = |foreign: &Foreign| {
-            let file = match foreign.maps.is_dir() {
-                true => foreign.maps.join("maps.npz"),
-                false => foreign.maps.clone(),
+    fn measure_foreign(&self, truth: &Truth, fraction: Option<f64>) -> Result<Vec<Measured<'_>>> {
+        let mut all = vec![];
+        for foreign in &self.foreign {
+            let measured = || -> Result<Measured<'_>> {
+                let mut maps = foreign::read(&foreign.maps, truth.extent)?;
+                let mut found = metrics(&maps, truth, fraction)?;
+                if let Some(best) = found.best_fraction.filter(|_| self.oracle) {
+                    maps.set_mask(best);
+                    found = metrics(&maps, truth, best)?;
+                }
+                Ok(Measured { foreign, maps, metrics: found })
             };
-            metrics(&export::npz::read_maps(&file)?, truth, fraction)
-        };
-        let named = |foreign| measured(foreign).map_err(|e| e.at(format!("foreign {:?}", foreign.name)));
-        self.foreign.iter().map(|foreign| Ok((foreign, named(foreign)?))).collect()
+            all.push(measured().map_err(|e| e.at(format!("foreign {:?}", foreign.name)))?);
+        }
+        Ok(all)
     }
 
     fn report(
@@ -239,7 +261,7 @@ impl Comparison {
         loaded: &Loaded,
         gpu: &Gpu,
         runs: &[Runs],
-        foreign: Vec<(&Foreign, Metrics)>,
+        foreign: &[Measured<'_>],
     ) -> comparison::Comparison {
         let goal = runs[0].first.metrics.clone().unwrap_or_default();
         let whole = report::report_of(&methods[0].request, loaded, gpu, &runs[0].first);
@@ -251,6 +273,8 @@ impl Comparison {
                 method: method.spec.clone(),
                 foreign: false,
                 runs_on: runs_on(&method.request, gpu),
+                folder: name_of(&method.request.out),
+                mask_fraction: run.first.result.maps.mask_fraction,
                 settings: report::settings(&method.request, loaded, &run.first),
                 trace_every: method.request.trace_step(),
                 iterations: last.map_or(0, |p| p.iteration),
@@ -263,7 +287,7 @@ impl Comparison {
                 trace,
             }
         };
-        let other = |(foreign, metrics): (&Foreign, Metrics)| {
+        let other = |Measured { foreign, maps, metrics }: &Measured<'_>| {
             let trace = vec![TraceEntry {
                 seconds: foreign.seconds,
                 loss: f64::NAN,
@@ -275,6 +299,8 @@ impl Comparison {
                 method: foreign.maps.display().to_string(),
                 foreign: true,
                 runs_on: foreign.hardware.clone(),
+                folder: String::new(),
+                mask_fraction: maps.mask_fraction,
                 settings: serde_json::Value::Null,
                 trace_every: 0,
                 iterations: 0,
@@ -283,7 +309,7 @@ impl Comparison {
                 active: 0,
                 active_ratio: 0.0,
                 reach: reached(&goal, &trace),
-                metrics,
+                metrics: metrics.clone(),
                 trace,
             }
         };
@@ -293,12 +319,20 @@ impl Comparison {
             capture: whole.capture,
             capture_file: loaded.input.path.clone(),
             truth: methods[0].request.truth.clone(),
-            mask_fraction: methods[0].request.mask_fraction,
+            mask_fraction: same_mask(methods),
+            oracle: self.oracle,
             repeats: self.repeats,
-            methods: methods.iter().zip(runs).map(report).chain(foreign.into_iter().map(other)).collect(),
+            methods: methods.iter().zip(runs).map(report).chain(foreign.iter().map(other)).collect(),
             left_out: self.left_out.clone(),
         }
     }
+}
+
+/// The share of the brightest albedo that tells all methods' masks, if there is one.
+fn same_mask(methods: &[Method]) -> Option<f64> {
+    let mut all = methods.iter().map(|m| m.request.mask_fraction);
+    let first = all.next().flatten();
+    first.filter(|_| all.all(|other| other == first))
 }
 
 /// What a method runs on, in words.
@@ -329,6 +363,11 @@ fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
         best_iou: of(goal.best_iou, &figures[2..]),
         all: of(None, &figures),
     }
+}
+
+/// The last part of a path.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
 /// A name that any file system accepts.

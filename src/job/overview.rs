@@ -1,18 +1,19 @@
-//! One picture of a result beside its truth.
+//! Pictures of results beside their truth.
 
 use std::path::Path;
 
 use crate::Result;
 use crate::capture::scan::decimals;
-use crate::export::picture::{BACKGROUND, CAPITAL, INK, Picture, colour};
+use crate::export::picture::{BACKGROUND, CAPITAL, INK, Picture, colour, text_width};
 use crate::export::png;
 use crate::maps::{Maps, Truth, percentile};
 
 const GAP: usize = 16;
 /// Height of a line of text above a panel.
 const LINE: usize = 20;
-/// Side of a panel.
+/// Side of a panel, and of one among many.
 const PANEL: usize = 288;
+const SMALL: usize = 160;
 
 /// Writes albedo, normals, true normals, depth and true depth side by side. Both depths share one scale and a colour
 /// bar.
@@ -20,27 +21,15 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     maps.check()?;
     truth.check()?;
     let real = as_maps(truth);
-    let depths: Vec<f32> = [maps, &real].iter().flat_map(|m| shown_depths(m)).collect();
-    let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
-    let (near, far) = range.map_or((0.0, 1.0), |(a, b)| (a, b.max(1.001 * a)));
-    let depth = |maps: &Maps| {
-        panel(maps, |p| if maps.mask[p] { depth_colour(maps.depth[p], near, far) } else { BACKGROUND })
-    };
-    let white = Maps::white(&maps.albedo);
-    let albedo = panel(maps, |p| {
-        let share = if white > 0.0 { maps.albedo[p] / white } else { 0.0 };
-        [(255.0 * share.clamp(0.0, 1.0)).round() as u8; 3]
-    });
-    let normal = |maps: &Maps| panel(maps, |p| normal_colour(maps, p));
+    let scale = Scale::of(&[maps, &real]);
     let panels = [
-        ("albedo", albedo),
-        ("normal", normal(maps)),
-        ("true normal", normal(&real)),
-        ("depth", depth(maps)),
-        ("true depth", depth(&real)),
+        ("albedo", albedo_panel(maps, PANEL)),
+        ("normal", normal_panel(maps, PANEL)),
+        ("true normal", normal_panel(&real, PANEL)),
+        ("depth", scale.panel(maps, PANEL)),
+        ("true depth", scale.panel(&real, PANEL)),
     ];
-
-    let labels = [far, near].map(|depth| format!("{depth:.*} m", decimals(2, far.into())));
+    let labels = scale.labels();
     let bar = GAP + panels.len() * (PANEL + GAP);
     let mut picture = Picture::new(bar + Picture::bar_width(&labels) + GAP, GAP + LINE + PANEL + GAP);
     let top = GAP + LINE;
@@ -54,20 +43,98 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     png::write(path, &picture)
 }
 
-/// The maps as a square of [`PANEL`] pixels, nearest pixel, +x to the right and +y up.
-fn panel(maps: &Maps, colour: impl Fn(usize) -> [u8; 3]) -> Picture {
-    let mut picture = Picture::new(PANEL, PANEL);
-    for row in 0..PANEL {
-        for column in 0..PANEL {
-            let (ix, iy) = (column * maps.nx / PANEL, (PANEL - 1 - row) * maps.ny / PANEL);
+/// Writes the maps of several methods side by side, the truth first: albedo above normals above depth, a column for
+/// each. All depths share the truth's scale and a colour bar.
+///
+/// # Errors
+/// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
+pub fn write_all(path: &Path, named: &[(&str, &Maps)], truth: &Truth) -> Result<()> {
+    truth.check()?;
+    named.iter().try_for_each(|(_, maps)| maps.check())?;
+    let real = as_maps(truth);
+    let scale = Scale::of(&[&real]).at_least(0.01);
+    let labels = scale.labels();
+    let columns: Vec<(&str, &Maps)> =
+        std::iter::once(("truth", &real)).chain(named.iter().copied()).collect();
+    let bar = GAP + columns.len() * (SMALL + GAP);
+    let height = GAP + LINE + 3 * (SMALL + GAP);
+    let mut picture = Picture::new(bar + Picture::bar_width(&labels) + GAP, height);
+    for (i, (name, maps)) in columns.into_iter().enumerate() {
+        let x = GAP + i * (SMALL + GAP);
+        picture.text(&fitted(name), [x, GAP + CAPITAL]);
+        let panels = [albedo_panel(maps, SMALL), normal_panel(maps, SMALL), scale.panel(maps, SMALL)];
+        for (row, panel) in panels.iter().enumerate() {
+            let top = GAP + LINE + row * (SMALL + GAP);
+            picture.fill(x - 1, top - 1, SMALL + 2, SMALL + 2, [70, 70, 78]);
+            picture.paste(panel, x, top);
+        }
+    }
+    let top = GAP + LINE + 2 * (SMALL + GAP);
+    picture.colour_bar(bar, [top, top + SMALL], 1.0, &labels, INK);
+    png::write(path, &picture)
+}
+
+/// As much of a name as fits above a panel.
+fn fitted(name: &str) -> String {
+    let mut short: String = name.into();
+    while text_width(&short) > SMALL && short.pop().is_some() {}
+    short
+}
+
+/// The depths that colours stand for, metres.
+struct Scale {
+    near: f32,
+    far: f32,
+}
+
+impl Scale {
+    /// From the 1st to the 99th percentile of the depths shown.
+    fn of(all: &[&Maps]) -> Scale {
+        let depths: Vec<f32> = all.iter().flat_map(|m| shown_depths(m)).collect();
+        let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
+        let (near, far) = range.map_or((0.0, 1.0), |(a, b)| (a, b.max(1.001 * a)));
+        Scale { near, far }
+    }
+
+    /// At least this share of the depths to either side: a flat object is one colour, and errors are others.
+    fn at_least(self, share: f32) -> Scale {
+        let middle = 0.5 * (self.near + self.far);
+        Scale { near: self.near.min((1.0 - share) * middle), far: self.far.max((1.0 + share) * middle) }
+    }
+
+    fn labels(&self) -> [String; 2] {
+        [self.far, self.near].map(|depth| format!("{depth:.*} m", decimals(2, self.far.into())))
+    }
+
+    fn panel(&self, maps: &Maps, side: usize) -> Picture {
+        let shown = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
+        let share = |p: usize| f64::from((maps.depth[p] - self.near) / (self.far - self.near));
+        panel(maps, side, |p| if shown(p) { colour(share(p)) } else { BACKGROUND })
+    }
+}
+
+fn albedo_panel(maps: &Maps, side: usize) -> Picture {
+    let white = Maps::white(&maps.albedo);
+    panel(maps, side, |p| {
+        let share = if white > 0.0 { maps.albedo[p] / white } else { 0.0 };
+        [(255.0 * share.clamp(0.0, 1.0)).round() as u8; 3]
+    })
+}
+
+fn normal_panel(maps: &Maps, side: usize) -> Picture {
+    panel(maps, side, |p| normal_colour(maps, p))
+}
+
+/// The maps as a square of `side` pixels, nearest pixel, +x to the right and +y up.
+fn panel(maps: &Maps, side: usize, colour: impl Fn(usize) -> [u8; 3]) -> Picture {
+    let mut picture = Picture::new(side, side);
+    for row in 0..side {
+        for column in 0..side {
+            let (ix, iy) = (column * maps.nx / side, (side - 1 - row) * maps.ny / side);
             picture.fill(column, row, 1, 1, colour(ix * maps.ny + iy));
         }
     }
     picture
-}
-
-fn depth_colour(depth: f32, near: f32, far: f32) -> [u8; 3] {
-    if depth.is_finite() { colour(f64::from((depth - near) / (far - near))) } else { BACKGROUND }
 }
 
 fn normal_colour(maps: &Maps, p: usize) -> [u8; 3] {

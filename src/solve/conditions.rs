@@ -11,7 +11,7 @@ use super::{Reconstruction, background, variances};
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
-/// Sets the mask of the result's maps ([`Maps::set_mask`]), and the confidence of all layers: of the result, and of
+/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the confidence of all layers: of the result, and of
 /// `snapshots`, the maps after earlier iterations with the masks that they have. `capture` is what was solved; its counts
 /// are not looked at if the result says how strong their noise is.
 pub fn conclude(
@@ -20,7 +20,9 @@ pub fn conclude(
     result: &mut Reconstruction,
     snapshots: &mut [(usize, Maps)],
 ) {
-    result.maps.set_mask(mask_fraction);
+    if mask_fraction.is_some() || !result.has_mask {
+        result.maps.set_mask(mask_fraction);
+    }
     let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
     let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
     let all = Conditions {

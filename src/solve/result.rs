@@ -53,6 +53,8 @@ pub struct Reconstruction {
     pub volume_iterations: usize,
     /// The surface explained the data far worse than the volume: the maps are the volume's.
     pub surface_left: bool,
+    /// The method told the mask of its maps: a share of the brightest albedo that it found.
+    pub has_mask: bool,
     /// It began with the solution of the frame before ([`super::vector::Follow`]).
     pub is_warm: bool,
     /// Light from beyond the box was taken off the measurement, and why.
@@ -96,6 +98,7 @@ pub(super) fn finish(
         device_bytes: job.executor.arena().bytes(),
         full,
         surface_left: false,
+        has_mask: false,
         is_warm: false,
         beyond: None,
         noise: None,

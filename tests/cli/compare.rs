@@ -76,7 +76,15 @@ fn two_settings_side_by_side() {
     assert!(iterations(&text, "paper") == ["30"] && iterations(&text, "slow & <fixed>") == ["30"], "{text}");
     assert_eq!(
         entries(&out),
-        ["compare.json", "compare.md", "error_vs_time.png", "error_vs_time.svg", "paper", "slow____fixed_"]
+        [
+            "compare.json",
+            "compare.md",
+            "error_vs_time.png",
+            "error_vs_time.svg",
+            "paper",
+            "pictures.png",
+            "slow____fixed_"
+        ]
     );
     let page = std::fs::read_to_string(out.join("compare.md")).unwrap();
     assert!(
@@ -368,6 +376,28 @@ fn every_method_and_other_programs_stand_in_one_table() {
     assert_eq!(methods[2]["metrics"], methods[9]["metrics"]);
     assert!(table.contains("theirs (foreign) | another GPU"), "{table}");
     assert_eq!(report["left_out"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn with_an_oracle_every_mask_is_the_best_and_the_page_says_so() {
+    let (folder, capture, truth) = small();
+    let out = folder.path().join("oracle");
+    let out_text = out.display().to_string();
+    let all =
+        ["compare", capture, "--truth", truth, "--out", &out_text, "--methods", "lct;fk", "--repeats", "1"];
+    let table = succeed(&[&all[..], &["--lateral", "16", "--quiet", "--oracle"]].concat());
+    assert!(table.contains("| IoU (oracle) |"), "{table}");
+    let report = json(&out.join("compare.json"));
+    assert_eq!(report["oracle"], true);
+    for method in report["methods"].as_array().unwrap() {
+        let metrics = &method["metrics"];
+        assert_eq!(metrics["iou"], metrics["best_iou"]);
+        assert_eq!(method["mask_fraction"], metrics["best_fraction"]);
+        let folder = out.join(method["folder"].as_str().unwrap());
+        let maps = thirdbounce::export::npz::read_maps(&folder.join("maps.npz")).unwrap();
+        assert_eq!(Some(maps.mask_fraction.unwrap()), metrics["best_fraction"].as_f64());
+    }
+    assert!(std::fs::read_to_string(out.join("compare.md")).unwrap().contains("no user has it"));
 }
 
 #[test]

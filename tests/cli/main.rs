@@ -1,6 +1,7 @@
 //! The built command, as people run it.
 
 mod batch;
+mod benchmark;
 mod browser;
 mod calibrate;
 mod commands;

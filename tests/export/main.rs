@@ -1,5 +1,6 @@
 //! Result files, and metrics of results.
 
 mod files;
+mod foreign;
 mod measure;
 mod mesh;

@@ -52,6 +52,17 @@ fn base(verb: &str) -> Vec<String> {
                 "{capture} --truth {truth} --out {{}}/c --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
             )
         }
+        "benchmark" => {
+            let folder = files().folder().join("scenes");
+            std::fs::create_dir_all(&folder).expect("a folder");
+            for (from, name) in [(&capture, "scene.npz"), (&truth, "scene_truth.npz")] {
+                std::fs::copy(from, folder.join(name)).expect("a copy");
+            }
+            format!(
+                "{} --out {{}}/b --model cosine --lateral 8 --iterations 3 --quiet --method vector",
+                folder.display()
+            )
+        }
         "histogram" => {
             let tags = files().folder().join("tags.csv");
             std::fs::write(&tags, "0,10\n1,15\n0,110\n1,117\n0,210\n1,222\n0,310\n1,311\n").expect("a file");

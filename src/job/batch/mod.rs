@@ -4,7 +4,7 @@
 mod figures;
 mod names;
 mod pipeline;
-mod record;
+pub(super) mod record;
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;

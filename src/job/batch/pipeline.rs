@@ -121,7 +121,7 @@ impl<'b> Lines<'b> {
             let start = Instant::now();
             let record = Record::of(&capture.path, &self.batch.options);
             let folder = self.batch.out.join(&capture.name);
-            if record.is_done(&folder) {
+            if record.is_done(&folder, "report.json") {
                 let _ = told.send(Told {
                     status: Status::Skipped,
                     folder: Some(folder),

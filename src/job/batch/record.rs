@@ -68,11 +68,11 @@ impl Record {
         Record { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files }
     }
 
-    /// Whether `folder` holds a whole result that was made from the same.
-    pub fn is_done(&self, folder: &Path) -> bool {
+    /// Whether `folder` holds a whole result that was made from the same. Its file `whole` comes last.
+    pub fn is_done(&self, folder: &Path, whole: &str) -> bool {
         let text = fs::read_to_string(folder.join(RECORD)).ok();
         let found = text.and_then(|text| serde_json::from_str::<Record>(&text).ok());
-        found.as_ref() == Some(self) && !self.files.is_empty() && folder.join("report.json").is_file()
+        found.as_ref() == Some(self) && !self.files.is_empty() && folder.join(whole).is_file()
     }
 
     /// Writes the record into `folder`.

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::RegularScan;
-use crate::maps::Maps;
+use crate::maps::{Maps, percentile};
 use crate::transport::Grid;
 
 /// A value for each voxel of a grid, `[(x * n[1] + y) * n[2] + z]`.
@@ -33,7 +33,7 @@ pub fn on_grid_signed(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f3
     let weights = |axis: usize| -> Vec<Option<[(usize, f32); 4]>> {
         let of = |i: usize| {
             let at = grid.origin[axis] + i as f64 * grid.pitch[axis] - scan.first[axis];
-            cubic(at / scan.step[axis], scan.n[axis])
+            cubic(at / scan.step[axis], scan.n[axis], 0.5 * scan.measured[axis] / scan.step[axis])
         };
         (0..grid.n[axis]).map(of).collect()
     };
@@ -55,14 +55,15 @@ pub fn on_grid_signed(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f3
     all
 }
 
-fn add(to: &mut [f32], from: &[f32], weight: f32) {
+/// Adds values times a weight.
+pub(super) fn add(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
 }
 
-/// The four places around `at` with their weights; places beyond the ends are those at the ends. `None` beyond the
-/// cells of the first and of the last of `n` places.
-fn cubic(at: f64, n: usize) -> Option<[(usize, f32); 4]> {
-    if !(-0.5 - 1e-9..=n as f64 - 0.5 + 1e-9).contains(&at) {
+/// The four places around `at` with their weights; places beyond the ends are those at the ends. `None` farther than
+/// `beyond` from the first and the last of `n` places.
+pub(super) fn cubic(at: f64, n: usize, beyond: f64) -> Option<[(usize, f32); 4]> {
+    if !(-beyond - 1e-9..=(n - 1) as f64 + beyond + 1e-9).contains(&at) {
         return None;
     }
     let low = at.floor();
@@ -77,9 +78,44 @@ fn cubic(at: f64, n: usize) -> Option<[(usize, f32); 4]> {
     Some([0, 1, 2, 3].map(|k| (place(k), weights[k] as f32)))
 }
 
+/// Parts of the albedo that Otsu's threshold tells apart.
+const PARTS: usize = 256;
+
+/// The share of the brightest albedo above which a pixel is surface in maps with haze. Haze is dim but wide, and the
+/// brightness of surfaces varies, so Otsu's threshold (1979) first parts the fourth roots of the albedo, in which both are
+/// about as wide. A pixel is surface above `share` of the median of the bright part. `None` without light.
+pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {
+    let white = f64::from(Maps::white(albedo));
+    let roots: Vec<f64> = albedo.iter().map(|a| f64::from(a.max(0.0)).powf(0.25)).collect();
+    let most = roots.iter().copied().fold(0.0, f64::max);
+    if !(white > 0.0 && most.is_finite()) {
+        return None;
+    }
+    let mut counts = [0usize; PARTS];
+    roots.iter().for_each(|r| counts[((r / most * PARTS as f64) as usize).min(PARTS - 1)] += 1);
+    let place = |part: usize| (part as f64 + 0.5) / PARTS as f64 * most;
+    let all: f64 = counts.iter().enumerate().map(|(part, n)| *n as f64 * place(part)).sum();
+    let (mut below, mut sum, mut best) = (0.0, 0.0, (0.0, place(0)));
+    for (part, n) in counts.iter().enumerate() {
+        below += *n as f64;
+        sum += *n as f64 * place(part);
+        let above = roots.len() as f64 - below;
+        if above > 0.0 && below > 0.0 {
+            let between = below * above * (sum / below - (all - sum) / above).powi(2);
+            if between > best.0 {
+                best = (between, place(part));
+            }
+        }
+    }
+    let bright: Vec<f32> = albedo.iter().zip(&roots).filter(|(_, r)| **r > best.1).map(|(a, _)| *a).collect();
+    let usual = f64::from(percentile(&bright, 50.0)?);
+    Some((share * usual / white).clamp(0.0, 0.99))
+}
+
 /// The brightest voxel of every column: its value is the albedo, and a parabola through it and its neighbours tells the
 /// depth. Normals that the volume does not have are those of the depths. `step` is the distance of scan points, metres.
-pub fn maps(grid: &Grid, volume: &Volume, step: f64) -> Maps {
+/// The mask is that of [`fraction_over_haze`] with `share`.
+pub fn maps(grid: &Grid, volume: &Volume, step: f64, share: f64) -> Maps {
     let [nx, ny, nz] = grid.n;
     let column = |values: &[f32]| -> (f32, f32, usize) {
         let (at, value) = values
@@ -97,14 +133,15 @@ pub fn maps(grid: &Grid, volume: &Volume, step: f64) -> Maps {
     };
     let found: Vec<(f32, f32, usize)> = volume.albedo.par_chunks(nz).map(column).collect();
     let albedo: Vec<f32> = found.iter().map(|f| f.0).collect();
+    let fraction = fraction_over_haze(&albedo, share).unwrap_or(Maps::MASK_FRACTION);
     let mut maps = Maps {
         nx,
         ny,
         extent: grid.extent(),
         depth: found.iter().map(|f| f.1).collect(),
         normal: vec![],
-        mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
-        mask_fraction: Some(Maps::MASK_FRACTION),
+        mask: Maps::mask_of(&albedo, fraction),
+        mask_fraction: Some(fraction),
         confidence: None,
         behind: None,
         albedo,
@@ -182,7 +219,15 @@ mod tests {
     use glam::dvec3;
 
     fn scan() -> RegularScan {
-        RegularScan { n: [6, 5], first: [-0.5, -0.4], step: [0.2, 0.2], z: 0.0, pair_of: vec![], spot: None }
+        RegularScan {
+            n: [6, 5],
+            first: [-0.5, -0.4],
+            step: [0.2, 0.2],
+            measured: [0.2, 0.2],
+            z: 0.0,
+            pair_of: vec![],
+            spot: None,
+        }
     }
 
     #[test]
@@ -210,10 +255,29 @@ mod tests {
 
     #[test]
     fn beyond_the_scan_nothing_is_known() {
-        assert_eq!(cubic(-0.6, 4), None);
-        assert_eq!(cubic(3.6, 4), None);
-        let sum = |at: f64| cubic(at, 4).unwrap().iter().map(|w| w.1).sum::<f32>();
+        assert_eq!(cubic(-0.6, 4, 0.5), None);
+        assert_eq!(cubic(3.6, 4, 0.5), None);
+        let sum = |at: f64| cubic(at, 4, 0.5).unwrap().iter().map(|w| w.1).sum::<f32>();
         assert!([-0.5, 0.0, 1.25, 3.5].iter().all(|at| (sum(*at) - 1.0).abs() < 1e-6));
+    }
+
+    #[test]
+    fn haze_is_no_surface_and_dim_surface_is() {
+        // A surface between half of its brightness and all of it, a third of the picture, in haze of up to a tenth.
+        let albedo: Vec<f32> = (0..3000)
+            .map(|i| {
+                let wave = 0.5 + 0.5 * (i as f32 * 0.7).sin();
+                if i % 3 == 0 { 0.5 + 0.5 * wave } else { 0.1 * wave }
+            })
+            .collect();
+        let mask = |albedo: &[f32]| Maps::mask_of(albedo, fraction_over_haze(albedo, 0.6).unwrap());
+        let right = |mask: &[bool]| mask.iter().enumerate().filter(|(i, m)| **m == (i % 3 == 0)).count();
+        assert!(right(&mask(&albedo)) == 3000);
+        // A few pixels that are much brighter do not decide.
+        let mut spotted = albedo.clone();
+        (0..4).for_each(|i| spotted[300 * i] = 8.0);
+        assert!(right(&mask(&spotted)) > 2980, "{}", right(&mask(&spotted)));
+        assert_eq!(fraction_over_haze(&[0.0; 9], 0.6), None);
     }
 
     #[test]
@@ -227,7 +291,7 @@ mod tests {
             let off = (grid.origin.z + z as f64 * 0.05 - depth(column / ny, column % ny)) / 0.1;
             *v = (1.0 - off * off).max(0.0) as f32;
         }
-        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1);
+        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1, 0.6);
         maps.check().unwrap();
         for i in 0..nx * ny {
             assert!((f64::from(maps.depth[i]) - depth(i / ny, i % ny)).abs() < 1e-5);
@@ -235,7 +299,7 @@ mod tests {
             let found = maps.normal[i].map(f64::from);
             assert!((dvec3(found[0], found[1], found[2]) - wanted).length() < 1e-3, "{found:?}");
         }
-        let empty = super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1);
+        let empty = super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1, 0.6);
         assert!(empty.depth.iter().all(|z| z.is_nan()) && !empty.mask.contains(&true));
         empty.check().unwrap();
     }

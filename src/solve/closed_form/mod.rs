@@ -30,6 +30,7 @@ mod options;
 mod phasor;
 mod resample;
 mod scan;
+mod upsample;
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
 pub use dlct::DlctOptions;
@@ -39,11 +40,15 @@ pub use lct::LctOptions;
 pub use options::ImageOptions;
 pub use phasor::PhasorOptions;
 pub use scan::RegularScan;
+pub use upsample::Between;
 
 /// A method that runs on the host.
 pub trait HostMethod: Options + Clone + Send + Sync + 'static {
     /// What the options of all closed-form methods have.
     fn image(&self) -> &ImageOptions;
+
+    /// Its share of [`image::fraction_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+    const MASK_SHARE: f64;
 
     /// The scan of a capture.
     ///
@@ -62,6 +67,8 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
 pub(super) const VOLUME: Buffer = Buffer::named("volume");
 /// The measured histograms, less their background.
 pub(super) const COUNTS: Buffer = Buffer::named("counts");
+/// The same with points between the measured ones.
+const FINER: Buffer = Buffer::named("finer_counts");
 
 /// Writes what every host method is to the rest of the engine.
 macro_rules! host_method {
@@ -186,11 +193,17 @@ pub(super) fn plan<M: HostMethod>(
     let mut plan = Plan::new(&model, grid, capture.resolution(), &NoPasses, abilities, false)?;
     let shared =
         [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
-    let own = options.arrays(capture, &scan, &grid);
+    let fine = upsample::finer(&capture.outline(), &scan, options.image()).into_owned();
+    let own = options.arrays(&fine, &scan.finer(options.image().upsample), &grid);
+    let between = (options.image().upsample > 1).then(|| (FINER, 4 * (fine.pair_count() * fine.bins) as u64));
     plan.passes.clear();
     plan.left_out.clear();
-    plan.buffers =
-        shared.into_iter().chain(own).map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback)).collect();
+    plan.buffers = shared
+        .into_iter()
+        .chain(between)
+        .chain(own)
+        .map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback))
+        .collect();
     Ok(plan)
 }
 
@@ -242,24 +255,25 @@ impl<M: HostMethod> Prepared for OnHost<M> {
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         let OnHost { options, scan, grid, plan, with_volume } = self;
         let step = scan.step[0].min(scan.step[1]);
-        in_one_step(plan, grid, step, *with_volume, beside, || {
+        in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
             let level = if options.image().background { background(capture) as f32 } else { 0.0 };
             let mut light = capture.clone();
             light.histograms.iter_mut().for_each(|v| *v -= level);
-            Ok(options.volume(&light, scan, grid))
+            let image = options.image();
+            Ok(options.volume(&upsample::finer(&light, scan, image), &scan.finer(image.upsample), grid))
         })
     }
 }
 
 /// Computes the volume, tells the watch before and after, and makes the maps. `step` is the distance of scan points,
-/// metres.
+/// metres, and `share` that of the mask.
 ///
 /// # Errors
 /// The watch cancels ([`Kind::Cancelled`]), or `compute` fails.
 fn in_one_step(
     plan: &Arc<Plan>,
     grid: &Grid,
-    step: f64,
+    [step, share]: [f64; 2],
     with_volume: bool,
     beside: Beside<'_, '_>,
     compute: impl FnOnce() -> Result<Volume>,
@@ -288,7 +302,7 @@ fn in_one_step(
     told(&point, None)?;
     let start = Instant::now();
     let volume = compute()?;
-    let maps = image::maps(grid, &volume, step);
+    let maps = image::maps(grid, &volume, step, share);
     point.seconds = start.elapsed().as_secs_f64();
     point.iteration = 1;
     told(&point, Some(maps.clone()))?;
@@ -304,6 +318,7 @@ fn in_one_step(
         lateral: grid.n[0],
         volume_iterations: 1,
         surface_left: false,
+        has_mask: true,
         is_warm: false,
         beyond: None,
         noise: None,

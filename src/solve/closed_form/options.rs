@@ -1,5 +1,6 @@
 //! Options that all closed-form methods have.
 
+use super::upsample::Between;
 use crate::solve::option::options;
 use crate::transport::Reflectance;
 
@@ -14,6 +15,13 @@ options! {
         "Domain" {
             /// Nothing nearer than this is reconstructed, metres
             min_depth: f64 = 0.2 * suit.unit, Range::NotNegative;
+        }
+        "Upsampling" {
+            /// Let the scan be so many times finer along x and y, with points between the measured ones; closed-form
+            /// methods, regular scans of a flat wall
+            upsample: usize = 1, Range::Count(1, 16);
+            /// What points between the measured ones hold: nothing (zero), or counts interpolated by a cubic (bicubic)
+            upsample_by: Between = Between::Bicubic, Range::Words(&["zero", "bicubic"]);
         }
         "Vector solver" {
             /// Subtract the background, estimated from the bins after the signal

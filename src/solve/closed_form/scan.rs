@@ -22,6 +22,8 @@ pub struct RegularScan {
     pub first: [f64; 2],
     /// Distances of neighbours along x and y, metres.
     pub step: [f64; 2],
+    /// The same of measured points: more than `step` where points were added between them.
+    pub measured: [f64; 2],
     /// z of the wall, metres.
     pub z: f64,
     /// The pair of each place, `[ix * n[1] + iy]`.
@@ -92,14 +94,15 @@ impl RegularScan {
             pair_of[x * counts[1] + y] = pair;
         }
         let z = points.iter().map(|p| p.z).sum::<f64>() / points.len() as f64;
-        Ok(RegularScan { n: counts, first, step, z, pair_of, spot })
+        Ok(RegularScan { n: counts, first, step, measured: step, z, pair_of, spot })
     }
 
     /// The columns of a grid as a lattice, for interpolation between them. No pair belongs to a place.
     pub fn of_columns(grid: &Grid) -> RegularScan {
         let of = |v: glam::DVec3| [v.x, v.y];
-        let n = [grid.n[0], grid.n[1]];
-        RegularScan { n, first: of(grid.origin), step: of(grid.pitch), z: 0.0, pair_of: vec![], spot: None }
+        let (n, step) = ([grid.n[0], grid.n[1]], of(grid.pitch));
+        let first = of(grid.origin);
+        RegularScan { n, first, step, measured: step, z: 0.0, pair_of: vec![], spot: None }
     }
 
     /// Number of points.

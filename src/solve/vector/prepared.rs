@@ -239,6 +239,7 @@ impl PreparedVector {
         Ok(Reconstruction {
             volume_iterations,
             surface_left,
+            has_mask: false,
             beyond: light.map(|(_, told)| told),
             noise,
             ..finish(job, driven, with_volume.then_some(albedo_of))?
@@ -313,6 +314,7 @@ impl PreparedVector {
         Ok(Some(Reconstruction {
             volume_iterations: volume.iterations,
             surface_left,
+            has_mask: false,
             beyond: told,
             is_warm: true,
             noise,

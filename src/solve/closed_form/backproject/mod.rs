@@ -8,6 +8,7 @@
 //! - `phasor-bp`: histograms filtered by the cosine and the sine of a virtual pulse, each projected; the image is the
 //!   strength of both (Liu and others, Nature 2019). This is the phasor field without a transform.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -15,8 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
-use super::{NoPasses, RegularScan, in_one_step};
-use crate::Result;
+use super::{NoPasses, RegularScan, in_one_step, upsample};
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
 use crate::solve::option::{Options, options, words};
@@ -30,6 +30,7 @@ use crate::solve::{
 };
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
+use crate::{Error, Result};
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,6 +103,9 @@ options! {
 
 /// A method that back-projects on the device.
 trait Projection: Options + Clone + Send + Sync + 'static {
+    /// As that of [`super::HostMethod`].
+    const MASK_SHARE: f64;
+
     fn image(&self) -> &ImageOptions;
 
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
@@ -113,6 +117,8 @@ trait Projection: Options + Clone + Send + Sync + 'static {
 }
 
 impl Projection for BpOptions {
+    const MASK_SHARE: f64 = 1.0;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }
@@ -127,6 +133,8 @@ impl Projection for BpOptions {
 }
 
 impl Projection for FbpOptions {
+    const MASK_SHARE: f64 = 0.66;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }
@@ -149,6 +157,8 @@ impl Projection for FbpOptions {
 }
 
 impl Projection for PhasorBpOptions {
+    const MASK_SHARE: f64 = 0.70;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }
@@ -232,6 +242,22 @@ impl Needs for Passes {
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
 }
 
+/// The capture on the finer scan that the options ask for, if they do.
+///
+/// # Errors
+/// The scan cannot be made finer: it is not regular, the wall is not flat, or the points would be empty.
+fn finer<'c>(capture: &'c Capture, image: &ImageOptions, name: &str) -> Result<Cow<'c, Capture>> {
+    if image.upsample == 1 {
+        return Ok(Cow::Borrowed(capture));
+    }
+    upsample::check_sum(image, name)?;
+    let scan =
+        RegularScan::with_one_spot(capture, "a scan with points between the measured ones").map_err(|e| {
+            Error::input(e.what, "leave the upsampling out: the method takes the pairs as they are")
+        })?;
+    Ok(upsample::finer(capture, &scan, image))
+}
+
 /// The capture as kernels see it, without counts: all bins, laser and sensor as points, paths sharp.
 fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, Rows) {
     let (model, rows) = Model::outline(capture, image.reflectance, 1.0, false);
@@ -309,10 +335,11 @@ impl<M: Projection> Prepared for Projecting<M> {
         self.planned.made(|_| Ok(()))?;
         let (plan, grid, with_volume) = (self.planned.plan().clone(), self.grid, self.with_volume);
         let step = capture.spacing().unwrap_or(grid.pitch.x);
-        let mut done = in_one_step(&plan, &grid, step, with_volume, beside, || {
+        let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, beside, || {
             let level = if self.options.image().background { background(capture) } else { 0.0 };
+            let fine = finer(capture, self.options.image(), "it")?;
             let job = self.planned.made(|_| Ok(()))?;
-            job.model.take(&self.rows, capture, level);
+            job.model.take(&self.rows, &fine, level);
             job.upload_counts()?;
             self.volume(capture.bin_width, step)
         })?;
@@ -341,7 +368,12 @@ macro_rules! projection {
             }
 
             fn check(&self) -> Result<()> {
-                self.check_ranges()
+                self.check_ranges()?;
+                upsample::check_sum(&self.image, $name)
+            }
+
+            fn takes(&self, capture: &Capture) -> Result<()> {
+                finer(&capture.outline(), &self.image, $name).map(|_| ())
             }
 
             fn plan(
@@ -351,7 +383,8 @@ macro_rules! projection {
                 abilities: &Abilities,
                 _with_volume: bool,
             ) -> Result<Plan> {
-                plan(&outline_of(&capture.outline(), &grid, &self.image).0, capture, grid, abilities)
+                let fine = finer(&capture.outline(), &self.image, $name)?.into_owned();
+                plan(&outline_of(&fine, &grid, &self.image).0, &fine, grid, abilities)
             }
 
             fn outline(&self, plan: &Plan) -> Vec<Part> {
@@ -367,8 +400,9 @@ macro_rules! projection {
                 with_volume: bool,
             ) -> Result<Box<dyn Prepared>> {
                 self.check()?;
-                let (model, rows) = outline_of(capture, &grid, &self.image);
-                let plan = plan(&model, capture, grid, &gpu.abilities())?;
+                let fine = finer(capture, &self.image, $name)?;
+                let (model, rows) = outline_of(&fine, &grid, &self.image);
+                let plan = plan(&model, &fine, grid, &gpu.abilities())?;
                 let planned = Planned::new(gpu, model, plan, memory);
                 Ok(Box::new(Projecting { options: self.clone(), planned, rows, grid, with_volume }))
             }

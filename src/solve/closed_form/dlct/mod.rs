@@ -55,6 +55,8 @@ const AT_POINTS: Buffer = Buffer::named("components_at_points");
 const VECTORS: Buffer = Buffer::named("vectors");
 
 impl HostMethod for DlctOptions {
+    const MASK_SHARE: f64 = 0.70;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }

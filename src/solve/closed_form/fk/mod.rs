@@ -85,6 +85,8 @@ impl HalfPaths {
 }
 
 impl HostMethod for FkOptions {
+    const MASK_SHARE: f64 = 0.64;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }

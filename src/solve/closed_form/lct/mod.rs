@@ -50,6 +50,8 @@ const BY_FREQUENCY: Buffer = Buffer::named("spectra_by_frequency");
 const AT_POINTS: Buffer = Buffer::named("volume_at_points");
 
 impl HostMethod for LctOptions {
+    const MASK_SHARE: f64 = 0.66;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }

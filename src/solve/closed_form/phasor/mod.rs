@@ -75,7 +75,7 @@ struct Band {
 
 impl Band {
     fn of(options: &PhasorOptions, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Band {
-        let wavelength = options.wavelength * scan.step[0].max(scan.step[1]);
+        let wavelength = options.wavelength * scan.measured[0].max(scan.measured[1]);
         let deviation = OF_LENGTH * options.cycles * wavelength;
         // Frequencies repeat the histogram with the transform's length: longer than any path that is read.
         let far = grid.depth_range()[1] - scan.z;
@@ -117,6 +117,8 @@ pub(super) fn pulse(wavelength: f64, cycles: f64, bins: usize) -> [Vec<f32>; 2] 
 }
 
 impl HostMethod for PhasorOptions {
+    const MASK_SHARE: f64 = 0.50;
+
     fn image(&self) -> &ImageOptions {
         &self.image
     }

@@ -1,0 +1,440 @@
+//! Every method over every scene and photon count: `benchmark.html`, `benchmark.md` and `benchmark.json`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
+
+use super::axis::{Axis, Panel, Stroke, legend};
+use super::comparison::{Comparison, MethodReport};
+use super::figure::{
+    self, Area, BODY, COLOURS, Canvas, Drawn, FRAME, Figure, HEADING, INK, font, line_of_text,
+};
+use crate::advice::Advice;
+use crate::error::{Error, Result};
+use crate::files::atomic;
+
+/// Everything that was run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Page {
+    /// Version of thirdbounce.
+    pub version: String,
+    /// Seconds of this start.
+    pub seconds: f64,
+    /// The cases, in order.
+    pub cases: Vec<Case>,
+}
+
+/// One capture, and how the methods compare on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// The scene's name.
+    pub scene: String,
+    /// Photons that the strongest bin expects, if they were drawn; `None`: the capture as it is.
+    pub photons: Option<f64>,
+    /// Its folder in that of the page.
+    pub folder: String,
+    /// An earlier start made it.
+    pub was_there: bool,
+    /// It went wrong.
+    pub failed: bool,
+    /// Why there is no comparison.
+    pub why: Option<String>,
+    /// What to do about it.
+    pub remedy: Option<Advice>,
+    /// Seconds of this start.
+    pub seconds: f64,
+    /// The comparison.
+    pub comparison: Option<Comparison>,
+}
+
+impl Case {
+    /// A case without a comparison.
+    pub fn left_out(scene: &str, photons: Option<f64>, folder: &str, failed: bool, why: &Error) -> Case {
+        Case {
+            scene: scene.into(),
+            photons,
+            folder: folder.into(),
+            was_there: false,
+            failed,
+            why: Some(why.what.clone()),
+            remedy: Some(why.mend.clone()),
+            seconds: 0.0,
+            comparison: None,
+        }
+    }
+
+    fn title(&self) -> String {
+        match self.photons {
+            Some(p) => format!("{}, {p} photons", self.scene),
+            None => self.scene.clone(),
+        }
+    }
+
+    fn of(&self, method: &str) -> Option<&MethodReport> {
+        self.comparison.as_ref()?.methods.iter().find(|m| m.name == method)
+    }
+}
+
+/// One method on one case, as `benchmark.json` has it. Lengths are metres; a figure over no pixels is null.
+#[derive(Serialize)]
+struct Row<'p> {
+    scene: &'p str,
+    photons: Option<f64>,
+    method: &'p str,
+    runs_on: &'p str,
+    seconds: f64,
+    iou: Option<f64>,
+    best_iou: Option<f64>,
+    depth_mae: Option<f64>,
+    normal_error_deg: Option<f64>,
+}
+
+/// A figure of the tables.
+struct Figured {
+    title: &'static str,
+    digits: usize,
+    more_is_better: bool,
+    value: fn(&MethodReport) -> Option<f64>,
+}
+
+const FIGURES: [Figured; 5] = [
+    Figured {
+        title: "Best IoU over shares of the brightest albedo",
+        digits: 3,
+        more_is_better: true,
+        value: |m| m.metrics.best_iou,
+    },
+    Figured { title: "IoU of the maps' own mask", digits: 3, more_is_better: true, value: |m| m.metrics.iou },
+    Figured {
+        title: "Depth MAE at the best IoU (mm)",
+        digits: 2,
+        more_is_better: false,
+        value: |m| Some(1000.0 * m.metrics.at_best?.depth_mae?),
+    },
+    Figured {
+        title: "Normal error at the best IoU (°)",
+        digits: 1,
+        more_is_better: false,
+        value: |m| m.metrics.at_best?.normal_error_deg,
+    },
+    Figured { title: "Solve time (s)", digits: 2, more_is_better: false, value: |m| Some(m.seconds) },
+];
+
+/// A table as text.
+struct Table {
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn markdown(&self) -> String {
+        let row = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace('\n', " "));
+        let line = format!("|---|{}\n", "--:|".repeat(self.head.len().saturating_sub(1)));
+        row(&self.head) + &line + &self.rows.iter().map(|cells| row(cells)).collect::<String>()
+    }
+
+    /// The best figure of a row is between stars.
+    fn html(&self) -> String {
+        let cell = |tag: &str, text: &String| match text.strip_prefix("**").and_then(|t| t.strip_suffix("**"))
+        {
+            Some(best) => format!("<{tag}><b>{}</b></{tag}>", escaped(best)),
+            None => format!("<{tag}>{}</{tag}>", escaped(text)),
+        };
+        let row = |tag: &str, cells: &[String]| {
+            format!("<tr>{}</tr>\n", cells.iter().map(|text| cell(tag, text)).collect::<String>())
+        };
+        let rows: String = self.rows.iter().map(|cells| row("td", cells)).collect();
+        format!("<table>\n{}{rows}</table>\n", row("th", &self.head))
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+impl Page {
+    /// Names of all methods, in the order in which they first come.
+    fn methods(&self) -> Vec<&str> {
+        let all = self.cases.iter().filter_map(|c| c.comparison.as_ref()).flat_map(|c| &c.methods);
+        let mut names: Vec<&str> = vec![];
+        for method in all.filter(|m| !m.name.is_empty()) {
+            if !names.contains(&method.name.as_str()) {
+                names.push(&method.name);
+            }
+        }
+        names
+    }
+
+    /// A figure of every method (columns) on every case (rows), the best of a row between stars.
+    fn table(&self, figure: &Figured) -> Table {
+        let names = self.methods();
+        let row = |case: &Case| {
+            let values: Vec<Option<f64>> =
+                names.iter().map(|name| case.of(name).and_then(figure.value)).collect();
+            let text = |v: &Option<f64>| v.map_or("–".into(), |v| format!("{v:.*}", figure.digits));
+            let better = |a: f64, b: f64| if figure.more_is_better { a.max(b) } else { a.min(b) };
+            let best = text(&values.iter().copied().flatten().reduce(better));
+            let cells = values.iter().map(|v| match text(v) {
+                found if v.is_some() && found == best => format!("**{found}**"),
+                found => found,
+            });
+            std::iter::once(case.title().replace('|', "/")).chain(cells).collect()
+        };
+        Table {
+            head: std::iter::once("case").chain(names.iter().copied()).map(|n| n.replace('|', "/")).collect(),
+            rows: self.cases.iter().filter(|c| c.comparison.is_some()).map(row).collect(),
+        }
+    }
+
+    /// Sentences about what was compared.
+    fn notes(&self) -> Vec<String> {
+        let mut notes = vec![
+            "Times are solve times, without load, set-up, measuring and export. – : the method does not take the capture, \
+             or no pixel counts. The best of a row is bold."
+                .to_string(),
+        ];
+        let compared = || self.cases.iter().filter_map(|c| c.comparison.as_ref());
+        let mut places: BTreeMap<&str, &str> = BTreeMap::new();
+        compared().flat_map(|c| &c.methods).for_each(|m| {
+            places.insert(&m.name, &m.runs_on);
+        });
+        let places: Vec<String> = places.iter().map(|(name, place)| format!("{name}: {place}")).collect();
+        if !places.is_empty() {
+            notes.push(format!("What each runs on: {}.", places.join("; ")));
+        }
+        if compared().any(|c| c.oracle) {
+            notes.push("The truth chose every mask (oracle): no user has it.".into());
+        }
+        notes
+    }
+
+    /// Why methods and cases are left out, as sentences.
+    fn missing(&self) -> Vec<String> {
+        let mut all: Vec<String> = vec![];
+        for case in &self.cases {
+            if let Some(why) = &case.why {
+                let word = if case.failed { "failed" } else { "is left out" };
+                all.push(format!("{} {word}: {why}.", case.title()));
+            }
+            let left_out = case.comparison.iter().flat_map(|c| &c.left_out);
+            all.extend(left_out.map(|m| format!("{}: {} is left out: {}.", case.title(), m.name, m.why)));
+        }
+        all
+    }
+
+    /// Scenes with several photon counts, and their cases.
+    fn with_photons(&self) -> Vec<AgainstPhotons<'_>> {
+        let mut scenes: Vec<&str> = vec![];
+        let counted = |case: &&Case| case.photons.is_some() && case.comparison.is_some();
+        for case in self.cases.iter().filter(counted) {
+            if !scenes.contains(&case.scene.as_str()) {
+                scenes.push(&case.scene);
+            }
+        }
+        let of = |scene| AgainstPhotons {
+            scene,
+            cases: self.cases.iter().filter(counted).filter(|c| c.scene == scene).collect(),
+            methods: self.methods(),
+        };
+        scenes.into_iter().map(of).filter(|plot| plot.cases.len() > 1).collect()
+    }
+
+    /// Best IoU, depth errors and times as Markdown tables.
+    pub fn summary(&self) -> String {
+        let tables =
+            [0, 2, 4].map(|i| format!("{}\n\n{}", FIGURES[i].title, self.table(&FIGURES[i]).markdown()));
+        tables.join("\n")
+    }
+
+    /// The page as Markdown. Pictures are those in the folders beside it.
+    pub fn markdown(&self) -> String {
+        let mut out = format!("# Benchmark\n\nthirdbounce {}. {}\n", self.version, self.notes().join(" "));
+        for figure in &FIGURES {
+            out += &format!("\n## {}\n\n{}", figure.title, self.table(figure).markdown());
+        }
+        for plot in self.with_photons() {
+            out += &format!("\n## {}\n\n![{}]({})\n", plot.title(), plot.title(), plot.file());
+        }
+        for case in self.cases.iter().filter(|c| c.comparison.is_some()) {
+            let folder = case.folder.replace(' ', "%20");
+            out += &format!(
+                "\n## {}\n\n![Albedo, normals and depth]({folder}/pictures.png)\n\n![Error against run \
+                 time]({folder}/error_vs_time.png)\n",
+                case.title()
+            );
+        }
+        let missing = self.missing();
+        if !missing.is_empty() {
+            out += &format!("\n## Left out\n\n{}\n", missing.join("\n\n"));
+        }
+        out
+    }
+
+    /// The page as HTML with its pictures inside, from the folders of the cases below `root`.
+    ///
+    /// # Errors
+    /// A plot cannot be drawn, or a picture of a case cannot be read.
+    pub fn html(&self, root: &Path) -> Result<String> {
+        let mut out = format!(
+            "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Benchmark</title>\n<style>{STYLE}\
+             </style>\n<h1>Benchmark</h1>\n<p>thirdbounce {}. {}</p>\n",
+            escaped(&self.version),
+            escaped(&self.notes().join(" "))
+        );
+        for figure in &FIGURES {
+            out += &format!("<h2>{}</h2>\n{}", escaped(figure.title), self.table(figure).html());
+        }
+        for plot in self.with_photons() {
+            out += &format!("<h2>{}</h2>\n{}\n", escaped(&plot.title()), figure::svg(&plot)?);
+        }
+        for case in self.cases.iter().filter(|c| c.comparison.is_some()) {
+            let folder = root.join(&case.folder);
+            let [sheet, plot] = [("pictures.png", "image/png"), ("error_vs_time.svg", "image/svg+xml")]
+                .map(|(file, kind)| inside(&folder.join(file), kind));
+            out += &format!(
+                "<h2>{}</h2>\n<img alt=\"Albedo, normals and depth\" src=\"{}\">\n<img alt=\"Error against run \
+                 time\" src=\"{}\">\n",
+                escaped(&case.title()),
+                sheet?,
+                plot?
+            );
+        }
+        let missing: String = self.missing().iter().map(|m| format!("<p>{}</p>\n", escaped(m))).collect();
+        if !missing.is_empty() {
+            out += &format!("<h2>Left out</h2>\n{missing}");
+        }
+        Ok(out + "</html>\n")
+    }
+
+    fn rows(&self) -> Vec<Row<'_>> {
+        let mut rows = vec![];
+        for case in &self.cases {
+            for m in case.comparison.iter().flat_map(|c| &c.methods) {
+                rows.push(Row {
+                    scene: &case.scene,
+                    photons: case.photons,
+                    method: &m.name,
+                    runs_on: &m.runs_on,
+                    seconds: m.seconds,
+                    iou: m.metrics.iou,
+                    best_iou: m.metrics.best_iou,
+                    depth_mae: m.metrics.at_best.and_then(|b| b.depth_mae),
+                    normal_error_deg: m.metrics.at_best.and_then(|b| b.normal_error_deg),
+                });
+            }
+        }
+        rows
+    }
+}
+
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1280px;padding:0 1em;\
+                     color:#282828;background:#fff}table{border-collapse:collapse;margin:.5em 0 1.5em}th,td{padding:\
+                     .25em .7em;border-bottom:1px solid #e2e2e6;text-align:right}th:first-child,td:first-child{text-\
+                     align:left}img,svg{max-width:100%;height:auto;display:block;margin:.5em 0}";
+
+/// A file as the address of a picture.
+fn inside(file: &Path, kind: &str) -> Result<String> {
+    let bytes = std::fs::read(file).map_err(|e| {
+        Error::input(
+            format!("{}: cannot be read: {e}", file.display()),
+            "remove the folder of this case and start the benchmark again",
+        )
+    })?;
+    Ok(format!("data:{kind};base64,{}", STANDARD.encode(bytes)))
+}
+
+/// Writes the plots of photon counts, `benchmark.md`, `benchmark.json` and last `benchmark.html` into `folder`, in which
+/// are the folders of the cases. Returns the paths.
+///
+/// # Errors
+/// `Kind::Output` if a file cannot be written; a picture of a case that cannot be read.
+pub fn write(folder: &Path, page: &Page) -> Result<Vec<PathBuf>> {
+    let mut files = vec![];
+    for plot in page.with_photons() {
+        let file = folder.join(plot.file());
+        super::png::write(&file, &figure::picture(&plot)?)?;
+        files.push(file);
+    }
+    let json = serde_json::to_string_pretty(&page.rows()).map_err(|e| {
+        Error::output(format!("benchmark.json: cannot be packed as JSON: {e}"), "report this as a bug")
+    })?;
+    let texts = [
+        ("benchmark.md", page.markdown()),
+        ("benchmark.json", json + "\n"),
+        ("benchmark.html", page.html(folder)?),
+    ];
+    for (name, text) in texts {
+        let file = folder.join(name);
+        atomic::write(&file, text.as_bytes())?;
+        files.push(file);
+    }
+    Ok(files)
+}
+
+const WIDTH: f64 = 1200.0;
+const PANEL: [f64; 2] = [290.0, 250.0];
+const LEFT: f64 = 90.0;
+const TOP: f64 = 90.0;
+const STEP: f64 = 385.0;
+const LINE: f64 = 26.0;
+
+/// Figures of every method against the photons of the strongest bin, of one scene.
+struct AgainstPhotons<'p> {
+    scene: &'p str,
+    cases: Vec<&'p Case>,
+    methods: Vec<&'p str>,
+}
+
+impl AgainstPhotons<'_> {
+    fn title(&self) -> String {
+        format!("{}, fewer and fewer photons", self.scene)
+    }
+
+    fn file(&self) -> String {
+        format!("{}-photons.png", self.scene)
+    }
+
+    fn points(&self, method: &str, value: fn(&MethodReport) -> Option<f64>) -> Vec<[f64; 2]> {
+        let point = |case: &&Case| Some([case.photons?, case.of(method).and_then(value)?]);
+        let mut points: Vec<[f64; 2]> = self.cases.iter().filter_map(point).collect();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        points
+    }
+}
+
+impl Figure for AgainstPhotons<'_> {
+    fn size(&self) -> [u32; 2] {
+        let height = TOP + PANEL[1] + 76.0 + LINE * self.methods.len().div_ceil(3) as f64;
+        [WIDTH, height].map(|v| v.ceil() as u32)
+    }
+
+    fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
+        line_of_text(area, self.scene, &font(HEADING, INK), [LEFT, 26.0])?;
+        line_of_text(area, "each method at its best IoU", &font(BODY, FRAME), [LEFT, 48.0])?;
+        let photons = Axis::new(self.cases.iter().filter_map(|c| c.photons), true);
+        let shown = [
+            (&FIGURES[0], "best IoU", false),
+            (&FIGURES[2], "depth MAE (mm)", true),
+            (&FIGURES[3], "normals (°)", false),
+        ];
+        for (at, (figure, title, logarithmic)) in shown.into_iter().enumerate() {
+            let curves: Vec<_> = self.methods.iter().map(|m| self.points(m, figure.value)).collect();
+            let axis = Axis::new(curves.iter().flatten().map(|p| p[1]), logarithmic);
+            let place = [LEFT + STEP * at as f64, TOP, PANEL[0], PANEL[1]];
+            let mut panel =
+                Panel::new(area, place, [title, "photons in the strongest bin"], [photons.clone(), axis])?;
+            for (points, colour) in curves.iter().zip(COLOURS.into_iter().cycle()) {
+                panel.curve(points, colour)?;
+                points.iter().try_for_each(|point| panel.disc(*point, 3.5, colour))?;
+            }
+        }
+        for (i, (name, colour)) in self.methods.iter().zip(COLOURS.into_iter().cycle()).enumerate() {
+            let at = [LEFT + STEP * (i % 3) as f64, TOP + PANEL[1] + 74.0 + LINE * (i / 3) as f64];
+            legend(area, name, Stroke::Curve(colour), at)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,146 @@
+//! The captures of a benchmark: what a folder holds, and what is made of it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::super::batch::record::Record;
+use super::super::{Input, Simulation, load, simulated};
+use super::{Benchmark, Scene, Source};
+use crate::capture;
+use crate::files::staging::Staging;
+use crate::simulate::{DEFAULT_RESOLUTION, Dark, photon_noise};
+use crate::{Error, Result};
+
+/// The folder of captures that are made.
+const MADE: &str = "captures";
+
+/// Endings of captures.
+const CAPTURES: [&str; 4] = ["npz", "hdf5", "h5", "mat"];
+
+/// The capture of a case.
+pub enum Ready {
+    /// Its file, and that of its truth.
+    Files { capture: PathBuf, truth: PathBuf },
+    /// There is none, and why.
+    None(String),
+}
+
+/// Captures with a truth beside them, files that describe scenes, and captures without truth, in a folder: each sorted by
+/// name. The truth of `NAME.npz` is `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`. A scene is `NAME.scene`.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn found_in(folder: &Path) -> Result<Found> {
+    let cannot = |e: std::io::Error| {
+        Error::input(
+            format!("{}: cannot be read: {e}", folder.display()),
+            "give a folder with captures or scenes",
+        )
+    };
+    let mut all: Vec<PathBuf> = vec![];
+    for entry in fs::read_dir(folder).map_err(cannot)? {
+        all.push(entry.map_err(cannot)?.path());
+    }
+    all.sort();
+    let mut found = Found::default();
+    for path in all.into_iter().filter(|p| p.is_file()) {
+        let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+        let name = stem(&path);
+        let is_truth = name.starts_with("truth_") || name.ends_with("_truth");
+        if ending == "scene" {
+            found.scenes.push((name, path));
+        } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
+            let truths =
+                [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
+            match truths.iter().map(|truth| folder.join(truth)).find(|truth| truth.is_file()) {
+                Some(truth) => found.captures.push((name, path, truth)),
+                None => found.without_truth.push(path),
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// What a folder holds for a benchmark.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Found {
+    /// Name, capture and truth.
+    pub captures: Vec<(String, PathBuf, PathBuf)>,
+    /// Name and file of a scene to simulate.
+    pub scenes: Vec<(String, PathBuf)>,
+    /// Captures that nothing can be measured on.
+    pub without_truth: Vec<PathBuf>,
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// Name, size and time of change of a file, as a text.
+pub fn stamp(file: &Path) -> String {
+    let meta = fs::metadata(file);
+    let (bytes, changed) = (meta.as_ref().map_or(0, |m| m.len()), meta.and_then(|m| m.modified()).ok());
+    format!("{} ({bytes} bytes, {changed:?})", file.display())
+}
+
+/// The capture of a case: as it is, simulated, or with photons drawn. What is there already stays.
+///
+/// # Errors
+/// A scene that cannot be simulated, a capture that cannot be read, or files that cannot be written.
+pub fn ready(what: &Benchmark, scene: &Scene, photons: Option<f64>) -> Result<Ready> {
+    let folder = what.out.join(MADE);
+    let (exact, truth) = match &scene.source {
+        Source::Capture { file, truth } => (file.clone(), truth.clone()),
+        Source::Simulation { file, what } => rendered(&folder, &scene.name, file, what)?,
+    };
+    let Some(photons) = photons else { return Ok(Ready::Files { capture: exact, truth }) };
+    let name = format!("{}-photons-{photons}", scene.name);
+    let capture = folder.join(format!("{name}.npz"));
+    let record = Record::of(&exact, &[format!("photons {photons} seed {}", what.seed)]);
+    if record.is_done(&folder.join(&name), &format!("../{name}.npz")) {
+        return Ok(Ready::Files { capture, truth });
+    }
+    let input = Input { path: exact.clone(), no_auto_gate: true, ..Input::default() };
+    let clean = load(&input)?.capture;
+    if clean.integer_counts {
+        return Ok(Ready::None("its values are counts already, so no photons are drawn from them".into()));
+    }
+    let noisy = photon_noise(&clean, photons, Dark::Counts(0.0), None, what.seed)
+        .map_err(|e| e.at(exact.display()))?;
+    keep(&folder, &name, &record, &[&capture], |staged| capture::write(&noisy, &staged[0]).map(|_| ()))?;
+    Ok(Ready::Files { capture, truth })
+}
+
+/// Simulates a scene once: its capture and its truth.
+fn rendered(folder: &Path, name: &str, file: &Path, what: &Simulation) -> Result<(PathBuf, PathBuf)> {
+    let [capture, truth] = ["", "_truth"].map(|part| folder.join(format!("{name}{part}.npz")));
+    let record = Record::of(file, &[]);
+    if record.is_done(&folder.join(name), &format!("../{name}.npz")) && truth.is_file() {
+        return Ok((capture, truth));
+    }
+    keep(folder, name, &record, &[&truth, &capture], |staged| {
+        let what = Simulation {
+            out: staged[1].clone(),
+            truth: Some((staged[0].clone(), DEFAULT_RESOLUTION)),
+            ..what.clone()
+        };
+        simulated::simulate(&what, &mut || {}).map(|_| ())
+    })?;
+    Ok((capture, truth))
+}
+
+/// Makes files beside their places and moves them there, and last the record in the folder `name`.
+fn keep(
+    folder: &Path,
+    name: &str,
+    record: &Record,
+    files: &[&PathBuf],
+    make: impl FnOnce(&[PathBuf]) -> Result<()>,
+) -> Result<()> {
+    let staging = Staging::new(folder)?;
+    let staged: Vec<PathBuf> =
+        files.iter().map(|file| staging.path().join(file.file_name().unwrap_or_default())).collect();
+    make(&staged)?;
+    staging.commit(&staged)?;
+    record.write(&folder.join(name))
+}

@@ -1,0 +1,136 @@
+//! Every method over every scene of a folder: one page, whatever happens on the way, and nothing twice.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant, SystemTime};
+
+use fixtures::command::{program, stderr, stdout, succeed};
+use serde_json::Value;
+
+/// Two tiny scenes: one to simulate, and a capture with a truth beside it. And a capture without truth.
+fn scenes() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let text = "plane --scan 6 # a square\n--bin-width 3cm --noise 0.3\n";
+    std::fs::write(folder.path().join("square.scene"), text).unwrap();
+    let scene = ["simulate", "sphere", "--scan", "6", "--bin-width", "0.03", "--noise", "0.3"];
+    let files = ["--out", &at("ball.npz"), "--truth", &at("truth_ball.npz")];
+    succeed(&[&scene[..], &files].concat());
+    std::fs::copy(folder.path().join("ball.npz"), folder.path().join("alone.npz")).unwrap();
+    folder
+}
+
+fn command(folder: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(program());
+    command.arg("benchmark").arg(folder).args(["--methods", "lct;bp", "--lateral", "16"]).args(more);
+    command
+}
+
+fn benchmark(folder: &Path, more: &[&str]) -> Output {
+    command(folder, more).output().expect("the command runs")
+}
+
+/// When every comparison was written.
+fn times(folder: &Path) -> BTreeMap<String, SystemTime> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().map(|e| e.unwrap().path());
+    let time = |path: &Path| path.join("compare.json").metadata().and_then(|m| m.modified()).ok();
+    entries.filter_map(|p| Some((p.file_name()?.to_string_lossy().into_owned(), time(&p)?))).collect()
+}
+
+fn page(folder: &Path) -> [String; 2] {
+    ["benchmark.md", "benchmark.html"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap())
+}
+
+#[test]
+fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
+    let folder = scenes();
+    let out = folder.path().join("benchmark");
+    let mut child = command(folder.path(), &["--photons", "100"])
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while times(&out).is_empty() && start.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = times(&out);
+    assert!(!before.is_empty());
+
+    let done = benchmark(folder.path(), &["--photons", "100"]);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let after = times(&out);
+    let names: Vec<&str> = after.keys().map(String::as_str).collect();
+    assert_eq!(names, ["ball", "ball-photons-100", "square", "square-photons-100"]);
+    assert!(before.iter().all(|(name, time)| after[name] == *time), "{before:?} {after:?}");
+    assert!(stderr(&done).contains("ball is done already"), "{}", stderr(&done));
+    assert!(stderr(&done).contains("alone.npz has no truth"), "{}", stderr(&done));
+    assert!(stdout(&done).contains("| case | lct | bp |"), "{}", stdout(&done));
+
+    let [markdown, html] = page(&out);
+    for name in names {
+        let title = name.replace("-photons-100", ", 100 photons");
+        assert!(markdown.contains(&format!("\n## {title}\n")), "{markdown}");
+        assert!(html.contains(&format!("<h2>{title}</h2>")));
+    }
+    assert_eq!(html.matches("data:image/png;base64,").count(), 4);
+    let rows: Value = serde_json::from_slice(&std::fs::read(out.join("benchmark.json")).unwrap()).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 8);
+    for row in rows {
+        assert!(row["best_iou"].as_f64().unwrap() > 0.2 && row["seconds"].as_f64().unwrap() > 0.0, "{row}");
+    }
+
+    // Nothing is left to do, and other options do all anew.
+    let again = benchmark(folder.path(), &["--photons", "100"]);
+    assert_eq!((again.status.code(), times(&out)), (Some(0), after.clone()), "{}", stderr(&again));
+    let other = benchmark(folder.path(), &["--photons", "100", "--oracle"]);
+    assert_eq!(other.status.code(), Some(0), "{}", stderr(&other));
+    assert!(times(&out).iter().all(|(name, time)| after[name] != *time));
+    assert!(page(&out)[0].contains("oracle"));
+}
+
+#[test]
+fn a_case_that_fails_stops_no_other() {
+    let folder = scenes();
+    std::fs::write(folder.path().join("bad.npz"), "no capture").unwrap();
+    std::fs::copy(folder.path().join("truth_ball.npz"), folder.path().join("bad_truth.npz")).unwrap();
+    let counts =
+        ["simulate", "plane", "--scan", "6", "--bin-width", "0.03", "--noise", "0.3", "--photons", "50"];
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    succeed(&[&counts[..], &["--out", &at("counts.npz"), "--truth", &at("counts_truth.npz")]].concat());
+    let done = benchmark(folder.path(), &["--photons", "10", "--out", &at("results")]);
+    let said = stderr(&done);
+    assert_eq!(done.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("error: bad:") && said.contains("counts-photons-10 is left out: its values"),
+        "{said}"
+    );
+    let all: Vec<String> = times(&folder.path().join("results")).into_keys().collect();
+    assert_eq!(all, ["ball", "ball-photons-10", "counts", "square", "square-photons-10"]);
+    let [markdown, _] = page(&folder.path().join("results"));
+    assert!(markdown.contains("## Left out") && markdown.contains("bad failed:"), "{markdown}");
+}
+
+#[test]
+fn what_is_no_benchmark_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |more: &[&str], says: &str| {
+        let done = benchmark(folder.path(), more);
+        let said = stderr(&done);
+        assert!(done.status.code() == Some(1) && said.contains(says), "{more:?}: {said}");
+    };
+    refused(&[], "the benchmark has no scenes");
+    let scene = folder.path().join("one.scene");
+    std::fs::write(&scene, "plane --scan 6 --bin-width 3cm").unwrap();
+    refused(&["--photons", "0"], "the photons of the strongest bin are 0");
+    refused(&["--method", "magic"], "magic is not known");
+    std::fs::write(&scene, "plane --out x.npz").unwrap();
+    refused(&[], "--out does not fit here");
+    std::fs::write(&scene, "plane --colour red").unwrap();
+    refused(&[], "--colour");
+    assert!(!folder.path().join("benchmark").exists());
+}
