@@ -46,7 +46,6 @@ lint: setup
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo clippy --locked --no-default-features -- -D warnings
 	cargo clippy --locked --no-default-features --features formats -- -D warnings
-	cargo clippy --locked --no-default-features --features cli -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
 	cargo run --locked --quiet --package public-api src/lib.rs | diff -u public-api/thirdbounce.rs - || \
 		{ echo "the public interface changed: \`make api\`, and look at what changed"; exit 1; }

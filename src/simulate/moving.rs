@@ -13,15 +13,24 @@ const RADIUS: f64 = 0.12;
 /// How far it leans: the objects come nearer on one side, by this share of the radius.
 const LEAN: f64 = 0.4;
 
+/// All scenes are in memory before the first one is rendered.
+const MOST: usize = 10_000;
+
 impl Scene {
     /// `frames` scenes in which all objects move together on a circle, by `step` metres from one frame to the next. Bins are
     /// the same in all of them: enough for all.
     ///
     /// # Errors
-    /// The step is no length, or [`Scene::check`] refuses a scene.
+    /// The step is no length, there are more than 10,000 frames, or [`Scene::check`] refuses a scene.
     pub fn moving(&self, frames: usize, step: f64) -> Result<Vec<Scene>> {
         if !(step.is_finite() && step >= 0.0) {
             return Err(Error::options(format!("{step} m from frame to frame"), "give a length in metres"));
+        }
+        if frames > MOST {
+            return Err(Error::options(
+                format!("{frames} frames of a moving scene"),
+                format!("give at most {MOST}: the scene comes round again"),
+            ));
         }
         let radius = RADIUS * self.wall;
         let at = |frame: usize| {
@@ -56,6 +65,6 @@ mod tests {
             assert!((way.truncate().length() - 0.02).abs() < 1e-3, "{way}");
         }
         assert!(frames.iter().all(|s| s.bins == frames[0].bins && s.bins.is_some()));
-        assert!(scene.moving(2, f64::NAN).is_err());
+        assert!(scene.moving(2, f64::NAN).is_err() && scene.moving(usize::MAX, 0.02).is_err());
     }
 }

@@ -174,7 +174,7 @@ fn a_resumed_run_keeps_the_model_that_was_found() {
 fn a_few_pairs_cannot_tell_the_model() {
     let figures = Figures::new();
     let [capture, _] = figures.simulated("lambertian", 0.0);
-    for pairs in ["1", "2", "31"] {
+    for pairs in ["1", "31"] {
         let (report, said) = figures.solved(&capture, pairs, &["--subset", pairs]);
         let told = format!("cosine is taken: trials need 32 pairs, the capture has {pairs}");
         assert!(said.contains(&told), "{said}");
