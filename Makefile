@@ -33,9 +33,9 @@ instrumented: setup
 sanitize: setup
 	cargo test --locked --package thirdbounce-capi -- --ignored
 
-# The long tests: long runs, every injected fault. They write docs/reliability.md.
+# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write docs/reliability.md.
 soak: setup
-	cargo test --release --locked --test reliability -- --ignored
+	cargo test --release --locked --test reliability --test solvers --test cli -- --ignored
 
 # The public interface is listed in public-api/thirdbounce.rs, so that a change of it shows in the change itself. What goes
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and

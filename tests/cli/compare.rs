@@ -298,10 +298,11 @@ fn in_a_quiet_moment<T>(measure: impl Fn() -> Result<T, String>) -> T {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn measuring_does_not_move_the_clock() {
     let gpu = gpu();
     let mut scene = Scene::named("letter-l").unwrap();
-    (scene.scan, scene.bin_width) = (8, 0.015);
+    (scene.scan, scene.bin_width) = (8, 0.01);
     let capture = simulate(&scene, &RenderOptions { noise: 0.05, ..Default::default() }).unwrap().capture;
     let run = |maps_every, sleep: f64| {
         sleepy(&gpu, &capture, maps_every, |p| if p.maps.is_some() { sleep } else { 0.0 })
@@ -334,10 +335,10 @@ fn measuring_does_not_move_the_clock() {
     // A listener beside a working device hides none of its work. The clock runs on through the naps, except those for
     // the last blocks (three at most), when the device is done.
     let done = in_a_quiet_moment(|| {
-        let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.25);
+        let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
         let beside = done.trace.len() - 3;
         let stood_still = wall - done.solve_seconds;
-        let most = asleep - 0.25 * beside as f64 + 0.2;
+        let most = asleep - 0.5 * beside as f64 + 0.4;
         if beside > 0 && stood_still < most { Ok(done) } else { Err(format!("{stood_still} s of {asleep}")) }
     });
     let loss = |r: &Reconstruction| r.trace.last().unwrap().data_loss;

@@ -32,12 +32,12 @@ impl Share {
 
 #[test]
 fn failed_calls_of_the_device_are_survived() {
-    assert_held(&injected::rows(Share(41)));
+    assert_held(&injected::rows(Share(82)));
 }
 
 #[test]
 fn failed_files_are_survived() {
-    assert_held(&disk::rows(Share(19)));
+    assert_held(&disk::rows(Share(38)));
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn a_resumed_solve_gives_the_same_bits() {
 
 #[test]
 fn no_option_panics_or_hangs() {
-    assert_held(&options::rows(Share(131)));
+    assert_held(&options::rows(Share(262)));
 }
 
 #[test]

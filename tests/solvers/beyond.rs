@@ -66,6 +66,7 @@ fn nothing_is_taken_off_where_nothing_is_beyond() {
 
 /// Coarse voxels are two bins of 13 mm deep then, so the coarse volume sums them, and the pairs that judge it, too.
 #[test]
+#[ignore = "long: make soak"]
 fn bins_that_a_coarse_volume_sums_are_judged() {
     let gpu = gpu();
     let scene = seen("beyond", 0.013);

@@ -39,6 +39,7 @@ fn options_of(sampling: Sampling) -> PaperOptions {
 
 /// The same bits with room for all voxels and for two fifths of them, as no more are ever active.
 #[test]
+#[ignore = "long: make soak"]
 fn room_that_is_enough_changes_nothing() {
     let gpu = gpu();
     for sampling in [Sampling::Continuous, Sampling::Fixed] {

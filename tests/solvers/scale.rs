@@ -40,6 +40,7 @@ fn resized(truth: &Truth, scale: f64) -> Truth {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn default_settings_know_no_unit() {
     let gpu = gpu();
     let scene = Scene { scan: 12, bin_width: 0.02, ..Scene::named("figure").unwrap() };

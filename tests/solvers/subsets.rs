@@ -187,6 +187,7 @@ fn a_level_of_some_pairs_is_the_scene_of_these_alone() {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn the_order_of_the_pairs_changes_nothing_but_rounding() {
     let gpu = gpu();
     let grid = grid_of(12);
@@ -239,6 +240,7 @@ fn solve(
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
     let (capture, o) = (small_capture(), small_options());
     let (done, kept) = solve(&o, &capture, None);
