@@ -111,10 +111,8 @@ pub unsafe extern "C" fn tb_session_submit_part(
         };
         let measured: Vec<bool> = measured.iter().map(|byte| *byte != 0).collect();
         let id = session.submitter.submit_part(counts, &measured)?;
-        if !frame.is_null() {
-            // SAFETY: the caller gives a pointer to write to.
-            unsafe { frame.write(id.0) };
-        }
+        // SAFETY: the caller gives a pointer to write to, or NULL.
+        unsafe { sized::give(frame, id.0) };
         Ok(())
     })
 }

@@ -218,10 +218,8 @@ pub unsafe extern "C" fn tb_session_submit(
         }
         // SAFETY: so many numbers are there, as the caller states.
         let id = session.submitter.submit(unsafe { std::slice::from_raw_parts(counts, count) })?;
-        if !frame.is_null() {
-            // SAFETY: the caller gives a pointer to write to.
-            unsafe { frame.write(id.0) };
-        }
+        // SAFETY: the caller gives a pointer to write to, or NULL.
+        unsafe { sized::give(frame, id.0) };
         Ok(())
     })
 }
@@ -379,12 +377,9 @@ fn set(choice: &mut Choice, option: &str) -> Result<()> {
         text.parse().ok().map(Value::Flag),
         Some(Value::Word(text.into())),
     ];
-    // An option that does not take a value does not give it back.
-    let taken = values.into_iter().flatten().find(|value| {
-        solver.set(row.key, value);
-        solver.get(row.key).as_ref() == Some(value)
-    });
-    let Some(value) = taken else { return wrong("has a value that it does not take") };
+    let Some(value) = solver.set_first(row.key, values.into_iter().flatten()) else {
+        return wrong("has a value that it does not take");
+    };
     choice.options.push((row.key, value));
     Ok(())
 }

@@ -74,6 +74,17 @@ fn check(size: usize, name: &str, least: usize) -> Result<()> {
     ))
 }
 
+/// Writes `value` to `to`, unless that is NULL.
+///
+/// # Safety
+/// `to` is NULL or may be written.
+pub unsafe fn give<T>(to: *mut T, value: T) {
+    if !to.is_null() {
+        // SAFETY: as the caller states.
+        unsafe { to.write(value) };
+    }
+}
+
 /// Makes a handle of `value` and writes it to `to`.
 ///
 /// # Safety

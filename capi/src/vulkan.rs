@@ -265,10 +265,8 @@ pub unsafe extern "C" fn tb_session_submit_lent(
         // SAFETY: as the caller states.
         let lent = unsafe { lent.frame()? };
         let id = session.session().submit_lent(lent)?;
-        if !frame.is_null() {
-            // SAFETY: the caller gives a pointer to write to.
-            unsafe { frame.write(id.0) };
-        }
+        // SAFETY: the caller gives a pointer to write to, or NULL.
+        unsafe { sized::give(frame, id.0) };
         Ok(())
     })
 }

@@ -175,11 +175,7 @@ fn option(solver: &str, key: &str, given: &Given) -> Result<(&'static str, Value
         Given::Number(v) => vec![Value::Number(*v)],
         Given::Word(word) => vec![Value::Word(word.clone()), flag_of(row.range, word)],
     };
-    // An option that does not take a value does not give it back.
-    let taken = values.into_iter().filter(|value| *value != Value::Unset).find(|value| {
-        options.set(key, value);
-        options.get(key).as_ref() == Some(value)
-    });
+    let taken = options.set_first(key, values.into_iter().filter(|value| *value != Value::Unset));
     let wrong =
         || Error::options(format!("{key} does not take this value"), format!("it is: {}", row.text()));
     Ok((row.key, taken.ok_or_else(wrong)?))

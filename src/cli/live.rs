@@ -169,7 +169,7 @@ fn growing(args: &Args) -> Result<Option<(Source, Capture)>> {
     let (scan, asked) = (args.tags.scan(args.wall)?, args.tags.asked(args.bin_width, turn)?);
     let mut tags = live::Tags { path: path.clone(), scan, asked, gate };
     let Some(first) = tags.first(&interrupt::asked)? else { return Ok(None) };
-    let found = auto_gate(&first).filter(|_| gate.is_none());
+    let found = if gate.is_none() { auto_gate(&first) } else { None };
     let mut first = match &found {
         Some(found) => {
             say(&format!("note: automatic gate: {}", found.reason));

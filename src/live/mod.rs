@@ -1,4 +1,5 @@
-//! Live frames: counts come from a folder, a pipe, a connection or a file of time tags that grows, and maps go to a listener and to a page.
+//! Live frames: counts come from a folder, a pipe, a connection or a file of time tags that grows, and maps go to a listener
+//! and to a page.
 //!
 //! [`run`] reads frames in a thread of its own and gives them to a [`Session`]. What is wrong with a frame or a stream is one
 //! message; the session lives on. Every frame has the points and bins of one capture, the scan.

@@ -11,9 +11,9 @@ use super::{Reconstruction, background, variances};
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
-/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the confidence of all layers: of the result, and of
-/// `snapshots`, the maps after earlier iterations with the masks that they have. `capture` is what was solved; its counts
-/// are not looked at if the result says how strong their noise is.
+/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
+/// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
+/// have. `capture` is what was solved; its counts are not looked at if the result says how strong their noise is.
 pub fn conclude(
     capture: &Capture,
     mask_fraction: Option<f64>,

@@ -192,6 +192,15 @@ impl SolverOptions {
         self.options().set(key, value)
     }
 
+    /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
+    pub fn set_first(&mut self, key: &str, values: impl IntoIterator<Item = Value>) -> Option<Value> {
+        // An option that does not take a value does not give it back.
+        values.into_iter().find(|value| {
+            self.set(key, value);
+            self.get(key).as_ref() == Some(value)
+        })
+    }
+
     /// The vector solver's options for the same scene: for quick solves beside the one that was asked for.
     pub fn as_vector(&self, confocal: bool) -> VectorOptions {
         match self {

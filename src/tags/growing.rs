@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use super::collect::Filling;
 use super::histogram::{bins, check, widths, zeros};
-use super::{Asked, Division, Event, Scan, Survey, Tags};
+use super::{Asked, Division, Event, Scan, Survey, Tags, of_file};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 
@@ -64,12 +64,7 @@ pub fn passes(
 ) -> Result<()> {
     check(scan, asked)?;
     let tags = Tags::open(path, &asked.inputs)?;
-    follow(&tags, scan, asked, wait, hear).map_err(|e| {
-        match e.what.starts_with(&path.display().to_string()) {
-            true => e,
-            false => e.at(path.display()),
-        }
-    })
+    follow(&tags, scan, asked, wait, hear).map_err(|e| of_file(e, path))
 }
 
 fn follow(
@@ -169,7 +164,7 @@ impl<'a> Passes<'a> {
             Event::Marker { bits, sync } => {
                 self.last = self.last.max(sync);
                 self.markers.push((sync, bits));
-                self.begun += usize::from(self.begins(bits));
+                self.begun += usize::from(self.division.begins(bits));
                 self.begun >= self.count() + AHEAD
             }
         };
@@ -181,32 +176,6 @@ impl<'a> Passes<'a> {
         match (&self.division, self.per_line) {
             (Division::Lines { .. }, Some(n)) => self.scan.points().div_ceil(n),
             _ => self.scan.points(),
-        }
-    }
-
-    /// Whether a marker begins a point or a line.
-    fn begins(&self, bits: u16) -> bool {
-        match self.division {
-            Division::Pixels { marker, .. } | Division::Lines { start: marker, .. } => {
-                (1..=16).contains(&marker) && bits & 1 << (marker - 1) > 0
-            }
-            _ => false,
-        }
-    }
-
-    fn has_frames(&self) -> bool {
-        matches!(
-            self.division,
-            Division::Pixels { frame: Some(_), .. } | Division::Lines { frame: Some(_), .. }
-        )
-    }
-
-    fn begins_frame(&self, bits: u16) -> bool {
-        match self.division {
-            Division::Pixels { frame: Some(marker), .. } | Division::Lines { frame: Some(marker), .. } => {
-                (1..=16).contains(&marker) && bits & 1 << (marker - 1) > 0
-            }
-            _ => false,
         }
     }
 
@@ -222,7 +191,9 @@ impl<'a> Passes<'a> {
         let points = self.scan.points();
         let spans = match self.division.spans(&survey, points, self.per_line, &mut vec![]) {
             // The file may begin within a round, and there may be more points or lines than the scan has.
-            Err(_) if self.has_frames() && self.begun < 3 * (self.count() + AHEAD) => return Ok(None),
+            Err(_) if self.division.has_rounds() && self.begun < 3 * (self.count() + AHEAD) => {
+                return Ok(None);
+            }
             spans => spans?,
         };
         let end = match self.division {
@@ -234,7 +205,7 @@ impl<'a> Passes<'a> {
             // Where the point or line behind the pass begins, or the frame that it belongs to.
             _ => {
                 let last = spans.get(points - 1).map_or(i64::MIN, |span| span.to - 1);
-                let next = |bits: u16| self.begins(bits) || self.begins_frame(bits);
+                let next = |bits: u16| self.division.begins(bits) || self.division.begins_round(bits);
                 let behind = self.markers.iter().find(|(sync, bits)| *sync > last && next(*bits));
                 behind.map_or(self.last, |marker| marker.0)
             }
@@ -242,7 +213,7 @@ impl<'a> Passes<'a> {
         let capture = self.capture(&spans[..points.min(spans.len())])?;
         self.photons.retain(|photon| photon.1 >= end);
         self.markers.retain(|marker| marker.0 >= end);
-        self.begun = self.markers.iter().filter(|marker| self.begins(marker.1)).count();
+        self.begun = self.markers.iter().filter(|marker| self.division.begins(marker.1)).count();
         Ok(Some(capture))
     }
 

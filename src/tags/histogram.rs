@@ -5,7 +5,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::collect::Cells;
-use super::{Curves, Division, Inputs, Scan, Survey, Tags, Zero, zero};
+use super::{Curves, Division, Inputs, Scan, Survey, Tags, Zero, of_file, zero};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
 use crate::error::{Error, Result};
 
@@ -110,10 +110,7 @@ pub struct Histograms {
 /// `Kind::Input`, beginning with the path: a file that cannot be read, or has no photons for the points; no direct peak.
 /// `Kind::Options` for options that do not fit the file. `Kind::Memory` if the histograms do not fit.
 pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
-    made(path, scan, asked).map_err(|e| {
-        let place = path.display().to_string();
-        if e.what.starts_with(&place) { e } else { e.at(place) }
-    })
+    made(path, scan, asked).map_err(|e| of_file(e, path))
 }
 
 fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {

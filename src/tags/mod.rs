@@ -195,6 +195,12 @@ fn open(path: &Path) -> Result<File> {
     }
 }
 
+/// The error with the path of its file in front, if it is not there.
+fn of_file(e: Error, path: &Path) -> Error {
+    let place = path.display().to_string();
+    if e.what.starts_with(&place) { e } else { e.at(place) }
+}
+
 fn unreadable(e: std::io::Error) -> Error {
     let mend = match e.kind() {
         ErrorKind::NotFound => "check the path: there is no such file",

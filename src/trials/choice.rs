@@ -135,9 +135,6 @@ impl Resolved {
         memory: Option<u64>,
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Tuned> {
-        if !frame.histograms.iter().any(|v| *v > 0.0) {
-            return Ok(Tuned { solver: self.solver.clone(), scan: frame.clone(), found: Found::default() });
-        }
         let ask = Ask {
             solver: &self.solver,
             models: &self.models,
@@ -145,7 +142,8 @@ impl Resolved {
             discretisation: Discretisation::default(),
             memory,
         };
-        let found = super::find(&ask, frame, gpu, hear)?;
+        let has_light = frame.histograms.iter().any(|v| *v > 0.0);
+        let found = if has_light { super::find(&ask, frame, gpu, hear)? } else { Found::default() };
         let (solver, scan) = found.settle(&self.solver, &self.models, frame)?;
         Ok(Tuned { solver, scan: scan.into_owned(), found })
     }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use fixtures::captures::{assert_error, place};
 use fixtures::files::{
-    Matrix, Stored, matlab_file, matlab_matrix, matlab_struct, matlab5, matrix, scalar, vector,
+    Matrix, Stored, matlab_file, matlab_matrix, matlab_struct, matlab5, matrix, noise, scalar, vector,
 };
 use fixtures::readers::{counts, every_reader};
 use flate2::Compression;
@@ -14,17 +14,6 @@ use flate2::write::ZlibEncoder;
 use thirdbounce::Kind;
 use thirdbounce::capture::formats::matlab5::Matlab5;
 use thirdbounce::capture::{Given, read, read_given};
-
-/// Small, fast, repeatable noise.
-fn noise(seed: u64) -> impl FnMut() -> usize {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        state as usize
-    }
-}
 
 /// Opens a damaged file: an error or a sound capture, within a second.
 fn open(opened: &Path, given: &Given, what: &str) -> bool {

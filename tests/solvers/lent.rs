@@ -148,7 +148,7 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     buffer.write(bytemuck::cast_slice(&counts));
     caller.signal(after, 1);
     let found = session.wait().unwrap().result.maps.clone();
-    assert_eq!([taken, done].map(|s| caller.value(s)), [1, 1]);
+    assert_eq!([taken, done].map(|s| caller.reaches(s, 1)), [1, 1]);
     let n = found.albedo.len();
     let words = maps.read(7 * n);
     let same = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
@@ -161,12 +161,12 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     std::thread::sleep(Duration::from_millis(30));
     session.cancel();
     assert_error(session.wait(), Kind::Cancelled, &["before its counts were there"]);
-    assert_eq!([taken, done].map(|s| caller.value(s)), [2, 2]);
+    assert_eq!([taken, done].map(|s| caller.reaches(s, 2)), [2, 2]);
     buffer.write(&vec![0; counts.len() * 4]);
     caller.signal(after, 3);
     session.submit_lent(frame(3)).unwrap();
     assert_error(session.wait(), Kind::Input, &["no signal"]);
-    assert_eq!([taken, done].map(|s| caller.value(s)), [3, 3]);
+    assert_eq!([taken, done].map(|s| caller.reaches(s, 3)), [3, 3]);
     buffer.write(bytemuck::cast_slice(&[f32::NAN]));
     caller.signal(after, 4);
     session.submit_lent(frame(4)).unwrap();
@@ -176,11 +176,11 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     caller.signal(after, 5);
     session.submit_lent(frame(5)).unwrap();
     assert_eq!(session.wait().unwrap().result.maps.depth.len(), n);
-    assert_eq!([taken, done].map(|s| caller.value(s)), [5, 5]);
+    assert_eq!([taken, done].map(|s| caller.reaches(s, 5)), [5, 5]);
     // A session that ends lets nobody wait, either.
     session.submit_lent(frame(6)).unwrap();
     drop(session);
-    assert_eq!([taken, done].map(|s| caller.value(s)), [6, 6]);
+    assert_eq!([taken, done].map(|s| caller.reaches(s, 6)), [6, 6]);
     for semaphore in [after, taken, done] {
         caller.destroy(semaphore);
     }
@@ -208,7 +208,7 @@ fn lent_frames_follow_each_other() {
         };
         session.submit_lent(LentFrame { counts, maps: None, done: None }).unwrap();
         assert_eq!(session.wait().unwrap().result.is_warm, is_warm, "frame {value}");
-        assert_eq!(caller.value(taken), value);
+        assert_eq!(caller.reaches(taken, value), value);
     }
     drop((session, buffer, gpu));
     caller.destroy(taken);

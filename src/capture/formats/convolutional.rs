@@ -37,15 +37,15 @@ pub(super) fn read<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Result<U
     let name = |field: &str| format!("NLOSDATA/{field}");
     let points = |field: &str| -> Result<Option<Vec<DVec3>>> {
         let Some((shape, v)) = file.numbers(&name(field))? else { return Ok(None) };
-        let &[3, n] = &shape[..] else {
-            return Err(Error::input(
+        let found = frame::points(&shape, &v).ok_or_else(|| {
+            Error::input(
                 format!(
                     "{field} has shape {shape:?} (MATLAB order reversed), not three coordinates of each point"
                 ),
                 format!("{field} is (n, 3), metres"),
-            ));
-        };
-        Ok(Some((0..n).map(|p| DVec3::new(v[p], v[n + p], v[2 * n + p])).collect()))
+            )
+        });
+        found.map(Some)
     };
     let laser = points("l")?.ok_or_else(|| file.missing(&name("l")))?;
     let sensor = points("s")?;

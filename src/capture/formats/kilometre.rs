@@ -40,12 +40,9 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
         2.0 * half
     ));
     let bin_width = match positive("timeRes", "seconds")? {
-        Some(seconds) if given.bin_width.is_none() => seconds * 1e12 * METRES_PER_PICOSECOND,
-        Some(_) => {
-            return Err(Error::options(
-                "a bin width was given, but the file holds its own, timeRes",
-                "leave the bin width out",
-            ));
+        Some(seconds) => {
+            super::no_width(given, "a 1.43 km capture with timeRes")?;
+            seconds * 1e12 * METRES_PER_PICOSECOND
         }
         None => given.bin_width("a 1.43 km capture without timeRes", None, notes)?,
     };

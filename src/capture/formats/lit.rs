@@ -34,29 +34,25 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
     let counts = file.counts_shape(array)?;
     let points = |name: &str| -> Result<Option<Vec<DVec3>>> {
         let Some((shape, v)) = file.numbers(name)? else { return Ok(None) };
-        match (&shape[..], &counts[..]) {
-            (&[3, n], &[_, pairs]) if n == pairs => {
-                Ok(Some((0..n).map(|p| DVec3::new(v[p], v[n + p], v[2 * n + p])).collect()))
-            }
-            _ => Err(Error::input(
+        let of_pairs = |found: &Vec<DVec3>| matches!(counts[..], [_, pairs] if pairs == found.len());
+        let found = frame::points(&shape, &v).filter(of_pairs).ok_or_else(|| {
+            Error::input(
                 format!(
                     "{array} has shape {counts:?} and {name} {shape:?} (MATLAB order reversed), which do not agree"
                 ),
                 format!("{array} is (pairs, t) and {name} (pairs, 3), of the same pairs"),
-            )),
-        }
+            )
+        });
+        found.map(Some)
     };
     let mut laser = points("lighting")?.ok_or_else(|| file.missing("lighting"))?;
     let mut sensor = points("sensor")?.unwrap_or_else(|| laser.clone());
-    let bin_width = match (file.number("bin_width")?, given.bin_width) {
-        (Some(width), None) => width,
-        (Some(_), Some(_)) => {
-            return Err(Error::options(
-                "a bin width was given, but the file holds its own, bin_width",
-                "leave the bin width out",
-            ));
+    let bin_width = match file.number("bin_width")? {
+        Some(width) => {
+            super::no_width(given, "a surface-optimisation capture with bin_width")?;
+            width
         }
-        (None, _) => given.bin_width("a surface-optimisation capture", Some(PICOSECONDS), notes)?,
+        None => given.bin_width("a surface-optimisation capture", Some(PICOSECONDS), notes)?,
     };
     if !rendered {
         for p in laser.iter_mut().chain(&mut sensor) {

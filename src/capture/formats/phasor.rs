@@ -41,12 +41,9 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let vectors = |name: &str| -> Result<Option<Vec<DVec3>>> {
         let name = format!("dataset/{name}");
         let Some((shape, values)) = file.numbers(&name)? else { return Ok(None) };
-        let n = values.len() / 3;
-        // MATLAB's (n, 3) is read as [3, n]; a single point may lie along either axis.
+        // A single point may lie along either axis.
         match shape[..] {
-            [3, _] => {
-                Ok(Some((0..n).map(|p| DVec3::new(values[p], values[n + p], values[2 * n + p])).collect()))
-            }
+            [3, _] => Ok(frame::points(&shape, &values)),
             [_, 3] => Ok(Some(values.chunks_exact(3).map(|v| DVec3::new(v[0], v[1], v[2])).collect())),
             _ => Err(Error::input(
                 format!("{name} has shape {shape:?}, not three coordinates of each point"),

@@ -68,6 +68,12 @@ impl Record {
         Record { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files }
     }
 
+    /// The record of a capture and another file that its result depends on.
+    pub fn with(mut self, file: &Path) -> Record {
+        self.files.extend(Made::of(file));
+        self
+    }
+
     /// Whether `folder` holds a whole result that was made from the same. Its file `whole` comes last.
     pub fn is_done(&self, folder: &Path, whole: &str) -> bool {
         let text = fs::read_to_string(folder.join(RECORD)).ok();

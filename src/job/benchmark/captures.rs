@@ -76,13 +76,6 @@ fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
-/// Name, size and time of change of a file, as a text.
-pub fn stamp(file: &Path) -> String {
-    let meta = fs::metadata(file);
-    let (bytes, changed) = (meta.as_ref().map_or(0, |m| m.len()), meta.and_then(|m| m.modified()).ok());
-    format!("{} ({bytes} bytes, {changed:?})", file.display())
-}
-
 /// The capture of a case: as it is, simulated, or with photons drawn. What is there already stays.
 ///
 /// # Errors

@@ -171,8 +171,8 @@ impl Benchmark {
                 return Ok(Case::left_out(&wanted.scene.name, wanted.photons, &name, false, &why));
             }
         };
-        let options = [&self.options[..], &[captures::stamp(&truth)]].concat();
-        let record = Record::of(&capture, &options);
+        let options = [&self.options[..], &[format!("truth {}", truth.display())]].concat();
+        let record = Record::of(&capture, &options).with(&truth);
         let was_there = record.is_done(&folder, WHOLE);
         if !was_there {
             check_place(&folder)?;
