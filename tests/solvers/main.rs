@@ -18,4 +18,5 @@ mod scale;
 mod session;
 mod subsets;
 mod surface;
+mod surface_alone;
 mod taken_off;
