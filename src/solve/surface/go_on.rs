@@ -20,11 +20,8 @@ pub enum Beginning<'m> {
     Volume,
     /// That volume, and the surface of the frame before.
     Frame(GoOn<'m>),
-    /// Maps of another method, on the surface's own pixels. The first steps of depths are `pace` times as long as usual.
-    Maps {
-        /// 1: as usual.
-        pace: f32,
-    },
+    /// Maps of another method, on the surface's own pixels.
+    Maps,
 }
 
 /// How a surface goes on from that of the frame before.

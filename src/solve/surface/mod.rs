@@ -74,10 +74,10 @@ pub(super) fn refine(
     beginning: Beginning<'_>,
 ) -> Result<Refined> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let (on, pace) = match beginning {
-        Beginning::Volume => (None, None),
-        Beginning::Frame(on) => (Some(on), None),
-        Beginning::Maps { pace } => (None, Some(pace)),
+    let (on, with_volume) = match beginning {
+        Beginning::Volume => (None, true),
+        Beginning::Frame(on) => (Some(on), true),
+        Beginning::Maps => (None, false),
     };
     let (volume, iterations) = (driven.level, options.iterations);
     let skipped = if on.is_some() { iterations } else { 0 };
@@ -86,9 +86,9 @@ pub(super) fn refine(
         (levels, _) if on.is_some() => (levels[levels.len() - 1..].to_vec(), vec![0]),
         all => all,
     };
-    let mut layers = match pace {
-        None => begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?,
-        Some(_) => vec![driven.maps.clone()],
+    let mut layers = match with_volume {
+        true => begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?,
+        false => vec![driven.maps.clone()],
     };
     if let (Some(on), [only]) = (&on, &mut layers[..]) {
         on.begin(only, volume.grid.pitch.z);
@@ -101,8 +101,6 @@ pub(super) fn refine(
     let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
     let mut told: Option<Vec<_>> = levels.iter().map(weights).collect();
     on.iter().for_each(|on| told.iter_mut().flatten().for_each(|weights| on.pace(&driven.maps, weights)));
-    let of_depths = told.iter_mut().flatten().map(|weights| &mut weights[SURFACE_DEPTH_RATE as usize]);
-    of_depths.for_each(|rate| *rate *= pace.unwrap_or(1.0));
     let first_blur = found.filter(|_| is_blurred(&job.plan) && on.is_none()).and_then(|_| {
         let wide = options.blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
         let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);

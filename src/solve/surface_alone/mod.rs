@@ -186,9 +186,8 @@ impl Prepared for Alone {
         job.executor.run(&clear)?;
         let seconds = begun.elapsed().as_secs_f64();
         let driven = Driven { seconds, ..Driven::begun(first.clone(), *job.plan.finest()) };
-        let beginning = Beginning::Maps { pace: 1.0 };
         let mut driven =
-            surface::refine(&gpu, job, &options.surface, beside.watch, driven, beginning)?.driven;
+            surface::refine(&gpu, job, &options.surface, beside.watch, driven, Beginning::Maps)?.driven;
         own_albedo(&mut driven.maps, &first);
         let volume = with_volume.then(|| as_volume(&driven.maps, grid));
         Ok(Reconstruction { volume, volume_iterations: 0, ..finish(job, driven, None)? })

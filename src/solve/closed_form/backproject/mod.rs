@@ -114,7 +114,7 @@ pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
 
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
     /// distance of scan points, metres.
-    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
+    fn filters(&self, bins: usize, bin: f64, step: f64, grid: &Grid) -> Vec<Vec<f32>>;
 
     /// Whether the last of the projections is that of a point in the middle of the grid.
     const WITH_POINT: bool = false;
@@ -143,7 +143,7 @@ impl Projection for BpOptions {
         &self.image
     }
 
-    fn filters(&self, _bins: usize, _bin: f64, _step: f64) -> Vec<Vec<f32>> {
+    fn filters(&self, _bins: usize, _bin: f64, _step: f64, _grid: &Grid) -> Vec<Vec<f32>> {
         vec![vec![0.0, 1.0]]
     }
 
@@ -159,7 +159,7 @@ impl Projection for FbpOptions {
         &self.image
     }
 
-    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
+    fn filters(&self, bins: usize, bin: f64, step: f64, _grid: &Grid) -> Vec<Vec<f32>> {
         match self.filter {
             Filter::Path => vec![hat(self.filter_width * step / bin, bins)],
             _ => vec![vec![0.0, 1.0]],
@@ -183,7 +183,7 @@ impl Projection for PhasorBpOptions {
         &self.image
     }
 
-    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
+    fn filters(&self, bins: usize, bin: f64, step: f64, _grid: &Grid) -> Vec<Vec<f32>> {
         super::phasor::pulse(self.wavelength * step / bin, self.cycles, bins).into()
     }
 
@@ -345,7 +345,7 @@ impl<M: Projection> Projecting<M> {
         let level = *job.plan.finest();
         let grid = level.grid;
         let mut projected = vec![];
-        for filter in options.filters(job.plan.bins, capture.bin_width, step) {
+        for filter in options.filters(job.plan.bins, capture.bin_width, step, &grid) {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
             let mut s = gather_filtered(&job.plan, &level, true);
             s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);

@@ -19,7 +19,10 @@ pub struct Wanted {
 }
 
 /// Weight of the splits of ADMM (the penalty of Boyd and others 2011), in units of the Gram operator's mean eigenvalue.
-const PENALTY: f64 = 0.3;
+static PENALTY_: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| knob("T_PEN", 0.3));
+pub fn knob(name: &str, usual: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual)
+}
 
 /// The Gram operator of a grid. Its mean eigenvalue is 1.
 pub struct Gram {
@@ -59,6 +62,12 @@ impl Gram {
             let mirrored = [0, 1, 2].map(|a| middle[a] as isize - offset[a]);
             if (0..3).all(|a| (0..n[a] as isize).contains(&mirrored[a])) {
                 let value = 0.5 * (at(c) + at(mirrored.map(|m| m as usize))) / scale;
+                let taper = [0, 1, 2]
+                    .map(|a| (offset[a] as f64 / middle[a] as f64).abs().min(1.0))
+                    .map(|r| (0.5 + 0.5 * (std::f64::consts::PI * r).cos()).powf(knob("T_TAPER", 0.0)))
+                    .iter()
+                    .product::<f64>() as f32;
+                let value = value * taper;
                 let [x, y, z] = [0, 1, 2].map(|a| place(a, offset[a]));
                 work.values[(x * padded[1] + y) * padded[2] + z] = Complex::from(value);
             }
@@ -86,7 +95,16 @@ impl Gram {
         let [_, py, pz] = self.padded;
         for (i, value) in projected.iter().enumerate() {
             let [x, y, z] = [i / (self.n[1] * self.n[2]), i / self.n[2] % self.n[1], i % self.n[2]];
-            right[(x * py + y) * pz + z] = value / self.scale;
+            let share = knob("T_EDGE", 0.0);
+            let edge: f64 = [x, y, z]
+                .iter()
+                .zip(self.n)
+                .map(|(i, n)| {
+                    let d = (*i as f64 + 0.5).min(n as f64 - 0.5 - *i as f64) / (share * n as f64);
+                    if share > 0.0 && d < 1.0 { 0.5 - 0.5 * (std::f64::consts::PI * d).cos() } else { 1.0 }
+                })
+                .product();
+            right[(x * py + y) * pz + z] = value * edge as f32 / self.scale;
         }
         let mut work = Work::new(self.padded);
         let all = match wanted.prior {
@@ -128,12 +146,12 @@ impl Gram {
         let mut dual = vec![0.0f32; right.len()];
         let mut asked = vec![0.0f32; right.len()];
         for _ in 0..wanted.iterations {
-            let of = |((r, k), d): ((&f32, &f32), &f32)| r + PENALTY as f32 * (k - d);
+            let of = |((r, k), d): ((&f32, &f32), &f32)| r + *PENALTY_ as f32 * (k - d);
             asked
                 .par_iter_mut()
                 .zip(right.par_iter().zip(&kept).zip(&dual))
                 .for_each(|(a, all)| *a = of(all));
-            let found = self.inverse(work, &asked, wanted.noise, [PENALTY, 0.0]);
+            let found = self.inverse(work, &asked, wanted.noise, [*PENALTY_, 0.0]);
             self.keep_positive(&found, &mut kept, &mut dual);
         }
         kept
@@ -158,7 +176,7 @@ impl Gram {
     fn of_small_variation(&self, work: &mut Work, right: &[f32], wanted: Wanted) -> Vec<f32> {
         let count = right.len();
         let most = right.iter().copied().fold(0.0, f32::max);
-        let least = (wanted.variation / PENALTY) as f32 * most;
+        let least = (wanted.variation / *PENALTY_) as f32 * most;
         let (mut kept, mut dual) = (vec![0.0f32; count], vec![0.0f32; count]);
         let (mut slopes, mut slope_duals) = (vec![[0.0f32; 3]; count], vec![[0.0f32; 3]; count]);
         for _ in 0..wanted.iterations {
@@ -168,10 +186,10 @@ impl Gram {
                 .map(|i| {
                     let fall =
                         |axis: usize| wanted_slope(self.beside(i, axis, false), axis) - wanted_slope(i, axis);
-                    right[i] + PENALTY as f32 * (kept[i] - dual[i] + fall(0) + fall(1) + fall(2))
+                    right[i] + *PENALTY_ as f32 * (kept[i] - dual[i] + fall(0) + fall(1) + fall(2))
                 })
                 .collect();
-            let found = self.inverse(work, &asked, wanted.noise, [PENALTY; 2]);
+            let found = self.inverse(work, &asked, wanted.noise, [*PENALTY_; 2]);
             self.keep_positive(&found, &mut kept, &mut dual);
             let both = slopes.par_iter_mut().zip(&mut slope_duals).enumerate();
             both.for_each(|(i, (slope, dual))| {

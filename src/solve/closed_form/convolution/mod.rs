@@ -67,6 +67,9 @@ options! {
 
 projection!(ConvOptions, "conv");
 
+/// Histograms are averaged by a Gaussian of so many voxels' depths: surfaces between two voxels then look like those in them.
+const BLUR: f64 = 0.5;
+
 impl Projection for ConvOptions {
     const MASK_SHARE: f64 = 0.66;
     const WITH_POINT: bool = true;
@@ -75,8 +78,11 @@ impl Projection for ConvOptions {
         &self.image
     }
 
-    fn filters(&self, _bins: usize, _bin: f64, _step: f64) -> Vec<Vec<f32>> {
-        vec![vec![0.0, 1.0]]
+    fn filters(&self, bins: usize, bin: f64, _step: f64, grid: &Grid) -> Vec<Vec<f32>> {
+        let sigma = gram::knob("T_BLUR", BLUR) * 2.0 * grid.pitch.z / bin;
+        let radius = ((3.0 * sigma).ceil() as usize).min(bins - 1);
+        let weight = |i: usize| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32;
+        vec![std::iter::once(radius as f32).chain((0..=radius).map(weight)).collect()]
     }
 
     fn fits(&self, grid: &Grid, gpu: &Gpu, memory: Option<u64>) -> Result<()> {
