@@ -98,7 +98,6 @@ fn solve_checked(
     let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
     let mut notes: Vec<String> = done.found.notes();
     notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
-    notes.extend(done.solver.solver().doubts(&loaded.capture));
     notes.extend(notes_on(request, &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);

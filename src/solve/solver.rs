@@ -26,11 +26,6 @@ pub trait Solver: Options {
         Ok(())
     }
 
-    /// What holds only approximately for a capture that the method takes, as a sentence for the report.
-    fn doubts(&self, _capture: &Capture) -> Option<String> {
-        None
-    }
-
     /// The plan for a capture, whose counts do not matter.
     ///
     /// # Errors

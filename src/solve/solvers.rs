@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::closed_form::{
-    BpOptions, ConvOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
+    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
 };
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
@@ -159,7 +159,6 @@ solvers! {
         PhasorBp(PhasorBpOptions);
         Fbp(FbpOptions);
         Bp(BpOptions);
-        Conv(ConvOptions);
     }
 }
 

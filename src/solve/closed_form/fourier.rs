@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use rustfft::{Fft, FftDirection, FftPlanner};
 
 /// A complex number.
@@ -94,45 +93,6 @@ impl Planes {
     }
 }
 
-/// Transforms of volumes `[(x * n[1] + y) * n[2] + z]`. A spectrum lies as `[(ky * n[2] + kz) * n[0] + kx]`.
-pub struct Volumes {
-    n: [usize; 3],
-    forward: [Line; 3],
-    backward: [Line; 3],
-}
-
-impl Volumes {
-    /// Transforms of volumes of `n` values along each axis.
-    pub fn new(n: [usize; 3]) -> Volumes {
-        Volumes { n, forward: n.map(Line::forward), backward: n.map(Line::backward) }
-    }
-
-    /// The spectrum of a volume, in place. `spare` is memory for as many values.
-    pub fn spectrum(&self, values: &mut [Complex], spare: &mut [Complex]) {
-        let [nx, ny, nz] = self.n;
-        lines(&self.forward[2], values, nz);
-        transpose(values, spare, [nx * ny, nz]);
-        lines(&self.forward[1], spare, ny);
-        transpose(spare, values, [nz * nx, ny]);
-        lines(&self.forward[0], values, nx);
-    }
-
-    /// The volume of a spectrum, in place, not scaled. `spare` is memory for as many values.
-    pub fn volume(&self, values: &mut [Complex], spare: &mut [Complex]) {
-        let [nx, ny, nz] = self.n;
-        lines(&self.backward[0], values, nx);
-        transpose(values, spare, [ny, nz * nx]);
-        lines(&self.backward[1], spare, ny);
-        transpose(spare, values, [nz, nx * ny]);
-        lines(&self.backward[2], values, nz);
-    }
-}
-
-/// Transforms lines of `length` on all cores.
-fn lines(line: &Line, values: &mut [Complex], length: usize) {
-    values.par_chunks_mut(64 * length).for_each_init(Vec::new, |spare, some| line.run(some, spare));
-}
-
 /// Writes `from`, `[a * n[1] + b]`, as `[b * n[0] + a]`, in blocks that fit the cache.
 pub fn transpose<T: Copy>(from: &[T], to: &mut [T], [na, nb]: [usize; 2]) {
     const BLOCK: usize = 16;
@@ -179,26 +139,6 @@ mod tests {
         for i in 0..15 {
             assert!((spectrum[i] / 30.0 - plane[i]).norm() < 1e-6);
         }
-    }
-
-    #[test]
-    fn the_spectrum_of_a_volume_is_the_sum_by_definition_and_comes_back() {
-        let n = [4, 3, 5];
-        let volume: Vec<Complex> = (0..60).map(|i| turn(0.7 * f64::from(i * i % 31))).collect();
-        let (mut values, mut spare) = (volume.clone(), vec![Complex::default(); 60]);
-        let both = Volumes::new(n);
-        both.spectrum(&mut values, &mut spare);
-        for (kx, ky, kz) in (0..60).map(|i| (i / 15, i / 5 % 3, i % 5)) {
-            let term = |i: usize| {
-                let [x, y, z] = [i / 15, i / 5 % 3, i % 5];
-                let angle = (kx * x) as f64 / 4.0 + (ky * y) as f64 / 3.0 + (kz * z) as f64 / 5.0;
-                volume[i] * turn(-std::f64::consts::TAU * angle)
-            };
-            let sum: Complex = (0..60).map(term).sum();
-            assert!((sum - values[(ky * 5 + kz) * 4 + kx]).norm() < 1e-4, "{kx} {ky} {kz}");
-        }
-        both.volume(&mut values, &mut spare);
-        assert!(values.iter().zip(&volume).all(|(v, w)| (v / 60.0 - w).norm() < 1e-5));
     }
 
     #[test]

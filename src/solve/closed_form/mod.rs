@@ -20,7 +20,6 @@ use crate::transport::{Binning, Gradient, Grid, Model};
 use crate::{Error, Kind, Result};
 
 mod backproject;
-mod convolution;
 mod dlct;
 mod fk;
 pub mod fourier;
@@ -34,7 +33,6 @@ mod scan;
 mod upsample;
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
-pub use convolution::{ConvOptions, Prior};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;

@@ -185,10 +185,9 @@ impl Prepared for Alone {
         let clear = cleared(&job.plan);
         job.executor.run(&clear)?;
         let seconds = begun.elapsed().as_secs_f64();
-        let driven = Driven { seconds, ..Driven::begun(first.clone(), *job.plan.finest()) };
-        let mut driven =
+        let driven = Driven { seconds, ..Driven::begun(first, *job.plan.finest()) };
+        let driven =
             surface::refine(&gpu, job, &options.surface, beside.watch, driven, Beginning::Maps)?.driven;
-        own_albedo(&mut driven.maps, &first);
         let volume = with_volume.then(|| as_volume(&driven.maps, grid));
         Ok(Reconstruction { volume, volume_iterations: 0, ..finish(job, driven, None)? })
     }
@@ -202,14 +201,6 @@ fn cleared(plan: &Plan) -> Schedule {
     }
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     s
-}
-
-/// Maps show the geometric mean of a surface's albedo and that of what it began with (`surface_extract`). Leaves that of the
-/// surface.
-fn own_albedo(maps: &mut Maps, first: &Maps) {
-    for (albedo, first) in maps.albedo.iter_mut().zip(&first.albedo) {
-        *albedo = if *first > 0.0 { *albedo * *albedo / first } else { 0.0 };
-    }
 }
 
 /// The surface as a volume: the albedo of every pixel in the voxel of its depth.

@@ -5,7 +5,6 @@
 //!   shape around a corner using ultrafast time-of-flight imaging*, Nature Communications 2012).
 //! - `fbp`: filtered by a Laplacian as there, or by a Laplacian of Gaussian (Laurenzis and Velten 2014): of the volume,
 //!   or of the histograms along their paths.
-//! - `conv`: the sums, deconvolved ([`super::convolution`]).
 //! - `phasor-bp`: histograms filtered by the cosine and the sine of a virtual pulse, each projected; the image is the
 //!   strength of both (Liu and others, Nature 2019). This is the phasor field without a transform.
 
@@ -26,15 +25,12 @@ use crate::solve::prepared::Planned;
 use crate::solve::vector::passes::{BACKPROJECT, FILTER};
 use crate::solve::vector::{gather_filtered, hat};
 use crate::solve::{
-    Beside, Common, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, background, outline, upload,
+    Beside, Common, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, background, outline,
+    upload,
 };
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 use crate::{Error, Result};
-
-mod point;
-
-pub(super) use point::middle;
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,7 +102,7 @@ options! {
 }
 
 /// A method that back-projects on the device.
-pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
+trait Projection: Options + Clone + Send + Sync + 'static {
     /// As that of [`super::HostMethod`].
     const MASK_SHARE: f64;
 
@@ -114,23 +110,7 @@ pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
 
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
     /// distance of scan points, metres.
-    fn filters(&self, bins: usize, bin: f64, step: f64, grid: &Grid) -> Vec<Vec<f32>>;
-
-    /// Whether the last of the projections is that of a point in the middle of the grid.
-    const WITH_POINT: bool = false;
-
-    /// Checks that the host has room for [`Projection::join`].
-    ///
-    /// # Errors
-    /// `Kind::Memory`.
-    fn fits(&self, _grid: &Grid, _gpu: &Gpu, _memory: Option<u64>) -> Result<()> {
-        Ok(())
-    }
-
-    /// See [`super::super::Solver::doubts`].
-    fn doubts(&self, _capture: &Capture) -> Option<String> {
-        None
-    }
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
 
     /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each.
     fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32>;
@@ -143,7 +123,7 @@ impl Projection for BpOptions {
         &self.image
     }
 
-    fn filters(&self, _bins: usize, _bin: f64, _step: f64, _grid: &Grid) -> Vec<Vec<f32>> {
+    fn filters(&self, _bins: usize, _bin: f64, _step: f64) -> Vec<Vec<f32>> {
         vec![vec![0.0, 1.0]]
     }
 
@@ -159,7 +139,7 @@ impl Projection for FbpOptions {
         &self.image
     }
 
-    fn filters(&self, bins: usize, bin: f64, step: f64, _grid: &Grid) -> Vec<Vec<f32>> {
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         match self.filter {
             Filter::Path => vec![hat(self.filter_width * step / bin, bins)],
             _ => vec![vec![0.0, 1.0]],
@@ -183,7 +163,7 @@ impl Projection for PhasorBpOptions {
         &self.image
     }
 
-    fn filters(&self, bins: usize, bin: f64, step: f64, _grid: &Grid) -> Vec<Vec<f32>> {
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         super::phasor::pulse(self.wavelength * step / bin, self.cycles, bins).into()
     }
 
@@ -266,7 +246,7 @@ impl Needs for Passes {
 ///
 /// # Errors
 /// The scan cannot be made finer: it is not regular, the wall is not flat, or the points would be empty.
-pub(super) fn finer<'c>(capture: &'c Capture, image: &ImageOptions, name: &str) -> Result<Cow<'c, Capture>> {
+fn finer<'c>(capture: &'c Capture, image: &ImageOptions, name: &str) -> Result<Cow<'c, Capture>> {
     if image.upsample == 1 {
         return Ok(Cow::Borrowed(capture));
     }
@@ -313,39 +293,17 @@ struct Projecting<M> {
     rows: Rows,
     grid: Grid,
     with_volume: bool,
-    /// The projection of a point in the middle of the grid, once it is known.
-    of_point: Option<Vec<f32>>,
 }
 
 impl<M: Projection> Projecting<M> {
-    /// The volume of the counts of `capture` above `level`, in each bin.
-    fn volume(&mut self, capture: &Capture, level: f64, step: f64) -> Result<Volume> {
-        let mut projected = self.projected(capture, level, step)?;
-        let grid = self.planned.plan().finest().grid;
-        if M::WITH_POINT {
-            if self.of_point.is_none() {
-                let middle = grid.position(point::middle(&grid).map(|i| i as f64).into());
-                let light = point::light_of(capture, middle, self.options.image().reflectance);
-                self.of_point = self.projected(&light, 0.0, step)?.pop();
-            }
-            projected.extend(self.of_point.clone());
-        }
-        let Projecting { options, grid: of_maps, .. } = self;
-        let albedo = options.join(projected, &grid, step);
-        let lattice = RegularScan::of_columns(&grid);
-        Ok(Volume { albedo: on_grid(&lattice, &albedo, of_maps), normal: None })
-    }
-
-    /// The projections of the counts of `capture` above `level`, one for each filter.
-    fn projected(&mut self, capture: &Capture, level: f64, step: f64) -> Result<Vec<Vec<f32>>> {
-        let Projecting { options, planned, rows, .. } = self;
+    /// The volume of the counts that the device has.
+    fn volume(&mut self, bin_width: f64, step: f64) -> Result<Volume> {
+        let Projecting { options, planned, grid: of_maps, .. } = self;
         let job = planned.made(|_| Ok(()))?;
-        job.model.take(rows, capture, level);
-        job.upload_counts()?;
         let level = *job.plan.finest();
         let grid = level.grid;
         let mut projected = vec![];
-        for filter in options.filters(job.plan.bins, capture.bin_width, step, &grid) {
+        for filter in options.filters(job.plan.bins, bin_width, step) {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
             let mut s = gather_filtered(&job.plan, &level, true);
             s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
@@ -355,7 +313,9 @@ impl<M: Projection> Projecting<M> {
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
             projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
         }
-        Ok(projected)
+        let albedo = options.join(projected, &grid, step);
+        let lattice = RegularScan::of_columns(&grid);
+        Ok(Volume { albedo: on_grid(&lattice, &albedo, of_maps), normal: None })
     }
 }
 
@@ -378,64 +338,16 @@ impl<M: Projection> Prepared for Projecting<M> {
         let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, beside, || {
             let level = if self.options.image().background { background(capture) } else { 0.0 };
             let fine = finer(capture, self.options.image(), "it")?;
-            self.volume(&fine, level, step)
+            let job = self.planned.made(|_| Ok(()))?;
+            job.model.take(&self.rows, &fine, level);
+            job.upload_counts()?;
+            self.volume(capture.bin_width, step)
         })?;
         let executor = &mut self.planned.made(|_| Ok(()))?.executor;
         done.device_bytes = executor.arena().bytes();
         done.kernels = executor.take_times().into_iter().collect();
         Ok(done)
     }
-}
-
-/// What the options of all methods have, of a back-projection.
-pub(super) fn common(lateral: usize, image: &ImageOptions) -> Common {
-    Common {
-        runs_on: RunsOn::Device,
-        pixels_per_voxel: pixels_per_voxel(lateral),
-        ..super::common(lateral, image)
-    }
-}
-
-/// The schedules of a back-projection.
-pub(super) fn outline(plan: &Plan) -> Vec<Part> {
-    outline::of_start("volume", plan, plan.finest(), &gather_filtered(plan, plan.finest(), true))
-}
-
-/// The plan for a capture, on the finer scan that the options ask for.
-///
-/// # Errors
-/// As [`finer`], or the grid exceeds the limits of the device.
-pub(super) fn plan_for(
-    image: &ImageOptions,
-    name: &str,
-    capture: &Capture,
-    grid: Grid,
-    abilities: &Abilities,
-) -> Result<Plan> {
-    let fine = finer(&capture.outline(), image, name)?.into_owned();
-    plan(&outline_of(&fine, &grid, image).0, &fine, grid, abilities)
-}
-
-/// Prepares a back-projection for captures of one scan.
-///
-/// # Errors
-/// As [`plan_for`].
-pub(super) fn prepare<M: Projection>(
-    options: &M,
-    name: &str,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<Box<dyn Prepared>> {
-    let fine = finer(capture, options.image(), name)?;
-    let (model, rows) = outline_of(&fine, &grid, options.image());
-    let plan = plan(&model, &fine, grid, &gpu.abilities())?;
-    options.fits(&plan.finest().grid, gpu, memory)?;
-    let planned = Planned::new(gpu, model, plan, memory);
-    let options = options.clone();
-    Ok(Box::new(Projecting { options, planned, rows, grid, with_volume, of_point: None }))
 }
 
 /// Writes what every back-projection is to the rest of the engine.
@@ -446,69 +358,57 @@ macro_rules! projection {
             pub const NAME: &'static str = $name;
         }
 
-        impl $crate::solve::Solver for $options {
-            fn common(&self) -> $crate::solve::Common {
-                $crate::solve::closed_form::backproject::common(self.lateral, &self.image)
+        impl Solver for $options {
+            fn common(&self) -> Common {
+                Common {
+                    runs_on: RunsOn::Device,
+                    pixels_per_voxel: pixels_per_voxel(self.lateral),
+                    ..super::common(self.lateral, &self.image)
+                }
             }
 
-            fn check(&self) -> $crate::Result<()> {
-                $crate::solve::option::Options::check_ranges(self)?;
-                $crate::solve::closed_form::upsample::check_sum(&self.image, $name)
+            fn check(&self) -> Result<()> {
+                self.check_ranges()?;
+                upsample::check_sum(&self.image, $name)
             }
 
-            fn takes(&self, capture: &$crate::capture::Capture) -> $crate::Result<()> {
-                $crate::solve::closed_form::backproject::finer(&capture.outline(), &self.image, $name)
-                    .map(|_| ())
-            }
-
-            fn doubts(&self, capture: &$crate::capture::Capture) -> Option<String> {
-                $crate::solve::closed_form::backproject::Projection::doubts(self, capture)
+            fn takes(&self, capture: &Capture) -> Result<()> {
+                finer(&capture.outline(), &self.image, $name).map(|_| ())
             }
 
             fn plan(
                 &self,
-                capture: &$crate::capture::Capture,
-                grid: $crate::transport::Grid,
-                abilities: &$crate::gpu::Abilities,
+                capture: &Capture,
+                grid: Grid,
+                abilities: &Abilities,
                 _with_volume: bool,
-            ) -> $crate::Result<$crate::solve::Plan> {
-                $crate::solve::closed_form::backproject::plan_for(
-                    &self.image,
-                    $name,
-                    capture,
-                    grid,
-                    abilities,
-                )
+            ) -> Result<Plan> {
+                let fine = finer(&capture.outline(), &self.image, $name)?.into_owned();
+                plan(&outline_of(&fine, &grid, &self.image).0, &fine, grid, abilities)
             }
 
-            fn outline(&self, plan: &$crate::solve::Plan) -> Vec<$crate::solve::Part> {
-                $crate::solve::closed_form::backproject::outline(plan)
+            fn outline(&self, plan: &Plan) -> Vec<Part> {
+                outline::of_start("volume", plan, plan.finest(), &gather_filtered(plan, plan.finest(), true))
             }
 
             fn prepare(
                 &self,
-                gpu: &$crate::gpu::Gpu,
-                capture: &$crate::capture::Capture,
-                grid: $crate::transport::Grid,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
                 memory: Option<u64>,
                 with_volume: bool,
-            ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
-                $crate::solve::Solver::check(self)?;
-                $crate::solve::closed_form::backproject::prepare(
-                    self,
-                    $name,
-                    gpu,
-                    capture,
-                    grid,
-                    memory,
-                    with_volume,
-                )
+            ) -> Result<Box<dyn Prepared>> {
+                self.check()?;
+                let fine = finer(capture, &self.image, $name)?;
+                let (model, rows) = outline_of(&fine, &grid, &self.image);
+                let plan = plan(&model, &fine, grid, &gpu.abilities())?;
+                let planned = Planned::new(gpu, model, plan, memory);
+                Ok(Box::new(Projecting { options: self.clone(), planned, rows, grid, with_volume }))
             }
         }
     };
 }
-
-pub(super) use projection;
 
 projection!(BpOptions, "bp");
 projection!(FbpOptions, "fbp");
