@@ -74,6 +74,9 @@ pub mod capture {
                 notes: &mut Vec<String>,
             ) -> Result<Capture> {}
         }
+        mod frame {
+            pub fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {}
+        }
         pub mod general {
             pub fn read(
                 set: &mut Set,
@@ -3411,6 +3414,7 @@ pub mod solve {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
             pub enum Accumulation {
                 Auto,
+                Repeatable,
                 Float,
                 Fixed,
                 Fixed32,
