@@ -74,9 +74,6 @@ pub mod capture {
                 notes: &mut Vec<String>,
             ) -> Result<Capture> {}
         }
-        mod frame {
-            pub fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {}
-        }
         pub mod general {
             pub fn read(
                 set: &mut Set,

@@ -118,7 +118,7 @@ fn solved(capture: &Capture, solver: &SolverOptions, work: Option<u64>) -> (Reco
 #[test]
 fn a_divided_solve_gives_the_same() {
     for (name, capture) in kinds().into_iter().filter(|(name, _)| ["confocal", "exhaustive"].contains(name)) {
-        for (solver, options) in solvers(Accumulation::Repeatable) {
+        for (solver, options) in solvers(Accumulation::Fixed) {
             let (whole, few) = solved(&capture, &options, None);
             let (parts, many) = solved(&capture, &options, Some(20_000));
             let of =
