@@ -3411,6 +3411,7 @@ pub mod solve {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
             pub enum Accumulation {
                 Auto,
+                Repeatable,
                 Float,
                 Fixed,
                 Fixed32,

@@ -160,7 +160,10 @@ fn the_same_seed_gives_the_same_bits() {
         let done = reconstruct(&capture, &result, &quick);
         assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
         assert_eq!(stderr(&done), "", "--quiet says nothing");
-        assert_eq!(json(&result.join("report.json"))["settings"]["accumulation"], "fixed");
+        let settings = &json(&result.join("report.json"))["settings"];
+        assert_eq!(settings["accumulation"], "repeatable");
+        let used = settings["accumulation_used"].as_str().unwrap();
+        assert!(["owned", "fixed", "fixed32"].contains(&used), "{used}");
         std::fs::read(result.join("maps.npz")).unwrap()
     };
     let first = maps("first", "7");

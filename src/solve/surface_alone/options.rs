@@ -17,9 +17,10 @@ options! {
         "Solver" {
             /// Lateral pixels of the maps (N of N × N)
             lateral: usize = 128, Range::Count(1, 4096);
-            /// How rendered values are added up: auto takes the fastest that the device has
+            /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
+            /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
-                Range::Words(&["auto", "float", "fixed", "fixed32", "cas", "owned"]);
+                Range::Words(&["auto", "repeatable", "float", "fixed", "fixed32", "cas", "owned"]);
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
