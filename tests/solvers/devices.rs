@@ -9,7 +9,7 @@ use std::time::Duration;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{EXCHANGED, Faults, Gpu, GpuOptions, Point};
 use thirdbounce::job::{Request, SolverOptions};
-use thirdbounce::simulate::{Layout, Scene};
+use thirdbounce::simulate::Scene;
 use thirdbounce::solve::{
     Accumulation, Beside, Keep, NoiseTerm, Plan, Progress, Reconstruction, Share, VectorOptions, Watch,
 };
@@ -70,10 +70,10 @@ fn two_devices_end_as_one() {
     for (what, capture) in [("confocal", confocal()), ("exhaustive", exhaustive(12, 3))] {
         assert_as_one(what, &gpus, &auto(), &capture);
     }
-    // Fewer pairs at first, and a last level with as many as there are.
-    let spread = render(&Scene { layout: Layout::Confocal, ..scene(40) });
+    // A quarter of the pairs at first, and an odd number of them.
+    let spread = render(&Scene { bin_width: 0.03, ..scene(62) });
     let shared = assert_as_one("levels with some of the pairs", &gpus, &auto(), &spread);
-    assert!(shared.plan.levels[0].pairs < shared.plan.pairs);
+    assert_eq!((shared.plan.levels[0].pairs, shared.plan.pairs), (961, 62 * 62));
 }
 
 #[test]
@@ -172,7 +172,7 @@ fn what_cannot_be_shared_is_refused() {
     };
     refused(&gpus, &paper(NoiseTerm::Off), &confocal(), "paper runs on one");
     let mut spots = confocal();
-    spots.laser_spot = Some(0.1);
+    spots.sensor_spot = Some(0.05);
     refused(&gpus, &auto(), &spots, "spots");
     refused(&several(4, None), &auto(), &exhaustive(12, 3), "3 rows of pairs");
     refused(&[], &auto(), &confocal(), "no device");
