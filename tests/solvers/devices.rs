@@ -81,9 +81,7 @@ fn two_devices_end_as_one() {
 fn three_devices_end_as_one_for_every_kind_of_pairs() {
     let gpus = several(3, None);
     for (what, capture) in kinds() {
-        // A row of pairs stays on one device.
-        let gpus = if what.contains("rows of several parts") { &gpus[..2] } else { &gpus[..] };
-        assert_as_one(what, gpus, &auto(), &capture);
+        assert_as_one(what, &gpus, &auto(), &capture);
     }
 }
 
@@ -174,7 +172,7 @@ fn what_cannot_be_shared_is_refused() {
     let mut spots = confocal();
     spots.sensor_spot = Some(0.05);
     refused(&gpus, &auto(), &spots, "spots");
-    refused(&several(4, None), &auto(), &exhaustive(12, 3), "3 rows of pairs");
+    refused(&several(5, None), &auto(), &exhaustive(12, 2), "4 rows of pairs");
     refused(&[], &auto(), &confocal(), "no device");
     let capture = confocal();
     let grid = Request::new(auto(), "").grid(&capture).expect("a grid");
