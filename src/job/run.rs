@@ -111,7 +111,7 @@ fn solve_checked(
             maps: result.maps,
             truth,
             kernels: if request.timings { result.kernels } else { vec![] },
-            validation: gpu.validation_messages(),
+            validation: gpus.iter().flat_map(|gpu| gpu.validation_messages()).collect(),
             notes,
             files: vec![],
         },

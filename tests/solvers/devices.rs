@@ -142,7 +142,7 @@ fn failing(which: usize, faults: Faults) -> Error {
     in_time(move || {
         let mut gpus = several(2, None);
         gpus[which] = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
-        solve(&gpus, &auto(), &confocal()).err().expect("a device failed")
+        solve(&gpus, &auto(), &confocal()).expect_err("a device failed")
     })
 }
 
@@ -164,7 +164,7 @@ fn a_device_that_fails_ends_the_solve_with_its_error() {
 fn what_cannot_be_shared_is_refused() {
     let gpus = several(2, None);
     let refused = |gpus: &[Gpu], solver: &SolverOptions, capture: &Capture, words: &str| {
-        let error = solve(gpus, solver, capture).err().expect("it is refused");
+        let error = solve(gpus, solver, capture).expect_err("it is refused");
         assert!(error.kind == Kind::Options && error.what.contains(words), "{error}");
         assert!(error.mend.to_string().contains("device"), "{error}");
     };
@@ -180,6 +180,6 @@ fn what_cannot_be_shared_is_refused() {
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let keep = Keep { every: 2, save: &mut |_| Ok(()), from: None };
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
-    let error = auto().solve_on(&gpus, &capture, grid, None, false, beside).err().expect("it is refused");
+    let error = auto().solve_on(&gpus, &capture, grid, None, false, beside).expect_err("it is refused");
     assert!(error.kind == Kind::Options && error.what.contains("saved or resumed"), "{error}");
 }
