@@ -3,6 +3,8 @@
 // ACCELERATED it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle 2009), restarted where the step
 // goes against the momentum or the objective rose (O'Donoghue & Candes 2015). Where the objective rose by more than
 // rounding, steps become shorter, down to the one that is proven safe.
+// Where several devices share the pairs, one dispatch adds up the partial losses of a device (FINISH_ADD), then the devices
+// exchange this one sum, and a second dispatch takes it for all (FINISH_ADDED).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -14,7 +16,7 @@ layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels of one partial
 layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss of a workgroup of residual.comp
 #include "slices.glsl"
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
+layout(std430, set = 0, binding = 2) buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 4) writeonly buffer Trace { uint trace[]; };
 layout(std430, set = 0, binding = 5) buffer Momentum { float momentum[]; };
@@ -27,6 +29,7 @@ void main() {
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
     uint losses = (cell_count() + tile - 1u) / tile * (GROUPED != 0u ? 1u : WORKGROUP);
+    if ((push.flags & FINISH_ADDED) != 0u) losses = 1u;
     // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
@@ -41,6 +44,10 @@ void main() {
     }
     sum = sum_over_group(sum);
     if (lane != 0u) return;
+    if ((push.flags & FINISH_ADD) != 0u) {
+        loss_partials[0] = sum.xy;
+        return;
+    }
     float objective = sum.x * scene.loss_scale;
     uint row = push.iteration * TRACE_ROW;
     trace[row + TRACE_DATA] = floatBitsToUint(sum.y * scene.loss_scale);

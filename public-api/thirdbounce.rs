@@ -1097,9 +1097,45 @@ pub mod gpu {
         }
         impl Gpu {
             pub fn open(options: &GpuOptions) -> Result<Gpu> {}
+            pub fn open_all(options: &GpuOptions) -> Result<Vec<Gpu>> {}
             pub fn is(&self, other: &Gpu) -> bool {}
             pub fn abilities(&self) -> Abilities {}
             pub fn validation_messages(&self) -> Vec<String> {}
+        }
+    }
+    mod exchange {
+        pub const EXCHANGED: Buffer = Buffer::named("exchanged");
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Summed {
+            pub buffer: Buffer,
+            pub bytes: u64,
+            pub counted: Option<Counted>,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Counted {
+            pub buffer: Buffer,
+            pub word: u32,
+            pub bytes: u64,
+        }
+        pub fn room_for(sums: &[Summed]) -> u64 {}
+        #[derive(Debug, Clone, Copy, Default, PartialEq)]
+        pub struct Exchanged {
+            pub times: u64,
+            pub bytes: u64,
+            pub seconds: f64,
+        }
+        #[private_fields]
+        pub struct Exchange {}
+        impl Exchange {
+            pub fn among(count: usize) -> Vec<Exchange> {}
+            pub fn number(&self) -> usize {}
+            pub fn add_up(&self, counts: &[u32], values: &mut Vec<f32>) -> Result<()> {}
+        }
+        impl Drop for Exchange {}
+        pub fn is_left(error: &Error) -> bool {}
+        impl Executor {
+            pub fn join(&mut self, exchange: Exchange) {}
+            pub fn exchanged(&self) -> Exchanged {}
         }
     }
     mod executables {
@@ -1373,6 +1409,7 @@ pub mod gpu {
                 bytes: u64,
             },
             Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
+            Exchange(Vec<Summed>),
             Stage(Stage),
         }
         #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -1412,6 +1449,7 @@ pub mod gpu {
             pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {}
             pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {}
             pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {}
+            pub fn exchange(&mut self, sums: &[Summed]) {}
             pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {}
             pub fn extend(&mut self, other: Schedule) {}
         }
@@ -1452,6 +1490,9 @@ pub mod gpu {
     }
     pub use budget::{Memory, check};
     pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
+    pub use exchange::{
+        Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for,
+    };
     pub use executables::{Compiled, Executable};
     pub use execute::{Executor, KernelTime, Ticket};
     pub use faults::{Faults, Point};
@@ -2009,7 +2050,7 @@ pub mod job {
         pub fn solve(
             request: &Request,
             loaded: &Loaded,
-            gpu: &Gpu,
+            gpus: &[Gpu],
             truth: Option<&Truth>,
             preview: Option<&Preview>,
             hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -2124,6 +2165,7 @@ pub mod job {
         }
         pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
         pub fn read(path: &Path) -> Result<Kept> {}
+        impl<W: Write> Write for Summed<W> {}
     }
     mod words {
         pub fn plain(value: &impl serde::Serialize) -> String {}
@@ -3388,6 +3430,20 @@ pub mod solve {
             pub fn forward(plan: &Plan) -> &'static KernelCode {}
             pub fn residual(plan: &Plan) -> &'static KernelCode {}
         }
+        mod share {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+            pub struct Share {
+                pub number: usize,
+                pub of: usize,
+            }
+            impl Plan {
+                pub fn shared(
+                    mut self,
+                    share: Share,
+                    needs: &dyn Needs,
+                ) -> Result<Plan> {}
+            }
+        }
         mod spots {
             pub const SEEN: Buffer = Buffer::named("seen");
             pub const BETWEEN: Buffer = Buffer::named("between");
@@ -3491,6 +3547,7 @@ pub mod solve {
             pub tuning: Tuning,
             pub work: u64,
             pub cut: Option<usize>,
+            pub share: Option<Share>,
             pub with_volume: bool,
             pub texels: u64,
             pub tiles: u32,
@@ -3598,6 +3655,7 @@ pub mod solve {
             pub is_warm: bool,
             pub beyond: Option<TakenOff>,
             pub noise: Option<f64>,
+            pub exchanged: Exchanged,
             pub kernels: Vec<(&'static str, KernelTime)>,
         }
     }
@@ -3747,6 +3805,17 @@ pub mod solve {
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
     }
+    mod surface_alone {
+        mod begin {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Begin {
+                Auto,
+                Lct,
+                Fbp,
+                Plane,
+            }
+        }
+    }
     mod trace {
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct TracePoint {
@@ -3762,6 +3831,17 @@ pub mod solve {
         }
     }
     pub mod vector {
+        mod devices {
+            pub fn reconstruct_on<'b, 'w: 'b>(
+                gpus: &[Gpu],
+                capture: &Capture,
+                grid: Grid,
+                options: &VectorOptions,
+                memory: Option<u64>,
+                with_volume: bool,
+                beside: impl Into<Beside<'b, 'w>>,
+            ) -> Result<Reconstruction> {}
+        }
         pub mod follow {
             #[derive(Debug, Clone, Copy, PartialEq)]
             pub struct Follow {
@@ -3880,6 +3960,7 @@ pub mod solve {
                 pub fn is_less(&self, other: &Left) -> bool {}
             }
         }
+        pub use devices::reconstruct_on;
         pub use follow::Follow;
         pub use frames::{ForFrames, Frames};
         pub use hat::hat;
@@ -3917,13 +3998,15 @@ pub mod solve {
     pub use paper::{Decay, NoiseTerm, PaperOptions};
     pub use plan::{
         Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs,
-        PairPart, Pass, Plan, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
+        PairPart, Pass, Plan, SMOOTH, Share, Sizes, Tuning, Twin, UPLOAD, Value, Voxels,
+        passes,
     };
     pub use prepared::Prepared;
     pub use result::{Reconstruction, TakenOff};
     pub use solver::{Common, RunsOn, Solver};
     pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
     pub use surface::SurfaceOptions;
+    pub use surface_alone::{Begin, SurfaceAloneOptions};
     pub use trace::TracePoint;
     pub use vector::VectorOptions;
     pub static PASSES: &[&[&Pass]] = &[
@@ -4366,6 +4449,7 @@ pub mod transport {
             pub fn first(&self, pairs: usize) -> Wall {}
             pub fn stretch(&self, first: usize, count: usize) -> Wall {}
             pub fn half(&self, side: usize) -> Wall {}
+            pub fn every(&self, [number, of]: [usize; 2]) -> Wall {}
         }
         impl Model {
             pub fn half(&self, side: usize) -> Model {}

@@ -10,7 +10,7 @@ use super::pace::Pace;
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::{Scratch, stamps};
 use super::recording::Mark;
-use super::{Arena, Buffer, Command, Gpu, Kernel, Place, Point, Schedule, Stage};
+use super::{Arena, Buffer, Command, Exchange, Exchanged, Gpu, Kernel, Place, Point, Schedule, Stage};
 use crate::Result;
 
 /// Calls and device seconds of one kernel.
@@ -67,6 +67,11 @@ pub struct Executor {
     gpu_seconds: f64,
     pace: Pace,
     pub(super) scratch: Scratch,
+    /// If several devices share the work.
+    pub(super) exchange: Option<Exchange>,
+    pub(super) exchanged: Exchanged,
+    /// Bytes of a buffer that were exchanged the last time.
+    pub(super) sizes_before: HashMap<Buffer, u64>,
 }
 
 impl Executor {
@@ -106,6 +111,9 @@ impl Executor {
             gpu_seconds: 0.0,
             pace: Pace::new(gpu.info.kind, gpu.work),
             scratch: Scratch::default(),
+            exchange: None,
+            exchanged: Exchanged::default(),
+            sizes_before: HashMap::new(),
         };
         executor.poison()?;
         executor.set_canaries()?;
@@ -118,27 +126,35 @@ impl Executor {
     }
 
     /// Submits `schedule` after earlier submissions, and returns without waiting for it. A long one is divided, so that
-    /// no part of it takes as long as a driver's time limit; the ticket is that of the last part.
+    /// no part of it takes as long as a driver's time limit; the ticket is that of the last part. What is before an exchange
+    /// with other devices is waited for, and so are they.
     ///
     /// # Errors
-    /// The device fails.
+    /// The device fails, or another one that shares the work.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
         if self.gpu.shuffle().is_some() {
             self.submit_shuffled(schedule)
         } else {
-            self.submit_as_it_is(schedule)
+            self.submit_as_it_is(&schedule.commands)
         }
     }
 
-    pub(super) fn submit_as_it_is(&mut self, schedule: &Schedule) -> Result<Ticket> {
+    pub(super) fn submit_as_it_is(&mut self, commands: &[Command]) -> Result<Ticket> {
         let mut open = None;
         let mut last = Ticket(self.submitted);
-        for part in self.pace.parts(&schedule.commands) {
-            let commands = &schedule.commands[part];
-            last = self.submit_part(commands, open)?;
-            let mut stages =
-                commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
-            open = stages.next_back().or(open);
+        let mut exchanges =
+            commands.iter().filter_map(|c| if let Command::Exchange(sums) = c { Some(sums) } else { None });
+        for stretch in commands.split(|c| matches!(c, Command::Exchange(_))) {
+            for part in self.pace.parts(stretch) {
+                let commands = &stretch[part];
+                last = self.submit_part(commands, open)?;
+                let mut stages =
+                    commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
+                open = stages.next_back().or(open);
+            }
+            if let Some(sums) = exchanges.next() {
+                self.add_up(sums)?;
+            }
         }
         Ok(last)
     }

@@ -6,6 +6,7 @@
 mod budget;
 pub mod caller;
 mod device;
+mod exchange;
 mod executables;
 mod execute;
 mod faults;
@@ -29,6 +30,7 @@ mod state;
 
 pub use budget::{Memory, check};
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
+pub use exchange::{Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for};
 pub use executables::{Compiled, Executable};
 pub use execute::{Executor, KernelTime, Ticket};
 pub use faults::{Faults, Point};

@@ -155,7 +155,7 @@ impl Executor {
                 into.writes.push(*to);
             }
             Command::Fill { buffer, .. } => into.writes.push(*buffer),
-            Command::Stage(_) => {}
+            Command::Exchange(_) | Command::Stage(_) => {}
         }
     }
 
@@ -236,7 +236,7 @@ impl Executor {
                     assert!(offset + bytes <= b.bytes, "fill beyond `{buffer}`");
                     device.cmd_fill_buffer(c, b.handle, *offset, *bytes, *value);
                 }
-                Command::Stage(_) => {}
+                Command::Exchange(_) | Command::Stage(_) => {}
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Deref;
 
-use super::{Buffer, Kernel};
+use super::{Buffer, Kernel, Summed};
 
 /// Words of push constants, the same for every kernel.
 pub(super) const PUSH_WORDS: usize = 7;
@@ -115,6 +115,8 @@ pub enum Command {
         /// The 32-bit word.
         value: u32,
     },
+    /// Adds these sums up over all devices that share the work ([`super::Exchange`]).
+    Exchange(Vec<Summed>),
     /// Begins a stage: the commands up to the next one belong together in labels and timelines. Does nothing on the
     /// device.
     Stage(Stage),
@@ -200,6 +202,11 @@ impl Schedule {
         self.commands.push(Command::Copy { from: buffer, from_offset, to: buffer, to_offset, bytes: 4 });
     }
 
+    /// Adds `sums` up over all devices that share the work.
+    pub fn exchange(&mut self, sums: &[Summed]) {
+        self.commands.push(Command::Exchange(sums.to_vec()));
+    }
+
     /// Begins a stage.
     pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {
         self.commands.push(Command::Stage(Stage { name, values: values.to_vec() }));
@@ -252,12 +259,13 @@ impl Command {
         if let Command::Dispatch { work, .. } = self { *work } else { 0 }
     }
 
-    /// Kernel name, "copy", "fill", or the name of the stage.
+    /// Kernel name, "copy", "fill", "exchange", or the name of the stage.
     pub fn name(&self) -> &'static str {
         match self {
             Command::Dispatch { kernel, .. } => kernel.name(),
             Command::Copy { .. } => "copy",
             Command::Fill { .. } => "fill",
+            Command::Exchange(_) => "exchange",
             Command::Stage(stage) => stage.name,
         }
     }
@@ -282,6 +290,11 @@ impl fmt::Display for Schedule {
                 Command::Copy { from, to, bytes, .. } => writeln!(f, "copy {from} -> {to} {bytes}")?,
                 Command::Fill { buffer, bytes, value, .. } => {
                     writeln!(f, "fill {buffer} {bytes} {value:#x}")?
+                }
+                Command::Exchange(sums) => {
+                    write!(f, "exchange")?;
+                    sums.iter().try_for_each(|s| write!(f, " {} {}", s.buffer, s.bytes))?;
+                    writeln!(f)?;
                 }
                 Command::Stage(stage) => writeln!(f, "-- {stage}")?,
             }

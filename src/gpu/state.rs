@@ -152,13 +152,13 @@ impl Executor {
                     to_offset: 0,
                     bytes: 12,
                 });
-                let ticket = self.submit_as_it_is(&std::mem::take(&mut part))?;
+                let ticket = self.submit_as_it_is(&std::mem::take(&mut part).commands)?;
                 self.wait(ticket)?;
                 *size = Size::Groups(self.read::<[u32; 3]>(SIZE_BACK, ..1)[0]);
             }
             part.commands.push(command);
         }
-        self.submit_as_it_is(&part)
+        self.submit_as_it_is(&part.commands)
     }
 }
 

@@ -38,19 +38,19 @@ pub struct Finished {
     pub sum: usize,
 }
 
-/// Solves as `request` says. `hear` is called with the progress and may cancel. `preview` shows the volume on its way.
+/// Solves as `request` says, on several devices that share the pairs or on one. `hear` is called with the progress and may cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
 /// Those of [`super::SolverOptions::solve`], of [`metrics`] and of checkpoint files.
 pub fn solve(
     request: &Request,
     loaded: &Loaded,
-    gpu: &Gpu,
+    gpus: &[Gpu],
     truth: Option<&Truth>,
     preview: Option<&Preview>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Finished> {
-    let step = request.trace_step();
+    let (step, gpu) = (request.trace_step(), &gpus[0]);
     let resumed = request.resume.as_deref().map(state_file::read).transpose()?;
     let mut failed = None;
     // Figures and snapshots so far. The watch adds to them, and checkpoints save them.
@@ -114,7 +114,7 @@ pub fn solve(
     let with_volume = request.volume_file.is_some();
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
     let solver = sizes::with_kept(request, gpu, capture);
-    let done = solver.solve(gpu, capture, grid, request.memory, with_volume, beside);
+    let done = solver.solve_on(gpus, capture, grid, request.memory, with_volume, beside);
     let mut result = match failed {
         Some(e) => return Err(e),
         None => done

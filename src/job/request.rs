@@ -28,7 +28,8 @@ pub struct Request {
     pub volume: Option<Volume>,
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
-    /// Index or part of the name of the device.
+    /// Index or part of the name of the device; for [`run`](super::run()), several with commas between them share the
+    /// pairs ([`reconstruct_on`](crate::solve::vector::reconstruct_on)).
     pub device: Option<String>,
     /// Folder in which compiled kernels are kept between runs, see [`super::usual_pipeline_cache`].
     pub pipeline_cache: Option<PathBuf>,
@@ -158,14 +159,23 @@ impl Request {
     }
 
     pub(super) fn open(&self) -> Result<Gpu> {
-        Gpu::open(&GpuOptions {
+        Gpu::open(&self.gpu_options())
+    }
+
+    /// Opens every device that is named.
+    pub(super) fn open_all(&self) -> Result<Vec<Gpu>> {
+        Gpu::open_all(&self.gpu_options())
+    }
+
+    fn gpu_options(&self) -> GpuOptions {
+        GpuOptions {
             device: self.device.clone(),
             pipeline_cache: self.pipeline_cache.clone(),
             validation: self.validation,
             timings: self.timings,
             faults: self.faults,
             ..GpuOptions::default()
-        })
+        }
     }
 
     /// Checks everything but places that can be checked before the work begins. Returns the truth, if its file is given.

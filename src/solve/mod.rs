@@ -30,6 +30,7 @@ mod solver;
 mod solvers;
 pub mod surface;
 mod surface_alone;
+mod together;
 mod trace;
 pub mod vector;
 
@@ -50,7 +51,7 @@ pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart, Pass, Plan, SMOOTH,
-    Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
+    Share, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use result::{Reconstruction, TakenOff};

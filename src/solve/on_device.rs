@@ -84,10 +84,10 @@ impl OnDevice {
         let mut all = Uploads::begin(executor)?;
         let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
         if plan.levels.iter().chain(plan.pixels_only()).any(|l| whole(&l)) {
-            all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
+            all.add(buffer::WALL, bytemuck::cast_slice(&plan.own_wall(model.wall.clone()).words()))?;
         }
         for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).into_iter().map(move |p| (l, p))) {
-            let wall = model.wall.first(level.pairs).stretch(part.first, part.own.count);
+            let wall = plan.own_wall(model.wall.first(level.pairs)).stretch(part.first, part.own.count);
             all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
         let mut taps = vec![(plan.taps.len() - 1) as f32];
@@ -113,7 +113,8 @@ impl OnDevice {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
             if level.wall != buffer::WALL && !plan.is_cut(level) {
-                all.add(level.wall, bytemuck::cast_slice(&model.wall.first(level.pairs).words()))?;
+                let wall = plan.own_wall(model.wall.first(level.pairs));
+                all.add(level.wall, bytemuck::cast_slice(&wall.words()))?;
             }
         }
         all.run()
@@ -193,7 +194,7 @@ impl<'e> Uploads<'e> {
         if plan.cut.is_some() {
             return self.add_parts(plan, model, summed);
         }
-        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
+        self.add(buffer::MEASURED, bytemuck::cast_slice(&plan.own_rows(&model.measured, model.bins)))?;
         self.then(sum_bins(plan));
         Ok(())
     }
@@ -222,7 +223,8 @@ impl<'e> Uploads<'e> {
             if !added.contains(&level.measured) {
                 // The most pairs of any whole level with these bins; others have the first of them.
                 let room = plan.bytes_of(level.measured) as usize / 4;
-                let own = &in_bins_of(level, model, summed).measured;
+                let own = in_bins_of(level, model, summed);
+                let own = plan.own_rows(&own.measured, own.bins);
                 self.add(level.measured, bytemuck::cast_slice(&own[..room.min(own.len())]))?;
                 added.push(level.measured);
             }
@@ -244,9 +246,10 @@ impl<'e> Uploads<'e> {
             // An outline has no counts yet.
             if is_first && !own.measured.is_empty() {
                 stored.push(level.sum);
+                let rows = plan.own_rows(&own.measured, own.bins);
                 for part in plan.parts(level) {
                     let bins = part.first * level.bins..(part.first + part.own.count) * level.bins;
-                    self.store(&part, part.measured, bytemuck::cast_slice(&own.measured[bins]));
+                    self.store(&part, part.measured, bytemuck::cast_slice(&rows[bins]));
                 }
             }
         }

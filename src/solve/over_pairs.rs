@@ -176,15 +176,16 @@ pub fn sum_bins(plan: &Plan) -> Schedule {
     if plan.cut.is_some() {
         return s;
     }
+    let pairs = plan.own(plan.pairs);
     for level in plan.summed() {
-        s.dispatch(&SUM_BINS, groups(plan.pairs * level.bins, WORKGROUP))
+        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP))
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, buffer::MEASURED)
             .bind(buffer::TARGET, level.measured)
             .with(Push {
                 first: level.sum as u32,
                 last: plan.bins as u32,
-                step: plan.pairs as u32,
+                step: pairs as u32,
                 ..Default::default()
             });
     }
@@ -226,7 +227,8 @@ pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
 
 /// Push constants of a gather over the measured or rendered pairs of a part, `all`, for `voxels` voxels, in as many
 /// dispatches as the limits of loops and of the work of a dispatch need. A product is cut into whole rows of scanned
-/// points where they fit, else into stretches of one row.
+/// points where they fit, else into stretches of one row. Where several devices share the pairs, none of them is the last
+/// ([`super::together`]).
 pub(super) fn pair_chunks(plan: &Plan, part: &PairPart, all: &Pairs, voxels: usize) -> Vec<Push> {
     let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));
     let several = plan.geometry == Geometry::Product && all.others > 1;
@@ -240,7 +242,8 @@ pub(super) fn pair_chunks(plan: &Plan, part: &PairPart, all: &Pairs, voxels: usi
             false => (first + most).min((first / row + 1) * row),
         };
         let more = if first > 0 || !part.is_first() { BACKWARD_CONTINUE } else { 0 };
-        let end = if last == pairs && part.is_last() { BACKWARD_FINISH } else { 0 };
+        let ends = last == pairs && part.is_last() && plan.share.is_none();
+        let end = if ends { BACKWARD_FINISH } else { 0 };
         chunks.push(Push { first, last, flags: more | end, ..Default::default() });
         first = last;
     }

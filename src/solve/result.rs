@@ -10,7 +10,7 @@ use super::drive::Driven;
 use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
 use crate::Result;
-use crate::gpu::{KernelTime, Schedule};
+use crate::gpu::{Exchanged, KernelTime, Schedule};
 use crate::maps::Maps;
 use crate::transport::Model;
 use crate::transport::kernels::{TRACE_LEAST, buffer};
@@ -61,6 +61,8 @@ pub struct Reconstruction {
     pub beyond: Option<TakenOff>,
     /// The share of noise in the energy of the counts, if these were on the device only.
     pub noise: Option<f64>,
+    /// What the first device exchanged with the others that shared the pairs; nothing on one device.
+    pub exchanged: Exchanged,
     /// Per kernel, if the device was opened with timings.
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
@@ -102,6 +104,7 @@ pub(super) fn finish(
         is_warm: false,
         beyond: None,
         noise: None,
+        exchanged: job.executor.exchanged(),
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
         kernels: job.executor.take_times().into_iter().collect(),

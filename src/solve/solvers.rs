@@ -10,6 +10,7 @@ use super::{
     Beside, Common, Needs, PaperOptions, Part, Plan, Prepared, Reconstruction, RunsOn, Sizes, Solver,
     SurfaceAloneOptions, VectorOptions, default_volume, surface,
 };
+use crate::advice::advice;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, check};
 use crate::maps::Maps;
@@ -361,6 +362,31 @@ impl SolverOptions {
         self.check()?;
         capture.check()?;
         self.prepare(gpu, capture, grid, memory, with_volume)?.solve(capture, beside.into())
+    }
+
+    /// Runs the solver on several devices that share the pairs, or on one.
+    ///
+    /// # Errors
+    /// See [`super::vector::reconstruct_on`]; and several devices are given for another solver.
+    pub fn solve_on<'b, 'w: 'b>(
+        &self,
+        gpus: &[Gpu],
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+        beside: impl Into<Beside<'b, 'w>>,
+    ) -> Result<Reconstruction> {
+        match (self, gpus) {
+            (_, [gpu]) => self.solve(gpu, capture, grid, memory, with_volume, beside),
+            (SolverOptions::Vector(o), _) => {
+                super::vector::reconstruct_on(gpus, capture, grid, o, memory, with_volume, beside)
+            }
+            _ => Err(Error::options(
+                format!("{} devices are to share a solve, and {} runs on one", gpus.len(), self.name()),
+                advice!["name one " Device ", or use the vector solver"],
+            )),
+        }
     }
 
     /// Prepares the solver for captures of one scan.

@@ -6,6 +6,7 @@ mod browser;
 mod calibrate;
 mod commands;
 mod compare;
+mod devices;
 mod examples;
 mod live;
 mod model;

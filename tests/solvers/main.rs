@@ -3,6 +3,7 @@
 mod beyond;
 mod closed_form;
 mod confidence;
+mod devices;
 mod layers;
 mod leave_out;
 mod lent;

@@ -17,15 +17,15 @@ use thirdbounce::solve::{
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, Result};
 
-fn render(scene: &Scene) -> Capture {
+pub fn render(scene: &Scene) -> Capture {
     simulate(scene, &RenderOptions { noise: 0.1, ..RenderOptions::default() }).expect("a rendering").capture
 }
 
-fn scene(scan: usize) -> Scene {
+pub fn scene(scan: usize) -> Scene {
     Scene { scan, bin_width: 0.01, ..Scene::named("letter-Z").expect("a built-in scene") }
 }
 
-fn confocal() -> Capture {
+pub fn confocal() -> Capture {
     render(&scene(24))
 }
 
@@ -35,12 +35,12 @@ fn with_pulse() -> Capture {
     capture
 }
 
-fn exhaustive(scan: usize, lasers: usize) -> Capture {
+pub fn exhaustive(scan: usize, lasers: usize) -> Capture {
     render(&Scene { layout: Layout::Exhaustive { lasers }, ..scene(scan) })
 }
 
 /// Captures of every kind of pairs whose histograms are larger than any buffer of a small volume.
-fn kinds() -> Vec<(&'static str, Capture)> {
+pub fn kinds() -> Vec<(&'static str, Capture)> {
     let bump = Scene { wall_shape: WallShape::Bump, reflectance: Reflectance::Lambertian, ..scene(24) };
     vec![
         ("confocal", confocal()),
@@ -55,7 +55,7 @@ fn kinds() -> Vec<(&'static str, Capture)> {
     ]
 }
 
-fn paper(term: NoiseTerm) -> SolverOptions {
+pub fn paper(term: NoiseTerm) -> SolverOptions {
     let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
         o.lateral = 12;
         o.iterations = 12;
@@ -67,7 +67,7 @@ fn paper(term: NoiseTerm) -> SolverOptions {
     options.into()
 }
 
-fn vector_with(accumulation: Accumulation) -> SolverOptions {
+pub fn vector_with(accumulation: Accumulation) -> SolverOptions {
     let options = VectorOptions::default().with(|o| {
         o.lateral = 12;
         o.iterations = 8;
@@ -82,10 +82,10 @@ fn vector_with(accumulation: Accumulation) -> SolverOptions {
 }
 
 /// Largest buffers that cut the pairs, but no volume.
-const SMALL: u64 = 190 << 10;
+pub const SMALL: u64 = 190 << 10;
 const SMALL_FOR_PAPER: u64 = 440 << 10;
 
-fn open(binding: Option<u64>) -> Gpu {
+pub fn open(binding: Option<u64>) -> Gpu {
     Gpu::open(&GpuOptions { binding, ..GpuOptions::default() }).expect("a Vulkan device")
 }
 
@@ -105,7 +105,13 @@ fn assert_same(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
     assert_eq!(whole.plan.part_counts().concat().iter().max(), Some(&1), "{what}: the whole one is whole");
     assert!(parts.plan.part_counts().concat().iter().any(|n| *n > 1), "{what}: in parts");
     assert!(whole.plan.stored_bytes() == 0 && parts.plan.stored_bytes() > 0, "{what}");
+    assert_alike(what, whole, parts);
+}
+
+/// Holds two solves of the same capture against each other: all is the same to rounding.
+pub fn assert_alike(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
     assert_eq!(whole.pairs, parts.pairs, "{what}: the same work");
+    assert_eq!(whole.trace.len(), parts.trace.len(), "{what}: as many points");
     for (a, b) in whole.trace.iter().zip(&parts.trace) {
         assert!(
             (a.loss / b.loss - 1.0).abs() < 1e-4,

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
+use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Exchanged, Gpu, Place};
 use crate::transport::{Binning, Gradient, Grid, Model};
 use crate::{Error, Kind, Result};
 
@@ -322,6 +322,7 @@ fn in_one_step(
         is_warm: false,
         beyond: None,
         noise: None,
+        exchanged: Exchanged::default(),
         kernels: vec![],
         plan: plan.clone(),
     })

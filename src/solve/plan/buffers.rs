@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Level, Plan};
-use crate::gpu::{Buffer, BufferPlan, Place, View};
+use crate::gpu::{Buffer, BufferPlan, EXCHANGED, Place, View};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -41,13 +41,19 @@ impl Plan {
         }
         let rows = self.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
         // Parts are copied from where they are stored.
-        let uploaded =
-            if self.cut.is_some() { self.cells_held() * 4 } else { (self.pairs * self.bins * 4) as u64 };
+        let uploaded = if self.cut.is_some() {
+            self.cells_held() * 4
+        } else {
+            (self.own(self.pairs) * self.bins * 4) as u64
+        };
         let mut on_host = vec![
             (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
+        if self.share.is_some() {
+            on_host.push((EXCHANGED, self.exchanged_bytes(), Place::Readback));
+        }
         if self.lent.is_some() {
             let bytes = u64::from(TALLY_SLICES) * self.all_bins as u64 * 16;
             on_host.push((buffer::TALLY, bytes, Place::Readback));
@@ -84,7 +90,7 @@ impl Plan {
         // Slots of active voxels, and of touched ones.
         let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
         let cells = self.cells_held();
-        let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
+        let of_level = |l: &Level| super::cells(self.rendered(l).count, l.bins) as u64;
         let rendered = match self.cut {
             None => self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells),
             Some(_) => cells,
@@ -139,7 +145,7 @@ impl Plan {
     /// Cells of the histograms that are on the device at once.
     fn cells_held(&self) -> u64 {
         // The narrowest bins of any level make the longest histograms.
-        let whole = super::cells(self.pairs, self.bins) as u64;
+        let whole = super::cells(self.own(self.pairs), self.bins) as u64;
         if self.cut.is_none() {
             return whole;
         }
@@ -152,7 +158,7 @@ impl Plan {
         let levels = self.levels.iter().chain(&self.pixel_levels);
         let whole = levels.filter(|l| l.measured == measured && !self.is_cut(l)).map(|l| l.pairs).max();
         let pairs = if self.cut.is_none() { self.pairs } else { whole.unwrap_or(0) };
-        (pairs * bins * 4) as u64
+        (self.own(pairs) * bins * 4) as u64
     }
 
     /// Bytes of the wall of all pairs, where a level has all of them at once.
@@ -191,7 +197,8 @@ impl Plan {
 
     /// Bytes of the wall points that the pairs of a level have.
     fn wall_bytes(&self, level: &Level) -> u64 {
-        let points: usize = self.geometry.counts(level.pairs, self.scanned, self.others).iter().sum();
+        let points: usize =
+            self.geometry.counts(self.own(level.pairs), self.scanned, self.others).iter().sum();
         points as u64 * self.bytes_of_point()
     }
 }

@@ -19,6 +19,7 @@ mod needs;
 pub(in crate::solve) mod parts;
 pub(in crate::solve) mod pass;
 pub mod passes;
+mod share;
 mod spots;
 mod tuning;
 
@@ -28,6 +29,7 @@ pub use levels::{AMPLE, Level, Pairs, sum_of};
 pub use needs::{Demand, LentRows, Needs};
 pub use parts::PairPart;
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
+pub use share::Share;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
@@ -92,6 +94,8 @@ pub struct Plan {
     pub work: u64,
     /// The most cells of a part where the pairs of large levels are cut into parts ([`Plan::within`]); `None`: no level is.
     pub cut: Option<usize>,
+    /// The share of the pairs that its device takes, if several share them ([`Plan::shared`]).
+    pub share: Option<Share>,
     /// The volume can be read back.
     pub with_volume: bool,
     /// The most texels that passes over pairs may see in a buffer; 0 if they are to see none.
@@ -203,6 +207,7 @@ impl Plan {
             tuning,
             work: device.limits.work,
             cut: None,
+            share: None,
             with_volume,
             texels,
             tiles: device.limits.groups[0],
@@ -268,10 +273,11 @@ impl Plan {
         cells(level.pairs, level.bins)
     }
 
-    /// The measured pairs of a level.
+    /// The measured pairs of a level that are on this device.
     pub fn measured(&self, level: &Level) -> Pairs {
-        let [scanned, others] = self.geometry.counts(level.pairs, self.scanned, self.others);
-        Pairs { count: level.pairs, scanned, others, wall: level.wall, scene: level.scene }
+        let count = self.own(level.pairs);
+        let [scanned, others] = self.geometry.counts(count, self.scanned, self.others);
+        Pairs { count, scanned, others, wall: level.wall, scene: level.scene }
     }
 
     /// The constants of a level for some of its pairs; `whole` are those of the model.

@@ -90,19 +90,20 @@ impl Plan {
     /// The parts of a level, in order: the first ones are the largest. One where all its pairs are on the device.
     pub fn parts(&self, level: &Level) -> Vec<PairPart> {
         let held = self.held(level);
-        if held == level.pairs {
+        let all = self.own(level.pairs);
+        if held == all {
             return vec![PairPart {
                 number: 0,
                 of: 1,
                 first: 0,
                 own: self.measured(level),
-                rendered: level.rendered,
+                rendered: self.rendered(level),
                 measured: level.measured,
                 noise: buffer::NOISE_STATE,
                 stored: vec![],
             }];
         }
-        let counts = self.counts_of_parts(level.pairs, held);
+        let counts = self.counts_of_parts(all, held);
         let (of, at) = (counts.len(), self.number_of(level));
         let (mut first, mut wall_offset) = (0, 0);
         let part = |(number, count): (usize, &usize)| {
@@ -137,7 +138,7 @@ impl Plan {
 
     /// Whether the pairs of a level are more than one part.
     pub fn is_cut(&self, level: &Level) -> bool {
-        self.held(level) < level.pairs
+        self.held(level) < self.own(level.pairs)
     }
 
     /// The levels whose pairs are more than one part.
@@ -223,11 +224,11 @@ impl Plan {
     /// The cells of a part if all pairs in the narrowest bins were so many parts.
     fn cut_for(&self, parts: usize) -> usize {
         let bins = self.levels.iter().chain(&self.pixel_levels).map(|l| l.bins).max().unwrap_or(self.bins);
-        cells(self.pairs.div_ceil(parts), bins)
+        cells(self.own(self.pairs).div_ceil(parts), bins)
     }
 
     /// The buffers once more, after a change of [`Plan::cut`]. They read no texels where these are too many.
-    fn list_again(&mut self, needs: &dyn Needs) {
+    pub(super) fn list_again(&mut self, needs: &dyn Needs) {
         self.tuning.texels = self.largest_view() <= self.texels;
         self.buffers = self.list_buffers(needs.buffers(self), self.with_volume);
     }
@@ -280,12 +281,13 @@ impl Plan {
 
     /// Pairs of a level that are on the device at once.
     pub(super) fn held(&self, level: &Level) -> usize {
-        let Some(most) = self.cut else { return level.pairs };
+        let own = self.own(level.pairs);
+        let Some(most) = self.cut else { return own };
         // Levels with the same bins share what is stored, so their parts are the same.
         let same = self.levels.iter().chain(&self.pixel_levels).filter(|l| l.sum == level.sum);
-        let widest = same.map(|l| l.pairs).max().unwrap_or(level.pairs);
+        let widest = same.map(|l| self.own(l.pairs)).max().unwrap_or(own);
         let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
-        level.pairs.min(self.pairs_of_part(widest, most))
+        own.min(self.pairs_of_part(widest, most))
     }
 
     /// Pairs of each of several parts of about the same size, of at most `most` pairs. Of a product: whole rows of

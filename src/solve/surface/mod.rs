@@ -18,7 +18,7 @@ use super::estimate::expected_noise;
 use super::on_device::{OnDevice, read_maps, trace_rows, upload};
 use super::outline::{self, Part};
 use super::over_pairs::scene_of_sums;
-use super::{Level, Pass, Plan};
+use super::{Level, Pass, Plan, together};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
@@ -331,9 +331,10 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
 /// Renders so many pixels, and leaves what the pass `residual` makes of it in row `row` of the trace.
 fn compared(plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) -> Schedule {
     let mut s = render(plan, level, pixels, residual, None);
+    s.extend(together::add_up_losses(plan, level, &passes::SURFACE_FINISH, &[]));
     s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
         .bind(buffer::SCENE, scene_of_sums(plan, level))
-        .with(Push { iteration: row as u32, ..Default::default() });
+        .with(Push { iteration: row as u32, flags: together::finish_flags(plan), ..Default::default() });
     s
 }
 

@@ -7,7 +7,7 @@ use crate::solve::over_pairs::{compare, forward, gather, gathered, groups, over_
 use crate::solve::passes::{ARGUMENTS, RESIDUAL};
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
-use crate::solve::{Level, Plan};
+use crate::solve::{Level, Plan, together};
 use crate::transport::kernels::*;
 
 /// Decays of Adam's moments, as in `surface_step.comp`.
@@ -74,6 +74,7 @@ pub fn iteration(
         s.extend(gather(plan, level, part, &SURFACE_GATHER, 0, from));
         s
     }));
+    s.extend(together::add_up_losses(plan, level, &SURFACE_FINISH, &[plan.gradients()]));
     s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(unbiased(
@@ -81,6 +82,7 @@ pub fn iteration(
         BETAS,
         at as u32 + 1,
     ));
+    let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
     s
 }

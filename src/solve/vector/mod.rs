@@ -28,6 +28,7 @@ use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
 mod beyond;
+mod devices;
 pub mod follow;
 mod frames;
 mod hat;
@@ -39,6 +40,7 @@ mod preview;
 mod schedule;
 mod trial;
 
+pub use devices::reconstruct_on;
 pub use follow::Follow;
 pub use frames::{ForFrames, Frames};
 pub use hat::hat;

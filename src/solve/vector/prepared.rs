@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::beyond::{self, Beyond, Search};
+use super::devices::Member;
 use super::follow::{self, Follow, Pace, rate};
 use super::frames::{ForFrames, Frames};
 use super::{
@@ -57,12 +58,31 @@ pub fn prepare_for_frames(
     with_volume: bool,
     frames: Frames,
 ) -> Result<impl Prepared + use<>> {
+    prepare_member(gpu, capture, grid, options, memory, with_volume, frames, None)
+}
+
+/// As [`prepare_for_frames`]; for one of several devices that share the pairs, if it is a `member` of them.
+#[expect(clippy::too_many_arguments, reason = "those of `prepare_for_frames`, and one")]
+pub(super) fn prepare_member(
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    options: &VectorOptions,
+    memory: Option<u64>,
+    with_volume: bool,
+    frames: Frames,
+    member: Option<Member>,
+) -> Result<impl Prepared + use<>> {
     options.check()?;
     let how = frames.follow;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
     let needs = ForFrames(options, frames);
     let plan = Plan::new(&outline, grid, capture.resolution(), &needs, &gpu.abilities(), with_volume)?;
+    let plan = match &member {
+        Some(member) => plan.shared(member.share, &needs)?,
+        None => plan,
+    };
     let plan = plan.within(&needs, &gpu.memory(), memory)?;
     if (how.is_some() || frames.lent.is_some()) && plan.cut.is_some() {
         return Err(Error::memory(
@@ -70,13 +90,13 @@ pub fn prepare_for_frames(
             advice!["allow more with " Memory ", use " {Remedy::SMALLER_JOB} ", or leave both out"],
         ));
     }
-    let search = match options.beyond && frames.lent.is_none() {
+    let search = match options.beyond && frames.lent.is_none() && member.is_none() {
         true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
         false => None,
     };
     let planned = Planned::new(gpu, outline, plan, memory);
     let following = how.map(|how| Chain { how, pace: Pace::default(), last: None });
-    Ok(PreparedVector { planned, rows, search, options: options.clone(), with_volume, following })
+    Ok(PreparedVector { planned, rows, search, options: options.clone(), with_volume, following, member })
 }
 
 struct PreparedVector {
@@ -87,6 +107,8 @@ struct PreparedVector {
     with_volume: bool,
     /// If frames follow each other.
     following: Option<Chain>,
+    /// If several devices share the pairs.
+    member: Option<Member>,
 }
 
 /// Frames that follow each other.
@@ -199,9 +221,12 @@ impl PreparedVector {
         let begun = Instant::now();
         let beyond = self.light_beyond(counts.capture, watch)?;
         let before = begun.elapsed().as_secs_f64();
-        let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
+        let PreparedVector { planned, rows, options, with_volume, following, member, .. } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(|job| make_all_ready(job, rows))?;
+        if let Some(exchange) = member.as_mut().and_then(|member| member.exchange.take()) {
+            job.executor.join(exchange);
+        }
         let noise = counts.take(job, options, rows, None, false)?;
         let light = beyond.as_ref().map(|beyond| (beyond.take_off(&mut job.model), beyond.told));
         if noise.is_none() {
@@ -323,19 +348,22 @@ impl PreparedVector {
     }
 
     /// The light from beyond the box. If everything was allocated before, the search keeps what it has.
-    fn light_beyond(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Option<Beyond>> {
+    fn light_beyond(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Option<Arc<Beyond>>> {
+        if let Some(member) = &self.member {
+            return Ok(member.beyond.clone());
+        }
         let Some(search) = &mut self.search else { return Ok(None) };
         let _span = self.planned.gpu().span("beyond");
         let found = search.find(capture, watch);
         if !self.planned.is_made() {
             search.release();
         }
-        going_on(found)
+        going_on(found.map(|found| found.map(Arc::new)))
     }
 }
 
 /// If the search fails for a reason of its own, the solve goes on without it.
-fn going_on<T>(found: Result<Option<T>>) -> Result<Option<T>> {
+pub(super) fn going_on<T>(found: Result<Option<T>>) -> Result<Option<T>> {
     match found {
         Err(Error { kind, .. }) if !matches!(kind, Kind::Device | Kind::Cancelled) => Ok(None),
         found => found,

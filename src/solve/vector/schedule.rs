@@ -2,7 +2,7 @@
 
 use super::VectorOptions;
 use super::passes::*;
-use crate::gpu::Schedule;
+use crate::gpu::{Command, Schedule};
 use crate::solve::over_pairs::{
     arguments, compare, forward, gather, groups, instrument_back, over_parts, pair_chunks, scene_of_sums,
     work_of,
@@ -10,7 +10,7 @@ use crate::solve::over_pairs::{
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
 use crate::solve::plan::PairPart;
 use crate::solve::plan::pass::Pass;
-use crate::solve::{Level, Plan, domain};
+use crate::solve::{Level, Plan, domain, together};
 use crate::transport::cells;
 use crate::transport::kernels::*;
 
@@ -24,14 +24,30 @@ pub fn project(plan: &Plan, level: &Level) -> Schedule {
 /// Back-projects the filtered measurement into the second of [`Plan::volumes`]. Sums below zero stay if `signed`, else
 /// they become zero.
 pub(in crate::solve) fn gather_filtered(plan: &Plan, level: &Level, signed: bool) -> Schedule {
-    over_parts(plan, level, |part| {
+    let mut s = over_parts(plan, level, |part| {
         let mut s = Schedule::default();
         s.dispatch(&FILTER, groups(cells(part.own.count, level.bins), WORKGROUP))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);
         s.extend(backproject(plan, level, part, signed));
         s
-    })
+    });
+    s.extend(together::add_up(plan, &[plan.projection(level)]));
+    if !signed {
+        let voxels = level.grid.storage();
+        let all = groups(voxels, plan.tuning.samples_of_group(voxels));
+        s.extend(together::end_of_all(plan, level, &BACKPROJECT, all, |end, part| {
+            bind_of_backproject(plan, part, end);
+        }));
+    }
+    s
+}
+
+fn bind_of_backproject(plan: &Plan, part: &PairPart, command: &mut Command) {
+    command
+        .bind(buffer::SCENE, part.own.scene)
+        .bind(buffer::WALL, part.own.wall)
+        .bind(buffer::TARGET, plan.volumes[1]);
 }
 
 /// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`]. `signed`: see
@@ -43,12 +59,9 @@ pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart, signed: b
         if signed {
             push.flags &= !BACKWARD_FINISH;
         }
-        s.dispatch(&BACKPROJECT, groups(voxels, plan.tuning.samples_of_group(voxels)))
-            .bind(buffer::SCENE, part.own.scene)
-            .bind(buffer::WALL, part.own.wall)
-            .bind(buffer::TARGET, plan.volumes[1])
-            .with(push)
-            .taking(work_of(&push, voxels));
+        let all = groups(voxels, plan.tuning.samples_of_group(voxels));
+        let command = s.dispatch(&BACKPROJECT, all).with(push).taking(work_of(&push, voxels));
+        bind_of_backproject(plan, part, command);
     }
     s
 }
@@ -81,10 +94,14 @@ pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
     s.extend(over_parts(plan, level, |part| {
         let mut s = forward(plan, level, part, &FORWARD);
         s.extend(compare(plan, level, part, &RESIDUAL, push, None));
-        // The sums begin with the roughness.
-        s.extend(gather(plan, level, part, &STEP, BACKWARD_CONTINUE, plan.residual()));
+        // The sums begin with the roughness, once.
+        let begun = if plan.begins_sums() { BACKWARD_CONTINUE } else { 0 };
+        s.extend(gather(plan, level, part, &STEP, begun, plan.residual()));
         s
     }));
+    s.extend(together::add_up_losses(plan, level, &FINISH, &[plan.gradients()]));
+    s.extend(together::end(plan, level, &STEP, plan.residual()));
+    let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
     s
 }
@@ -176,6 +193,10 @@ pub(super) fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>)
         s.extend(gather(plan, level, part, &BOUND_NOISE, 0, plan.residual()));
         s
     }));
+    s.extend(together::add_up(plan, &[plan.bounds()]));
+    for pass in [&BOUND_STEP, &BOUND_NOISE] {
+        s.extend(together::end(plan, level, pass, plan.residual()));
+    }
     if expected.is_some() {
         s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);
     }
