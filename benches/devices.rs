@@ -22,11 +22,11 @@ fn main() {
         Gpu::open_all(&options).unwrap_or_else(|e| panic!("{e}"))
     };
     let devices: Vec<Vec<Gpu>> = named.iter().map(open).collect();
-    let scene = Scene { scan: 32, bin_width: 0.012, ..Scene::named("figure").expect("a built-in scene") };
+    let scene = Scene { scan: 48, bin_width: 0.012, ..Scene::named("figure").expect("a built-in scene") };
     let options = RenderOptions { noise: 0.05, ..RenderOptions::default() };
     let capture = simulate(&scene, &options).expect("it renders").capture;
     let options = VectorOptions::default().with(|o| {
-        (o.lateral, o.iterations, o.surface.iterations) = (64, 40, 20);
+        (o.lateral, o.iterations, o.surface.iterations) = (64, 30, 15);
         (o.beyond, o.stop) = (false, false);
     });
     let solver: SolverOptions = options.into();
