@@ -188,7 +188,7 @@ typedef int32_t (*tb_hear)(void *user, const struct tb_progress *progress);
 typedef struct tb_settings {
     // sizeof(tb_settings).
     size_t size;
-    // "vector", "paper" or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
+    // "vector", "paper", "surface", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
     const char *solver;
     // Lateral pixels of the maps; 0: the solver's default.
     size_t lateral;

@@ -3470,6 +3470,7 @@ pub mod solve {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
             pub enum Accumulation {
                 Auto,
+                Repeatable,
                 Float,
                 Fixed,
                 Fixed32,

@@ -44,7 +44,7 @@ pub type TbHear = Option<unsafe extern "C" fn(user: *mut c_void, progress: *cons
 pub struct TbSettings {
     /// sizeof(tb_settings).
     pub size: usize,
-    /// "vector", "paper" or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
+    /// "vector", "paper", "surface", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
     pub solver: *const c_char,
     /// Lateral pixels of the maps; 0: the solver's default.
     pub lateral: usize,

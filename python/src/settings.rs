@@ -160,7 +160,7 @@ fn option(solver: &str, key: &str, given: &Given) -> Result<(&'static str, Value
     let mut options = SolverOptions::suited_to(solver, &Suit::USUAL)
         .ok_or_else(|| Error::options(format!("there is no solver {solver:?}"), "use vector or paper"))?;
     if key == "deterministic" && matches!(given, Given::Flag(true)) {
-        return Ok(("accumulation", Value::Word("fixed".into())));
+        return Ok(("accumulation", Value::Word("repeatable".into())));
     }
     let rows = options.solver().rows();
     let Some(row) = rows.iter().find(|row| row.key == key) else {

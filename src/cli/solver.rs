@@ -9,7 +9,8 @@ use super::options::{Given, flag, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
-    /// The solver: vector, paper; or a closed-form method: lct, dlct, fk, phasor, phasor-bp, fbp, bp [default: vector]
+    /// The solver: vector, paper; surface, which is the last part of vector alone; or a closed-form method: lct, dlct, fk,
+    /// phasor, phasor-bp, fbp, bp [default: vector]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     solver: Option<String>,
     /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto to choose among the first three by
@@ -20,7 +21,7 @@ pub struct SolverArgs {
     /// some are negative, else synthetic]
     #[arg(long, value_name = "SET", value_parser = word::<Preset>(&["synthetic", "captured"]), help_heading = "Solver")]
     pub preset: Option<Preset>,
-    /// Get the same bits from every run with the same seed and device: fixed-point accumulation
+    /// Get the same bits from every run with the same seed and device
     #[arg(long, conflicts_with = "accumulation", help_heading = "Solver")]
     deterministic: bool,
     #[command(flatten)]
@@ -30,12 +31,12 @@ pub struct SolverArgs {
 impl SolverArgs {
     /// What the arguments choose.
     pub fn choice(&self) -> Choice {
-        let fixed = self.deterministic.then(|| ("accumulation", Value::Word("fixed".into())));
+        let repeats = self.deterministic.then(|| ("accumulation", Value::Word("repeatable".into())));
         Choice {
             solver: self.solver.clone(),
             model: self.model.clone(),
             preset: self.preset,
-            options: self.given.all().cloned().chain(fixed).collect(),
+            options: self.given.all().cloned().chain(repeats).collect(),
         }
     }
 

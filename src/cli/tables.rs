@@ -38,16 +38,15 @@ pub fn report(report: &Report) -> String {
     line(&mut out, "memory", format!("{} on the device{stored}", bytes(t.peak_device_bytes)));
     let of_volume = report.settings["volume_iterations"].as_u64().unwrap_or(u64::MAX);
     let volume = report.trace.iter().rfind(|p| p.iteration as u64 <= of_volume);
-    if let (Some(last), Some(volume)) = (report.trace.last(), volume) {
-        let mut text = format!(
-            "iteration {}, loss {}, {} of the grid's voxels active ({:.2} %)",
-            last.iteration,
-            number(last.loss),
-            volume.active,
-            100.0 * volume.active_ratio
-        );
-        if last.iteration > volume.iteration {
-            text += &format!(", then {} points of a surface", last.active);
+    if let Some(last) = report.trace.last() {
+        let mut text = format!("iteration {}, loss {}", last.iteration, number(last.loss));
+        if let Some(volume) = volume {
+            let share = 100.0 * volume.active_ratio;
+            text += &format!(", {} of the grid's voxels active ({share:.2} %)", volume.active);
+        }
+        if last.iteration > volume.map_or(0, |p| p.iteration) {
+            let then = if volume.is_some() { "then " } else { "" };
+            text += &format!(", {then}{} points of a surface", last.active);
         }
         line(&mut out, "end", text);
     }

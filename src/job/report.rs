@@ -100,6 +100,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
 fn background_of(loaded: &Loaded, done: &Finished) -> Option<f64> {
     match &done.solver {
         SolverOptions::Vector(o) if o.background => Some(background(&loaded.capture)),
+        SolverOptions::SurfaceAlone(o) if o.background => Some(background(&loaded.capture)),
         _ => None,
     }
 }

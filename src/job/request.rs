@@ -197,10 +197,13 @@ impl Request {
                 format!("give iterations from 1 to the last, {iterations}"),
             ));
         }
-        if self.solver.is_closed_form() && (self.checkpoint.is_some() || self.resume.is_some()) {
+        if !self.solver.saves_state() && (self.checkpoint.is_some() || self.resume.is_some()) {
             return Err(Error::options(
-                format!("a checkpoint is asked for, and {} has no iterations to save", self.solver.name()),
-                "leave the checkpoint out: the method takes seconds",
+                format!(
+                    "a checkpoint is asked for, and {} has no iterations of a volume to save",
+                    self.solver.name()
+                ),
+                "leave the checkpoint out: the method takes little time",
             ));
         }
         if self.checkpoint_every == 0 {

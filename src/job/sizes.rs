@@ -22,8 +22,11 @@ pub fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
 /// request for the same bits on every run, because private columns change the bits.
 pub fn with_kept(request: &Request, gpu: &Gpu, capture: &Capture) -> SolverOptions {
     let solver = &request.solver;
-    let fixed = matches!(solver.common().accumulation, Accumulation::Fixed | Accumulation::Fixed32);
-    if !request.tuned || fixed || !solver.common().sizes.is_default() {
+    let repeats = matches!(
+        solver.common().accumulation,
+        Accumulation::Repeatable | Accumulation::Fixed | Accumulation::Fixed32
+    );
+    if !request.tuned || repeats || !solver.common().sizes.is_default() {
         return solver.clone();
     }
     match kept().get(&class_of(gpu, request, capture)) {

@@ -1,6 +1,7 @@
 //! Solvers: what is minimised over which voxels, in what order, as schedules that the device runs.
 //!
-//! A solver has a folder: [`paper`] is the ECCV 2024 one, [`vector`] the accelerated one, [`surface`] what follows it.
+//! A solver has a folder: [`paper`] is the ECCV 2024 one, [`vector`] the accelerated one, [`surface`] what follows it,
+//! and `surface_alone` that without a volume before it.
 //! Each declares its passes as rows ([`Pass`]) and what it needs of a plan ([`Needs`]). It builds the schedules of its
 //! start, of its iterations and of the changes between them. The rest is shared: a [`Plan`] is made before anything is
 //! allocated, [`OnDevice`] holds its buffers, and the driver submits schedules and reads the trace of finished blocks.
@@ -28,7 +29,11 @@ mod rounding;
 mod solver;
 mod solvers;
 pub mod surface;
+<<<<<<< HEAD
 mod together;
+=======
+mod surface_alone;
+>>>>>>> main
 mod trace;
 pub mod vector;
 
@@ -56,6 +61,7 @@ pub use result::{Reconstruction, TakenOff};
 pub use solver::{Common, RunsOn, Solver};
 pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
 pub use surface::SurfaceOptions;
+pub use surface_alone::{Begin, SurfaceAloneOptions};
 pub use trace::TracePoint;
 pub use vector::VectorOptions;
 

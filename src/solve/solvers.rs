@@ -8,7 +8,7 @@ use super::closed_form::{
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
     Beside, Common, Needs, PaperOptions, Part, Plan, Prepared, Reconstruction, RunsOn, Sizes, Solver,
-    VectorOptions, default_volume, surface,
+    SurfaceAloneOptions, VectorOptions, default_volume, surface,
 };
 use crate::advice::advice;
 use crate::capture::Capture;
@@ -21,18 +21,20 @@ use crate::{Error, Result};
 macro_rules! solvers {
     (
         iterative { $($variant:ident($options:ident) in $module:ident;)* }
+        other { $($other:ident($other_options:ident);)* }
         closed_form { $($closed:ident($closed_options:ident);)* }
     ) => {
-        solvers! { all $($variant($options);)* $($closed($closed_options);)* }
+        solvers! { all $($variant($options);)* $($other($other_options);)* $($closed($closed_options);)* }
 
         impl SolverOptions {
-            /// The iterative solvers, by their names on the command line.
+            /// The solvers of a volume that iterate, by their names on the command line.
             pub const ITERATIVE: &[&str] = &[$($options::NAME),*];
 
             /// Whether it computes the volume in one step, without iterations.
             pub fn is_closed_form(&self) -> bool {
                 match self {
                     $(SolverOptions::$variant(_) => false,)*
+                    $(SolverOptions::$other(_) => false,)*
                     $(SolverOptions::$closed(_) => true,)*
                 }
             }
@@ -147,6 +149,9 @@ solvers! {
         Paper(PaperOptions) in paper;
         Vector(VectorOptions) in vector;
     }
+    other {
+        SurfaceAlone(SurfaceAloneOptions);
+    }
     closed_form {
         Lct(LctOptions);
         Dlct(DlctOptions);
@@ -200,6 +205,16 @@ impl SolverOptions {
             self.set(key, value);
             self.get(key).as_ref() == Some(value)
         })
+    }
+
+    /// Whether checkpoints can save its state.
+    pub fn saves_state(&self) -> bool {
+        Self::ITERATIVE.contains(&self.name())
+    }
+
+    /// Whether quick solves look for the model of reflectance if nobody names one: for solvers that render surfaces.
+    pub fn has_trials(&self) -> bool {
+        matches!(self, SolverOptions::Vector(_) | SolverOptions::SurfaceAlone(_))
     }
 
     /// The vector solver's options for the same scene: for quick solves beside the one that was asked for.

@@ -93,7 +93,7 @@ impl Choice {
         let named = self.model.as_deref().and_then(|name| reflectance(name).ok());
         let solver = of_model(named.unwrap_or(Reflectance::Cosine));
         // The paper's solver has the paper's model, and closed-form methods take the reflectance as given.
-        let usual = self.model.is_none() && solver.name() != SolverOptions::DEFAULT;
+        let usual = self.model.is_none() && !solver.has_trials();
         let models = if named.is_some() || usual { vec![] } else { MODELS.map(of_model).to_vec() };
         Resolved { preset, why, solver, models }
     }
@@ -112,13 +112,13 @@ impl Choice {
 }
 
 impl Resolved {
-    /// Whether to find the pulse of a capture that has none, if nobody says so: for a vector solve with a surface, always if
+    /// Whether to find the pulse of a capture that has none, if nobody says so: for a solve with a surface, always if
     /// the values are captured counts. The paper's solver takes paths as sharp.
     pub fn find_pulse(&self) -> FindPulse {
         match (&self.solver, self.preset) {
             (SolverOptions::Vector(o), _) if o.surface.iterations == 0 => FindPulse::Never,
-            (SolverOptions::Vector(_), Preset::Captured) => FindPulse::Always,
-            (SolverOptions::Vector(_), Preset::Synthetic) => FindPulse::IfItShows,
+            (o, Preset::Captured) if o.has_trials() => FindPulse::Always,
+            (o, Preset::Synthetic) if o.has_trials() => FindPulse::IfItShows,
             _ => FindPulse::Never,
         }
     }

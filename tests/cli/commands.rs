@@ -160,7 +160,10 @@ fn the_same_seed_gives_the_same_bits() {
         let done = reconstruct(&capture, &result, &quick);
         assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
         assert_eq!(stderr(&done), "", "--quiet says nothing");
-        assert_eq!(json(&result.join("report.json"))["settings"]["accumulation"], "fixed");
+        let settings = &json(&result.join("report.json"))["settings"];
+        assert_eq!(settings["accumulation"], "repeatable");
+        let used = settings["accumulation_used"].as_str().unwrap();
+        assert!(["owned", "fixed", "fixed32"].contains(&used), "{used}");
         std::fs::read(result.join("maps.npz")).unwrap()
     };
     let first = maps("first", "7");
@@ -251,7 +254,10 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--wall", "NaN"], 1, "wall of NaN"),
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
         (&[&capture, "--solver", "lct", "--cone", "1"], 1, "no option of the lct solver"),
-        (&[&capture, "--solver", "lct", "--checkpoint", "state"], 1, "no iterations to save"),
+        (&[&capture, "--solver", "lct", "--checkpoint", "state"], 1, "no iterations of a volume to save"),
+        (&[&capture, "--solver", "surface", "--checkpoint", "state"], 1, "no iterations of a volume to save"),
+        (&[&capture, "--solver", "surface", "--surface-iterations", "0"], 1, "--surface-iterations is 0"),
+        (&[&capture, "--solver", "surface", "--begin", "middle"], 2, "middle"),
         (&[&capture, "--solver", "lct", "--snr", "0"], 1, "--snr is 0"),
         (&[&capture, "--solver", "fk", "--memory", "1M"], 1, "the arrays take"),
         (&[&capture, "--solver", "magic"], 1, "not known"),

@@ -29,7 +29,7 @@ fn honoured() -> Row {
     let mut ran = 0;
     for mebibytes in [1u64, 2, 4, 6, 8, 9, 10, 12, 16, 24, 32, 64] {
         for lateral in [12, 32] {
-            let options = vector(Accumulation::Fixed).with(|o| {
+            let options = vector(Accumulation::Repeatable).with(|o| {
                 o.lateral = lateral;
                 o.iterations = 1;
             });
@@ -152,7 +152,7 @@ fn model(pairs: usize, bins: usize) -> Model {
 /// Shapes at and beyond the limits of 32-bit indices; nothing is allocated.
 fn claimed() -> Row {
     let mut row = Row::new("captures and grids at the limits of 32-bit indices and of one binding, claimed");
-    let options = vector(Accumulation::Fixed).with(|o| {
+    let options = vector(Accumulation::Repeatable).with(|o| {
         o.general = true;
         o.domain.coarse_to_fine = false;
     });
@@ -230,7 +230,7 @@ fn bound() -> Row {
         row.add(what, case());
     }
     let again = job::run(
-        &Request::new(vector(Accumulation::Fixed), tempfile::tempdir().expect("a folder").path()),
+        &Request::new(vector(Accumulation::Repeatable), tempfile::tempdir().expect("a folder").path()),
         &loaded(),
         &mut |_| ControlFlow::Continue(()),
     );

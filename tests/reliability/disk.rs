@@ -18,7 +18,7 @@ type Work<'w> = Box<dyn Fn(&Path) -> Result<()> + 'w>;
 
 pub fn rows(share: Share) -> Vec<Row> {
     let loaded = loaded();
-    let solver = || solvers(Accumulation::Fixed)[1].1.clone();
+    let solver = || solvers(Accumulation::Repeatable)[1].1.clone();
     let run = |out: &Path, volume: &str| {
         let request = Request {
             truth: Some(files().truth()),

@@ -24,7 +24,7 @@ fn failing(point: Point, number: u64) -> Faults {
 pub fn rows(share: Share) -> Vec<Row> {
     let mut rows = vec![];
     let capture = loaded().capture;
-    for (s, (name, solver)) in solvers(Accumulation::Fixed).into_iter().enumerate() {
+    for (s, (name, solver)) in solvers(Accumulation::Repeatable).into_iter().enumerate() {
         // Counts how often each call comes. The other runs are compared with this one.
         let gpu = open(failing(Point::Allocation, u64::MAX), true);
         let sound = bits(&solve(&gpu, &solver, &capture, None).expect("a solve without faults"));
@@ -70,7 +70,7 @@ pub fn rows(share: Share) -> Vec<Row> {
 fn whole_runs(share: Share) -> Row {
     let mut row = Row::new("a whole run over an older result, any of these");
     let out = tempfile::tempdir().expect("a folder");
-    let (_, solver) = solvers(Accumulation::Fixed)[1].clone();
+    let (_, solver) = solvers(Accumulation::Repeatable)[1].clone();
     let request = job::Request { truth: Some(files().truth()), ..job::Request::new(solver, out.path()) };
     let loaded = loaded();
     let mut hear = |_: &thirdbounce::solve::Progress| std::ops::ControlFlow::Continue(());

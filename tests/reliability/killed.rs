@@ -112,7 +112,7 @@ fn interrupted(times: usize) -> Row {
 fn cancelled() -> Row {
     let mut row = Row::new("cancelled by the caller at each point of the trace in turn");
     let capture = loaded().capture;
-    for (name, solver) in solvers(Accumulation::Fixed) {
+    for (name, solver) in solvers(Accumulation::Repeatable) {
         let gpu = open(Faults::default(), false);
         let points = solve(&gpu, &solver, &capture, None).expect("a solve").trace.len();
         // The caller is not asked again about points that are read at the very end.

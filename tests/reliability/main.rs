@@ -62,7 +62,7 @@ fn budgets_and_limits_hold() {
 
 #[test]
 fn poison_order_and_repeats_change_no_bit() {
-    assert_held(&order::rows(Share(6)));
+    assert_held(&order::rows(Share(11)));
 }
 
 #[test]

@@ -21,18 +21,18 @@ pub fn rows(share: Share) -> Vec<Row> {
 
 /// Solvers with options that change every part of a state.
 fn all_sorts() -> Vec<(&'static str, SolverOptions)> {
-    let fixed = Accumulation::Fixed;
-    let published = paper(fixed).with(|o| o.noise.term = thirdbounce::solve::NoiseTerm::Off);
-    let narrow = paper(fixed).with(|o| o.domain.room = Some(0.5));
-    let stops = vector(fixed).with(|o| {
+    let repeatable = Accumulation::Repeatable;
+    let published = paper(repeatable).with(|o| o.noise.term = thirdbounce::solve::NoiseTerm::Off);
+    let narrow = paper(repeatable).with(|o| o.domain.room = Some(0.5));
+    let stops = vector(repeatable).with(|o| {
         o.stop = true;
         o.iterations = 40;
     });
     vec![
-        ("paper, noise term", paper(fixed).into()),
+        ("paper, noise term", paper(repeatable).into()),
         ("paper", published.into()),
         ("paper, room for a half", narrow.into()),
-        ("vector", vector(fixed).into()),
+        ("vector", vector(repeatable).into()),
         ("vector, stops at the noise", stops.into()),
     ]
 }
@@ -77,7 +77,7 @@ fn same_bits(share: Share) -> Row {
 /// Whole runs give the same files, including snapshots from before the checkpoint, and the same figures along the trace.
 fn same_files() -> Row {
     let mut row = Row::new("a whole run resumed, with truth and snapshots: the same files, the same figures");
-    for (name, solver) in solvers(Accumulation::Fixed) {
+    for (name, solver) in solvers(Accumulation::Repeatable) {
         let case = || -> Held {
             let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
             let run = |out: &str, resume: Option<PathBuf>| {
@@ -120,7 +120,7 @@ fn same_files() -> Row {
 }
 
 fn a_state() -> (SolverOptions, Checkpoint) {
-    let solver: SolverOptions = vector(Accumulation::Fixed).into();
+    let solver: SolverOptions = vector(Accumulation::Repeatable).into();
     let (_, kept) = solve_keeping(&open(Faults::default(), false), &solver, &loaded().capture, 7, None)
         .expect("a solve that is kept");
     (solver, kept.into_iter().next().expect("a state"))
@@ -146,7 +146,7 @@ fn wrong_ones() -> Row {
     let SolverOptions::Vector(options) = &solver else { unreachable!("as made above") };
     let longer = options.clone().with(|o| o.iterations = 99).into();
     case("other iterations", &longer, &capture, state.clone(), "iterations");
-    case("another solver", &paper(Accumulation::Fixed).into(), &capture, state.clone(), "checkpoint");
+    case("another solver", &paper(Accumulation::Repeatable).into(), &capture, state.clone(), "checkpoint");
     let finer = solver.with_lateral(24);
     case("another lateral", &finer, &capture, state.clone(), "lateral");
     let mut brighter = capture.clone();

@@ -235,7 +235,7 @@ fn the_papers_solver_knows_no_scale() {
         let capture = scaled(&metre, scale);
         let o = paper_options().with(|o| {
             o.domain.min_depth = 0.2 * scale;
-            o.accumulation = Accumulation::Fixed;
+            o.accumulation = Accumulation::Repeatable;
         });
         let volume = default_volume(&capture, o.domain.min_depth).unwrap();
         let grid = Grid::new(volume, 12, capture.bin_width).unwrap();

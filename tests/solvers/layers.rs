@@ -114,7 +114,7 @@ fn run(gpu: &Gpu, scene: Scene, surface_iterations: usize) -> Reconstruction {
         o.growth_iterations = 20;
         o.surface.iterations = surface_iterations;
         o.surface.pixels_per_voxel = Some(1);
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
     });
     let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), o.lateral, capture.bin_width).unwrap();
     vector::reconstruct(

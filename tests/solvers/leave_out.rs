@@ -59,7 +59,7 @@ fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general:
         o.reflectance = reflectance;
         o.general = general;
         o.stop = false;
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
     vector::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
@@ -77,7 +77,7 @@ fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: 
         o.sampling = Sampling::Fixed;
         o.reflectance = reflectance;
         o.general = general;
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
     paper::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
@@ -149,7 +149,7 @@ fn unreached_bins_and_bricks_change_nothing() {
             o.sampling = Sampling::Fixed;
             o.learning_rate = 0.05;
             o.general = general;
-            o.accumulation = Accumulation::Fixed;
+            o.accumulation = Accumulation::Repeatable;
         })
     };
     let mut hear = |_: &_| ControlFlow::Continue(());

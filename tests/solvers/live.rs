@@ -129,14 +129,14 @@ fn a_scene_cut_begins_cold_and_gives_the_bits_of_a_frame_of_its_own() {
     let (one, _) = seen(&letter(-0.15));
     let far = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("plane").unwrap() };
     let (other, _) = seen(&far);
-    let fixed = |follow| {
+    let repeatable = |follow| {
         let solver: SolverOptions =
-            options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Fixed).into();
+            options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Repeatable).into();
         let options = SessionOptions { follow, ..SessionOptions::default() };
         Session::new(&gpu, &one, None, &solver, options).unwrap()
     };
-    let alone = solved(&mut fixed(None), &other.histograms);
-    let mut session = fixed(Some(Follow::default()));
+    let alone = solved(&mut repeatable(None), &other.histograms);
+    let mut session = repeatable(Some(Follow::default()));
     solved(&mut session, &one.histograms);
     assert!(solved(&mut session, &one.histograms).is_warm);
     let cut = solved(&mut session, &other.histograms);

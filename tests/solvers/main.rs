@@ -19,4 +19,5 @@ mod scale;
 mod session;
 mod subsets;
 mod surface;
+mod surface_alone;
 mod taken_off;

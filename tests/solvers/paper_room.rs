@@ -33,7 +33,7 @@ fn options_of(sampling: Sampling) -> PaperOptions {
         o.domain.reduce_every = 10;
         o.sampling = sampling;
         o.domain.smooth_sigma = 1.5;
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
     })
 }
 

@@ -22,7 +22,7 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
     options.set("double_every", &Value::Count(8));
     options.set("surface_iterations", &Value::Count(16));
     // Sums in a fixed order, so that rounding is all that differs.
-    options.set("accumulation", &Value::Word("fixed".into()));
+    options.set("accumulation", &Value::Word("repeatable".into()));
     let volume = options.default_volume(capture).unwrap();
     let grid = Grid::new(volume, LATERAL, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());

@@ -63,7 +63,7 @@ pub fn vector(change: impl FnOnce(&mut VectorOptions)) -> SolverOptions {
         (o.lateral, o.iterations, o.growth_iterations) = (24, 9, 3);
         o.domain.coarse_iterations = 3;
         o.surface.iterations = 5;
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
         o.beyond = false;
     });
     options.with(change).into()
@@ -73,7 +73,7 @@ fn paper() -> SolverOptions {
     let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
         (o.lateral, o.iterations) = (16, 24);
         (o.domain.reduce_every, o.domain.double_every, o.restart_every) = (6, 6, 12);
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
     });
     options.into()
 }

@@ -223,7 +223,7 @@ fn small_options() -> VectorOptions {
         o.domain.reduce_every = 3;
         o.bound_every = 3;
         o.stop = false;
-        o.accumulation = Accumulation::Fixed;
+        o.accumulation = Accumulation::Repeatable;
     })
 }
 

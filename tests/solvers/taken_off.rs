@@ -41,7 +41,7 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics 
     options.set("iterations", &Value::Count(if solver == "paper" { 20 } else { 40 }));
     options.set("double_every", &Value::Count(10));
     options.set("surface_iterations", &Value::Count(40));
-    options.set("accumulation", &Value::Word("fixed".into()));
+    options.set("accumulation", &Value::Word("repeatable".into()));
     let grid = Grid::new(options.default_volume(capture).unwrap(), LATERAL, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };

@@ -84,7 +84,7 @@ pub fn scanned<'f>(
 }
 
 /// The points of an array that is (n, 3) in MATLAB, which is [3, n] in C order; `None` if its shape is another.
-pub fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {
+pub(super) fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {
     let &[3, n] = shape else { return None };
     Some((0..n).map(|p| DVec3::new(v[p], v[n + p], v[2 * n + p])).collect())
 }

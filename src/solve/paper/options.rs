@@ -47,9 +47,10 @@ options! {
             iterations: usize = 1000, Range::Count(1, 1_000_000);
             /// Seed of the initial albedo, of the samples and of --subset
             seed: u32 = 0, Range::Seed;
-            /// How rendered values are added up: auto takes the fastest that the device has
+            /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
+            /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
-                Range::Words(&["auto", "float", "fixed", "fixed32", "cas", "owned"]);
+                Range::Words(&["auto", "repeatable", "float", "fixed", "fixed32", "cas", "owned"]);
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect

@@ -392,12 +392,13 @@ fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
     Ok(match wanted {
-        Accumulation::Auto if kind == DeviceKind::Cpu => Accumulation::Owned,
+        Accumulation::Auto | Accumulation::Repeatable if kind == DeviceKind::Cpu => Accumulation::Owned,
         Accumulation::Auto if offered.float => Accumulation::Float,
         // Lanes that meet at one bin cost an integer atomic once each; compare-and-swap turns again for each of them.
         Accumulation::Auto if offered.int64 => Accumulation::Fixed,
         Accumulation::Auto => Accumulation::Cas,
-        Accumulation::Fixed if !offered.int64 => Accumulation::Fixed32,
+        Accumulation::Fixed | Accumulation::Repeatable if !offered.int64 => Accumulation::Fixed32,
+        Accumulation::Repeatable => Accumulation::Fixed,
         Accumulation::Float if !offered.float => {
             return Err(Error::options(
                 "float accumulation was asked for: this device has no fp32 atomics (VK_EXT_shader_atomic_float)",
@@ -419,6 +420,12 @@ mod tests {
         assert_eq!(gpu(true, true).unwrap(), Accumulation::Float);
         assert_eq!(gpu(false, true).unwrap(), Accumulation::Fixed);
         assert_eq!(gpu(false, false).unwrap(), Accumulation::Cas);
+        let repeatable = |kind, int64| {
+            choose(Accumulation::Repeatable, kind, Accumulations { float: true, int64 }).unwrap()
+        };
+        assert_eq!(repeatable(DeviceKind::Discrete, true), Accumulation::Fixed);
+        assert_eq!(repeatable(DeviceKind::Integrated, false), Accumulation::Fixed32);
+        assert_eq!(repeatable(DeviceKind::Cpu, true), Accumulation::Owned);
         let cpu = choose(Accumulation::Auto, DeviceKind::Cpu, Accumulations { float: true, int64: true });
         assert_eq!(cpu.unwrap(), Accumulation::Owned);
     }

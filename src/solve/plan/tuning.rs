@@ -18,6 +18,8 @@ use crate::{Error, Result};
 pub enum Accumulation {
     /// The fastest that the device offers.
     Auto,
+    /// The fastest of those that give the same bits in any order of workgroups: owned on CPUs, fixed elsewhere.
+    Repeatable,
     /// Native fp32 atomics.
     Float,
     /// Fixed point: the same bits in any order; 64-bit atomics where there are any.

@@ -1,4 +1,4 @@
-//! A surface that goes on from that of the frame before.
+//! What a surface begins with, and how it goes on from that of the frame before.
 
 use std::time::Instant;
 
@@ -13,6 +13,16 @@ const LIVELY: f32 = 3.0;
 /// shorter by the same share, down to the last: a surface that has found its place stays there.
 const MOVED: f64 = 0.1;
 const CALMEST: f64 = 0.1;
+
+/// What a surface begins with.
+pub enum Beginning<'m> {
+    /// The volume that was solved on the device before.
+    Volume,
+    /// That volume, and the surface of the frame before.
+    Frame(GoOn<'m>),
+    /// Maps of another method, on the surface's own pixels.
+    Maps,
+}
 
 /// How a surface goes on from that of the frame before.
 pub struct GoOn<'m> {

@@ -35,7 +35,7 @@ mod pixels;
 mod schedule;
 mod weights;
 
-pub(super) use go_on::GoOn;
+pub(super) use go_on::{Beginning, GoOn};
 pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
 pub use options::SurfaceOptions;
 use pixels::support;
@@ -63,17 +63,22 @@ pub(super) struct Refined {
     pub pixels: usize,
 }
 
-/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. With `on`, it goes
-/// on from an earlier surface, as the second half of twice as many iterations, and all of them take all pairs.
+/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. After a frame, it goes
+/// on from that one's surface, as the second half of twice as many iterations, and all of them take all pairs.
 pub(super) fn refine(
     gpu: &Gpu,
     job: &mut OnDevice,
     options: &SurfaceOptions,
     watch: &mut Watch<'_>,
     mut driven: Driven,
-    on: Option<GoOn<'_>>,
+    beginning: Beginning<'_>,
 ) -> Result<Refined> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
+    let (on, with_volume) = match beginning {
+        Beginning::Volume => (None, true),
+        Beginning::Frame(on) => (Some(on), true),
+        Beginning::Maps => (None, false),
+    };
     let (volume, iterations) = (driven.level, options.iterations);
     let skipped = if on.is_some() { iterations } else { 0 };
     let options = &SurfaceOptions { iterations: iterations + skipped, ..options.clone() };
@@ -81,7 +86,10 @@ pub(super) fn refine(
         (levels, _) if on.is_some() => (levels[levels.len() - 1..].to_vec(), vec![0]),
         all => all,
     };
-    let mut layers = begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?;
+    let mut layers = match with_volume {
+        true => begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?,
+        false => vec![driven.maps.clone()],
+    };
     if let (Some(on), [only]) = (&on, &mut layers[..]) {
         on.begin(only, volume.grid.pitch.z);
     }
@@ -111,7 +119,7 @@ pub(super) fn refine(
     // All of this is part of the solve; the driver's clock continues from here.
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    let brightest = |driven: &Driven| driven.maps.finer(layers[0].nx / volume.grid.n[0]);
+    let brightest = |driven: &Driven| driven.maps.finer(layers[0].nx / driven.maps.nx);
     let Some(told) = told else {
         let driven = Driven { maps: brightest(&driven), ..driven };
         return Ok(Refined { driven, left: false, pixels: 0 });

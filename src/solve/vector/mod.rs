@@ -139,7 +139,7 @@ pub fn model(capture: &Capture, grid: &Grid, options: &VectorOptions) -> Model {
 }
 
 /// The same without measured values, and the rows that they are taken by.
-fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model, Rows) {
+pub(super) fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model, Rows) {
     let (model, mut rows) = Model::outline(capture, options.reflectance, options.peak, options.general);
     let mut model = Model {
         min_depth: options.domain.min_depth,
@@ -162,7 +162,13 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions) -> (Model
 
 /// Takes the counts of a capture, less their background, and estimates their noise. `scale`: of the counts, if it is not
 /// to be that of these.
-fn take(capture: &Capture, options: &VectorOptions, rows: &Rows, model: &mut Model, scale: Option<f64>) {
+pub(super) fn take(
+    capture: &Capture,
+    options: &VectorOptions,
+    rows: &Rows,
+    model: &mut Model,
+    scale: Option<f64>,
+) {
     let level = if options.background { background(capture) } else { 0.0 };
     let [per_count, empty] = variances(capture, level);
     match scale {

@@ -24,9 +24,10 @@ options! {
             // Pairs of two points need more iterations: one fixed point halves the information of a path
             // (docs/scenes.md).
             iterations: usize = if suit.confocal { 60 } else { 80 }, Range::Count(1, 1_000_000);
-            /// How rendered values are added up: auto takes the fastest that the device has
+            /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
+            /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
-                Range::Words(&["auto", "float", "fixed", "fixed32", "cas", "owned"]);
+                Range::Words(&["auto", "repeatable", "float", "fixed", "fixed32", "cas", "owned"]);
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect

@@ -21,7 +21,7 @@ use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
 use crate::solve::prepared::Planned;
 use crate::solve::result::{TakenOff, finish};
-use crate::solve::surface::{self, GoOn, energy};
+use crate::solve::surface::{self, Beginning, GoOn, energy};
 use crate::solve::{
     Beside, Keep, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
 };
@@ -243,7 +243,7 @@ impl PreparedVector {
         let volume = following.is_some().then(|| (Volume::of(job, &driven), rate_at_end(&driven.trace)));
         let mut surface_left = false;
         if options.surface.iterations > 0 {
-            let refined = surface::refine(&gpu, job, &options.surface, watch, driven, None)?;
+            let refined = surface::refine(&gpu, job, &options.surface, watch, driven, Beginning::Volume)?;
             (driven, surface_left) = (refined.driven, refined.left);
         }
         if let (Some(chain), Some((volume, volume_rate))) = (following, volume) {
@@ -321,8 +321,8 @@ impl PreparedVector {
         if surface_iterations > 0 {
             let mut of_surface = options.surface.clone();
             of_surface.iterations = surface_iterations;
-            let on = GoOn { maps: &last.maps, volume: &last.volume, until: until(1.0) };
-            let refined = surface::refine(&gpu, job, &of_surface, watch, driven, Some(on))?;
+            let on = Beginning::Frame(GoOn { maps: &last.maps, volume: &last.volume, until: until(1.0) });
+            let refined = surface::refine(&gpu, job, &of_surface, watch, driven, on)?;
             (driven, surface_left) = (refined.driven, refined.left);
         }
         let [of_volume, of_surface] = {

@@ -14,6 +14,7 @@ use crate::solve::drive::{Driven, Watch};
 use crate::solve::over_pairs::{arguments, compare, forward, over_parts};
 use crate::solve::passes::{FORWARD, RESIDUAL};
 use crate::solve::plan::{RESIDUAL_HOST, sum_of};
+use crate::solve::surface::Beginning;
 use crate::solve::{Level, OnDevice, Plan, surface};
 use crate::transport::kernels::{ARGUMENTS_SAMPLE, Push, buffer};
 use crate::transport::{Grid, Model};
@@ -109,7 +110,8 @@ impl Trial {
         if is_own {
             self.own.get_or_insert_with(|| driven.maps.clone());
         }
-        let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven, None)?;
+        let refined =
+            surface::refine(&self.gpu, &mut job, &options.surface, watch, driven, Beginning::Volume)?;
         if refined.pixels == 0 {
             return Ok(None);
         }
