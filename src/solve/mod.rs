@@ -29,11 +29,8 @@ mod rounding;
 mod solver;
 mod solvers;
 pub mod surface;
-<<<<<<< HEAD
-mod together;
-=======
 mod surface_alone;
->>>>>>> main
+mod together;
 mod trace;
 pub mod vector;
 
