@@ -74,9 +74,6 @@ pub mod capture {
                 notes: &mut Vec<String>,
             ) -> Result<Capture> {}
         }
-        mod frame {
-            pub fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {}
-        }
         pub mod general {
             pub fn read(
                 set: &mut Set,
@@ -3808,6 +3805,17 @@ pub mod solve {
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
     }
+    mod surface_alone {
+        mod begin {
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+            pub enum Begin {
+                Auto,
+                Lct,
+                Fbp,
+                Plane,
+            }
+        }
+    }
     mod trace {
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct TracePoint {
@@ -3998,6 +4006,7 @@ pub mod solve {
     pub use solver::{Common, RunsOn, Solver};
     pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
     pub use surface::SurfaceOptions;
+    pub use surface_alone::{Begin, SurfaceAloneOptions};
     pub use trace::TracePoint;
     pub use vector::VectorOptions;
     pub static PASSES: &[&[&Pass]] = &[
