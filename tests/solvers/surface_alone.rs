@@ -61,8 +61,7 @@ fn it_betters_what_it_begins_with_and_comes_near_from_a_plane() {
         let done = solve(&gpu, capture, &options(capture, name, begin));
         done.maps.check().unwrap();
         let m = figures(&done, truth);
-        let best = m.at_best.clone().unwrap();
-        println!("{name} {begin}: {:?} {best:?}", m.best_iou);
+        let best = m.at_best.unwrap();
         (m.best_iou.unwrap(), best.depth_mae.unwrap(), best.normal_error_deg.unwrap(), done)
     };
     let [lct, fbp] = ["lct", "fbp"].map(|name| at_best(name, "auto"));
