@@ -44,6 +44,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let how = &args.how;
     let specs = how.specs(&args.method, &["all"])?;
     how.check()?;
+    Comparison::check_repeats(args.repeats)?;
     let found = found_in(&args.folder)?;
     let without = found.without_truth.iter().map(|file| format!("{} has no truth beside it", file.display()));
     how.say(&without.collect::<Vec<_>>());

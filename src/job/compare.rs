@@ -194,6 +194,20 @@ impl Runs {
 }
 
 impl Comparison {
+    /// Checks how often every method is to run.
+    ///
+    /// # Errors
+    /// `Kind::Options`: never, or more often than anybody waits for.
+    pub fn check_repeats(repeats: usize) -> Result<()> {
+        if (1..=1000).contains(&repeats) {
+            return Ok(());
+        }
+        Err(Error::options(
+            format!("the number of repeats is {repeats}"),
+            "give a whole number from 1 to 1000, usually 3",
+        ))
+    }
+
     /// Checks everything before anything is computed. Returns the methods with their folders, and the truth.
     fn check(&self) -> Result<(Vec<Method>, Truth)> {
         if self.methods.is_empty() {
@@ -202,12 +216,7 @@ impl Comparison {
                 "name at least one, for example vector",
             ));
         }
-        if !(1..=1000).contains(&self.repeats) {
-            return Err(Error::options(
-                format!("the number of repeats is {}", self.repeats),
-                "give a whole number from 1 to 1000, usually 3",
-            ));
-        }
+        Comparison::check_repeats(self.repeats)?;
         for name in FILES {
             places::check_file(&self.out.join(name))?;
         }

@@ -75,7 +75,7 @@ fn it_betters_what_it_begins_with_and_comes_near_from_a_plane() {
     let volume = of_lct.3.volume.as_ref().unwrap();
     let lit = volume.albedo.iter().filter(|v| **v > 0.0).count();
     assert_eq!(lit, of_lct.3.maps.albedo.iter().filter(|a| **a > 0.0).count());
-    assert_eq!((of_lct.3.volume_iterations, of_lct.3.trace.len()), (0, 40));
+    assert_eq!((of_lct.3.volume_iterations, of_lct.3.trace.last().unwrap().iteration), (0, 40));
     assert_valid(&gpu);
 }
 
