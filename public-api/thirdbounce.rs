@@ -1706,6 +1706,9 @@ pub mod job {
             loaded: &Loaded,
             hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
         ) -> Result<Compared> {}
+        impl Comparison {
+            pub fn check_repeats(repeats: usize) -> Result<()> {}
+        }
     }
     pub mod demo {
         #[derive(Debug, Clone)]
