@@ -172,7 +172,7 @@ int main(int count, char **arguments) {
         /* The device says so itself, perhaps a moment after the session. */
         const VkSemaphoreWaitInfo all_there = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_WAIT_INFO,
                                                .semaphoreCount = 1, .pSemaphores = &done, .pValues = &i};
-        vk(vkWaitSemaphores(vulkan.device, &all_there, UINT64_MAX), "waiting");
+        vk(vkWaitSemaphores(vulkan.device, &all_there, 10000000000), "waiting for the maps");
         const float *planes = maps.at;
         int lit = 0;
         for (int pixel = 0; pixel < PIXELS * PIXELS; pixel++) lit += planes[5 * PIXELS * PIXELS + pixel] == 1.0f;

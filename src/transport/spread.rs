@@ -91,14 +91,19 @@ impl Wall {
         let pick =
             |points: &[DVec3]| points.iter().skip(side).step_by(2).take(count).copied().collect::<Vec<_>>();
         let other = |points: &[DVec3]| if own { pick(points) } else { points.to_vec() };
+        self.picked([&pick, &other])
+    }
+
+    /// The wall of those points, with their normals, that `scanned` and `others` pick, in the order that they give.
+    fn picked(&self, [scanned, others]: [&dyn Fn(&[DVec3]) -> Vec<DVec3>; 2]) -> Wall {
         let normals = |n: &Vec<DVec3>| {
             let (a, b) = n.split_at(self.scanned.len());
-            [pick(a), other(b)].concat()
+            [scanned(a), others(b)].concat()
         };
         Wall {
             geometry: self.geometry,
-            scanned: pick(&self.scanned),
-            others: other(&self.others),
+            scanned: scanned(&self.scanned),
+            others: others(&self.others),
             normals: self.normals.as_ref().map(normals),
         }
     }
@@ -113,16 +118,7 @@ impl Wall {
         };
         let scanned = |points: &[DVec3]| if every_scanned { some(points) } else { points.to_vec() };
         let others = |points: &[DVec3]| if every_other { some(points) } else { points.to_vec() };
-        let normals = |n: &Vec<DVec3>| {
-            let (a, b) = n.split_at(self.scanned.len());
-            [scanned(a), others(b)].concat()
-        };
-        Wall {
-            geometry: self.geometry,
-            scanned: scanned(&self.scanned),
-            others: others(&self.others),
-            normals: self.normals.as_ref().map(normals),
-        }
+        self.picked([&scanned, &others])
     }
 
     /// The order ([`spread_order`]) of the scanned and of the other points, and the pair that moves to each place.
@@ -169,18 +165,8 @@ impl Model {
     /// Returns the pair that moved to each place.
     pub fn spread(&mut self) -> Vec<usize> {
         let (sides, pairs) = self.wall.spread();
-        let wall = &self.wall;
         let pick = |points: &[DVec3], order: &[usize]| order.iter().map(|i| points[*i]).collect::<Vec<_>>();
-        let normals = wall.normals.as_ref().map(|n| {
-            let (a, b) = n.split_at(wall.scanned.len());
-            [pick(a, &sides[0]), pick(b, &sides[1])].concat()
-        });
-        self.wall = Wall {
-            geometry: wall.geometry,
-            scanned: pick(&wall.scanned, &sides[0]),
-            others: pick(&wall.others, &sides[1]),
-            normals,
-        };
+        self.wall = self.wall.picked([&|points| pick(points, &sides[0]), &|points| pick(points, &sides[1])]);
         if !self.measured.is_empty() {
             arrange(&mut self.measured, self.bins, &pairs);
         }

@@ -116,13 +116,13 @@ impl Plan {
         Summed { buffer, bytes: self.capacity as u64 * bytes, counted: Some(counted) }
     }
 
-    /// Bytes on the host that exchanges take at most; 0 on one device.
+    /// Bytes on the host that exchanges take at most.
     pub(super) fn exchanged_bytes(&self) -> u64 {
         let all = [
             room_for(&[self.gradients(), self.losses()]),
             room_for(&[self.bounds()]),
             room_for(&[self.projection(&self.levels[0])]),
         ];
-        if self.share.is_some() { all.into_iter().max().unwrap_or(0) } else { 0 }
+        all.into_iter().max().unwrap_or(0)
     }
 }

@@ -63,6 +63,15 @@ pub(super) struct Refined {
     pub pixels: usize,
 }
 
+/// Sets to zero what sums begin with, where no volume was solved before: its start does so.
+pub(super) fn cleared(plan: &Plan) -> Schedule {
+    let mut s = Schedule::default();
+    for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
+        s.fill(cleared, plan.bytes_of(cleared), 0);
+    }
+    s
+}
+
 /// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. After a frame, it goes
 /// on from that one's surface, as the second half of twice as many iterations, and all of them take all pairs.
 pub(super) fn refine(

@@ -19,9 +19,9 @@ use super::surface::{self, Beginning};
 use super::{Beside, Common, Part, Plan, Prepared, Reconstruction, RunsOn, Solver, VolumeMap, Watch, vector};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Buffer, Constant, Gpu, Schedule};
+use crate::gpu::{Abilities, Buffer, Constant, Gpu};
 use crate::maps::Maps;
-use crate::transport::kernels::{COUNT_PEAK_ALBEDO, buffer};
+use crate::transport::kernels::buffer;
 use crate::transport::{Grid, Rows};
 
 mod begin;
@@ -170,7 +170,7 @@ impl Prepared for Alone {
         self.kept = first;
         let job = self.planned.made(|_| Ok(()))?;
         let (plan, executor) = (job.plan.clone(), &mut job.executor);
-        executor.reserve(&cleared(&plan))?;
+        executor.reserve(&surface::cleared(&plan))?;
         surface::each(&plan, &self.options.surface, &mut |schedule| executor.reserve(schedule))
     }
 
@@ -182,8 +182,7 @@ impl Prepared for Alone {
         let job = planned.made(|_| Ok(()))?;
         vector::take(capture, &options.as_vector(), rows, &mut job.model, None);
         job.upload_counts()?;
-        let clear = cleared(&job.plan);
-        job.executor.run(&clear)?;
+        job.executor.run(&surface::cleared(&job.plan))?;
         let seconds = begun.elapsed().as_secs_f64();
         let driven = Driven { seconds, ..Driven::begun(first, *job.plan.finest()) };
         let driven =
@@ -191,16 +190,6 @@ impl Prepared for Alone {
         let volume = with_volume.then(|| as_volume(&driven.maps, grid));
         Ok(Reconstruction { volume, volume_iterations: 0, ..finish(job, driven, None)? })
     }
-}
-
-/// Sets what sums begin with.
-fn cleared(plan: &Plan) -> Schedule {
-    let mut s = Schedule::default();
-    for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
-        s.fill(cleared, plan.bytes_of(cleared), 0);
-    }
-    s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    s
 }
 
 /// The surface as a volume: the albedo of every pixel in the voxel of its depth.

@@ -93,12 +93,7 @@ impl Trial {
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         let driven = match begun {
             Some(maps) => {
-                // As the start of a volume does.
-                let mut s = Schedule::default();
-                for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
-                    s.fill(cleared, job.plan.bytes_of(cleared), 0);
-                }
-                job.executor.run(&s)?;
+                job.executor.run(&surface::cleared(&job.plan))?;
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
                 Driven::begun(maps, *level.unwrap_or(job.plan.finest()))
             }
