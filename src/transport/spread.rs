@@ -53,6 +53,9 @@ fn cells(points: &[DVec3], axis: impl Fn(&DVec3) -> f64) -> Vec<usize> {
     ranks.into_iter().map(|rank| rank * steps / points.len()).collect()
 }
 
+/// Picks some of the points of a side, or of what is listed beside them: their normals.
+type Pick<'a> = dyn Fn(&[DVec3]) -> Vec<DVec3> + 'a;
+
 impl Wall {
     /// The wall of the first `pairs` only.
     pub fn first(&self, pairs: usize) -> Wall {
@@ -95,7 +98,7 @@ impl Wall {
     }
 
     /// The wall of those points, with their normals, that `scanned` and `others` pick, in the order that they give.
-    fn picked(&self, [scanned, others]: [&dyn Fn(&[DVec3]) -> Vec<DVec3>; 2]) -> Wall {
+    fn picked(&self, [scanned, others]: [&Pick; 2]) -> Wall {
         let normals = |n: &Vec<DVec3>| {
             let (a, b) = n.split_at(self.scanned.len());
             [scanned(a), others(b)].concat()
