@@ -65,6 +65,18 @@ pub mod capture {
             pub fn pair_count(&self) -> usize {}
         }
     }
+    mod choose {
+        impl Capture {
+            pub fn stride(&self, n: usize) -> Result<Capture> {}
+            pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {}
+            pub fn without_missing(self) -> Result<(Capture, usize, Vec<String>)> {}
+        }
+    }
+    mod doubts {
+        impl Capture {
+            pub fn doubts(&self) -> Vec<String> {}
+        }
+    }
     #[cfg(feature = "formats")]
     pub mod formats {
         pub mod ccsocr {
@@ -161,6 +173,11 @@ pub mod capture {
                 file: &Variables,
                 notes: &mut Vec<String>,
             ) -> Result<Capture> {}
+        }
+        mod pulse {
+            impl Pulse {
+                pub fn read(path: &Path) -> Result<Pulse> {}
+            }
         }
         pub mod set {
             #[private_fields]
@@ -288,6 +305,12 @@ pub mod capture {
             pub fn negatives(&self) -> Option<Negatives> {}
         }
     }
+    mod normals {
+        impl Capture {
+            pub fn with_normals(&self) -> Result<(Capture, Option<String>)> {}
+            pub fn set_normals(&mut self) -> Result<Option<String>> {}
+        }
+    }
     pub mod pairs {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
         pub enum PairKind {
@@ -310,6 +333,11 @@ pub mod capture {
         impl Capture {
             pub fn pair_kind(&self) -> PairKind {}
             pub fn product(&self) -> Option<Product> {}
+        }
+    }
+    mod pile_up {
+        impl Capture {
+            pub fn take_pile_up_out(&mut self) -> Result<Option<String>> {}
         }
     }
     pub mod pulse {
@@ -364,6 +392,18 @@ pub mod capture {
             pub fn set_wall(&mut self, size: f64) -> Result<()> {}
             pub fn scanned_points(&self) -> &[DVec3] {}
             pub fn laser_scans(&self) -> bool {}
+        }
+    }
+    mod seen {
+        impl Capture {
+            #[cfg(feature = "formats")]
+            pub fn has_whole_counts(&self) -> bool {}
+        }
+    }
+    mod sum {
+        impl Capture {
+            pub fn binned(&self, n: usize) -> Result<Capture> {}
+            pub fn summed(&self, n: usize) -> Result<Capture> {}
         }
     }
     pub mod summary {
@@ -1230,6 +1270,23 @@ pub mod gpu {
             pub fn take_guarded(&self) -> Guarded {}
         }
     }
+    mod host {
+        impl Executor {
+            pub fn read<T: bytemuck::Pod>(
+                &self,
+                buffer: Buffer,
+                items: impl RangeBounds<usize>,
+            ) -> Vec<T> {}
+            pub fn read_behind<T: bytemuck::Pod>(
+                &self,
+                done: Ticket,
+                buffer: Buffer,
+                items: impl RangeBounds<usize>,
+            ) -> Vec<T> {}
+            pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {}
+            pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {}
+        }
+    }
     mod instance {
         #[derive(
             Debug,
@@ -1338,6 +1395,16 @@ pub mod gpu {
         }
         impl fmt::Display for Constant {}
     }
+    mod pace {
+        impl Gpu {
+            pub fn expected_rate(&self) -> f64 {}
+        }
+    }
+    mod record {
+        impl Executor {
+            pub fn reserve(&mut self, schedule: &Schedule) -> Result<()> {}
+        }
+    }
     mod recording {
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct HostSpan {
@@ -1371,6 +1438,11 @@ pub mod gpu {
             pub fn take_recording(&self) -> Recording {}
             pub fn has_clock(&self) -> bool {}
             pub fn now(&self) -> f64 {}
+        }
+    }
+    mod rounding {
+        impl Gpu {
+            pub fn promises_rounding(&self) -> bool {}
         }
     }
     mod schedule {
@@ -1488,6 +1560,21 @@ pub mod gpu {
             constants: &[(N, u32)],
         ) -> Option<[Counts; 2]> {}
     }
+    mod state {
+        impl Executor {
+            pub fn download(
+                &mut self,
+                buffer: Buffer,
+                through: Buffer,
+            ) -> Result<Vec<u8>> {}
+            pub fn restore(
+                &mut self,
+                buffer: Buffer,
+                content: &[u8],
+                through: Buffer,
+            ) -> Result<()> {}
+        }
+    }
     pub use budget::{Memory, check};
     pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
     pub use exchange::{
@@ -1571,6 +1658,14 @@ pub mod job {
                 pub fn holds(self, name: &str) -> bool {}
             }
             pub fn named(paths: &[PathBuf]) -> Vec<Listed> {}
+        }
+        pub(super) mod record {
+            impl Record {
+                pub fn of(capture: &Path, options: &[String]) -> Record {}
+                pub fn with(mut self, file: &Path) -> Record {}
+                pub fn is_done(&self, folder: &Path, whole: &str) -> bool {}
+                pub fn write(&self, folder: &Path) -> Result<()> {}
+            }
         }
         pub use figures::Figures;
         pub use names::{Listed, Shard, named};
@@ -2353,6 +2448,11 @@ pub mod maps {
             pub fn set_confidence(&mut self, known: &Conditions) {}
         }
     }
+    mod parts {
+        impl Maps {
+            pub fn leave_out_uncertain_parts(&mut self) -> bool {}
+        }
+    }
     pub use confidence::Conditions;
     #[derive(Debug, Clone, PartialEq)]
     pub struct Maps {
@@ -2608,6 +2708,12 @@ pub mod session {
     pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {}
 }
 pub mod simulate {
+    mod builtin {
+        impl Scene {
+            pub fn named(spec: &str) -> Result<Scene> {}
+            pub fn known() -> &'static [(&'static str, &'static str)] {}
+        }
+    }
     mod figure {
         pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {}
     }
@@ -2642,6 +2748,11 @@ pub mod simulate {
     #[cfg(feature = "formats")]
     mod mesh_file {
         pub fn load_mesh(path: &Path) -> Result<Mesh> {}
+    }
+    mod moving {
+        impl Scene {
+            pub fn moving(&self, frames: usize, step: f64) -> Result<Vec<Scene>> {}
+        }
     }
     mod noise {
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -3267,6 +3378,19 @@ pub mod solve {
             pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
             impl Plan {
                 pub fn partials(&self) -> u64 {}
+            }
+        }
+        mod constants {
+            impl Plan {
+                pub fn constant(&self, constant: Constant) -> Option<u32> {}
+                pub fn tune(&mut self, change: impl FnOnce(&mut Tuning)) {}
+            }
+        }
+        mod divide {
+            impl Plan {
+                pub fn forward_sets(&self, level: &Level) -> u32 {}
+                pub fn voxels_at(&self, level: &Level) -> usize {}
+                pub fn gathered_pairs(&self, voxels: usize) -> u32 {}
             }
         }
         mod left_out {
@@ -3948,9 +4072,10 @@ pub mod solve {
                 pub fn fit_volume(
                     &mut self,
                     pulse: Option<&Pulse>,
-                    iterations: usize,
+                    iterations: &[usize],
                     watch: &mut Watch<'_>,
-                ) -> Result<Option<Left>> {}
+                    go_on: &mut dyn FnMut(Option<Left>) -> bool,
+                ) -> Result<()> {}
             }
             #[derive(Debug, Clone, PartialEq)]
             pub struct Left {
@@ -4229,6 +4354,12 @@ pub mod tags {
     }
 }
 pub mod transport {
+    mod fine {
+        impl Model {
+            pub fn is_fine(&self, grid: &Grid) -> bool {}
+            pub fn is_polished(&self, grid: &Grid) -> bool {}
+        }
+    }
     mod grid {
         pub const BRICK_VOXELS: usize = 512;
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -4363,6 +4494,13 @@ pub mod transport {
             pub fn of(ends: &[usize], between: Vec<Vec<[f64; 2]>>) -> Moments {}
             pub fn first(&self, pairs: usize) -> &[[f64; 2]] {}
             pub fn all(&self) -> &[[f64; 2]] {}
+        }
+    }
+    mod reach {
+        impl Model {
+            pub fn reachable_bricks(&self, grid: &Grid) -> Vec<bool> {}
+            pub fn touches(&self, grid: &Grid) -> bool {}
+            pub fn trim(&mut self, grid: &Grid) -> Range<usize> {}
         }
     }
     mod reflectance {

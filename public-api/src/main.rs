@@ -93,7 +93,7 @@ fn keep(items: &mut Vec<Item>, open: bool, named: &BTreeSet<String>) {
             match &mut m.content {
                 Some((_, items)) if !tests(&m.attrs) => {
                     keep(items, open, named);
-                    items.iter().any(|i| open || !matches!(i, Item::Impl(_) | Item::Use(_)))
+                    !items.is_empty()
                 }
                 _ => false,
             }

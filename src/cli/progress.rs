@@ -40,9 +40,7 @@ impl Meter {
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
         let p = &progress.point;
         match progress.doing {
-            Doing::Preview => {
-                self.note(&format!("{PREVIEW} shows the back-projection after {:.1} s", p.seconds))
-            }
+            Doing::Preview => self.note(&format!("{PREVIEW} shows a first picture after {:.1} s", p.seconds)),
             Doing::Trial => {
                 self.bar.iter().for_each(|bar| bar.set_message("trying models and pulses"));
             }

@@ -1,5 +1,5 @@
-//! `preview.png`: what there is to see while a solve runs. It shows the back-projection first, then maps on the way. It
-//! goes when the result is there.
+//! `preview.png`: what there is to see while a solve runs. It shows the light-cone transform first, or the back-projection where
+//! the capture breaks an assumption of the transform; then maps on the way. It goes when the result is there.
 
 use std::borrow::Cow;
 use std::fs;
@@ -14,24 +14,28 @@ use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::solve::Ready;
-use crate::solve::{Doing, Progress, TracePoint, vector};
+use crate::solve::closed_form::LctOptions;
+use crate::solve::{Doing, Preset, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch, vector};
+use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
+/// Pixels of the transform's maps on a side, at most.
+const TRANSFORMED: usize = 128;
+
 /// Pixels of the back-projection's maps on a side, at most. Its voxels are cubes, so time goes with the third power.
-const LATERAL: usize = 48;
+const PROJECTED: usize = 48;
 
 /// The picture of a run.
 pub(super) struct Preview {
     file: PathBuf,
     /// Its folder, if it was made for the picture.
     folder: Option<PathBuf>,
-    /// Seconds that the back-projection took.
+    /// Seconds that the first picture took.
     pub seconds: f64,
 }
 
 impl Preview {
-    /// Shows the back-projection, and tells `hear`. What goes wrong is left for the solve itself to tell, which then
+    /// Shows the first picture, and tells `hear`. What goes wrong is left for the solve itself to tell, which then
     /// runs without a picture.
     ///
     /// # Errors
@@ -45,7 +49,8 @@ impl Preview {
         let (start, folder) = (Instant::now(), &request.out);
         let folder_made = (!folder.exists()).then(|| folder.clone());
         let mut preview = Preview { file: folder.join(PREVIEW), folder: folder_made, seconds: 0.0 };
-        let Ok(maps) = project(request, capture, gpu) else { return Ok(None) };
+        let first = transform(request, capture, gpu).or_else(|_| project(request, capture, gpu));
+        let Ok(maps) = first else { return Ok(None) };
         if create_dir(folder).and_then(|()| preview.show(&maps)).is_err() {
             return Ok(None);
         }
@@ -86,13 +91,42 @@ impl Drop for Preview {
     }
 }
 
+/// The light-cone transform: sharper than a back-projection, and sooner there.
+fn transform(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+    let common = request.solver.common();
+    let preset = if capture.has_whole_counts() { Preset::Captured } else { Preset::Synthetic };
+    let suit = Suit { preset, reflectance: common.reflectance, ..Suit::of(capture) };
+    let options = LctOptions::suited_to(&suit).with(|o| {
+        o.lateral = common.lateral.min(TRANSFORMED);
+        o.image.min_depth = common.min_depth;
+        o.image.reflectance = common.reflectance;
+    });
+    options.takes(capture)?;
+    let (small, capture, grid) = small(request, options.into(), capture)?;
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    let done = small.solver.solve(gpu, &capture, grid, request.memory, false, &mut watch)?;
+    Ok(done.maps)
+}
+
+/// The filtered back-projection.
 fn project(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let options = request.solver.as_vector(capture.is_confocal()).with(|o| {
-        o.lateral = o.lateral.min(LATERAL);
+        o.lateral = o.lateral.min(PROJECTED);
         o.surface.pixels_per_voxel = Some(1);
     });
-    let small = Request { volume: request.volume, bins: request.bins, ..Request::new(options.clone(), "") };
+    let (_, capture, grid) = small(request, options.clone().into(), capture)?;
+    vector::preview(gpu, &capture, grid, &options, request.memory)
+}
+
+/// The request with another solver and voxels that are cubes, the capture in the bins for them, and their grid.
+fn small<'c>(
+    request: &Request,
+    solver: SolverOptions,
+    capture: &'c Capture,
+) -> Result<(Request, Cow<'c, Capture>, Grid)> {
+    let small = Request { volume: request.volume, bins: request.bins, ..Request::new(solver, "") };
     let small = Request { depth_pitch: Some(small.pixel(capture)), ..small };
     let Ready { capture, grid, .. } = small.ready(Cow::Borrowed(capture))?;
-    vector::preview(gpu, &capture, grid, &options, request.memory)
+    Ok((small, capture, grid))
 }

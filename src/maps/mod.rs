@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 
 mod confidence;
 mod mask;
+mod parts;
 
 pub use confidence::Conditions;
 
@@ -25,7 +26,7 @@ pub struct Maps {
     pub depth: Vec<f32>,
     /// Unit normals; NaN = no surface.
     pub normal: Vec<[f32; 3]>,
-    /// True for pixels that count as surface ([`Maps::set_mask`]).
+    /// True for pixels that count as surface ([`Maps::set_mask`], [`Maps::leave_out_uncertain_parts`]).
     pub mask: Vec<bool>,
     /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None` if the albedo's edges tell.
     pub mask_fraction: Option<f64>,

@@ -13,7 +13,7 @@ const SLANT: f64 = 0.35;
 
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
 /// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. `capture` is what was solved; its counts are not looked at if the result says how strong their noise is.
+/// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]). `capture` is what was solved; its counts are not looked at if the result says how strong their noise is.
 pub fn conclude(
     capture: &Capture,
     mask_fraction: Option<f64>,
@@ -41,12 +41,22 @@ pub fn conclude(
         let pitch = level.unwrap_or(result.plan.finest()).grid.pitch;
         Conditions { voxel: if is_volume { [pitch.x, pitch.z] } else { [0.0; 2] }, ..all }
     };
+    let by_edges = mask_fraction.is_none() && !result.has_mask;
     for (iteration, maps) in snapshots {
         let known = after(maps, *iteration);
-        maps.set_confidence(&known);
+        tell(maps, &known, by_edges);
     }
     let known = after(&result.maps, last);
-    result.maps.set_confidence(&known);
+    tell(&mut result.maps, &known, by_edges);
+}
+
+/// Sets the confidence. If the mask is `by_edges`, small parts with uncertain depths leave it.
+fn tell(maps: &mut Maps, known: &Conditions, by_edges: bool) {
+    maps.set_confidence(known);
+    if by_edges && maps.leave_out_uncertain_parts() {
+        // The brightness of the mask counts.
+        maps.set_confidence(known);
+    }
 }
 
 /// The variance of all bins over their squared counts without background; 1 without light.

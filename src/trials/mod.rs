@@ -34,8 +34,8 @@ const ITERATIONS: usize = 20;
 const COARSE_ITERATIONS: usize = 8;
 const SURFACE_ITERATIONS: usize = 40;
 
-/// A volume that is compared with a surface: its iterations, and how many times as much as the surface it may leave. A
-/// volume with more iterations follows only if this one comes as close; the last one refutes the surface's model.
+/// A volume that is compared with a surface: after so many iterations, it may leave so many times as much as the surface. Only
+/// if it comes as close do more follow; the last of them refute the surface's model.
 const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, 0.9)];
 
 /// Whether the width of the instrument's pulse is found first.
@@ -301,20 +301,22 @@ impl<'t> Trials<'t> {
         }
         let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
-        let mut refuted = None;
-        for (iterations, close) in VOLUMES {
-            let volume = self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
-                trial.fit_volume(pulse, iterations, watch)
-            })?;
-            let Some(volume) = volume.filter(|v| v.share() <= close * surface.share()) else {
-                return Ok(None);
-            };
-            refuted = volume.is_less(&surface).then(|| Refuted {
-                reflectance,
-                surface: surface.share(),
-                volume: volume.share(),
-            });
-        }
+        let mut close_enough = VOLUMES.iter().map(|(_, close)| *close);
+        let mut volumes = vec![];
+        let mut compare = |volume: Option<Left>| {
+            let Some(close) = close_enough.next() else { return false };
+            let near = volume.filter(|v| v.share() <= close * surface.share());
+            let is_near = near.is_some();
+            volumes.extend(near);
+            is_near
+        };
+        let iterations = VOLUMES.map(|(iterations, _)| iterations);
+        self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
+            trial.fit_volume(pulse, &iterations, watch, &mut compare)
+        })?;
+        let last = volumes.get(VOLUMES.len() - 1).filter(|volume| volume.is_less(&surface));
+        let refuted =
+            last.map(|volume| Refuted { reflectance, surface: surface.share(), volume: volume.share() });
         // It gives way to a model that finds a surface.
         let another = if refuted.is_some() { self.left(WITHOUT_NORMALS, fwhm, Begun::Alike)? } else { None };
         Ok(refuted.filter(|_| another.is_some()))

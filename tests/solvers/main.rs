@@ -21,3 +21,4 @@ mod subsets;
 mod surface;
 mod surface_alone;
 mod taken_off;
+mod trials;

@@ -5,12 +5,12 @@
 use std::sync::Arc;
 
 use super::passes::EXTRAPOLATE;
-use super::{VectorOptions, make_ready, model, solve_volume};
+use super::{VectorOptions, due, make_ready, model, solve_volume, steps, stop_below};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
-use crate::solve::drive::{Driven, Watch};
+use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::over_pairs::{arguments, compare, forward, over_parts};
 use crate::solve::passes::{FORWARD, RESIDUAL};
 use crate::solve::plan::{RESIDUAL_HOST, sum_of};
@@ -116,32 +116,70 @@ impl Trial {
         self.sides.judge(&mut job, plan_of_held, &last, s, sum).map(Some)
     }
 
-    /// Fits a volume of `iterations` and no surface, with paths spread by `pulse`; `None` if it comes out empty. Its
-    /// voxels have vectors of their own, so its light depends on the angle as the data want it.
+    /// Fits a volume and no surface, with paths spread by `pulse`. After each number of `iterations`, which rise, `go_on` hears
+    /// what the volume leaves (`None` if it is empty, which ends the fit) and says whether to go on. The volume's voxels have
+    /// vectors of their own, so its light depends on the angle as the data want it.
     ///
     /// # Errors
     /// Those of [`super::reconstruct`], and a pulse without taps.
     pub fn fit_volume(
         &mut self,
         pulse: Option<&Pulse>,
-        iterations: usize,
+        iterations: &[usize],
         watch: &mut Watch<'_>,
-    ) -> Result<Option<Left>> {
+        go_on: &mut dyn FnMut(Option<Left>) -> bool,
+    ) -> Result<()> {
         self.sides.spread_by(pulse)?;
         let options = self.options.clone().with(|o| {
-            o.iterations = iterations;
+            o.iterations = iterations.last().copied().unwrap_or(o.iterations);
             o.surface.iterations = 0;
         });
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
-        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan.clone(), self.memory)?;
         make_ready(&mut job)?;
-        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
-        if driven.trace.last().is_none_or(|p| p.active == 0) {
-            return Ok(None);
-        }
         let level = *plan_of_held.finest();
-        let s = render_volume(&plan_of_held, &level);
-        self.sides.judge(&mut job, plan_of_held, &level, s, 1).map(Some)
+        let mut before: Option<Driven> = None;
+        for until in iterations {
+            let steps = match &before {
+                None => steps(&plan, &options),
+                Some(driven) => {
+                    job.put(self.sides.seen.clone(), plan.clone())?;
+                    steps_after(&plan, &options, driven)
+                }
+            };
+            let steps = Steps { stop_below: stop_below(&options), ..steps };
+            let driven = drive(&self.gpu, &mut job, *until, steps, watch, None, before.take())?;
+            let is_empty = driven.trace.last().is_none_or(|p| p.active == 0);
+            let left = if is_empty {
+                None
+            } else {
+                let s = render_volume(&plan_of_held, &level);
+                Some(self.sides.judge(&mut job, plan_of_held.clone(), &level, s, 1)?)
+            };
+            if !go_on(left) || is_empty {
+                break;
+            }
+            before = Some(driven);
+        }
+        Ok(())
+    }
+}
+
+/// The steps that follow those of `driven`.
+fn steps_after<'o>(plan: &Plan, options: &'o VectorOptions, driven: &Driven) -> Steps<'o> {
+    let mut reached = plan.levels.iter().position(|level| *level == driven.level).unwrap_or(0);
+    let done = driven.trace.last().map_or(0, |p| p.iteration);
+    let start = due(plan, options, &mut reached, done);
+    Steps {
+        levels: plan.levels[reached..].to_vec(),
+        start,
+        due: Box::new(move |plan, level, done| {
+            let mut at = reached + *level;
+            let s = due(plan, options, &mut at, done);
+            *level = at - reached;
+            s
+        }),
+        ..steps(plan, options)
     }
 }
 

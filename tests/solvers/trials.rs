@@ -1,0 +1,45 @@
+//! Trials: quick fits, judged by pairs that they have not seen.
+
+use std::ops::ControlFlow;
+
+use fixtures::device::*;
+use thirdbounce::solve::vector::{Left, Trial};
+use thirdbounce::solve::{Accumulation, Progress, VectorOptions};
+use thirdbounce::transport::{Grid, Volume};
+
+use super::session::{frames, scan};
+
+/// What a volume leaves after each of these numbers of iterations, up to the `last`th one.
+fn left(iterations: &[usize], last: usize) -> Vec<Left> {
+    let gpu = gpu();
+    let mut capture = scan(12, 0.02);
+    capture.histograms = frames(&capture)[0].clone();
+    let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.3), max: glam::dvec3(0.5, 0.5, 1.0) };
+    let options = VectorOptions::default().with(|o| {
+        o.lateral = 24;
+        o.domain.coarse_iterations = 2;
+        o.domain.reduce_every = 2;
+        o.bound_every = 4;
+        o.accumulation = Accumulation::Repeatable;
+        o.stop = false;
+    });
+    let mut trial = Trial::new(&gpu, &capture, Grid::new(volume, 24, 0.02).unwrap(), options, None);
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let mut all = vec![];
+    let mut go_on = |found: Option<Left>| {
+        all.extend(found);
+        all.len() < last
+    };
+    trial.fit_volume(None, iterations, &mut unwatched(&mut hear), &mut go_on).unwrap();
+    all
+}
+
+#[test]
+fn a_volume_that_goes_on_after_it_was_judged_ends_as_one_in_one_go() {
+    let on_the_way = left(&[4, 7, 12], 3);
+    let alone = [4, 7, 12].map(|n| left(&[n], 1).remove(0));
+    assert_eq!(on_the_way, alone);
+    let shares: Vec<f64> = on_the_way.iter().map(Left::share).collect();
+    assert!(shares[0] > shares[1] && shares[1] > shares[2], "{shares:?}");
+    assert_eq!(left(&[4, 7, 12], 2), on_the_way[..2], "it ends when it is told to");
+}
