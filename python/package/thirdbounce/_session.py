@@ -155,9 +155,8 @@ def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optio
     laser = sensor if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
     widest = sensor if sensor.size >= laser.size else laser
     scan = (widest.shape[0], widest.shape[1])
-    arrays = dict.fromkeys(
-        ["counts", "laser_normal", "sensor_normal", "pulse", "laser_spot", "sensor_spot", "cycles", "photon_counts"]
-    )
+    unknown = ["counts", "laser_normal", "sensor_normal", "pulse", "laser_spot", "sensor_spot", "cycles", "direct", "photon_counts"]
+    arrays = dict.fromkeys(unknown)
     sensor_points = like_points(sensor, scan, "sensor_xyz")
     laser_points = like_points(laser, scan, "laser_xyz")
     assert isinstance(sensor_points, np.ndarray) and isinstance(laser_points, np.ndarray)
