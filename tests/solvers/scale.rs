@@ -11,7 +11,7 @@ use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{SolverOptions, Suit, Watch};
+use thirdbounce::solve::{SolverOptions, Suit, SurfaceAloneOptions, Watch};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 24;
@@ -67,9 +67,12 @@ fn default_settings_know_no_unit() {
             // Filtered sums cancel: dark pixels keep fewer digits.
             let rounding = if iterates { 2e-5 } else { 2e-4 };
             let most = apart[((apart.len() - 1) as f64 * share) as usize];
+            // The surface alone has depths where it is lit, the others nearly everywhere.
+            let fewest = if *solver == SurfaceAloneOptions::NAME { 60 } else { 300 };
             assert!(
-                apart.len() > 300 && most < if share == 1.0 { 1e-12 } else { rounding },
-                "{solver}, {scale}: {most}"
+                apart.len() > fewest && most < if share == 1.0 { 1e-12 } else { rounding },
+                "{solver}, {scale}: {most}, {} pixels",
+                apart.len()
             );
         }
     }
