@@ -7,15 +7,15 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::Request;
 use super::places::PREVIEW;
+use super::{Request, preset_for};
 use crate::capture::Capture;
 use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::solve::closed_form::LctOptions;
-use crate::solve::{Doing, Preset, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch, vector};
+use crate::solve::{Doing, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch, vector};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
@@ -94,12 +94,10 @@ impl Drop for Preview {
 /// The light-cone transform: sharper than a back-projection, and sooner there.
 fn transform(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let common = request.solver.common();
-    let preset = if capture.has_whole_counts() { Preset::Captured } else { Preset::Synthetic };
-    let suit = Suit { preset, reflectance: common.reflectance, ..Suit::of(capture) };
+    let suit = Suit { preset: preset_for(capture), reflectance: common.reflectance, ..Suit::of(capture) };
     let options = LctOptions::suited_to(&suit).with(|o| {
         o.lateral = common.lateral.min(TRANSFORMED);
         o.image.min_depth = common.min_depth;
-        o.image.reflectance = common.reflectance;
     });
     options.takes(capture)?;
     let (small, capture, grid) = small(request, options.into(), capture)?;

@@ -38,7 +38,8 @@ pub struct Finished {
     pub sum: usize,
 }
 
-/// Solves as `request` says, on several devices that share the pairs or on one. `hear` is called with the progress and may cancel. `preview` shows the volume on its way.
+/// Solves as `request` says, on several devices that share the pairs or on one. `hear` is called with the progress and may
+/// cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
 /// Those of [`super::SolverOptions::solve`], of [`metrics`] and of checkpoint files.

@@ -13,7 +13,8 @@ const SLANT: f64 = 0.35;
 
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
 /// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]). `capture` is what was solved; its counts are not looked at if the result says how strong their noise is.
+/// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
+/// `capture` is what was solved; its counts are not looked at if the result says how strong their noise is.
 pub fn conclude(
     capture: &Capture,
     mask_fraction: Option<f64>,

@@ -84,10 +84,10 @@ impl OnDevice {
         let mut all = Uploads::begin(executor)?;
         let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
         if plan.levels.iter().chain(plan.pixels_only()).any(|l| whole(&l)) {
-            all.add(buffer::WALL, bytemuck::cast_slice(&plan.own_wall(model.wall.clone()).words()))?;
+            all.add(buffer::WALL, bytemuck::cast_slice(&plan.own_wall(&model.wall).words()))?;
         }
         for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).into_iter().map(move |p| (l, p))) {
-            let wall = plan.own_wall(model.wall.first(level.pairs)).stretch(part.first, part.own.count);
+            let wall = plan.own_wall(&model.wall.first(level.pairs)).stretch(part.first, part.own.count);
             all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
         let mut taps = vec![(plan.taps.len() - 1) as f32];
@@ -113,8 +113,8 @@ impl OnDevice {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
             if level.wall != buffer::WALL && !plan.is_cut(level) {
-                let wall = plan.own_wall(model.wall.first(level.pairs));
-                all.add(level.wall, bytemuck::cast_slice(&wall.words()))?;
+                let words = plan.own_wall(&model.wall.first(level.pairs)).words();
+                all.add(level.wall, bytemuck::cast_slice(&words))?;
             }
         }
         all.run()

@@ -301,14 +301,11 @@ impl<'t> Trials<'t> {
         }
         let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
-        let mut close_enough = VOLUMES.iter().map(|(_, close)| *close);
         let mut volumes = vec![];
         let mut compare = |volume: Option<Left>| {
-            let Some(close) = close_enough.next() else { return false };
-            let near = volume.filter(|v| v.share() <= close * surface.share());
-            let is_near = near.is_some();
-            volumes.extend(near);
-            is_near
+            let (before, most) = (volumes.len(), VOLUMES[volumes.len()].1 * surface.share());
+            volumes.extend(volume.filter(|v| v.share() <= most));
+            volumes.len() > before
         };
         let iterations = VOLUMES.map(|(iterations, _)| iterations);
         self.with_trial(reflectance, fwhm, |trial, pulse, watch| {

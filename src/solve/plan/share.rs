@@ -71,10 +71,10 @@ impl Plan {
     }
 
     /// The wall of those of the first pairs that are on this device.
-    pub(in crate::solve) fn own_wall(&self, first: Wall) -> Wall {
+    pub(in crate::solve) fn own_wall<'w>(&self, first: &'w Wall) -> Cow<'w, Wall> {
         match self.share {
-            Some(Share { number, of }) => first.every([number, of]),
-            None => first,
+            Some(Share { number, of }) => Cow::Owned(first.every([number, of])),
+            None => Cow::Borrowed(first),
         }
     }
 
