@@ -40,24 +40,15 @@ pub struct Session {
 pub enum FeedGiven {
     /// What a running sum is multiplied by before each frame.
     Decay(f64),
-    /// `one`, `newest` or `every`.
+    /// `one`, `newest`, `every` or `sum:` and the decay.
     Word(String),
 }
-
-/// Frames that wait where every frame counts.
-const WAITING: usize = 64;
 
 impl FeedGiven {
     fn feed(&self) -> Result<Feed> {
         match self {
             FeedGiven::Decay(decay) => Ok(Feed::Sum { decay: *decay }),
-            FeedGiven::Word(word) if word == "one" => Ok(Feed::One),
-            FeedGiven::Word(word) if word == "newest" => Ok(Feed::Newest),
-            FeedGiven::Word(word) if word == "every" => Ok(Feed::Every { most: WAITING }),
-            FeedGiven::Word(word) => Err(Error::options(
-                format!("feed is {word:?}"),
-                "give one, newest, every, or what a running sum is multiplied by before each frame",
-            )),
+            FeedGiven::Word(word) => word.parse(),
         }
     }
 }

@@ -15,7 +15,7 @@ use thirdbounce::{Error, Result, capture, export, job};
 use super::histogram::FromTags;
 use super::progress::say;
 use super::solver::SolverArgs;
-use super::units::{length, path};
+use super::units::{length, milliseconds, path};
 use super::{advice, input, interrupt, print};
 
 #[derive(clap::Args)]
@@ -66,8 +66,8 @@ pub struct Args {
     /// and multiplies the sum by D before each
     #[arg(long, value_name = "newest|every|sum:D", default_value = "newest")]
     feed: String,
-    /// Time for a frame in milliseconds: as many iterations as fit
-    #[arg(long, value_name = "MS")]
+    /// Time for a frame: 200ms, 0.2s, milliseconds as a plain number; as many iterations as fit
+    #[arg(long, value_name = "TIME", value_parser = milliseconds)]
     budget: Option<f64>,
     /// Solve every frame from the beginning, not from the frame before
     #[arg(long, conflicts_with = "budget")]
@@ -87,9 +87,6 @@ pub struct Args {
     #[command(flatten)]
     solver: SolverArgs,
 }
-
-/// Frames that wait where every frame counts.
-const WAITING: usize = 64;
 
 pub fn run(args: &Args) -> Result<()> {
     args.solver.choice().check()?;
@@ -216,18 +213,18 @@ fn summary(done: &Summary) -> String {
 }
 
 fn feed(text: &str) -> Result<Feed> {
-    match (text, text.strip_prefix("sum:").map(str::parse)) {
-        ("newest", _) => Ok(Feed::Newest),
-        ("every", _) => Ok(Feed::Every { most: WAITING }),
-        (_, Some(Ok(decay))) => Ok(Feed::Sum { decay }),
-        _ => Err(Error::options(format!("--feed is {text:?}"), "give newest, every, or sum:0.9")),
-    }
+    // Sources do not wait: one at a time would refuse frames.
+    let feed = text.parse().ok().filter(|feed| *feed != Feed::One);
+    feed.ok_or_else(|| Error::options(format!("--feed is {text:?}"), "give newest, every, or sum:0.9"))
 }
 
 fn follow(args: &Args) -> Result<Option<Follow>> {
-    let budget = args.budget.map(|ms| Duration::try_from_secs_f64(1e-3 * ms)).transpose();
+    let budget = args.budget.map(Duration::try_from_secs_f64).transpose();
     let budget = budget.map_err(|e| {
-        Error::options(format!("--budget is {}: {e}", args.budget.unwrap_or(f64::NAN)), "give milliseconds")
+        Error::options(
+            format!("--budget is {} s: {e}", args.budget.unwrap_or(f64::NAN)),
+            "give a time such as 200ms, or milliseconds as a plain number",
+        )
     })?;
     Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
 }

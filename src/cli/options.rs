@@ -7,6 +7,8 @@ use thirdbounce::job::SolverOptions;
 use thirdbounce::solve::Sizes;
 use thirdbounce::solve::option::{Range, Row, Suit, Value};
 
+use super::units;
+
 /// Parses one of the words that stand for values of `T` in files.
 pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
     words: &'static [&'static str],
@@ -59,6 +61,7 @@ impl clap::Args for Given {
                 Range::Positive | Range::NotNegative | Range::Share | Range::Fraction => {
                     arg.value_name("X").value_parser(value_parser!(f64))
                 }
+                Range::Length => arg.value_name("LENGTH").value_parser(units::length),
                 Range::Words(words) => arg.value_name("WORD").value_parser(PossibleValuesParser::new(words)),
                 Range::Sizes => arg.value_name("NAME=N,...").value_parser(value_parser!(Sizes)),
                 Range::Flag | Range::Internal => arg.action(ArgAction::SetTrue),
@@ -84,7 +87,7 @@ impl FromArgMatches for Given {
             let value = match row.range {
                 Range::Count(..) | Range::OneOf(_) => Value::Count(*matches.get_one::<usize>(key)?),
                 Range::Seed => Value::Count(*matches.get_one::<u32>(key)? as usize),
-                Range::Positive | Range::NotNegative | Range::Share | Range::Fraction => {
+                Range::Positive | Range::NotNegative | Range::Length | Range::Share | Range::Fraction => {
                     Value::Number(*matches.get_one::<f64>(key)?)
                 }
                 Range::Words(words) => worded(key, words, matches.get_one::<String>(key)?),

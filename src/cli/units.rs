@@ -44,6 +44,14 @@ pub fn time(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "give a time: seconds, or a number with ps, ns, us, ms or s behind it".into())
 }
 
+/// A time of a computer, in seconds: `200ms`, `0.2s`, or milliseconds as a plain number.
+pub fn milliseconds(text: &str) -> Result<f64, String> {
+    plain(text)
+        .map(|ms| 1e-3 * ms)
+        .or_else(|| with_unit(text, &TIMES).map(|(value, size)| value * size))
+        .ok_or_else(|| "give a time: milliseconds, or a number with ms or s behind it".into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,6 +68,8 @@ mod tests {
         assert!(near(path("-1.5ns").unwrap(), -1.5 * LIGHT * 1e-9));
         assert!(near(time("12.5ns").unwrap(), 12.5e-9) && near(time("3e-9").unwrap(), 3e-9));
         assert!(near(time("299.792458mm").unwrap(), 1e-9));
+        assert!(near(milliseconds("200").unwrap(), 0.2) && near(milliseconds("0.2s").unwrap(), 0.2));
+        assert!(near(milliseconds("200 ms").unwrap(), 0.2) && milliseconds("200m").is_err());
         for wrong in ["", "m", "32 parsec", "1,5m", "2mm2", "ps32", "32p s", "é🦀", "3🦀m"] {
             assert!(length(wrong).is_err() && path(wrong).is_err() && time(wrong).is_err(), "{wrong}");
         }

@@ -28,6 +28,27 @@ pub enum Feed {
     },
 }
 
+/// Frames that wait where every frame counts and nobody says how many may.
+const WAITING: usize = 64;
+
+impl std::str::FromStr for Feed {
+    type Err = Error;
+
+    /// Reads `one`, `newest`, `every`, or `sum:0.9` with the decay.
+    fn from_str(text: &str) -> Result<Feed> {
+        match (text, text.strip_prefix("sum:").map(str::parse)) {
+            ("one", _) => Ok(Feed::One),
+            ("newest", _) => Ok(Feed::Newest),
+            ("every", _) => Ok(Feed::Every { most: WAITING }),
+            (_, Some(Ok(decay))) => Ok(Feed::Sum { decay }),
+            _ => Err(Error::options(
+                format!("the feed {text:?} is not known"),
+                "give one, newest, every, or sum:0.9 with what the sum is multiplied by before each frame",
+            )),
+        }
+    }
+}
+
 impl Feed {
     /// # Errors
     /// No frame may wait, or the decay is no share.
@@ -112,6 +133,21 @@ mod tests {
         let mut all = Kept::new([1, 3], Feed::Sum { decay: 1.0 });
         frames.iter().for_each(|f| all.take(f, None));
         assert_eq!(given(&all), [13.0, 4.0, 7.0]);
+    }
+
+    #[test]
+    fn feeds_have_words() {
+        for (text, feed) in [
+            ("one", Feed::One),
+            ("newest", Feed::Newest),
+            ("every", Feed::Every { most: WAITING }),
+            ("sum:0.5", Feed::Sum { decay: 0.5 }),
+        ] {
+            assert_eq!(text.parse::<Feed>().unwrap(), feed);
+        }
+        for wrong in ["", "some", "sum", "sum:", "sum:x", "0.5"] {
+            assert!(wrong.parse::<Feed>().unwrap_err().what.contains(&format!("{wrong:?}")));
+        }
     }
 
     #[test]

@@ -87,6 +87,8 @@ pub enum Range {
     Positive,
     /// A finite number, 0 or above.
     NotNegative,
+    /// A finite length, 0 or above, metres.
+    Length,
     /// In (0, 1].
     Share,
     /// In [0, 1).
@@ -186,6 +188,9 @@ impl Range {
             ),
             Range::Positive => (number.is_finite() && number > 0.0, "a positive number".into()),
             Range::NotNegative => (number.is_finite() && number >= 0.0, "zero or a positive number".into()),
+            Range::Length => {
+                (number.is_finite() && number >= 0.0, "zero or a positive length in metres".into())
+            }
             Range::Share => (number > 0.0 && number <= 1.0, "a positive number up to 1".into()),
             Range::Fraction => ((0.0..1.0).contains(&number), "a number from 0 to below 1".into()),
             Range::Seed | Range::Words(_) | Range::Flag | Range::Sizes | Range::Internal => return None,

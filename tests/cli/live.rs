@@ -7,9 +7,9 @@ use std::process::{Child, Command, Stdio};
 
 use fixtures::captures::assert_error;
 use fixtures::command::{fail, program, stderr, stdout, succeed};
-use fixtures::tags::Writer;
+use fixtures::tags::{Writer, csv, is_t3};
 use thirdbounce::live::write;
-use thirdbounce::tags::{self, Asked, Division, Scan};
+use thirdbounce::tags::{self, Asked, Division, Record, Scan};
 use thirdbounce::{Kind, capture};
 
 use crate::browser::{browser, image_colours, look};
@@ -109,7 +109,7 @@ fn a_stream_that_breaks_off_is_one_error_and_its_frames_are_solved() {
 fn the_standard_input_is_a_stream_and_frames_may_be_summed_in_time() {
     let (_folder, frames) = frames();
     let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
-    let more = ["--feed", "sum:0.5", "--budget", "200", "-q"];
+    let more = ["--feed", "sum:0.5", "--budget", "0.2s", "--min-depth", "20cm", "-q"];
     let mut child = Command::new(program())
         .args(arguments("-", &scan, &more))
         .stdin(Stdio::piped())
@@ -129,7 +129,10 @@ fn what_makes_no_sense_is_refused() {
     let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
     fail(&arguments("no-such-pipe", &scan, &[]), 1, "no-such-pipe");
     fail(&arguments("-", &scan, &["--feed", "some"]), 1, "--feed");
+    fail(&arguments("-", &scan, &["--feed", "one"]), 1, "--feed");
     fail(&arguments("-", &scan, &["--budget", "-3"]), 1, "--budget");
+    fail(&arguments("-", &scan, &["--budget", "3m"]), 2, "milliseconds");
+    fail(&arguments("-", &scan, &["--min-depth", "3s"]), 2, "give a length");
 
     fail(&["live", "-", "--capture", &scan, "--solver", "paper"], 1, "follow");
 }
@@ -176,17 +179,22 @@ fn a_browser_shows_the_newest_maps() {
     }
 }
 
-/// Time tags of passes over a letter: marker 1 begins each point, the brightest bin has some ten photons, and direct light
-/// forty. Two points of a further pass have begun.
-fn passes(capture: &capture::Capture, count: i64) -> Vec<u8> {
-    const TICK: f64 = 16e-12;
+const TICK: f64 = 16e-12;
+/// Ticks of a laser period.
+const PERIOD: i64 = 6250;
+
+/// Time tags of passes over a letter: marker 1 begins each point and marker 3 each pass, the brightest bin has some ten photons,
+/// and direct light forty. Two points of a further pass have begun. T2 holds the laser's pulses, T3 does not.
+fn passes(capture: &capture::Capture, count: i64, number: i64) -> Writer {
     let tick_path = TICK * 299_792_458.0;
-    let mut writer = Writer::new(0x0001_0307);
-    let (pulses, side) = (1000, capture.scan[1]);
+    let t3 = is_t3(number);
+    let mut writer = Writer::new(number);
+    let (pulses, side) = (if t3 { 1000 } else { 120 }, capture.scan[1]);
     let brightest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
     let mut begin = 100;
     for point in 0..count * capture.pair_count() as i64 + 2 {
-        writer.marker(1, begin);
+        let bits = if point % capture.pair_count() as i64 == 0 { 5 } else { 1 };
+        writer.marker(bits, if t3 { begin } else { begin * PERIOD });
         // Row by row: pair ix * rows + iy is measured as iy * columns + ix.
         let k = point as usize % capture.pair_count();
         let pair = k % side * side + k / side;
@@ -196,19 +204,75 @@ fn passes(capture: &capture::Capture, count: i64) -> Vec<u8> {
             _ => (12.0 * capture.histograms[pair * capture.bins + bin - 1] / brightest).round() as usize,
         };
         let all = (0..=capture.bins).flat_map(|bin| (0..photons(bin)).map(move |i| (bin, i)));
-        for (n, (bin, i)) in all.enumerate() {
+        let delay = |bin: usize, i: usize| {
             let path = if bin == 0 { 0.0 } else { capture.t_start + (bin - 1) as f64 * capture.bin_width };
             // Spread over the bin, direct light over three ticks.
-            let within = if bin == 0 {
-                (i % 3) as f64
-            } else {
-                (i as f64 + 0.5) / 12.0 * capture.bin_width / tick_path
+            let within = match bin {
+                0 => (i % 3) as f64,
+                _ => (i as f64 + 0.5) / 12.0 * capture.bin_width / tick_path,
             };
-            writer.photon(1, begin + (n as i64).min(pulses - 1), leg + (path / tick_path + within) as u32);
+            leg + (path / tick_path + within) as u32
+        };
+        // One photon for each laser pulse, the rest for the last.
+        let mut delays: Vec<Vec<u32>> = vec![vec![]; pulses as usize];
+        all.enumerate().for_each(|(n, (bin, i))| delays[n.min(pulses as usize - 1)].push(delay(bin, i)));
+        for (sync, delays) in (begin..).zip(&mut delays) {
+            writer.sync(sync * PERIOD);
+            delays.sort_unstable();
+            for delay in delays {
+                writer.photon(1, if t3 { sync } else { sync * PERIOD + i64::from(*delay) }, *delay);
+            }
         }
         begin += pulses;
     }
-    writer.file(TICK, 1e-7, &[])
+    writer
+}
+
+/// Appends bytes to a file, part by part.
+fn growing(file: &Path, rest: &[u8]) -> std::thread::JoinHandle<()> {
+    let (file, rest) = (file.to_path_buf(), rest.to_vec());
+    std::thread::spawn(move || {
+        let mut file = std::fs::OpenOptions::new().append(true).open(file).unwrap();
+        for part in rest.chunks(rest.len() / 20 + 1) {
+            std::thread::sleep(std::time::Duration::from_millis(30));
+            file.write_all(part).unwrap();
+        }
+    })
+}
+
+#[test]
+fn a_growing_text_with_markers_of_frames_is_followed() {
+    let (folder, frames) = frames();
+    let letter = capture::read(&frames.join("frame-0000.npz")).unwrap();
+    // The text is in picoseconds.
+    let finer = |record: &Record| match *record {
+        Record::Sync { time } => Record::Sync { time: 16 * time },
+        Record::Photon { channel, time, delay } => Record::Photon { channel, time: 16 * time, delay },
+        Record::Marker { bits, time } => Record::Marker { bits, time: 16 * time },
+    };
+    // A marker of several bits is a line for each.
+    let split = |record: Record| match record {
+        Record::Marker { bits: 5, time } => {
+            vec![Record::Marker { bits: 4, time }, Record::Marker { bits: 1, time }]
+        }
+        other => vec![other],
+    };
+    let writer = passes(&letter, 3, 0x0001_0207);
+    let text = csv(&writer.wanted.iter().map(finer).flat_map(split).collect::<Vec<_>>());
+    let file = folder.path().join("scan.csv");
+    // Cut within a line.
+    let (begun, rest) = text.as_bytes().split_at(text.len() / 7);
+    std::fs::write(&file, begun).unwrap();
+    let writer = growing(&file, rest);
+    let source = file.to_string_lossy().into_owned();
+    let scan = ["live", &source, "--scan", "8x8", "--wall", "1m", "--pixels", "1", "--rounds", "3"];
+    let more = ["--marker-channels", "100,101,102", "--bin-width", "2cm", "--feed", "every", "--frames", "3"];
+    let output = Command::new(program()).args([&scan[..], &more, &QUICK].concat()).output().unwrap();
+    writer.join().unwrap();
+    let (text, errors) = (stdout(&output), stderr(&output));
+    assert!(output.status.success() && !errors.contains("error:"), "{errors}");
+    let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
+    assert!(lines.len() == 3 && lines.iter().all(|l| !l.contains(" 0 pixels of surface")), "{text}");
 }
 
 #[test]
@@ -216,18 +280,11 @@ fn passes_of_a_growing_file_of_time_tags_are_frames() {
     let (folder, frames) = frames();
     let letter = capture::read(&frames.join("frame-0000.npz")).unwrap();
     let [file, out] = ["scan.ptu", "out"].map(|name| folder.path().join(name));
-    let bytes = passes(&letter, 3);
+    let bytes = passes(&letter, 3, 0x0001_0307).file(TICK, 1e-7, &[]);
     // The instrument has begun to write: the header, and a part of a record.
     let (begun, rest) = bytes.split_at((bytes.len() / 7) | 1);
     std::fs::write(&file, begun).unwrap();
-    let (rest, growing) = (rest.to_vec(), file.clone());
-    let writer = std::thread::spawn(move || {
-        let mut file = std::fs::OpenOptions::new().append(true).open(growing).unwrap();
-        for part in rest.chunks(rest.len() / 20 + 1) {
-            std::thread::sleep(std::time::Duration::from_millis(30));
-            file.write_all(part).unwrap();
-        }
-    });
+    let writer = growing(&file, rest);
     let [source, out] = [file, out].map(|p| p.to_string_lossy().into_owned());
     let more = [
         "live",

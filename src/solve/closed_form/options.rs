@@ -14,7 +14,7 @@ options! {
         }
         "Domain" {
             /// Nothing nearer than this is reconstructed, metres
-            min_depth: f64 = 0.2 * suit.unit, Range::NotNegative;
+            min_depth: f64 = 0.2 * suit.unit, Range::Length;
         }
         "Upsampling" {
             /// Let the scan be so many times finer along x and y, with points between the measured ones; closed-form

@@ -102,7 +102,7 @@ options! {
         "Domain" {
             /// Voxels nearer than this are never active, metres [default: 0.2, times the wall's width in metres if that is
             /// below 0.25 or above 8]
-            min_depth: f64 = 0.2 * suit.unit, Range::NotNegative;
+            min_depth: f64 = 0.2 * suit.unit, Range::Length;
             /// Start at the scan's resolution, and double it in steps
             coarse_to_fine: bool = true, Range::Flag;
             /// Double the lateral resolution after every N iterations

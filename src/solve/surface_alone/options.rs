@@ -38,7 +38,7 @@ options! {
         }
         "Domain" {
             /// No surface is nearer than this, metres
-            min_depth: f64 = 0.2 * suit.unit, Range::NotNegative;
+            min_depth: f64 = 0.2 * suit.unit, Range::Length;
         }
         "Vector solver" {
             /// Subtract the background, estimated from the bins after the signal
