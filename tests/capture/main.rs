@@ -1,6 +1,7 @@
 //! Captures: formats, scans, walls, conversions, damaged files.
 
 mod arrays;
+mod bonn;
 mod convert;
 mod formats;
 mod hostile;

@@ -2,6 +2,7 @@
 //! several files in a folder.
 
 mod blocks;
+mod bonn;
 pub mod ccsocr;
 mod convolutional;
 mod dirac;
@@ -54,6 +55,7 @@ enum Contents {
     Hdf5,
     Matlab5,
     Npy,
+    Transient,
     Folder,
     Unknown,
 }
@@ -131,6 +133,7 @@ pub(crate) fn read_prepared(
             set = set::Set::open(path).map_err(place)?;
             read_set(&mut set, given, &mut notes)
         }
+        Contents::Transient => bonn::read(path, given, &mut notes).map(Found::Whole),
         Contents::Npy => Err(unknown("a single npy array has no wall points or bin width")),
         Contents::Unknown => Err(unknown("the format is not known")),
     };
@@ -331,8 +334,8 @@ pub(crate) fn check_ending(path: &Path) -> Result<()> {
 fn unknown(what: &str) -> Error {
     Error::input(
         what,
-        "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, or one of the known MATLAB \
-         files",
+        "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, a transient image TI04, or one of the \
+         known MATLAB files",
     )
 }
 
@@ -370,6 +373,9 @@ fn contents(path: &Path) -> Result<Contents> {
     }
     if head.starts_with(b"\x93NUMPY") {
         return Ok(Contents::Npy);
+    }
+    if bonn::is_one(head) {
+        return Ok(Contents::Transient);
     }
     // HDF5 may begin after a user block of 512, 1024, 2048 ... bytes (MATLAB v7.3: 512).
     let mut at = 0u64;
