@@ -664,6 +664,7 @@ pub mod export {
             path: &Path,
             capture: &Capture,
             direct: Option<&[f64]>,
+            shaped: bool,
         ) -> Result<()> {}
     }
     pub mod mesh {
@@ -874,6 +875,10 @@ pub mod files {
             pub fn open(path: &Path) -> Result<Npz> {}
             pub fn names(&self) -> Vec<String> {}
             pub fn get(&mut self, name: &str) -> Result<Option<Array>> {}
+            pub fn stream(
+                &mut self,
+                name: &str,
+            ) -> Result<Option<(Head, Box<dyn Read>)>> {}
             pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {}
             pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {}
         }
@@ -910,6 +915,7 @@ pub mod files {
             from_slice!(from_f64, f64, F64);
             from_slice!(from_u16, u16, U16);
             from_slice!(from_u32, u32, U32);
+            from_slice!(from_i64, i64, I64);
             pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {}
             pub fn count(&self) -> usize {}
             pub fn to_f64(&self) -> Vec<f64> {}
@@ -917,6 +923,16 @@ pub mod files {
             pub fn to_bool(&self) -> Vec<bool> {}
             pub fn parse(npy: &[u8]) -> Result<Array> {}
             pub fn to_npy(&self) -> Vec<u8> {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Head {
+            pub shape: Vec<usize>,
+            pub element: Element,
+            pub big_endian: bool,
+            pub fortran: bool,
+        }
+        impl Head {
+            pub fn read(npy: &mut impl Read) -> Result<Head> {}
         }
         pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {}
     }
@@ -2602,6 +2618,9 @@ pub mod session {
             Every { most: usize },
             Sum { decay: f64 },
         }
+        impl std::str::FromStr for Feed {
+            type Err = Error;
+        }
         impl Kept {
             pub fn new([pairs, bins]: [usize; 2], feed: Feed) -> Kept {}
             pub fn take(&mut self, counts: &[f32], measured: Option<&[bool]>) {}
@@ -3249,6 +3268,7 @@ pub mod solve {
             Seed,
             Positive,
             NotNegative,
+            Length,
             Share,
             Fraction,
             Words(&'static [&'static str]),
@@ -4148,6 +4168,18 @@ pub mod solve {
 }
 #[cfg(feature = "formats")]
 pub mod tags {
+    mod afterpulsing {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[non_exhaustive]
+        pub struct Afterpulsing {
+            pub share: f64,
+            pub error: f64,
+            pub pulses: u32,
+        }
+        impl Afterpulsing {
+            pub fn text(&self, period: Option<f64>) -> String {}
+        }
+    }
     mod arrange {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Scan {
@@ -4238,6 +4270,7 @@ pub mod tags {
             pub until: Option<f64>,
             pub pile_up: PileUp,
             pub turn: Turn,
+            pub seen_from: Option<[DVec3; 2]>,
         }
         impl Default for Asked {}
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -4256,6 +4289,8 @@ pub mod tags {
             pub left_out: u64,
             pub pulses: Option<[u64; 2]>,
             pub dark: Dark,
+            pub afterpulsing: Option<Afterpulsing>,
+            pub shaped: bool,
             pub dropped: usize,
             pub notes: Vec<String>,
         }
@@ -4300,6 +4335,7 @@ pub mod tags {
             At(f64),
         }
     }
+    pub use afterpulsing::Afterpulsing;
     pub use arrange::Scan;
     pub use curves::{Curve, Curves};
     pub use division::Division;

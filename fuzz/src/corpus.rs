@@ -29,6 +29,7 @@ fn main() {
         "kilometre",
         "convolutional",
         "lit",
+        "bonn",
         "npz",
     ];
     for (name, file, opened, given) in readers::every_reader(&scratch) {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use thirdbounce::capture::Turn;
 use thirdbounce::job::{self, Histogramming};
 use thirdbounce::tags::{Asked, Division, Galvo, Histograms, Inputs, PileUp, Scan, Zero, starts};
@@ -20,8 +21,8 @@ Examples:
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Time tags: PicoQuant .ptu, text .csv or .txt (channel, time in ps), a dump of 16 bytes a tag .dump or .bin; or
-    /// histograms of a PicoQuant instrument, .phu
+    /// Time tags: PicoQuant .ptu, npz or HDF5 with timestamps and channels, text .csv or .txt (channel, time in ps), a dump of
+    /// 16 bytes a tag .dump or .bin; or histograms of an instrument: PicoQuant .phu, an array .npy or .npz
     tags: PathBuf,
     #[command(flatten)]
     pub from: FromTags,
@@ -59,6 +60,11 @@ pub struct FromTags {
     /// The points of --scan are two voltages or angles each: the calibration of the galvo scanner, a text file (docs/tags.md)
     #[arg(long, value_name = "FILE", requires = "scan", help_heading = "Time tags")]
     galvo: Option<PathBuf>,
+    /// Where laser and sensor stand: x,y,z for both or x,y,z,x,y,z, each a length (30cm, metres as a plain number), or galvo for the
+    /// origin of the calibration. The wall's shape then comes from its own returns: each point moves along the laser's beam to
+    /// where its direct light comes from
+    #[arg(long, value_name = "X,Y,Z|galvo", allow_hyphen_values = true, help_heading = "Time tags")]
+    seen_from: Option<String>,
     /// Every other row of the grid runs backwards
     #[arg(long, help_heading = "Time tags")]
     snake: bool,
@@ -97,10 +103,10 @@ pub struct FromTags {
     /// The detector's channel [default: the only one with photons]
     #[arg(long, value_name = "N", help_heading = "Time tags")]
     channel: Option<i32>,
-    /// The channel of the laser pulses in text and dumps
+    /// The channel of the laser pulses in text, dumps and arrays
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Time tags")]
     sync_channel: i32,
-    /// Channels of markers in text and dumps: the first is marker 1
+    /// Channels of markers in text, dumps and arrays: the first is marker 1
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', help_heading = "Time tags")]
     marker_channels: Vec<i32>,
     /// What is path 0: direct, each point's peak of light from the wall itself, which removes both legs; or a delay after the laser
@@ -208,7 +214,27 @@ impl FromTags {
             until: self.until,
             pile_up,
             turn,
+            seen_from: self.seen_from()?,
         })
+    }
+
+    /// Where laser and sensor stand.
+    fn seen_from(&self) -> Result<Option<[DVec3; 2]>> {
+        let Some(text) = &self.seen_from else { return Ok(None) };
+        if let ("galvo", Some(file)) = (text.as_str(), &self.galvo) {
+            return Ok(Some([Galvo::read(file)?.origin; 2]));
+        }
+        let numbers: Vec<f64> = text.split(',').filter_map(|part| length(part).ok()).collect();
+        match numbers[..] {
+            _ if numbers.len() != text.split(',').count() => {}
+            [x, y, z] => return Ok(Some([DVec3::new(x, y, z); 2])),
+            [a, b, c, x, y, z] => return Ok(Some([DVec3::new(a, b, c), DVec3::new(x, y, z)])),
+            _ => {}
+        }
+        Err(Error::options(
+            format!("--seen-from is {text:?}"),
+            "give x,y,z of laser and sensor, such as 30cm,-20cm,1.4m, or of each, or galvo with --galvo",
+        ))
     }
 }
 
@@ -261,6 +287,10 @@ pub fn text(made: &Histograms, seconds: f64) -> String {
     }
     let rate = made.dark.per_second.map_or(String::new(), |rate| format!(", {rate:.0} a second"));
     out += &format!("dark      {:.3} counts in a bin{rate}, stray light included\n", made.dark.per_bin);
+    if let Some(afterpulsing) = &made.afterpulsing {
+        let period = made.survey.as_ref().and_then(|survey| survey.period);
+        out += &format!("after     {}\n", afterpulsing.text(period));
+    }
     if made.left_out > 0 {
         out += &format!("left out  {} photons: between points, or too late for some\n", made.left_out);
     }

@@ -26,22 +26,33 @@ const STEP: f64 = 540.0;
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, capture: &Capture) -> Result<()> {
     capture.check()?;
-    let picture = Overview { capture, title: "path of the peak (m)", logarithmic: false };
-    png::write(path, &picture.picture(&peaks(capture))?)
+    let maps = vec![("path of the peak (m)", peaks(capture)), sums(capture)];
+    png::write(path, &Overview { capture, maps, logarithmic: false }.picture()?)
 }
 
 /// As [`write()`], for a capture made of time tags. The mean histogram is logarithmic, because direct light is among it, and the
 /// first map shows `direct`, the direct peak of every pair as a path from the laser's trigger on, metres: over a flat wall
-/// it is smooth. Without `direct` it shows the path of the peak.
+/// it is smooth. Without `direct` it shows the path of the peak. If the wall is `shaped` by its own returns, a third map shows its
+/// depth.
 ///
 /// # Errors
 /// Those of [`write()`].
-pub fn write_with_direct(path: &Path, capture: &Capture, direct: Option<&[f64]>) -> Result<()> {
+pub fn write_with_direct(path: &Path, capture: &Capture, direct: Option<&[f64]>, shaped: bool) -> Result<()> {
     capture.check()?;
-    let title = if direct.is_some() { "path to the direct peak (m)" } else { "path of the peak (m)" };
-    let picture = Overview { capture, title, logarithmic: true };
-    let values = direct.map_or_else(|| peaks(capture), |all| all.iter().map(|v| *v as f32).collect());
-    png::write(path, &picture.picture(&values)?)
+    let first = match direct {
+        Some(all) => ("path to the direct peak (m)", all.iter().map(|v| *v as f32).collect()),
+        None => ("path of the peak (m)", peaks(capture)),
+    };
+    let mut maps = vec![first, sums(capture)];
+    if shaped {
+        maps.push(("depth of the wall (m)", capture.laser.iter().map(|p| p.z as f32).collect()));
+    }
+    png::write(path, &Overview { capture, maps, logarithmic: true }.picture()?)
+}
+
+/// The counts of each histogram.
+fn sums(capture: &Capture) -> (&'static str, Vec<f32>) {
+    ("sum of the counts", capture.histograms.chunks_exact(capture.bins).map(|h| h.iter().sum()).collect())
 }
 
 /// The path of each histogram's peak, metres; NaN without signal.
@@ -54,24 +65,21 @@ fn peaks(capture: &Capture) -> Vec<f32> {
     capture.histograms.chunks_exact(capture.bins).map(peak).collect()
 }
 
-/// The mean histogram, and the titles of the maps below it.
+/// The mean histogram, and the maps below it.
 struct Overview<'a> {
     capture: &'a Capture,
-    /// Of the first map.
-    title: &'a str,
+    /// Titles and values, one for each pair.
+    maps: Vec<(&'static str, Vec<f32>)>,
     /// Whether counts have a logarithmic axis.
     logarithmic: bool,
 }
 
 impl Overview<'_> {
-    /// The picture, `first` in the first map.
-    fn picture(&self, first: &[f32]) -> Result<Picture> {
+    fn picture(&self) -> Result<Picture> {
         let capture = self.capture;
         let mut picture = figure::picture(self)?;
-        let histograms = capture.histograms.chunks_exact(capture.bins);
-        let totals: Vec<f32> = histograms.map(|h| h.iter().sum()).collect();
         let [top, side] = MAPS.map(|v| v as usize);
-        for (at, values) in [first, &totals].into_iter().enumerate() {
+        for (at, (_, values)) in self.maps.iter().enumerate() {
             let x = (LEFT + at as f64 * STEP) as usize;
             let range = percentile(values, 1.0).zip(percentile(values, 99.0));
             let (low, high) = range.map_or((0.0, 1.0), |(a, b)| (f64::from(a), f64::from(b)));
@@ -85,7 +93,8 @@ impl Overview<'_> {
 
 impl Figure for Overview<'_> {
     fn size(&self) -> [u32; 2] {
-        [WIDTH as u32, (MAPS[0] + MAPS[1] + 60.0) as u32]
+        let more = self.maps.len().saturating_sub(2) as f64 * STEP;
+        [(WIDTH + more) as u32, (MAPS[0] + MAPS[1] + 60.0) as u32]
     }
 
     fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
@@ -93,7 +102,7 @@ impl Figure for Overview<'_> {
         let [nx, ny] = capture.scan;
         let title = format!("{}: {nx} × {ny} histograms of {} bins", capture.name, capture.bins);
         line_of_text(area, &title, &font(HEADING, INK), [LEFT, 28.0])?;
-        for (at, title) in [self.title, "sum of the counts"].iter().enumerate() {
+        for (at, (title, _)) in self.maps.iter().enumerate() {
             line_of_text(area, title, &font(TITLE, INK), [LEFT + at as f64 * STEP, MAPS[0] - 17.0])?;
         }
         let mean = capture.mean_histogram();

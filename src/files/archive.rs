@@ -1,13 +1,14 @@
 //! npz archives: named npy arrays in a zip file.
 
 use std::fs::File;
-use std::io::{BufReader, Cursor, Read, Write};
-use std::path::Path;
+use std::io::{BufReader, Cursor, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 
+use flate2::read::DeflateDecoder;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-use super::array::Array;
+use super::array::{Array, Head};
 use crate::error::{Error, Result};
 
 /// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
@@ -18,6 +19,7 @@ const LARGEST: u64 = 32 << 30;
 /// An npz file opened for reading; arrays are decoded on request.
 pub struct Npz {
     zip: ZipArchive<BufReader<File>>,
+    path: PathBuf,
     bytes: u64,
 }
 
@@ -36,7 +38,7 @@ impl Npz {
         }
         let bytes = meta.map_or(0, |m| m.len());
         let zip = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
-        Ok(Npz { zip, bytes })
+        Ok(Npz { zip, path: path.into(), bytes })
     }
 
     /// Names of the arrays, sorted.
@@ -71,6 +73,29 @@ impl Npz {
         })?;
         entry.take(size).read_to_end(&mut npy).map_err(|e| damaged(e).at(format!("array {name}")))?;
         Array::parse(&npy).map(Some).map_err(|e| e.at(format!("array {name}")))
+    }
+
+    /// The header of an array, and its elements as they follow; `None` if there is no array of this name. Several may be read
+    /// at a time.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the entry is damaged, or is not an array of numbers.
+    pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Box<dyn Read>)>> {
+        let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
+        let entry = self.zip.by_index(index).map_err(damaged)?;
+        let (size, stored, method) = (entry.size(), entry.compressed_size(), entry.compression());
+        let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no place")))?;
+        drop(entry);
+        let mut file = File::open(&self.path).map_err(damaged)?;
+        file.seek(SeekFrom::Start(start)).map_err(damaged)?;
+        let stored = BufReader::with_capacity(1 << 16, file.take(stored));
+        let mut elements: Box<dyn Read> = match method {
+            CompressionMethod::Stored => Box::new(stored.take(size)),
+            CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored).take(size)),
+            other => return Err(damaged(format!("array {name} is packed by {other}, not deflated"))),
+        };
+        let head = Head::read(&mut elements).map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some((head, elements)))
     }
 
     /// Reads a required array.

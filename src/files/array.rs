@@ -1,5 +1,7 @@
 //! An n-dimensional array as an npy file stores it: shape, element type, bytes.
 
+use std::io::Read;
+
 use crate::error::{Error, Result};
 
 /// Element types of numbers and booleans in npy files.
@@ -91,6 +93,7 @@ impl Array {
     from_slice!(from_f64, f64, F64);
     from_slice!(from_u16, u16, U16);
     from_slice!(from_u32, u32, U32);
+    from_slice!(from_i64, i64, I64);
 
     /// A C-order array of booleans.
     pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {
@@ -182,26 +185,8 @@ impl Array {
     /// # Errors
     /// `Kind::Input` if it is not an npy file, does not hold numbers, or is not as long as its header says.
     pub fn parse(npy: &[u8]) -> Result<Array> {
-        let wrong =
-            |what: String| Error::input(what, "write the array again with numpy.savez, as plain numbers");
-        if npy.len() < 10 || &npy[..6] != b"\x93NUMPY" {
-            return Err(wrong("not an npy array (its first bytes are wrong)".into()));
-        }
-        let (start, length): (usize, usize) = match npy[6] {
-            1 => (10, usize::from(u16::from_le_bytes([npy[8], npy[9]]))),
-            2 | 3 if npy.len() >= 12 => (12, u32::from_le_bytes([npy[8], npy[9], npy[10], npy[11]]) as usize),
-            version => return Err(wrong(format!("npy version {version} is not known"))),
-        };
-        let header = start
-            .checked_add(length)
-            .and_then(|end| npy.get(start..end))
-            .ok_or_else(|| wrong("the npy header is cut short".into()))?;
-        let header = std::str::from_utf8(header).map_err(|_| wrong("the npy header is not text".into()))?;
-        let (element, big_endian) = descr(header)
-            .ok_or_else(|| wrong(format!("the element type is not a plain number: {}", header.trim())))?;
-        let (fortran, shape) = layout(header)
-            .ok_or_else(|| wrong(format!("the npy header cannot be read: {}", header.trim())))?;
-        let bytes = &npy[start + length..];
+        let mut bytes = npy;
+        let Head { shape, element, big_endian, fortran } = Head::read(&mut bytes)?;
         let wanted = shape.iter().try_fold(element.size(), |n, &d| n.checked_mul(d));
         if wanted != Some(bytes.len()) {
             return Err(wrong(format!("shape {shape:?} does not fit {} bytes of data", bytes.len())));
@@ -231,6 +216,62 @@ impl Array {
         npy.extend_from_slice(header.as_bytes());
         npy.extend_from_slice(&self.bytes);
         npy
+    }
+}
+
+fn wrong(what: String) -> Error {
+    Error::input(what, "write the array again with numpy.savez, as plain numbers")
+}
+
+/// Longest header of an npy file, bytes; numpy's have some hundred.
+const LONGEST: u64 = 1 << 20;
+
+/// What an npy file says before its elements.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Head {
+    /// Length along each axis; empty for a single number.
+    pub shape: Vec<usize>,
+    /// Type of the elements.
+    pub element: Element,
+    /// Whether the most significant byte of an element comes first.
+    pub big_endian: bool,
+    /// Whether the first index runs fastest.
+    pub fortran: bool,
+}
+
+impl Head {
+    /// Reads the header of an npy file (versions 1 to 3); the elements follow.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is not an npy file, or does not hold numbers.
+    pub fn read(npy: &mut impl Read) -> Result<Head> {
+        fn bytes<const N: usize>(npy: &mut impl Read, what: &str) -> Result<[u8; N]> {
+            let mut bytes = [0; N];
+            npy.read_exact(&mut bytes).map_err(|_| wrong(what.into()))?;
+            Ok(bytes)
+        }
+        const NO_ARRAY: &str = "not an npy array (its first bytes are wrong)";
+        const CUT: &str = "the npy header is cut short";
+        let [magic @ .., version, _] = bytes::<8>(npy, NO_ARRAY)?;
+        if &magic != b"\x93NUMPY" {
+            return Err(wrong(NO_ARRAY.into()));
+        }
+        let length = match version {
+            1 => u64::from(u16::from_le_bytes(bytes(npy, CUT)?)),
+            2 | 3 => u64::from(u32::from_le_bytes(bytes(npy, CUT)?)),
+            version => return Err(wrong(format!("npy version {version} is not known"))),
+        };
+        let mut header = vec![];
+        npy.take(length.min(LONGEST)).read_to_end(&mut header).map_err(|e| wrong(e.to_string()))?;
+        if header.len() as u64 != length {
+            return Err(wrong(CUT.into()));
+        }
+        let header = std::str::from_utf8(&header).map_err(|_| wrong("the npy header is not text".into()))?;
+        let (element, big_endian) = descr(header)
+            .ok_or_else(|| wrong(format!("the element type is not a plain number: {}", header.trim())))?;
+        let (fortran, shape) = layout(header)
+            .ok_or_else(|| wrong(format!("the npy header cannot be read: {}", header.trim())))?;
+        Ok(Head { shape, element, big_endian, fortran })
     }
 }
 

@@ -20,7 +20,8 @@ pub struct Histogramming {
     pub asked: Asked,
     /// The capture to write: .npz, .hdf5 or .mat.
     pub out: PathBuf,
-    /// A picture of the mean histogram, and of the direct peaks and counts over the scan.
+    /// A picture of the mean histogram, and of the direct peaks and counts over the scan, and of the wall's depth if it is that of its
+    /// own returns.
     pub picture: Option<PathBuf>,
 }
 
@@ -42,7 +43,7 @@ pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Resu
     before_writing();
     made.notes.extend(capture::write(&made.capture, &what.out)?);
     if let Some(picture) = &what.picture {
-        export::inspection::write_with_direct(picture, &made.capture, made.direct.as_deref())?;
+        export::inspection::write_with_direct(picture, &made.capture, made.direct.as_deref(), made.shaped)?;
     }
     Ok((made, seconds))
 }

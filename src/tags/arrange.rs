@@ -148,9 +148,9 @@ impl Scan {
     }
 
     /// The pairs of a capture without counts, turned and, if they form a lattice, by columns and rows; and the pair of each
-    /// point.
-    pub(super) fn pairs(&self, turn: Turn) -> (Capture, Vec<usize>) {
-        let points = self.points();
+    /// point. Laser and sensor see `points`, if these are given: the scan then says their order only.
+    pub(super) fn pairs(&self, turn: Turn, points: Option<&[DVec3]>) -> (Capture, Vec<usize>) {
+        let count = self.points();
         // The side that is scanned, if the other stands still; both if they move together.
         let moves = |side: &[DVec3]| side.iter().any(|p| *p != side[0]);
         let side = if moves(&self.laser) && !moves(&self.sensor) { &self.laser } else { &self.sensor };
@@ -159,17 +159,18 @@ impl Scan {
         let (scan, order) = match lattice.places.filter(|_| !moved_apart) {
             Some(places) => {
                 let [_, rows] = lattice.counts;
-                let mut order = vec![0; points];
+                let mut order = vec![0; count];
                 places.iter().enumerate().for_each(|(point, [x, y])| order[x * rows + y] = point);
                 (lattice.counts, order)
             }
-            None => ([points, 1], (0..points).collect()),
+            None => ([count, 1], (0..count).collect()),
         };
         let pick = |side: &[DVec3]| order.iter().map(|p| side[*p]).collect::<Vec<_>>();
         // A pair carries the number of its point as its count through the turn. There are fewer than 2^24.
         let numbers = order.iter().map(|p| *p as f32).collect();
-        let capture = Capture::new(scan, pick(&self.laser), pick(&self.sensor), 1, 1.0, numbers).turned(turn);
-        let mut pair_of = vec![0; points];
+        let [laser, sensor] = [&self.laser[..], &self.sensor].map(|side| pick(points.unwrap_or(side)));
+        let capture = Capture::new(scan, laser, sensor, 1, 1.0, numbers).turned(turn);
+        let mut pair_of = vec![0; count];
         capture.histograms.iter().enumerate().for_each(|(pair, point)| pair_of[*point as usize] = pair);
         (capture.outline(), pair_of)
     }
@@ -185,7 +186,7 @@ mod tests {
         assert_eq!(scan.laser[0], dvec3(-0.1, -0.05, 0.0));
         assert_eq!(scan.laser[3], dvec3(0.1, 0.05, 0.0), "the second row comes from the right");
         for turn in [Turn::default(), Turn::parse(Some("x"), Some(90)).unwrap()] {
-            let (capture, pair_of) = scan.pairs(turn);
+            let (capture, pair_of) = scan.pairs(turn, None);
             let wanted = if turn == Turn::default() { [3, 2] } else { [2, 3] };
             assert_eq!(capture.scan, wanted);
             for (point, pair) in pair_of.iter().enumerate() {
@@ -201,10 +202,10 @@ mod tests {
         let text = "# by hand\nx,y,z\n0,0,0\n0 0.1 0\n0.1;0;0\n0.1\t0.1\t0\n";
         let scan = Scan::of_text(text).unwrap();
         assert!(scan.points() == 4 && scan.is_confocal());
-        assert_eq!(scan.pairs(Turn::default()).0.scan, [2, 2]);
+        assert_eq!(scan.pairs(Turn::default(), None).0.scan, [2, 2]);
         let apart = Scan::of_text("0,0,0,1,0,0\n0,0.1,0,1,0,0").unwrap();
         assert!(!apart.is_confocal() && apart.sensor[1] == dvec3(1.0, 0.0, 0.0));
-        assert_eq!(apart.pairs(Turn::default()).0.scan, [1, 2]);
+        assert_eq!(apart.pairs(Turn::default(), None).0.scan, [1, 2]);
         let galvo = Galvo {
             origin: dvec3(0.0, 0.0, -1.0),
             forward: DVec3::Z,

@@ -12,8 +12,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::collect::Filling;
-use super::histogram::{bins, check, widths, zeros};
-use super::{Asked, Division, Event, Scan, Survey, Tags, of_file};
+use super::histogram::{bins, check, outline, widths, zeros};
+use super::{Asked, Division, Event, Format, Scan, Survey, Tags, of_file};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 
@@ -64,6 +64,13 @@ pub fn passes(
 ) -> Result<()> {
     check(scan, asked)?;
     let tags = Tags::open(path, &asked.inputs)?;
+    if let Format::Arrays(_) = tags.format {
+        let error = Error::options(
+            "arrays of time tags are whole when they are written",
+            "follow a dump, text or .ptu",
+        );
+        return Err(error.at(path.display()));
+    }
     follow(&tags, scan, asked, wait, hear).map_err(|e| of_file(e, path))
 }
 
@@ -182,13 +189,21 @@ impl<'a> Passes<'a> {
     /// The capture of the pass that is whole; what belongs to the next stays.
     fn cut(&mut self) -> Result<Option<Capture>> {
         self.markers.sort_by_key(|marker| marker.0);
+        let points = self.scan.points();
+        // Behind a long pause there are many passes without light. They are taken one by one, as they are needed.
+        let known = match self.division {
+            Division::Pulses { each, before } => {
+                let end = before.saturating_add(each.saturating_mul(points as u64));
+                i64::try_from(end).unwrap_or(i64::MAX).min(self.last + 1)
+            }
+            _ => self.last + 1,
+        };
         let survey = Survey {
             markers: self.markers.clone(),
-            pulses: self.last + 1,
+            pulses: known,
             period: self.tags.period,
             ..Survey::default()
         };
-        let points = self.scan.points();
         let spans = match self.division.spans(&survey, points, self.per_line, &mut vec![]) {
             // The file may begin within a round, and there may be more points or lines than the scan has.
             Err(_) if self.division.has_rounds() && self.begun < 3 * (self.count() + AHEAD) => {
@@ -235,7 +250,7 @@ impl<'a> Passes<'a> {
         let Some(first) = &self.first else {
             return Err(Error::input("there is no first pass", "report this"));
         };
-        let (outline, pair_of) = self.scan.pairs(self.asked.turn);
+        let (outline, pair_of) = outline(self.scan, self.asked, &first.zeros, cells.width, &mut vec![])?;
         let mut capture = bins(&cells, (ticks / fine) as usize, &first.zeros, &pair_of, outline)?;
         capture.direct = first.direct.then_some(0.0);
         let measured: Vec<usize> =

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::collect::Cells;
-use super::{Curves, Division, Inputs, Scan, Survey, Tags, Zero, of_file, zero};
+use super::{Afterpulsing, Curves, Division, Inputs, Scan, Survey, Tags, Zero, of_file, shape, stored, zero};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
 use crate::error::{Error, Result};
 
@@ -51,6 +52,9 @@ pub struct Asked {
     pub pile_up: PileUp,
     /// How to mirror and rotate the scan.
     pub turn: Turn,
+    /// Where laser and sensor stand, metres, in the coordinates of the scan: wall points then move along the laser's beam to where
+    /// their own returns come from. `None` leaves them where they are given.
+    pub seen_from: Option<[DVec3; 2]>,
 }
 
 impl Default for Asked {
@@ -64,6 +68,7 @@ impl Default for Asked {
             until: None,
             pile_up: PileUp::Auto,
             turn: Turn::default(),
+            seen_from: None,
         }
     }
 }
@@ -97,6 +102,10 @@ pub struct Histograms {
     pub pulses: Option<[u64; 2]>,
     /// Counts without light.
     pub dark: Dark,
+    /// Afterpulses of the detector; `None` if there are too few photons, or too few laser pulses of a point, to tell.
+    pub afterpulsing: Option<Afterpulsing>,
+    /// Whether wall points are where their own returns come from.
+    pub shaped: bool,
     /// Pairs without a direct peak, which were left out.
     pub dropped: usize,
     /// Sentences that say what was done and what is odd.
@@ -116,8 +125,11 @@ pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> 
 fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     check(scan, asked)?;
     let mut notes = vec![];
-    let (cells, ticks, instrument, survey, share) = if Curves::is_one(path) {
-        let curves = Curves::read(path)?;
+    let curves = match Curves::is_one(path) {
+        true => Some((Curves::read(path)?, "histograms of a PicoQuant instrument")),
+        false => stored::curves(path, scan.points(), asked.bin_width)?.map(|c| (c, "histograms in an array")),
+    };
+    let (cells, ticks, instrument, survey, share) = if let Some((curves, instrument)) = curves {
         let (fine, ticks) = widths(asked.bin_width, curves.curves[0].tick, &mut notes)?;
         if asked.division.is_some() {
             return Err(Error::options(
@@ -126,7 +138,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
             ));
         }
         let cells = Cells::of_curves(&curves, scan.points(), fine as usize, asked.until)?;
-        (cells, [fine, ticks], "histograms of a PicoQuant instrument".to_string(), None, 1.0)
+        (cells, [fine, ticks], instrument.to_string(), None, 1.0)
     } else {
         let tags = Tags::open(path, &asked.inputs)?;
         let (fine, ticks) = widths(asked.bin_width, tags.tick, &mut notes)?;
@@ -145,7 +157,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
         ));
     }
     let (zeros, direct) = zeros(&cells, scan, asked, &mut notes)?;
-    let (outline, pair_of) = scan.pairs(asked.turn);
+    let (outline, pair_of) = outline(scan, asked, &zeros, cells.width, &mut notes)?;
     notes.extend(asked.turn.note());
     let mut capture = bins(&cells, per_bin, &zeros, &pair_of, outline)?;
     capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
@@ -153,6 +165,11 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     capture.direct = direct.then_some(0.0);
     capture.cycles = cycles(&cells, asked.pile_up, share, &mut notes)?;
     let dark = dark(&cells, per_bin);
+    let afterpulsing = match (&survey, pulses) {
+        (Some(survey), Some([least, _])) => survey.channel(asked.channel)?.pairs.afterpulsing(least),
+        _ => None,
+    };
+    let shaped = asked.seen_from.is_some();
     let in_pairs = |zeros: &[f64]| {
         let mut all = vec![0.0; zeros.len()];
         pair_of.iter().zip(zeros).for_each(|(pair, zero)| all[*pair] = zero * cells.width * LIGHT);
@@ -167,7 +184,39 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     }
     let photons = capture.histograms.iter().map(|n| f64::from(*n)).sum::<f64>() as u64;
     let left_out = total - photons.min(total) + cells.outside + cells.late;
-    Ok(Histograms { capture, instrument, survey, direct, photons, left_out, pulses, dark, dropped, notes })
+    Ok(Histograms {
+        capture,
+        instrument,
+        survey,
+        direct,
+        photons,
+        left_out,
+        pulses,
+        dark,
+        afterpulsing,
+        shaped,
+        dropped,
+        notes,
+    })
+}
+
+/// The pairs of a capture without counts, and the pair of each point: where the scan says, or where their own returns come from.
+pub(super) fn outline(
+    scan: &Scan,
+    asked: &Asked,
+    zeros: &[f64],
+    width: f64,
+    notes: &mut Vec<String>,
+) -> Result<(Capture, Vec<usize>)> {
+    let Some(places) = asked.seen_from else { return Ok(scan.pairs(asked.turn, None)) };
+    let path: Vec<f64> = zeros.iter().map(|zero| zero * width * LIGHT).collect();
+    let shape = shape::of(scan, places, &path)?;
+    let [least, most, rms] = shape.moved.map(|moved| 1e3 * moved);
+    notes.push(format!(
+        "wall points are where their own returns come from: {least:.1} to {most:.1} mm farther along the beam than given, {rms:.1} mm \
+         RMS"
+    ));
+    Ok(scan.pairs(asked.turn, Some(&shape.points)))
 }
 
 pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
@@ -179,10 +228,20 @@ pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
     };
     positive("the bin width", asked.bin_width)?;
     positive("the last delay", asked.until)?;
+    if let Some(place) = asked.seen_from.iter().flatten().find(|place| !place.is_finite()) {
+        return Err(Error::options(
+            format!("laser or sensor stand at {place}"),
+            "give three numbers in metres, or six for laser and sensor",
+        ));
+    }
     match asked.zero {
         Zero::At(delay) if delay.is_nan() || delay.abs() > LONGEST => Err(Error::options(
             format!("the delay of path 0 is {delay} s"),
             "give the seconds from a laser pulse on",
+        )),
+        Zero::At(_) if asked.seen_from.is_some() => Err(Error::options(
+            "the shape of the wall comes from the direct peaks, but one delay was given for all points",
+            "take the direct peak as path 0, or leave out where laser and sensor stand",
         )),
         Zero::Direct if !scan.is_confocal() => Err(Error::options(
             "there is no direct peak: laser and sensor see different points of the wall",

@@ -1,11 +1,13 @@
 //! Time tags: what photon-counting instruments write, as one stream of events, and histograms of a scan from them.
 //!
-//! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), Swabian's dumps of 16 bytes a tag, and text. Files are
-//! read block by block, so their size does not matter. [`Curves`] reads PicoQuant's `.phu`, histograms that the instrument
-//! made. [`histogram()`] turns either into a capture: it needs to know which photons belong to which point of the scan
+//! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), Swabian's dumps of 16 bytes a tag, arrays of timestamps and
+//! channels in npz and HDF5, and text. Files are read block by block, so their size does not matter. [`Curves`] reads histograms
+//! that the instrument made: PicoQuant's `.phu`, and npy or npz arrays. [`histogram()`] turns either into a capture: it needs to know which photons belong to which point of the scan
 //! ([`Division`]), where the points are ([`Scan`]) and what time is path 0 ([`Zero`]). docs/tags.md tells the formats.
 
+mod afterpulsing;
 mod arrange;
+mod arrays;
 mod collect;
 mod curves;
 mod cuts;
@@ -16,12 +18,15 @@ mod growing;
 mod header;
 mod histogram;
 mod records;
+mod shape;
 mod starts;
+mod stored;
 mod survey;
 mod syncs;
 mod text;
 mod zero;
 
+pub use afterpulsing::Afterpulsing;
 pub use arrange::Scan;
 pub use curves::{Curve, Curves};
 pub use division::Division;
@@ -39,6 +44,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use arrays::Holder;
 use header::Header;
 use records::{Layout, Word};
 use syncs::Syncs;
@@ -90,7 +96,7 @@ pub enum Event {
     },
 }
 
-/// The channels of files that number everything alike: dumps and text. PicoQuant's files tell laser pulses, photons and
+/// The channels of files that number everything alike: dumps, arrays and text. PicoQuant's files tell laser pulses, photons and
 /// markers apart themselves.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Inputs {
@@ -129,6 +135,7 @@ enum Format {
     Picoquant(Layout),
     Dump,
     Text,
+    Arrays(arrays::Named),
 }
 
 /// A file of time tags.
@@ -251,6 +258,10 @@ impl Tags {
             image: Image::default(),
         };
         const PICOSECOND: f64 = 1e-12;
+        if let Some(holder) = Holder::of(&magic) {
+            let named = arrays::Named::find(holder, path)?;
+            return Ok(tags(Format::Arrays(named), PICOSECOND, "arrays, picoseconds"));
+        }
         match ending(path).unwrap_or_default().as_str() {
             _ if magic.starts_with(b"PQTTTR") => Self::picoquant(path, &mut file),
             _ if magic.starts_with(b"PQHISTO") => Err(Error::input(
@@ -262,7 +273,8 @@ impl Tags {
             dump if DUMP.contains(&dump) => Ok(tags(Format::Dump, PICOSECOND, "16 bytes a tag, picoseconds")),
             _ => Err(Error::input(
                 "is no file of time tags that is known",
-                "give PicoQuant's .ptu, text named .csv or .txt (channel, time in ps), or a dump of 16 bytes a tag named .dump or .bin",
+                "give PicoQuant's .ptu, npz or HDF5 with timestamps and channels, text named .csv or .txt (channel, time in ps), or a dump \
+                 of 16 bytes a tag named .dump or .bin",
             )),
         }
     }
@@ -380,7 +392,8 @@ impl Tags {
         let file = file.take(count.map_or(u64::MAX, |n| n.saturating_mul(4)));
         let mut passed = Passed::default();
         let mut base = 0;
-        match self.format {
+        match &self.format {
+            Format::Arrays(named) => named.read(&self.path, &self.inputs, &mut passed, hear)?,
             Format::Text => text::read(file, &self.inputs, &mut passed, hear)?,
             Format::Dump => dump::read(file, &self.inputs, &mut passed, hear)?,
             Format::Picoquant(Layout::PicoT2) => {
@@ -389,12 +402,12 @@ impl Tags {
             Format::Picoquant(Layout::PicoT3) => {
                 self.words(file, count, &mut passed, &mut hear, |word| records::pico_t3(word, &mut base))?;
             }
-            Format::Picoquant(Layout::T2 { wrap, counted }) => {
+            &Format::Picoquant(Layout::T2 { wrap, counted }) => {
                 self.words(file, count, &mut passed, &mut hear, |word| {
                     records::t2(word, &mut base, wrap, counted)
                 })?;
             }
-            Format::Picoquant(Layout::T3 { counted }) => {
+            &Format::Picoquant(Layout::T3 { counted }) => {
                 self.words(file, count, &mut passed, &mut hear, |word| {
                     records::t3(word, &mut base, counted)
                 })?;

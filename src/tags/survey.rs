@@ -1,5 +1,6 @@
 //! The first pass over a file of time tags: what it holds, and its markers.
 
+use super::afterpulsing::Pairs;
 use super::{Event, Passed, Tags};
 use crate::error::{Error, Result};
 
@@ -19,6 +20,7 @@ pub struct Channel {
     pub second: u64,
     /// The laser pulse of the last photon.
     last: i64,
+    pub(super) pairs: Pairs,
 }
 
 /// What a file of time tags holds.
@@ -55,7 +57,15 @@ impl Survey {
                 if channels.get(at).is_none_or(|seen: &Channel| seen.channel != channel) {
                     at = channels.iter().position(|seen| seen.channel == channel).unwrap_or(channels.len());
                     if at == channels.len() {
-                        channels.push(Channel { channel, photons: 0, longest: 0, second: 0, last: -1 });
+                        let pairs = Pairs::default();
+                        channels.push(Channel {
+                            channel,
+                            photons: 0,
+                            longest: 0,
+                            second: 0,
+                            last: -1,
+                            pairs,
+                        });
                     }
                 }
                 let seen = &mut channels[at];
@@ -63,6 +73,7 @@ impl Survey {
                 seen.longest = seen.longest.max(delay);
                 seen.second += u64::from(seen.last == sync);
                 seen.last = sync;
+                seen.pairs.add(sync);
                 last = last.max(sync);
             }
             Event::Marker { bits, sync } => {

@@ -1,6 +1,9 @@
 //! Time tags: decoders, histograms, an instrument from end to end.
 
+mod arrays;
+mod growing;
 mod histograms;
 mod hostile;
 mod instrument;
 mod records;
+mod wall;

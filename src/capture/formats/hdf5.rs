@@ -196,6 +196,36 @@ impl Hdf5 {
         })
     }
 
+    /// Values of a chunk of a dataset, which are stored and compressed as one; 1 where values lie one after the other.
+    ///
+    /// # Errors
+    /// As [`Hdf5::shape`].
+    pub(crate) fn chunk(&self, name: &str) -> Result<usize> {
+        guarded(|| Ok(self.dataset(name)?.and_then(|d| d.chunk_dims()).map_or(1, |c| c.iter().product())))
+    }
+
+    /// Values of a dataset of one axis as whole numbers: `count` of them from `start` on. Real numbers are rounded.
+    ///
+    /// # Errors
+    /// As [`Hdf5::counts`]; a value beyond 64 bits with a sign.
+    pub(crate) fn whole(&self, name: &str, start: usize, count: usize) -> Result<Vec<i64>> {
+        guarded(|| {
+            let gone = || damaged(format!("dataset {name} is gone"));
+            let dataset = self.dataset(name)?.ok_or_else(gone)?;
+            let (from, to) = ([start], [count]);
+            let rounded = |values: Vec<f64>| values.into_iter().map(|v| v.round() as i64).collect();
+            let values: std::result::Result<Vec<i64>, _> = match stored(name, &dataset)? {
+                Stored::Integer => dataset.read_numeric_slice_as(&from, &to),
+                Stored::Float | Stored::Double => dataset.read_numeric_slice_as(&from, &to).map(rounded),
+            };
+            let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+            match values.len() == count {
+                true => Ok(values),
+                false => Err(damaged(format!("{name} holds {} values of {count}", values.len()))),
+            }
+        })
+    }
+
     /// All numbers of a small dataset as float64 in C order, booleans and enums as their numbers. `None` if it is
     /// missing or empty.
     ///

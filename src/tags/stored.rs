@@ -1,0 +1,93 @@
+//! Histograms of an instrument as an array: npy, or npz with `hists`, `histograms` or `counts`. So people store what low-cost sensors
+//! with zones give them, such as ST's VL53L8CH and AMS's TMF8828.
+//!
+//! The last axis are the bins. The axes before it are the points in their order, (points, t) or (rows, columns, t). One more axis in
+//! front of these are readings, which are added up. Counts are whole; the width of a bin is not in the file.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::{Curve, Curves, open, unreadable};
+use crate::capture::METRES_PER_PICOSECOND;
+use crate::error::{Error, Result};
+use crate::files::archive::Npz;
+use crate::files::array::Array;
+
+const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
+/// Most bins of all histograms together, and the longest npy file.
+const MOST: usize = 1 << 30;
+
+/// The histograms of these points; `None` if the file holds no such array. `bin_width` is a path, metres.
+///
+/// # Errors
+/// `Kind::Input` for an array that cannot be read or does not fit the points, or counts that are not whole; `Kind::Options`
+/// without the width of a bin.
+pub(super) fn curves(path: &Path, points: usize, bin_width: Option<f64>) -> Result<Option<Curves>> {
+    let Some((name, array)) = array(path)? else { return Ok(None) };
+    let width = bin_width.ok_or_else(|| {
+        Error::options(
+            format!("{name} does not say how wide its bins are"),
+            "give the width of a bin, as a time or a path",
+        )
+    })?;
+    let (bins, places) = match array.shape.split_last() {
+        Some((bins, places)) if *bins > 0 && array.count() <= MOST => (*bins, places),
+        _ => return Err(misfit(&name, &array.shape, points)),
+    };
+    let of_points = |places: &[usize]| places.iter().product::<usize>() == points;
+    let fits = of_points(places)
+        || places.split_first().is_some_and(|(_, inner)| !inner.is_empty() && of_points(inner));
+    if !fits || points == 0 {
+        return Err(misfit(&name, &array.shape, points));
+    }
+    let mut counts = vec![0u32; points * bins];
+    for (at, value) in array.to_f64().into_iter().enumerate() {
+        if !(value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX)) {
+            return Err(Error::input(
+                format!("{name} holds {value}, which is no count"),
+                "store counts; for normalised histograms write a capture with hists and pt_cloud (docs/captures.md)",
+            ));
+        }
+        let sum = &mut counts[at % (points * bins)];
+        *sum = sum.saturating_add(value as u32);
+    }
+    let tick = width / (1e12 * METRES_PER_PICOSECOND);
+    Ok(Some(Curves {
+        curves: counts.chunks_exact(bins).map(|c| Curve { tick, counts: c.to_vec() }).collect(),
+    }))
+}
+
+fn misfit(name: &str, shape: &[usize], points: usize) -> Error {
+    Error::input(
+        format!("{name} has shape {shape:?}, which does not fit {points} points"),
+        "store (points, t) or (rows, columns, t), in the order of the scan; readings may come before as one more axis",
+    )
+}
+
+/// The name of the array, and the array.
+fn array(path: &Path) -> Result<Option<(String, Array)>> {
+    let mut file = open(path)?;
+    let mut magic = [0; 6];
+    if file.read_exact(&mut magic).is_err() {
+        return Ok(None);
+    }
+    if &magic == b"\x93NUMPY" {
+        let length = file.metadata().map_err(unreadable)?.len();
+        if length > 8 * MOST as u64 {
+            return Err(Error::input(
+                format!("has {length} bytes, too many for histograms"),
+                "store one scan",
+            ));
+        }
+        let bytes = std::fs::read(path).map_err(unreadable)?;
+        return Array::parse(&bytes).map(|array| Some(("the array".into(), array)));
+    }
+    if !magic.starts_with(b"PK\x03\x04") {
+        return Ok(None);
+    }
+    let mut npz = Npz::open(path)?;
+    let Some(name) = NAMES.iter().find(|name| npz.names().iter().any(|n| n == *name)) else {
+        return Ok(None);
+    };
+    Ok(npz.get(name)?.map(|array| (name.to_string(), array)))
+}
