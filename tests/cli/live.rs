@@ -1,9 +1,11 @@
 //! `thirdbounce live`: frames from a folder and from streams, good and broken, and the page in a browser.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use fixtures::captures::assert_error;
 use fixtures::command::{fail, program, stderr, stdout, succeed};
@@ -121,6 +123,56 @@ fn the_standard_input_is_a_stream_and_frames_may_be_summed_in_time() {
     let text = stdout(&output);
     assert!(output.status.success() && text.contains("of 3 solved, 0 dropped, 0 wrong"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[test]
+fn connections_are_taken_one_after_the_other() {
+    let (_folder, frames) = frames();
+    let (scan, bytes) = (frames.join("frame-0000.npz").to_string_lossy().into_owned(), stream(&frames));
+    let address = free_address();
+    let more = ["--listen", &address, "--feed", "every", "--cold", "--frames", "4"];
+    let options = [&["live", "--capture", &scan, "--model", "cosine"][..], &QUICK, &more].concat();
+    let mut child = Running(
+        Command::new(program())
+            .args(options)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the command runs"),
+    );
+    // The second one breaks off within its second frame; the third goes on.
+    let frame = bytes.len() / 3;
+    for part in [&bytes[..2 * frame], &bytes[..frame + 9], &bytes[2 * frame..]] {
+        connected(&address, &mut child.0).write_all(part).expect("it reads");
+    }
+    let [mut text, mut errors] = [String::new(), String::new()];
+    child.0.stdout.take().unwrap().read_to_string(&mut text).unwrap();
+    child.0.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
+    assert!(child.0.wait().unwrap().success(), "{errors}");
+    assert_eq!(text.lines().filter(|l| l.starts_with("frame ")).count(), 4, "{text}");
+    assert!(text.contains("4 frames of 4 solved, 0 dropped, 1 wrong"), "{text}");
+    assert!(errors.matches("error:").count() == 1 && errors.contains("9 bytes of a header"), "{errors}");
+    // An address that is taken is refused.
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    fail(&["live", "--listen", &address, "--capture", &scan, "--model", "cosine"], 1, &address);
+}
+
+/// An address on the loopback that nobody uses.
+fn free_address() -> String {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
+}
+
+/// A connection to `program`, as soon as it listens.
+fn connected(address: &str, program: &mut Child) -> TcpStream {
+    for _ in 0..600 {
+        if let Ok(stream) = TcpStream::connect(address) {
+            return stream;
+        }
+        assert!(program.try_wait().unwrap().is_none(), "it ended");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    panic!("nobody listens at {address}");
 }
 
 #[test]
