@@ -15,6 +15,7 @@ use scene::{gpu, job, spent};
 use serde_json::Value;
 use thirdbounce::capture::{self, Capture};
 use thirdbounce::export::npz::{read_maps, write_truth};
+use thirdbounce::gpu::Schedule;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Accumulation, paper};
 
@@ -184,9 +185,11 @@ fn of_bench() -> [f64; 2] {
     let gpu = gpu(true);
     let mut job = job(&gpu, 32, 20_480, Accumulation::Auto, |_| ()).expect("a job");
     let level = *job.plan.finest();
-    job.executor.run(&paper::initialise(&job.plan, &level)).expect("the start runs");
+    job.executor.run(&Schedule::of(|s| paper::initialise(s, &job.plan, &level))).expect("the start runs");
     for i in 0..ITERATIONS {
-        job.executor.run(&paper::iteration(&job.plan, &level, i, 1)).expect("an iteration runs");
+        job.executor
+            .run(&Schedule::of(|s| paper::iteration(s, &job.plan, &level, i, 1)))
+            .expect("an iteration runs");
     }
     let pairs = (job.plan.pairs * level.grid.voxels()) as f64 * f64::from(ITERATIONS);
     ["forward", "backward"].map(|kernel| pairs / spent(&job, kernel))

@@ -45,26 +45,26 @@ fn empty_on(gpu: &Gpu) {
         let model = paper::model(&capture, &grid, &paper);
         let plan = Plan::new(&model, grid, [32; 2], &paper, &gpu.abilities(), false).expect("a plan");
         let job = OnDevice::new(gpu, model, plan, None).expect("memory");
-        let start = paper::initialise(&job.plan, job.plan.finest());
-        report("paper", job, start, &|plan, i| paper::iteration(plan, plan.finest(), i, 1));
+        let start = Schedule::of(|s| paper::initialise(s, &job.plan, job.plan.finest()));
+        report("paper", job, start, &|s, plan, i| paper::iteration(s, plan, plan.finest(), i, 1));
         let options = VectorOptions::default().with(|o| o.iterations = 64);
         let model = vector::model(&capture, &grid, &options);
         let plan = Plan::new(&model, grid, [32; 2], &options, &gpu.abilities(), false).expect("a plan");
         let job = OnDevice::new(gpu, model, plan, None).expect("memory");
-        let start = vector::start(&job.plan, job.plan.finest(), &options);
-        report("vector", job, start, &|plan, i| vector::iteration(plan, plan.finest(), i));
+        let start = Schedule::of(|s| vector::start(s, &job.plan, job.plan.finest(), &options));
+        report("vector", job, start, &|s, plan, i| vector::iteration(s, plan, plan.finest(), i));
     }
 }
 
-fn report(solver: &str, mut job: OnDevice, mut start: Schedule, one: &dyn Fn(&Plan, u32) -> Schedule) {
+fn report(solver: &str, mut job: OnDevice, mut start: Schedule, one: &dyn Fn(&mut Schedule, &Plan, u32)) {
     const COUNT: u32 = 32;
     let level = *job.plan.finest();
     start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), 0);
-    start.extend(compact(&job.plan, &level));
-    start.extend(one(&job.plan, 0));
+    compact(&mut start, &job.plan, &level);
+    one(&mut start, &job.plan, 0);
     job.executor.run(&start).expect("the start runs");
     let mut all = Schedule::default();
-    (0..COUNT).for_each(|i| all.extend(one(&job.plan, i)));
+    (0..COUNT).for_each(|i| one(&mut all, &job.plan, i));
     let mut runs = vec![];
     let before = job.executor.times().clone();
     const RUNS: usize = 9;

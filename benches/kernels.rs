@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use scene::{ACCUMULATIONS, gpu, job, spent};
+use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{Accumulation, Tuning, paper};
 
 fn kernels(c: &mut Criterion) {
@@ -31,7 +32,7 @@ fn kernels(c: &mut Criterion) {
             }
         };
         let level = *job.plan.finest();
-        let start = paper::initialise(&job.plan, &level);
+        let start = Schedule::of(|s| paper::initialise(s, &job.plan, &level));
         job.executor.run(&start).expect("the start runs");
         let pairs = (job.plan.pairs * level.grid.voxels()) as u64;
         let kernels: &[&str] = if window == 0 { &["forward", "backward"] } else { &["forward"] };
@@ -47,7 +48,7 @@ fn kernels(c: &mut Criterion) {
                 b.iter_custom(|count| {
                     let before = spent(&job, kernel);
                     for i in 0..count as u32 {
-                        let s = paper::iteration(&job.plan, &level, i % 64, 1);
+                        let s = Schedule::of(|s| paper::iteration(s, &job.plan, &level, i % 64, 1));
                         job.executor.run(&s).expect("an iteration runs");
                     }
                     Duration::from_secs_f64(spent(&job, kernel) - before)

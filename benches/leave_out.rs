@@ -164,11 +164,12 @@ fn vector_side(
     change(&mut plan);
     let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
     // Every voxel is active: the back-projection keeps all values above zero.
-    let mut start =
-        vector::start(&job.plan, job.plan.finest(), &options.with(|o| o.domain.start_above = 0.0));
+    let mut start = Schedule::of(|s| {
+        vector::start(s, &job.plan, job.plan.finest(), &options.with(|o| o.domain.start_above = 0.0))
+    });
     everything(&job, &mut start);
     job.executor.run(&start).expect("the start runs");
-    let each = vector::iteration(&job.plan, job.plan.finest(), 0);
+    let each = Schedule::of(|s| vector::iteration(s, &job.plan, job.plan.finest(), 0));
     Side { job, each }
 }
 
@@ -176,9 +177,9 @@ fn paper_side(gpu: &Gpu, capture: &Capture, grid: Grid, options: &PaperOptions) 
     let model = paper::model(capture, &grid, options);
     let plan = plan(&model, grid, options, gpu);
     let mut job = OnDevice::new(gpu, model, plan, None).expect("memory");
-    let start = paper::initialise(&job.plan, job.plan.finest());
+    let start = Schedule::of(|s| paper::initialise(s, &job.plan, job.plan.finest()));
     job.executor.run(&start).expect("the start runs");
-    let each = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
+    let each = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
     Side { job, each }
 }
 
@@ -190,7 +191,7 @@ fn plan(model: &Model, grid: Grid, options: &dyn Needs, gpu: &Gpu) -> Plan {
 /// Activates all voxels of the storage, so both sides of a comparison walk the same list.
 fn everything(job: &OnDevice, start: &mut Schedule) {
     start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), u32::MAX);
-    start.extend(compact(&job.plan, job.plan.finest()));
+    compact(start, &job.plan, job.plan.finest());
     start
         .indirect(&vector::passes::POINTS, buffer::ARGUMENTS, 0)
         .bind(buffer::SCENE, job.plan.finest().scene);

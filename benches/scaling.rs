@@ -7,7 +7,7 @@
 mod scene;
 
 use scene::{gpu, job, median, spent};
-use thirdbounce::gpu::DeviceKind;
+use thirdbounce::gpu::{DeviceKind, Schedule};
 use thirdbounce::solve::{Accumulation, paper};
 
 const SIDES: [usize; 6] = [8, 16, 32, 64, 128, 256];
@@ -59,15 +59,15 @@ fn main() {
 fn measure(gpu: &thirdbounce::gpu::Gpu, side: usize, active: usize) -> Option<(f64, [f64; 2])> {
     let mut job = job(gpu, side, active, Accumulation::Auto, |_| {}).ok()?;
     let level = *job.plan.finest();
-    let mut warm = paper::initialise(&job.plan, &level);
-    warm.extend(paper::iteration(&job.plan, &level, 0, 1));
+    let mut warm = Schedule::of(|s| paper::initialise(s, &job.plan, &level));
+    paper::iteration(&mut warm, &job.plan, &level, 0, 1);
     job.executor.run(&warm).expect("the warm-up runs");
     let pairs = (job.plan.pairs * level.grid.voxels()) as f64;
     let mut cost = [vec![], vec![]];
     for i in 1..=3 {
         let kernels = ["forward", "backward"];
         let before = kernels.map(|k| spent(&job, k));
-        let s = paper::iteration(&job.plan, &level, i, i);
+        let s = Schedule::of(|s| paper::iteration(s, &job.plan, &level, i, i));
         job.executor.run(&s).expect("an iteration runs");
         for (k, kernel) in kernels.iter().enumerate() {
             cost[k].push((spent(&job, kernel) - before[k]) / pairs);

@@ -2,36 +2,14 @@
 //!
 //!     cargo bench --bench session
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 
+use fixtures::allocations::{Counting, allocated_by};
 use glam::{DVec3, dvec3};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, GpuOptions, HostSpan};
 use thirdbounce::session::{Session, SessionOptions};
 use thirdbounce::solve::{SolverOptions, VectorOptions};
-
-/// Counts allocations.
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-static BYTES: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: hands everything on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Relaxed);
-        BYTES.fetch_add(layout.size() as u64, Relaxed);
-        // SAFETY: as the caller states.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        // SAFETY: as the caller states.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -72,19 +50,19 @@ fn main() {
             of_timeline.submit(&counts).expect("a frame");
             of_timeline.wait().expect("a result");
             let host = host_before(&timed.take_recording().host, at);
-            let before = [&ALLOCATIONS, &BYTES].map(|n| n.load(Relaxed));
             let begun = Instant::now();
-            session.submit(&counts).expect("a frame");
-            session.wait().expect("a result");
+            let [count, bytes] = allocated_by(|| {
+                session.submit(&counts).expect("a frame");
+                session.wait().expect("a result");
+            });
             let seconds = begun.elapsed().as_secs_f64();
-            let [count, bytes] = [&ALLOCATIONS, &BYTES].map(|n| n.load(Relaxed));
             println!(
                 "| {} | {:.1} | {:.2} | {} | {:.1} |",
                 frame + 1,
                 1e3 * seconds,
                 1e3 * host,
-                count - before[0],
-                (bytes - before[1]) as f64 * 1e-6
+                count,
+                bytes as f64 * 1e-6
             );
         }
     }

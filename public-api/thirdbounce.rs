@@ -1234,6 +1234,7 @@ pub mod gpu {
             pub fn wait(&mut self, ticket: Ticket) -> Result<()> {}
             pub fn settle(&mut self) -> Result<()> {}
             pub fn run(&mut self, schedule: &Schedule) -> Result<()> {}
+            pub fn run_once(&mut self, write: impl FnOnce(&mut Schedule)) -> Result<()> {}
             pub fn gpu_seconds(&self) -> f64 {}
             pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {}
             pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {}
@@ -1270,6 +1271,17 @@ pub mod gpu {
             pub fn close(self) -> Vec<String> {}
         }
     }
+    mod few {
+        #[derive(Clone, Copy)]
+        #[private_fields]
+        pub struct Few<T, const N: usize> {}
+        impl<T, const N: usize> Deref for Few<T, N> {
+            type Target = [T];
+        }
+        impl<T: PartialEq, const N: usize> PartialEq for Few<T, N> {}
+        impl<T: Eq, const N: usize> Eq for Few<T, N> {}
+        impl<T: fmt::Debug, const N: usize> fmt::Debug for Few<T, N> {}
+    }
     mod guard {
         #[derive(Debug, Clone, PartialEq, Eq)]
         pub struct Overrun {
@@ -1298,7 +1310,8 @@ pub mod gpu {
                 done: Ticket,
                 buffer: Buffer,
                 items: impl RangeBounds<usize>,
-            ) -> Vec<T> {}
+                into: &mut Vec<T>,
+            ) {}
             pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {}
             pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {}
         }
@@ -1467,19 +1480,12 @@ pub mod gpu {
             Groups([u32; 3]),
             Indirect(Buffer, u64),
         }
-        #[derive(Clone, Copy)]
-        #[private_fields]
-        pub struct Binds {}
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
         impl Default for Binds {}
         impl Binds {
             pub fn buffer_of(&self, block: Buffer) -> Buffer {}
         }
-        impl Deref for Binds {
-            type Target = [(Buffer, Buffer)];
-        }
-        impl PartialEq for Binds {}
-        impl Eq for Binds {}
-        impl fmt::Debug for Binds {}
         #[derive(Debug, Clone, PartialEq, Eq)]
         pub enum Command {
             Dispatch {
@@ -1500,12 +1506,13 @@ pub mod gpu {
             Exchange(Vec<Summed>),
             Stage(Stage),
         }
-        #[derive(Debug, Clone, Default, PartialEq, Eq)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct Stage {
             pub name: &'static str,
-            pub values: Vec<(&'static str, u64)>,
+            pub values: Few<(&'static str, u64), MOST_NUMBERS>,
         }
         impl Stage {
+            pub fn new(name: &'static str, values: &[(&'static str, u64)]) -> Stage {}
             pub fn value(&self, name: &str) -> Option<u64> {}
         }
         impl fmt::Display for Stage {}
@@ -1514,6 +1521,8 @@ pub mod gpu {
             pub commands: Vec<Command>,
         }
         impl Schedule {
+            pub fn of(write: impl FnOnce(&mut Schedule)) -> Schedule {}
+            pub fn clear(&mut self) {}
             pub fn dispatch(
                 &mut self,
                 kernel: impl Into<Kernel>,
@@ -1539,7 +1548,7 @@ pub mod gpu {
             pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {}
             pub fn exchange(&mut self, sums: &[Summed]) {}
             pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {}
-            pub fn extend(&mut self, other: Schedule) {}
+            pub fn append(&mut self, other: &mut Schedule) {}
         }
         impl Command {
             pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
@@ -1599,6 +1608,7 @@ pub mod gpu {
     pub use executables::{Compiled, Executable};
     pub use execute::{Executor, KernelTime, Ticket};
     pub use faults::{Faults, Point};
+    pub use few::Few;
     pub use guard::{Guarded, Overrun};
     pub use instance::{DeviceInfo, DeviceKind, devices};
     pub use make::Wanted;
@@ -3123,8 +3133,8 @@ pub mod solve {
         }
     }
     mod domain {
-        pub fn compact(plan: &Plan, level: &Level) -> Schedule {}
-        pub fn extract(level: &Level) -> Schedule {}
+        pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {}
+        pub fn extract(s: &mut Schedule, level: &Level) {}
     }
     mod drive {
         mod watch {
@@ -3185,12 +3195,14 @@ pub mod solve {
             pub fn of_bins(bins: usize) -> LentRows {}
         }
         pub fn tally_of(
+            s: &mut Schedule,
             from: Buffer,
             rows: LentRows,
             format: Format,
             ends: &[usize],
-        ) -> Schedule {}
+        ) {}
         pub fn intake(
+            s: &mut Schedule,
             plan: &Plan,
             rows: &Rows,
             lent: LentRows,
@@ -3198,9 +3210,10 @@ pub mod solve {
             [factor,
             below,
             ]: [f64; 2],
-        ) -> Schedule {}
+        ) {}
     }
     mod on_device {
+        #[private_fields]
         pub struct OnDevice {
             pub plan: Arc<Plan>,
             pub model: Model,
@@ -3331,7 +3344,7 @@ pub mod solve {
         impl fmt::Display for Part {}
     }
     mod over_pairs {
-        pub fn sum_bins(plan: &Plan) -> Schedule {}
+        pub fn sum_bins(s: &mut Schedule, plan: &Plan) {}
     }
     pub mod paper {
         mod options {
@@ -3349,21 +3362,28 @@ pub mod solve {
         }
         mod schedule {
             pub fn iteration(
+                s: &mut Schedule,
                 plan: &Plan,
                 level: &Level,
                 iteration: u32,
                 step: u32,
-            ) -> Schedule {}
-            pub fn initialise(plan: &Plan, level: &Level) -> Schedule {}
-            pub fn reduce(plan: &Plan, level: &Level, keep_above: f64) -> Schedule {}
-            pub fn restart(plan: &Plan) -> Schedule {}
-            pub fn double(plan: &Plan, coarse: &Level, fine: &Level) -> Schedule {}
+            ) {}
+            pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {}
+            pub fn reduce(
+                s: &mut Schedule,
+                plan: &Plan,
+                level: &Level,
+                keep_above: f64,
+            ) {}
+            pub fn restart(s: &mut Schedule, plan: &Plan) {}
+            pub fn double(s: &mut Schedule, plan: &Plan, coarse: &Level, fine: &Level) {}
             pub fn due(
+                s: &mut Schedule,
                 plan: &Plan,
                 options: &PaperOptions,
                 level: &mut usize,
                 done: usize,
-            ) -> Schedule {}
+            ) {}
         }
         pub use options::{Decay, Domain, Noise, NoiseTerm, PaperOptions};
         pub use schedule::{double, due, initialise, iteration, reduce, restart};
@@ -3514,7 +3534,10 @@ pub mod solve {
                 pub fn is_last(&self) -> bool {}
             }
             impl Plan {
-                pub fn parts(&self, level: &Level) -> Vec<PairPart> {}
+                pub fn parts(
+                    &self,
+                    level: &Level,
+                ) -> impl Iterator<Item = PairPart> + use<> {}
                 pub fn is_cut(&self, level: &Level) -> bool {}
                 pub fn cut_levels(&self) -> impl Iterator<Item = &Level> {}
                 pub fn part_counts(&self) -> [Vec<usize>; 2] {}
@@ -3901,16 +3924,18 @@ pub mod solve {
             }
         }
         mod schedule {
-            pub fn start(level: &Level, count: usize, points: usize) -> Schedule {}
-            pub fn points(level: &Level, count: usize) -> Schedule {}
+            pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {}
+            pub fn points(s: &mut Schedule, level: &Level, count: usize) {}
             pub fn render(
+                s: &mut Schedule,
                 plan: &Plan,
                 level: &Level,
                 count: usize,
                 residual: &Pass,
                 through: Option<u32>,
-            ) -> Schedule {}
+            ) {}
             pub fn iteration(
+                s: &mut Schedule,
                 plan: &Plan,
                 level: &Level,
                 count: usize,
@@ -3919,13 +3944,14 @@ pub mod solve {
                 skipped,
                 ]: [usize; 3],
                 through: Option<u32>,
-            ) -> Schedule {}
+            ) {}
             pub fn extract(
+                s: &mut Schedule,
                 level: &Level,
                 of_layers: [usize; 2],
                 layer: usize,
-            ) -> Schedule {}
-            pub fn extract_behind(level: &Level) -> Schedule {}
+            ) {}
+            pub fn extract_behind(s: &mut Schedule, level: &Level) {}
         }
         mod weights {
             #[derive(Debug, Clone, Copy, PartialEq)]
@@ -3999,17 +4025,19 @@ pub mod solve {
             }
             impl Default for Follow {}
             pub fn look(
+                s: &mut Schedule,
                 plan: &Plan,
                 level: &Level,
                 options: &VectorOptions,
-            ) -> Schedule {}
+            ) {}
             pub fn grow(
+                s: &mut Schedule,
                 plan: &Plan,
                 level: &Level,
                 options: &VectorOptions,
-                model: &Model,
+                scene: &SceneData,
                 above: f64,
-            ) -> Schedule {}
+            ) {}
         }
         mod frames {
             #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -4053,17 +4081,24 @@ pub mod solve {
         }
         mod schedule {
             pub fn start(
+                s: &mut Schedule,
                 plan: &Plan,
                 level: &Level,
                 options: &VectorOptions,
-            ) -> Schedule {}
-            pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {}
+            ) {}
+            pub fn iteration(
+                s: &mut Schedule,
+                plan: &Plan,
+                level: &Level,
+                iteration: u32,
+            ) {}
             pub fn due(
+                s: &mut Schedule,
                 plan: &Plan,
                 options: &VectorOptions,
                 level: &mut usize,
                 done: usize,
-            ) -> Schedule {}
+            ) {}
         }
         mod trial {
             pub const PAIRS: usize = 256;

@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 use thirdbounce::export::plot::Plot;
 use thirdbounce::export::{figure, png};
-use thirdbounce::gpu::Gpu;
+use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, paper};
 use thirdbounce::transport::twin;
 use thirdbounce::transport::{Binning, Geometry, Reflectance};
@@ -101,7 +101,7 @@ fn misplaced(gpu: &Gpu, case: &Case, plain: bool) -> f64 {
     write_samples(&mut job, &samples);
     set_counts(&mut job, samples.len(), 1.0);
     zero_histograms(&mut job);
-    let mut s = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
+    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
     s.commands.retain(|c| c.name() == "forward");
     job.executor.run(&s).expect("a pass runs");
     let got = read_histograms(&mut job);

@@ -7,6 +7,15 @@ use super::Capture;
 use super::seen::Seen;
 use crate::error::{Error, Result};
 
+/// Counts that one thread goes over before another one has woken up. On a busy machine that other one may come late by
+/// milliseconds.
+const SMALL: usize = 1 << 20;
+
+/// Whether it does not pay to divide work on `counts` between threads.
+pub(crate) fn is_small(counts: &[f32]) -> bool {
+    counts.len() <= SMALL
+}
+
 impl Capture {
     /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, finite counts, and
     /// that there is any signal at all. Single counts may be negative; their sum may not.
@@ -30,6 +39,9 @@ impl Capture {
                 format!("{} counts for {pairs} pairs of {} bins", histograms.len(), self.bins),
                 "give pairs x bins counts, bin by bin within a pair",
             ));
+        }
+        if is_small(histograms) {
+            return self.check_seen(histograms.chunks_exact(self.bins).map(Seen::of));
         }
         let seen: Vec<Seen> = histograms.par_chunks_exact(self.bins).map(Seen::of).collect();
         self.check_seen(seen.into_iter())
@@ -116,14 +128,18 @@ impl Capture {
         const RUN: usize = 128;
         let mut mean = vec![0.0f64; self.bins];
         // Every bin adds the pairs in their order.
-        mean.par_chunks_mut(RUN).enumerate().for_each(|(run, mean)| {
+        let add_up = |(run, mean): (usize, &mut [f64])| {
             let first = run * RUN;
             for histogram in self.histograms.chunks_exact(self.bins) {
                 for (m, &v) in mean.iter_mut().zip(&histogram[first..]) {
                     *m += f64::from(v) / self.pair_count() as f64;
                 }
             }
-        });
+        };
+        match is_small(&self.histograms) {
+            true => mean.chunks_mut(RUN).enumerate().for_each(add_up),
+            false => mean.par_chunks_mut(RUN).enumerate().for_each(add_up),
+        }
         mean
     }
 

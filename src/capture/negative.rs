@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::Capture;
+use super::check::is_small;
 
 /// The negative counts of a capture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +36,11 @@ impl Capture {
     pub fn negatives(&self) -> Option<Negatives> {
         // Most captures have none, which is quick to see.
         let any = |counts: &[f32]| counts.iter().fold(false, |any, v| any | (*v < 0.0));
-        if !self.histograms.par_chunks(1 << 14).any(any) {
+        let found = match is_small(&self.histograms) {
+            true => any(&self.histograms),
+            false => self.histograms.par_chunks(1 << 14).any(any),
+        };
+        if !found {
             return None;
         }
         let below = |(count, squares): (usize, f64), v: &f32| match *v < 0.0 {

@@ -27,9 +27,11 @@ impl Capture {
     /// Takes the counts of `narrow`, of which this is a [`Capture::binned`] one. Nothing is allocated if it had counts before.
     pub(crate) fn take_sums(&mut self, narrow: &Capture) {
         let n = (self.bin_width / narrow.bin_width).round() as usize;
-        self.histograms.clear();
+        self.histograms.resize(self.pair_count() * self.bins, 0.0);
         let rows = narrow.histograms.chunks_exact(narrow.bins);
-        self.histograms.extend(rows.flat_map(|h| h.chunks(n).map(|bins| bins.iter().sum::<f32>())));
+        for (wide, row) in self.histograms.chunks_exact_mut(self.bins).zip(rows) {
+            wide.iter_mut().zip(row.chunks(n)).for_each(|(sum, bins)| *sum = bins.iter().sum());
+        }
     }
 
     /// Sums every `n` x `n` neighbouring histograms of the scan into one, at the mean of their points and with the mean

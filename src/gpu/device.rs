@@ -148,7 +148,7 @@ pub struct Opened {
     pub(super) kinds: Kinds,
     /// Bytes that arenas hold.
     pub(super) allocated: AtomicU64,
-    names: Option<ext::debug_utils::Device>,
+    pub(super) names: Option<ext::debug_utils::Device>,
     /// Compiled kernels.
     pub(super) cache: Cache,
     pub(super) device: Arc<OwnedDevice>,
@@ -315,23 +315,6 @@ impl Gpu {
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&text);
         // SAFETY: the object belongs to this device. A name that is not taken changes nothing.
         let _ = unsafe { names.set_debug_utils_object_name(&info) };
-    }
-
-    /// Opens a label around what is recorded into `commands` from here on: RenderDoc and Nsight show it.
-    pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &dyn std::fmt::Display) {
-        let Some(names) = &self.names else { return };
-        // A label without its text still closes as it should.
-        let text = std::ffi::CString::new(text.to_string()).unwrap_or_default();
-        let info = vk::DebugUtilsLabelEXT::default().label_name(&text);
-        // SAFETY: the caller is recording into `commands`, and the label lives through the call.
-        unsafe { names.cmd_begin_debug_utils_label(commands, &info) };
-    }
-
-    /// Closes the label that was opened last.
-    pub(super) fn close_label(&self, commands: vk::CommandBuffer) {
-        let Some(names) = &self.names else { return };
-        // SAFETY: the caller is recording into `commands` and has opened a label in it.
-        unsafe { names.cmd_end_debug_utils_label(commands) };
     }
 
     pub(super) fn raw(&self) -> &ash::Device {

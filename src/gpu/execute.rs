@@ -1,6 +1,6 @@
 //! Submits schedules, waits for them and keeps the times.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::time::Duration;
 
 use ash::vk;
@@ -43,7 +43,7 @@ pub(super) struct Flight {
     /// Turns of kernels' main loops at most.
     pub work: u64,
     /// Host-visible buffers that it reads, and that it writes.
-    pub shared: [BTreeSet<Buffer>; 2],
+    pub shared: [HashSet<Buffer>; 2],
     /// A caller's moments: it begins after the first, and brings the second about.
     pub between: [Option<Moment>; 2],
 }
@@ -61,6 +61,10 @@ pub struct Executor {
     spare: Vec<vk::CommandBuffer>,
     /// Pools of time stamps that no submission uses, with their sizes.
     spare_queries: Vec<(vk::QueryPool, u32)>,
+    /// Empty sets for [`Flight::shared`].
+    spare_shared: Vec<[HashSet<Buffer>; 2]>,
+    /// See [`Executor::spare_schedule`].
+    spare_schedule: Schedule,
     /// Whether canaries were written.
     pub(super) guarded: bool,
     times: BTreeMap<&'static str, KernelTime>,
@@ -106,6 +110,8 @@ impl Executor {
             flights: VecDeque::new(),
             spare: vec![],
             spare_queries: vec![],
+            spare_shared: vec![],
+            spare_schedule: Schedule::default(),
             guarded: false,
             times: BTreeMap::new(),
             gpu_seconds: 0.0,
@@ -188,9 +194,10 @@ impl Executor {
     }
 
     /// A submission that is not launched yet.
-    pub(super) fn flight(&self, commands: vk::CommandBuffer) -> Flight {
+    pub(super) fn flight(&mut self, commands: vk::CommandBuffer) -> Flight {
         let ticket = Ticket(self.submitted + 1);
-        Flight { ticket, commands, ..Flight::default() }
+        let shared = self.spare_shared.pop().unwrap_or_default();
+        Flight { ticket, commands, shared, ..Flight::default() }
     }
 
     /// Submits what is recorded.
@@ -236,8 +243,10 @@ impl Executor {
     }
 
     /// Takes back the objects of a flight that is over or never began.
-    pub(super) fn land(&mut self, flight: Flight) {
+    pub(super) fn land(&mut self, mut flight: Flight) {
         self.spare.push(flight.commands);
+        flight.shared.iter_mut().for_each(HashSet::clear);
+        self.spare_shared.push(flight.shared);
         if flight.queries != vk::QueryPool::null() {
             self.spare_queries.push((flight.queries, flight.room));
         }
@@ -291,6 +300,29 @@ impl Executor {
         let _span = all.then(|| gpu.span("upload"));
         let ticket = self.submit(schedule)?;
         self.wait(ticket)
+    }
+
+    /// Submits what `write` adds to an empty schedule, and waits for it. Its memory is that of the last one.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn run_once(&mut self, write: impl FnOnce(&mut Schedule)) -> Result<()> {
+        let mut schedule = self.spare_schedule();
+        write(&mut schedule);
+        let done = self.run(&schedule);
+        self.keep_schedule(schedule);
+        done
+    }
+
+    /// An empty schedule with the memory of the one that was kept.
+    pub(crate) fn spare_schedule(&mut self) -> Schedule {
+        std::mem::take(&mut self.spare_schedule)
+    }
+
+    /// Keeps the memory of a schedule for the next one.
+    pub(crate) fn keep_schedule(&mut self, mut schedule: Schedule) {
+        schedule.clear();
+        self.spare_schedule = schedule;
     }
 
     /// Device seconds of all finished submissions; 0 where the queue has no timestamps.
@@ -347,7 +379,9 @@ impl Executor {
         if flight.queries == vk::QueryPool::null() {
             return Ok(());
         }
-        let mut stamps = vec![0u64; flight.stamps as usize];
+        let mut stamps = std::mem::take(&mut self.scratch.stamps);
+        stamps.clear();
+        stamps.resize(flight.stamps as usize, 0);
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         // SAFETY: the submission is over and wrote so many stamps.
         unsafe { self.gpu.raw().get_query_pool_results(flight.queries, 0, &mut stamps, flags) }
@@ -364,6 +398,7 @@ impl Executor {
         if let Some(recorder) = &self.gpu.recorder {
             recorder.ran(flight, &stamps, self.gpu.tick * 1e-9);
         }
+        self.scratch.stamps = stamps;
         Ok(())
     }
 }

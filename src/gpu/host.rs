@@ -16,11 +16,13 @@ impl Executor {
     pub fn read<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
         let writer = self.flights.iter().find(|f| f.shared[1].contains(&buffer));
         assert!(writer.is_none(), "`{buffer}` is read while the device may be writing it");
-        self.copied(buffer, items)
+        let mut read = vec![];
+        self.copy_items(buffer, items, &mut read);
+        read
     }
 
-    /// Reads the items that the submission `done` and those before it left in a part of the buffer. No later
-    /// submission may write this part; later ones may be using the rest.
+    /// Reads the items that the submission `done` and those before it left in a part of the buffer `into` a list, in the
+    /// place of what it holds. No later submission may write this part; later ones may be using the rest.
     ///
     /// # Panics
     /// `done` has not been waited for. There is no such buffer, or it is shorter.
@@ -29,10 +31,11 @@ impl Executor {
         done: Ticket,
         buffer: Buffer,
         items: impl RangeBounds<usize>,
-    ) -> Vec<T> {
+        into: &mut Vec<T>,
+    ) {
         let over = self.flights.front().is_none_or(|f| f.ticket > done);
         assert!(over, "`{buffer}` is read before the submission is done");
-        self.copied(buffer, items)
+        self.copy_items(buffer, items, into);
     }
 
     /// Writes the beginning of an upload or readback buffer.
@@ -88,7 +91,12 @@ impl Executor {
         }
     }
 
-    fn copied<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
+    fn copy_items<T: bytemuck::Pod>(
+        &self,
+        buffer: Buffer,
+        items: impl RangeBounds<usize>,
+        into: &mut Vec<T>,
+    ) {
         let all = self.arena.size(buffer) as usize / size_of::<T>();
         let from = match items.start_bound() {
             Bound::Included(i) => *i,
@@ -101,9 +109,8 @@ impl Executor {
             Bound::Unbounded => all,
         };
         assert!(from <= to && to <= all, "items {from} to {to} of `{buffer}`, which has {all}");
-        let mut read = vec![T::zeroed(); to - from];
-        self.copy_out(buffer, (from * size_of::<T>()) as u64, bytemuck::cast_slice_mut(&mut read));
-        read
+        into.resize(to - from, T::zeroed());
+        self.copy_out(buffer, (from * size_of::<T>()) as u64, bytemuck::cast_slice_mut(into));
     }
 
     /// Records which host-visible buffers a submission uses.
@@ -142,7 +149,7 @@ mod tests {
         first.copy(STATE, DOWN, 64);
         let ticket = executor.submit(&first).unwrap();
         assert!(refused(&mut || drop(executor.read::<u8>(DOWN, ..))), "the device may be writing it");
-        assert!(refused(&mut || drop(executor.read_behind::<u8>(ticket, DOWN, ..))));
+        assert!(refused(&mut || executor.read_behind::<u8>(ticket, DOWN, .., &mut vec![])));
         assert!(refused(&mut || executor.write(UP, &[0])), "the device may be reading it");
         executor.write(OTHER, &[1, 2, 3]);
         assert_eq!(executor.read::<u8>(OTHER, 1..3), [2, 3], "a buffer that nothing uses");
@@ -151,7 +158,8 @@ mod tests {
         let mut second = Schedule::default();
         second.fill(DOWN, 8, 0x0101_0101);
         let later = executor.submit(&second).unwrap();
-        let rest = executor.read_behind::<u16>(ticket, DOWN, 4..=5);
+        let mut rest = vec![];
+        executor.read_behind::<u16>(ticket, DOWN, 4..=5, &mut rest);
         assert_eq!(rest, [0x0707; 2], "the second leaves it alone");
         assert!(refused(&mut || drop(executor.read::<u16>(DOWN, 4..))));
         executor.wait(later).unwrap();

@@ -4,6 +4,7 @@
 //! Work is counted in turns of kernels' main loops, over all invocations: a voxel seen by a laser-sensor pair is one.
 //! Schedules say how many turns a dispatch takes at most ([`super::Command::taking`]).
 
+use std::iter;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -94,19 +95,21 @@ impl Pace {
 
     /// The parts of a schedule that are submitted one by one: each has as much work as a submission may, or a single
     /// dispatch that has more. One empty part for an empty schedule.
-    pub fn parts(&self, commands: &[Command]) -> Vec<Range<usize>> {
-        let most = self.submission();
-        let (mut parts, mut from, mut sum) = (vec![], 0, 0u64);
-        for (i, command) in commands.iter().enumerate() {
-            let work = command.work();
-            if sum > 0 && work > 0 && sum.saturating_add(work) > most {
-                parts.push(from..i);
-                (from, sum) = (i, 0);
+    pub fn parts<'c>(&self, commands: &'c [Command]) -> impl Iterator<Item = Range<usize>> + use<'c> {
+        let (most, mut next) = (self.submission(), Some(0));
+        iter::from_fn(move || {
+            let from = next.take()?;
+            let mut sum = 0u64;
+            for (i, command) in commands.iter().enumerate().skip(from) {
+                let work = command.work();
+                if sum > 0 && work > 0 && sum.saturating_add(work) > most {
+                    next = Some(i);
+                    return Some(from..i);
+                }
+                sum = sum.saturating_add(work);
             }
-            sum = sum.saturating_add(work);
-        }
-        parts.push(from..commands.len());
-        parts
+            Some(from..commands.len())
+        })
     }
 }
 
@@ -126,11 +129,12 @@ mod tests {
     #[test]
     fn a_submission_holds_as_much_work_as_it_may() {
         let pace = Pace::new(DeviceKind::Discrete, Some(10));
-        assert_eq!(pace.parts(&of(&[])), vec![Range { start: 0, end: 0 }]);
-        assert_eq!(pace.parts(&of(&[0, 4, 6, 0, 1, 0])), [0..4, 4..6]);
-        assert_eq!(pace.parts(&of(&[30, 0, 30])), [0..2, 2..3], "a dispatch is not divided here");
+        let parts = |pace: &Pace, works: &[u64]| pace.parts(&of(works)).collect::<Vec<_>>();
+        assert_eq!(parts(&pace, &[]), vec![Range { start: 0, end: 0 }]);
+        assert_eq!(parts(&pace, &[0, 4, 6, 0, 1, 0]), [0..4, 4..6]);
+        assert_eq!(parts(&pace, &[30, 0, 30]), [0..2, 2..3], "a dispatch is not divided here");
         let whole = Pace::new(DeviceKind::Cpu, None);
-        assert_eq!(whole.parts(&of(&[u64::MAX, u64::MAX])), vec![Range { start: 0, end: 2 }]);
+        assert_eq!(parts(&whole, &[u64::MAX, u64::MAX]), vec![Range { start: 0, end: 2 }]);
     }
 
     #[test]
@@ -141,7 +145,7 @@ mod tests {
         let mut longest = 0.0f64;
         let mut at = 0;
         while at < all.len() {
-            let part = pace.parts(&all[at..])[0].clone();
+            let part = pace.parts(&all[at..]).next().expect("one at least");
             let work: u64 = all[at..][part.clone()].iter().map(Command::work).sum();
             let seconds = work as f64 / slow;
             if at > 0 {

@@ -23,25 +23,18 @@ enum Step<'s> {
 
 /// A label around every command, and one around the commands of every stage. `open`: the stage that goes on from an
 /// earlier submission.
-fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> Vec<Step<'s>> {
-    let mut all: Vec<Step<'_>> = Vec::with_capacity(3 * commands.len() + 2);
-    all.extend(open.map(Step::Enter));
+fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<Item = Step<'s>> {
     let mut in_stage = open.is_some();
-    for command in commands {
-        if let Command::Stage(stage) = command {
-            if in_stage {
-                all.push(Step::Close);
-            }
-            all.push(Step::Enter(stage));
-            in_stage = true;
-        } else {
-            all.extend([Step::Open(command.name()), Step::Run(command), Step::Close]);
+    let last = in_stage || commands.iter().any(|c| matches!(c, Command::Stage(_)));
+    let of_command = move |command: &'s Command| match command {
+        Command::Stage(stage) => {
+            let before = std::mem::replace(&mut in_stage, true).then_some(Step::Close);
+            [before, Some(Step::Enter(stage)), None]
         }
-    }
-    if in_stage {
-        all.push(Step::Close);
-    }
-    all
+        _ => [Step::Open(command.name()), Step::Run(command), Step::Close].map(Some),
+    };
+    let all = commands.iter().flat_map(of_command).flatten();
+    open.map(Step::Enter).into_iter().chain(all).chain(last.then_some(Step::Close))
 }
 
 /// The most time stamps that a submission of `commands` takes.
@@ -86,7 +79,7 @@ impl Executor {
             barrier(device, c);
             // When this stamp is taken, everything that the next command may have to wait for is done.
             let mut last = stamp();
-            let Scratch { mut now, mut pending } = std::mem::take(&mut self.scratch);
+            let Scratch { mut now, mut pending, stamps } = std::mem::take(&mut self.scratch);
             pending.clear();
             let mut labels = 0;
             for step in steps(commands, open) {
@@ -95,7 +88,7 @@ impl Executor {
                         labels += 1;
                         gpu.open_label(c, &stage);
                         if gpu.recorder.is_some() {
-                            flight.stages.push(stage.clone());
+                            flight.stages.push(*stage);
                         }
                     }
                     Step::Open(name) => {
@@ -128,7 +121,7 @@ impl Executor {
                 }
             }
             debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
-            self.scratch = Scratch { now, pending };
+            self.scratch = Scratch { now, pending, stamps };
             // Makes results visible to the host.
             barrier(device, c);
             stamp();
@@ -250,6 +243,8 @@ pub(super) struct Scratch {
     now: Accesses,
     /// Those since the last barrier.
     pending: Accesses,
+    /// Time stamps that were read last.
+    pub stamps: Vec<u64>,
 }
 
 /// Buffers that are read and written.

@@ -187,7 +187,7 @@ mod tests {
         let recorder = Recorder::new();
         let flight = |kernel, goes_on| Flight {
             marks: vec![Mark { kernel, stage: Some(0), from: 0, to: 1 }],
-            stages: vec![Stage { name: "s", values: vec![("i", 3)] }],
+            stages: vec![Stage::new("s", &[("i", 3)])],
             goes_on,
             ..Flight::default()
         };

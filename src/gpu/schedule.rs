@@ -1,8 +1,8 @@
 //! A schedule: what the device does, as plain data over named kernels and buffers.
 
 use std::fmt;
-use std::ops::Deref;
 
+use super::few::Few;
 use super::{Buffer, Kernel, Summed};
 
 /// Words of push constants, the same for every kernel.
@@ -20,54 +20,23 @@ pub enum Size {
 /// Most blocks that a dispatch binds to other buffers.
 const MOST_BINDS: usize = 6;
 
-/// Blocks with the buffers that a dispatch binds them to: (block, buffer). They lie in place, so that a schedule is one
-/// allocation.
-#[derive(Clone, Copy)]
-pub struct Binds {
-    all: [(Buffer, Buffer); MOST_BINDS],
-    count: usize,
-}
+/// Most numbers of a stage.
+const MOST_NUMBERS: usize = 4;
+
+/// Blocks with the buffers that a dispatch binds them to: (block, buffer).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
 
 impl Default for Binds {
     fn default() -> Binds {
-        let none = Buffer::named("");
-        Binds { all: [(none, none); MOST_BINDS], count: 0 }
+        Binds(Few::empty((Buffer::named(""), Buffer::named(""))))
     }
 }
 
 impl Binds {
-    /// # Panics
-    /// There are [`MOST_BINDS`] already.
-    fn add(&mut self, block: Buffer, buffer: Buffer) {
-        self.all[self.count] = (block, buffer);
-        self.count += 1;
-    }
-
     /// The buffer that `block` is bound to.
     pub fn buffer_of(&self, block: Buffer) -> Buffer {
-        self.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
-    }
-}
-
-impl Deref for Binds {
-    type Target = [(Buffer, Buffer)];
-
-    fn deref(&self) -> &[(Buffer, Buffer)] {
-        &self.all[..self.count]
-    }
-}
-
-impl PartialEq for Binds {
-    fn eq(&self, other: &Binds) -> bool {
-        **self == **other
-    }
-}
-
-impl Eq for Binds {}
-
-impl fmt::Debug for Binds {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        (**self).fmt(f)
+        self.0.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
     }
 }
 
@@ -123,15 +92,25 @@ pub enum Command {
 }
 
 /// A part of the work by name, with numbers that tell it from others of that name.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stage {
     /// Its name, such as "iteration".
     pub name: &'static str,
     /// Numbers by name.
-    pub values: Vec<(&'static str, u64)>,
+    pub values: Few<(&'static str, u64), MOST_NUMBERS>,
 }
 
 impl Stage {
+    /// A stage with up to [`MOST_NUMBERS`] numbers.
+    ///
+    /// # Panics
+    /// They are more.
+    pub fn new(name: &'static str, values: &[(&'static str, u64)]) -> Stage {
+        let mut stage = Stage { name, values: Few::empty(("", 0)) };
+        values.iter().for_each(|value| stage.values.add(*value));
+        stage
+    }
+
     /// The number of that name, if there is one.
     pub fn value(&self, name: &str) -> Option<u64> {
         self.values.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)
@@ -154,6 +133,18 @@ pub struct Schedule {
 }
 
 impl Schedule {
+    /// What `write` adds to an empty one.
+    pub fn of(write: impl FnOnce(&mut Schedule)) -> Schedule {
+        let mut s = Schedule::default();
+        write(&mut s);
+        s
+    }
+
+    /// Takes all commands out, and keeps their memory.
+    pub fn clear(&mut self) {
+        self.commands.clear();
+    }
+
     /// Adds a dispatch of `groups` workgroups along x, y and z.
     pub fn dispatch(&mut self, kernel: impl Into<Kernel>, groups: [u32; 3]) -> &mut Command {
         self.push(Command::Dispatch {
@@ -209,12 +200,12 @@ impl Schedule {
 
     /// Begins a stage.
     pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {
-        self.commands.push(Command::Stage(Stage { name, values: values.to_vec() }));
+        self.commands.push(Command::Stage(Stage::new(name, values)));
     }
 
-    /// Adds all commands of `other`.
-    pub fn extend(&mut self, other: Schedule) {
-        self.commands.extend(other.commands);
+    /// Moves all commands of `other` behind its own.
+    pub fn append(&mut self, other: &mut Schedule) {
+        self.commands.append(&mut other.commands);
     }
 
     fn push(&mut self, command: Command) -> &mut Command {
@@ -227,7 +218,7 @@ impl Command {
     /// Binds `block` to another buffer than the one of its name. For dispatches.
     pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {
         if let Command::Dispatch { bind, .. } = self {
-            bind.add(block, buffer);
+            bind.0.add((block, buffer));
         }
         self
     }
@@ -282,7 +273,7 @@ impl fmt::Display for Schedule {
                         Size::Groups([x, y, z]) => write!(f, " {x}x{y}x{z}")?,
                         Size::Indirect(buffer, offset) => write!(f, " by {buffer}+{offset}")?,
                     }
-                    for (block, buffer) in &**bind {
+                    for (block, buffer) in &*bind.0 {
                         write!(f, " {block}={buffer}")?;
                     }
                     writeln!(f, " {push:?}")?;

@@ -103,8 +103,9 @@ impl Maps {
     /// The median albedo of the mask; 1 without a mask.
     fn usual_albedo(&self) -> f64 {
         let lit = self.albedo.iter().zip(&self.mask).filter(|(a, m)| **m && **a > 0.0);
-        let lit: Vec<f32> = lit.map(|(a, _)| *a).collect();
-        super::percentile(&lit, 50.0).map_or(1.0, f64::from)
+        let mut brightness = Vec::with_capacity(self.albedo.len());
+        brightness.extend(lit.map(|(a, _)| *a));
+        super::percentile(&brightness, 50.0).map_or(1.0, f64::from)
     }
 
     /// The cosine between the wall's normal and that of the surface through a pixel's neighbours.

@@ -253,7 +253,8 @@ impl Truth {
 /// The `p`th percentile (0 to 100) of the values that are not NaN, interpolated linearly between ranks as
 /// numpy does; `None` if there are none.
 pub fn percentile(values: &[f32], p: f64) -> Option<f32> {
-    let mut sorted: Vec<f32> = values.iter().copied().filter(|v| !v.is_nan()).collect();
+    let mut sorted = Vec::with_capacity(values.len());
+    sorted.extend(values.iter().copied().filter(|v| !v.is_nan()));
     if sorted.is_empty() {
         return None;
     }

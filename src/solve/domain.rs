@@ -15,8 +15,7 @@ use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
 /// Makes list, slots, counts and dispatch arguments from the mask.
-pub fn compact(plan: &Plan, level: &Level) -> Schedule {
-    let mut s = Schedule::default();
+pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {
     let scene = level.scene;
     let words = level.grid.storage() / 32;
     let bricks = level.grid.storage() / BRICK_VOXELS;
@@ -35,21 +34,25 @@ pub fn compact(plan: &Plan, level: &Level) -> Schedule {
             .bind(buffer::RANKS, buffer::RIM_RANKS);
     }
     s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
-    s
 }
 
 /// Reduces the mask to `room` voxels at most, by what the pass `first` smooths along x. The old mask stays beside it
 /// with its slots.
-pub(super) fn prune(plan: &Plan, level: &Level, first: &Pass, keep_above: f64, room: usize) -> Schedule {
-    let mut s = smooth(plan, level, first, None);
-    s.extend(remember(plan, level));
-    s.extend(keep(plan, level, keep_above, room));
-    s
+pub(super) fn prune(
+    s: &mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    first: &Pass,
+    keep_above: f64,
+    room: usize,
+) {
+    smooth(s, plan, level, first, None);
+    remember(s, plan, level);
+    keep(s, plan, level, keep_above, room);
 }
 
 /// Copies the masks, and the ranks that give their slots.
-pub(super) fn remember(plan: &Plan, level: &Level) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn remember(s: &mut Schedule, plan: &Plan, level: &Level) {
     let bytes = level.grid.storage() as u64 / 8;
     s.copy(buffer::MASK, buffer::MASK_BEFORE, bytes);
     s.copy(buffer::RANKS, buffer::RANKS_BEFORE, bytes);
@@ -57,13 +60,11 @@ pub(super) fn remember(plan: &Plan, level: &Level) -> Schedule {
         s.copy(buffer::RIM_MASK, buffer::RIM_BEFORE, bytes);
         s.copy(buffer::RIM_RANKS, buffer::RIM_RANKS_BEFORE, bytes);
     }
-    s
 }
 
 /// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and writes its maximum to `counts`: at least
 /// the word `least` of them.
-pub(super) fn smooth(plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) {
     let scene = level.scene;
     let [a, b] = plan.volumes;
     match least {
@@ -75,13 +76,11 @@ pub(super) fn smooth(plan: &Plan, level: &Level, first: &Pass, least: Option<u32
     s.dispatch(first, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, b).bind(buffer::TARGET, a);
     s.dispatch(&GAUSSIAN_Y, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, a).bind(buffer::TARGET, b);
     s.dispatch(&GAUSSIAN_Z, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, b).bind(buffer::TARGET, a);
-    s
 }
 
 /// Makes the mask of voxels whose smoothed value is above a share of the maximum. If there may be more than `room`,
 /// only the brightest stay.
-pub(super) fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, room: usize) {
     let [smooth, _] = plan.volumes;
     if level.grid.storage() > room {
         s.fill(buffer::LEVELS, u64::from(LEVELS) * 4, 0);
@@ -100,24 +99,19 @@ pub(super) fn keep(plan: &Plan, level: &Level, above: f64, room: usize) -> Sched
         .bind(buffer::SOURCE, smooth)
         .bind(buffer::REACHABLE, level.reachable)
         .with(Push { flags: (above as f32).to_bits(), ..Default::default() });
-    s
 }
 
 /// Makes the mask of `fine` from that of `coarse`. Overwrites `ranks`, which the new mask gives again.
-pub(super) fn double_mask(coarse: &Level, fine: &Level) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn double_mask(s: &mut Schedule, coarse: &Level, fine: &Level) {
     s.copy(buffer::MASK, buffer::RANKS, coarse.grid.storage() as u64 / 8);
     s.dispatch(&DOUBLE_DOMAIN, groups(fine.grid.storage() / 32, WORKGROUP))
         .bind(buffer::SCENE, fine.scene)
         .bind(buffer::COARSE_MASK, buffer::RANKS);
-    s
 }
 
 /// Puts the maps of `level` into `columns_host`.
-pub fn extract(level: &Level) -> Schedule {
-    let mut s = Schedule::default();
+pub fn extract(s: &mut Schedule, level: &Level) {
     let columns = level.grid.n[0] * level.grid.n[1];
     s.dispatch(&EXTRACT, groups(columns, WORKGROUP)).bind(buffer::SCENE, level.scene);
     s.copy(buffer::COLUMNS, COLUMNS_HOST, columns as u64 * 32);
-    s
 }

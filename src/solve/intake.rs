@@ -107,8 +107,7 @@ fn slices(ends: &[usize]) -> Vec<[usize; 4]> {
 }
 
 /// Sums the `rows` in the buffer `from` over the pairs up to each of `ends`.
-pub fn tally_of(from: Buffer, rows: LentRows, format: Format, ends: &[usize]) -> Schedule {
-    let mut s = Schedule::default();
+pub fn tally_of(s: &mut Schedule, from: Buffer, rows: LentRows, format: Format, ends: &[usize]) {
     let mut at = 0;
     for [first, last, of_slice, count] in slices(ends) {
         s.dispatch(&TALLY, [rows.bins().div_ceil(WORKGROUP as usize) as u32, count as u32, 1])
@@ -123,12 +122,11 @@ pub fn tally_of(from: Buffer, rows: LentRows, format: Format, ends: &[usize]) ->
             });
         at += count;
     }
-    s
 }
 
 /// Runs [`tally_of`], and adds up what it leaves.
 fn tally(job: &mut OnDevice, from: Buffer, rows: LentRows, format: Format, ends: &[usize]) -> Result<Tally> {
-    job.executor.run(&tally_of(from, rows, format, ends))?;
+    job.executor.run_once(|s| tally_of(s, from, rows, format, ends))?;
     let bins = rows.bins();
     let slices = slices(ends);
     let count: usize = slices.iter().map(|[.., count]| count).sum();
@@ -151,13 +149,13 @@ fn tally(job: &mut OnDevice, from: Buffer, rows: LentRows, format: Format, ends:
 
 /// Scales the counts in [`buffer::HISTOGRAMS`] and takes off `below`, into [`buffer::MEASURED`].
 pub fn intake(
+    s: &mut Schedule,
     plan: &Plan,
     rows: &Rows,
     lent: LentRows,
     format: Format,
     [factor, below]: [f64; 2],
-) -> Schedule {
-    let mut s = Schedule::default();
+) {
     s.set(buffer::ROWS, 0, (factor as f32).to_bits());
     s.set(buffer::ROWS, 1, (below as f32).to_bits());
     s.dispatch(&INTAKE, groups(plan.pairs * plan.bins, WORKGROUP))
@@ -169,7 +167,6 @@ pub fn intake(
             flags: lent.word(format),
             ..Default::default()
         });
-    s
 }
 
 /// Calls `reserve` with every schedule that takes counts.
@@ -178,9 +175,12 @@ pub fn intake(
 /// Those of `reserve`.
 pub(super) fn each(plan: &Plan, rows: &Rows, reserve: &mut dyn FnMut(&Schedule) -> Result<()>) -> Result<()> {
     for source in std::iter::once(buffer::HISTOGRAMS).chain(measured(plan)) {
-        reserve(&tally_of(source, LentRows::of_bins(plan.bins), Format::F32, &ends(plan)))?;
+        let of_source = |s: &mut Schedule| {
+            tally_of(s, source, LentRows::of_bins(plan.bins), Format::F32, &ends(plan));
+        };
+        reserve(&Schedule::of(of_source))?;
     }
-    reserve(&intake(plan, rows, LentRows::of_bins(plan.bins), Format::F32, [1.0, 0.0]))
+    reserve(&Schedule::of(|s| intake(s, plan, rows, LentRows::of_bins(plan.bins), Format::F32, [1.0, 0.0])))
 }
 
 /// The measurement in the bins of all levels: the model's own first, then that of [`Plan::summed`].
@@ -228,9 +228,9 @@ pub(super) fn take(
     job.model.measured.clear();
     job.model.counts_per_unit = 1.0 / scale;
     job.model.variance = [scale, empty * scale * scale];
-    upload_measurement(job, intake(&job.plan, rows, lent, frame.format, [scale, level * scale]))?;
-    let ends = ends(&job.plan);
     let plan = job.plan.clone();
+    upload_measurement(job, |s| intake(s, &plan, rows, lent, frame.format, [scale, level * scale]))?;
+    let ends = ends(&plan);
     let bins: Vec<usize> = std::iter::once(&job.model).chain(&job.summed).map(|m| m.bins).collect();
     let mut found = vec![];
     for (source, bins) in measured(&plan).zip(bins) {
@@ -242,15 +242,15 @@ pub(super) fn take(
 }
 
 /// Leaves the measurement in the bins of all levels, by `intake` at first, and their scenes.
-fn upload_measurement(job: &mut OnDevice, intake: Schedule) -> Result<()> {
-    let OnDevice { plan, model, summed, executor } = job;
+fn upload_measurement(job: &mut OnDevice, intake: impl FnOnce(&mut Schedule)) -> Result<()> {
+    let OnDevice { plan, model, summed, executor, .. } = job;
     for (wide, level) in summed.iter_mut().zip(plan.summed()) {
         wide.take_sums(model, level.sum);
     }
     let mut all = Uploads::begin(executor)?;
     all.add_scenes(plan, model, summed)?;
     all.then(intake);
-    all.then(super::sum_bins(plan));
+    all.then(|s| super::sum_bins(s, plan));
     all.run()
 }
 

@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::drive::Lists;
 use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
 use super::{Level, Plan, rounding};
@@ -22,6 +23,8 @@ pub struct OnDevice {
     pub summed: Vec<Model>,
     /// Runs schedules over the buffers.
     pub executor: Executor,
+    /// What the driver works with.
+    pub(super) lists: Lists,
 }
 
 impl OnDevice {
@@ -37,7 +40,7 @@ impl OnDevice {
         let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
         executor.add_kernels(&kernels)?;
         let summed = plan.summed().map(|level| model.summed(level.sum)).collect();
-        let mut made = OnDevice { plan, model, summed, executor };
+        let mut made = OnDevice { plan, model, summed, executor, lists: Lists::default() };
         made.upload()?;
         Ok(made)
     }
@@ -69,24 +72,24 @@ impl OnDevice {
     /// # Errors
     /// The device fails.
     pub(super) fn upload_counts(&mut self) -> Result<()> {
-        let OnDevice { plan, model, summed, executor } = self;
+        let OnDevice { plan, model, summed, executor, .. } = self;
         for (wide, level) in summed.iter_mut().zip(plan.summed()) {
             wide.take_sums(model, level.sum);
         }
         let mut counts = Uploads::begin(executor)?;
         counts.add_counts(plan, model, summed)?;
-        counts.executor.submit(&counts.schedule).map(|_| ())
+        counts.submit()
     }
 
     /// Fills the buffers that hold what does not depend on the counts.
     fn upload_scan(&mut self) -> Result<()> {
-        let OnDevice { plan, model, summed, executor } = self;
+        let OnDevice { plan, model, summed, executor, .. } = self;
         let mut all = Uploads::begin(executor)?;
         let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
         if plan.levels.iter().chain(plan.pixels_only()).any(|l| whole(&l)) {
             all.add(buffer::WALL, bytemuck::cast_slice(&plan.own_wall(&model.wall).words()))?;
         }
-        for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).into_iter().map(move |p| (l, p))) {
+        for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).map(move |p| (l, p))) {
             let wall = plan.own_wall(&model.wall.first(level.pairs)).stretch(part.first, part.own.count);
             all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
@@ -152,7 +155,8 @@ impl<'e> Uploads<'e> {
     /// Waits for what is under way: it may use the upload buffer.
     pub fn begin(executor: &'e mut Executor) -> Result<Uploads<'e>> {
         executor.settle()?;
-        Ok(Uploads { executor, at: 0, schedule: Schedule::default() })
+        let schedule = executor.spare_schedule();
+        Ok(Uploads { executor, at: 0, schedule })
     }
 
     fn add(&mut self, to: Buffer, bytes: &[u8]) -> Result<()> {
@@ -160,7 +164,8 @@ impl<'e> Uploads<'e> {
         let (mut rest, mut to_offset) = (bytes, 0);
         while !rest.is_empty() {
             if self.at == size {
-                self.executor.run(&std::mem::take(&mut self.schedule))?;
+                self.executor.run(&self.schedule)?;
+                self.schedule.clear();
                 self.at = 0;
             }
             let (part, more) = rest.split_at(rest.len().min((size - self.at) as usize));
@@ -179,13 +184,22 @@ impl<'e> Uploads<'e> {
     }
 
     /// Adds more work, after the copies so far.
-    pub fn then(&mut self, more: Schedule) {
-        self.schedule.extend(more);
+    pub fn then(&mut self, write: impl FnOnce(&mut Schedule)) {
+        write(&mut self.schedule);
     }
 
     /// Runs what is left, and waits for it.
     pub fn run(self) -> Result<()> {
-        self.executor.run(&self.schedule)
+        let done = self.executor.run(&self.schedule);
+        self.executor.keep_schedule(self.schedule);
+        done
+    }
+
+    /// Submits what is left, and returns before it is done.
+    fn submit(self) -> Result<()> {
+        let submitted = self.executor.submit(&self.schedule);
+        self.executor.keep_schedule(self.schedule);
+        submitted.map(|_| ())
     }
 
     /// Adds the scenes, the measured values and their sums.
@@ -195,7 +209,7 @@ impl<'e> Uploads<'e> {
             return self.add_parts(plan, model, summed);
         }
         self.add(buffer::MEASURED, bytemuck::cast_slice(&plan.own_rows(&model.measured, model.bins)))?;
-        self.then(sum_bins(plan));
+        self.then(|s| sum_bins(s, plan));
         Ok(())
     }
 

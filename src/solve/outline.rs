@@ -62,15 +62,16 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
         when,
         lateral: level.grid.n[0],
         pairs: level.pairs,
-        in_parts: plan.parts(level).len(),
+        in_parts: plan.parts(level).count(),
         steps: folded(steps_of(plan, schedule)),
     };
     let mut level = 0;
-    let mut all = vec![part(When::Start, &steps.levels[0], &steps.start)];
+    let start = Schedule::of(|s| (steps.start)(s, plan));
+    let mut all = vec![part(When::Start, &steps.levels[0], &start)];
     let mut due: Vec<Part> = vec![];
     for i in iterations.clone() {
         let here = steps.levels[level];
-        let run = (steps.iteration)(plan, &here, i);
+        let run = Schedule::of(|s| (steps.iteration)(s, plan, &here, i));
         let one = part(When::Iterations(i + 1, i + 1), &here, &run);
         match all.last_mut() {
             Some(Part { when: When::Iterations(_, last), lateral, pairs, steps, .. })
@@ -83,7 +84,7 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
         if i + 1 == iterations.end {
             break;
         }
-        let change = (steps.due)(plan, &mut level, i + 1);
+        let change = Schedule::of(|s| (steps.due)(s, plan, &mut level, i + 1));
         if change.commands.is_empty() {
             continue;
         }
@@ -96,7 +97,7 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
     }
     let last = &steps.levels[level];
     all.extend(due);
-    all.push(part(When::End, last, &(steps.extract)(last)));
+    all.push(part(When::End, last, &Schedule::of(|s| (steps.extract)(s, last))));
     all
 }
 
@@ -108,7 +109,7 @@ pub(super) fn of_start(what: &'static str, plan: &Plan, level: &Level, schedule:
         when: When::Start,
         lateral: level.grid.n[0],
         pairs: level.pairs,
-        in_parts: plan.parts(level).len(),
+        in_parts: plan.parts(level).count(),
         steps,
     }]
 }
@@ -124,12 +125,12 @@ pub(super) fn each(
     take: &mut dyn FnMut(&Schedule) -> Result<()>,
 ) -> Result<()> {
     let mut level = 0;
-    take(&steps.start)?;
+    take(&Schedule::of(|s| (steps.start)(s, plan)))?;
     for i in iterations {
-        take(&(steps.iteration)(plan, &steps.levels[level], i))?;
-        take(&(steps.due)(plan, &mut level, i + 1))?;
+        take(&Schedule::of(|s| (steps.iteration)(s, plan, &steps.levels[level], i)))?;
+        take(&Schedule::of(|s| (steps.due)(s, plan, &mut level, i + 1)))?;
     }
-    steps.levels.iter().try_for_each(|level| take(&(steps.extract)(level)))
+    steps.levels.iter().try_for_each(|level| take(&Schedule::of(|s| (steps.extract)(s, level))))
 }
 
 /// The commands of a schedule. Neighbours that differ only in their sizes are one step.

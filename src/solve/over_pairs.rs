@@ -8,48 +8,49 @@ use crate::gpu::{Buffer, Schedule};
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, SpotTaps, cells};
 
-/// Runs what `each` gives for a part of the pairs of `level`, for all its parts in order. Where there are several, the next
+/// Runs what `each` adds for a part of the pairs of `level`, for all its parts in order. Where there are several, the next
 /// one is copied to the device while one is computed: no barrier stands between the copies and what renders.
 pub(super) fn over_parts(
+    s: &mut Schedule,
     plan: &Plan,
     level: &Level,
-    mut each: impl FnMut(&PairPart) -> Schedule,
-) -> Schedule {
-    let parts = plan.parts(level);
-    let mut s = parts.first().map(bring).unwrap_or_default();
+    mut each: impl FnMut(&mut Schedule, &PairPart),
+) {
+    let mut parts = plan.parts(level).peekable();
+    if let Some(first) = parts.peek() {
+        bring(s, first);
+    }
     let mut sized = None;
-    for (i, part) in parts.iter().enumerate() {
-        s.extend(parts.get(i + 1).map(bring).unwrap_or_default());
+    while let Some(part) = parts.next() {
+        if let Some(next) = parts.peek() {
+            bring(s, next);
+        }
         // The last part may be smaller.
         if part.is_cut() && sized != Some(part.rendered.scene) {
             s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, part.rendered.scene);
             sized = Some(part.rendered.scene);
         }
-        s.extend(each(part));
+        each(s, &part);
         for stored in part.stored.iter().filter(|stored| stored.changes) {
             s.copy(stored.device, stored.host, stored.bytes);
         }
     }
-    s
 }
 
 /// Copies what a part is computed from to its slot on the device.
-fn bring(part: &PairPart) -> Schedule {
-    let mut s = Schedule::default();
+fn bring(s: &mut Schedule, part: &PairPart) {
     for stored in &part.stored {
         s.copy_from([stored.host, stored.device], stored.offset, stored.bytes);
     }
-    s
 }
 
 /// Sums that go over all parts of a level's pairs end by this scene: its first part has the most partial sums.
 pub(super) fn scene_of_sums(plan: &Plan, level: &Level) -> Buffer {
-    plan.parts(level).first().map_or(level.scene, |part| part.own.scene)
+    plan.parts(level).next().map_or(level.scene, |part| part.own.scene)
 }
 
 /// A forward pass by `pass` over a part of the pairs, in as many dispatches as its accumulation takes.
-pub(super) fn forward(plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) {
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     let chunks = plan.set_chunks(part.rendered.count);
     let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
@@ -60,26 +61,25 @@ pub(super) fn forward(plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) 
             .with(Push { first: set * chunks, flags, ..Default::default() })
             .taking(of_set * part.rendered.count as u64);
     }
-    s
 }
 
 /// Compares the rendered histograms of a part of the pairs with the measurement by the pass `residual`, as the instrument
 /// shows them: summed over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`].
 /// `through`: see [`instrument_back`].
 pub(super) fn compare(
+    s: &mut Schedule,
     plan: &Plan,
     level: &Level,
     part: &PairPart,
     residual: &Pass,
     push: Push,
     through: Option<u32>,
-) -> Schedule {
+) {
     // Only the first pass after rendering may read fixed point.
     let mut sharp = (!plan.fixed_point()).then_some(buffer::HISTOGRAMS);
-    let mut s = Schedule::default();
     if let Some(spots) = plan.spots_of(level) {
         let passes = [&SPOT, if plan.fixed_point() { &SPOT_MORE } else { &SPOT }];
-        s.extend(spot(level, spots, &spots.rendered.stages, passes, sharp));
+        spot(s, level, spots, &spots.rendered.stages, passes, sharp);
         s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
         sharp = Some(SEEN);
     }
@@ -102,21 +102,20 @@ pub(super) fn compare(
     if plan.pulse == 0 && plan.has_spots() {
         compared.bind(buffer::SPREAD, SEEN);
     }
-    s.extend(instrument_back(plan, level, part, [&PULSE_BACK, &SPOT_BACK], through));
-    s
+    instrument_back(s, plan, level, part, [&PULSE_BACK, &SPOT_BACK], through);
 }
 
 /// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`], by passes for pulse and
 /// spot: through the taps that begin at word `through` of `pulse_taps`, or through the pulse's own; then through the spots.
 /// Nothing where paths are sharp and spots are points.
 pub(super) fn instrument_back(
+    s: &mut Schedule,
     plan: &Plan,
     level: &Level,
     part: &PairPart,
     [pulse, spots]: [&Pass; 2],
     through: Option<u32>,
-) -> Schedule {
-    let mut s = Schedule::default();
+) {
     let mut from = buffer::RESIDUAL;
     if plan.pulse > 0 || through.is_some() {
         s.dispatch(pulse, runs(part.own.count, level.bins))
@@ -127,9 +126,8 @@ pub(super) fn instrument_back(
         from = buffer::SPREAD;
     }
     if let Some(of) = plan.spots_of(level) {
-        s.extend(spot(level, of, &of.back, [spots; 2], Some(from)));
+        spot(s, level, of, &of.back, [spots; 2], Some(from));
     }
-    s
 }
 
 /// The buffer that gradients gather from after residuals went back through the taps `through`, if there are any.
@@ -143,13 +141,13 @@ pub(super) fn gathered(plan: &Plan, through: Option<u32>) -> Buffer {
 /// Sums the histograms `from` by the `stages` of a level's spots, into [`SEEN`]: the first by the pass `first`.
 /// Without `from`, those that the forward pass left in fixed point.
 fn spot(
+    s: &mut Schedule,
     level: &Level,
     spots: &Spots,
     stages: &[SpotTaps],
     [first, more]: [&Pass; 2],
     from: Option<Buffer>,
-) -> Schedule {
-    let mut s = Schedule::default();
+) {
     let mut source = from;
     for (i, stage) in stages.iter().enumerate() {
         // They alternate, and the last one is `SEEN`.
@@ -166,15 +164,13 @@ fn spot(
         }
         source = Some(target);
     }
-    s
 }
 
 /// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
 /// Where pairs are cut into parts, the host sums them, and this is empty.
-pub fn sum_bins(plan: &Plan) -> Schedule {
-    let mut s = Schedule::default();
+pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
     if plan.cut.is_some() {
-        return s;
+        return;
     }
     let pairs = plan.own(plan.pairs);
     for level in plan.summed() {
@@ -189,19 +185,18 @@ pub fn sum_bins(plan: &Plan) -> Schedule {
                 ..Default::default()
             });
     }
-    s
 }
 
 /// Gathers the buffer `from` over the rendered pairs of a part by `pass`. `flags` are added to those of the dispatches.
 pub(super) fn gather(
+    s: &mut Schedule,
     plan: &Plan,
     level: &Level,
     part: &PairPart,
     pass: &Pass,
     flags: u32,
     from: Buffer,
-) -> Schedule {
-    let mut s = Schedule::default();
+) {
     let voxels = plan.voxels_at(level);
     for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD))
@@ -211,7 +206,6 @@ pub(super) fn gather(
             .with(Push { flags: chunk.flags | flags, ..chunk })
             .taking(work_of(&chunk, voxels));
     }
-    s
 }
 
 /// Workgroups of a pulse or spot kernel that writes so many histograms.
@@ -229,25 +223,32 @@ pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
 /// dispatches as the limits of loops and of the work of a dispatch need. A product is cut into whole rows of scanned
 /// points where they fit, else into stretches of one row. Where several devices share the pairs, none of them is the last
 /// ([`super::together`]).
-pub(super) fn pair_chunks(plan: &Plan, part: &PairPart, all: &Pairs, voxels: usize) -> Vec<Push> {
+pub(super) fn pair_chunks(
+    plan: &Plan,
+    part: &PairPart,
+    all: &Pairs,
+    voxels: usize,
+) -> impl Iterator<Item = Push> + use<> {
     let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));
     let several = plan.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
-    let mut chunks: Vec<Push> = vec![];
+    let (goes_on, is_last) = (!part.is_first(), part.is_last() && plan.share.is_none());
     let mut first = 0;
-    while first < pairs {
+    std::iter::from_fn(move || {
+        if first == pairs {
+            return None;
+        }
         let last = match row <= most {
             true => (first + whole).min(pairs),
             false => (first + most).min((first / row + 1) * row),
         };
-        let more = if first > 0 || !part.is_first() { BACKWARD_CONTINUE } else { 0 };
-        let ends = last == pairs && part.is_last() && plan.share.is_none();
-        let end = if ends { BACKWARD_FINISH } else { 0 };
-        chunks.push(Push { first, last, flags: more | end, ..Default::default() });
+        let more = if first > 0 || goes_on { BACKWARD_CONTINUE } else { 0 };
+        let end = if last == pairs && is_last { BACKWARD_FINISH } else { 0 };
+        let chunk = Push { first, last, flags: more | end, ..Default::default() };
         first = last;
-    }
-    chunks
+        Some(chunk)
+    })
 }
 
 /// Workgroups for `n` invocations in groups of `size`; continued along y after [`GROUPS_X`].

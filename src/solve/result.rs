@@ -10,7 +10,7 @@ use super::drive::Driven;
 use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
 use crate::Result;
-use crate::gpu::{Exchanged, KernelTime, Schedule};
+use crate::gpu::{Exchanged, KernelTime};
 use crate::maps::Maps;
 use crate::transport::Model;
 use crate::transport::kernels::{TRACE_LEAST, buffer};
@@ -80,10 +80,10 @@ pub(super) fn finish(
 ) -> Result<Reconstruction> {
     let volume = if let Some(albedo) = volume {
         let storage = driven.level.grid.storage() as u64;
-        let mut s = Schedule::default();
-        s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
-        s.copy(buffer::MASK, MASK_HOST, storage / 8);
-        job.executor.run(&s)?;
+        job.executor.run_once(|s| {
+            s.copy(buffer::RAW, RAW_HOST, job.plan.capacity as u64 * 16);
+            s.copy(buffer::MASK, MASK_HOST, storage / 8);
+        })?;
         Some(read_volume(&job.executor, &driven.level.grid, albedo))
     } else {
         None

@@ -11,25 +11,21 @@ use crate::gpu::{Buffer, Command, Schedule, Summed};
 use crate::transport::kernels::*;
 
 /// Adds `sums` up over all devices.
-pub(super) fn add_up(plan: &Plan, sums: &[Summed]) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn add_up(s: &mut Schedule, plan: &Plan, sums: &[Summed]) {
     if plan.share.is_some() {
         s.exchange(sums);
     }
-    s
 }
 
 /// Adds up over all devices the losses that a comparison left, and `sums`. `finish` is the pass that reads the losses; its
 /// flags are [`finish_flags`] then.
-pub(super) fn add_up_losses(plan: &Plan, level: &Level, finish: &Pass, sums: &[Summed]) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn add_up_losses(s: &mut Schedule, plan: &Plan, level: &Level, finish: &Pass, sums: &[Summed]) {
     if plan.share.is_some() {
         s.dispatch(finish, [1, 1, 1])
             .bind(buffer::SCENE, scene_of_sums(plan, level))
             .with(Push { flags: FINISH_ADD, ..Default::default() });
-        s.extend(add_up(plan, &[sums, &[plan.losses()]].concat()));
+        add_up(s, plan, &[sums, &[plan.losses()]].concat());
     }
-    s
 }
 
 /// Flags of the pass that closes an iteration.
@@ -38,8 +34,7 @@ pub(super) fn finish_flags(plan: &Plan) -> u32 {
 }
 
 /// Ends the gather of `level` by `pass` from the buffer `from`, after its sums were added up.
-pub(super) fn end(plan: &Plan, level: &Level, pass: &Pass, from: Buffer) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn end(s: &mut Schedule, plan: &Plan, level: &Level, pass: &Pass, from: Buffer) {
     if let Some(part) = last_of_shared(plan, level) {
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD))
             .bind(buffer::SCENE, part.rendered.scene)
@@ -47,26 +42,24 @@ pub(super) fn end(plan: &Plan, level: &Level, pass: &Pass, from: Buffer) -> Sche
             .bind(buffer::RESIDUAL, from)
             .with(no_pairs(&part));
     }
-    s
 }
 
 /// As [`end`], for a pass over all voxels in so many `groups`. `bind` adds what it binds.
 pub(super) fn end_of_all(
+    s: &mut Schedule,
     plan: &Plan,
     level: &Level,
     pass: &Pass,
     groups: [u32; 3],
     bind: impl FnOnce(&mut Command, &PairPart),
-) -> Schedule {
-    let mut s = Schedule::default();
+) {
     if let Some(part) = last_of_shared(plan, level) {
         bind(s.dispatch(pass, groups).with(no_pairs(&part)), &part);
     }
-    s
 }
 
 fn last_of_shared(plan: &Plan, level: &Level) -> Option<PairPart> {
-    plan.share.and_then(|_| plan.parts(level).pop())
+    plan.share.and_then(|_| plan.parts(level).last())
 }
 
 /// A dispatch that takes the sums of those before and ends the gather: from behind the last pair on there are none.

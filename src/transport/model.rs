@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::Moments;
 use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, Reflectance, Rendered, Rows, Spot, Wall};
+use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
 use crate::capture::{Capture, Pulse, PulseTaps};
 
@@ -177,7 +178,11 @@ impl Model {
 
     /// Takes the counts of `capture`: scaled so that the largest of all becomes the peak, less `background` counts per bin.
     pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {
-        let largest = capture.histograms.par_iter().copied().reduce(|| 0.0f32, f32::max);
+        let most = |counts: &[f32]| counts.iter().copied().fold(0.0f32, f32::max);
+        let largest = match is_small(&capture.histograms) {
+            true => most(&capture.histograms),
+            false => capture.histograms.par_chunks(1 << 14).map(most).reduce(|| 0.0, f32::max),
+        };
         self.take_times(rows, capture, background, self.peak / f64::from(largest));
     }
 

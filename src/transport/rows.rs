@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::capture::Capture;
+use crate::capture::check::is_small;
 
 /// The pairs and bins of captures of one scan that are the rows of a model's measured values.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,12 +44,16 @@ impl Rows {
 
     /// The counts of `capture`, times `scale`, less `below`: `[row * bins + bin]`.
     pub(super) fn fill(&self, measured: &mut Vec<f32>, capture: &Capture, scale: f64, below: f32) {
-        measured.resize(self.pairs.len() * self.bins.len(), 0.0);
-        let rows = measured.par_chunks_exact_mut(self.bins.len()).zip(&self.pairs);
-        rows.for_each(|(row, pair)| {
+        let bins = self.bins.len();
+        measured.resize(self.pairs.len() * bins, 0.0);
+        let take = |(row, pair): (&mut [f32], &usize)| {
             let counts = &capture.histogram(*pair)[self.bins.clone()];
             row.iter_mut().zip(counts).for_each(|(m, h)| *m = (f64::from(*h) * scale) as f32 - below);
-        });
+        };
+        match is_small(measured) {
+            true => measured.chunks_exact_mut(bins).zip(&self.pairs).for_each(take),
+            false => measured.par_chunks_exact_mut(bins).zip(&self.pairs).for_each(take),
+        }
     }
 }
 

@@ -62,7 +62,7 @@ pub fn compaction_lists_every_active_voxel_in_brick_order() {
             let (_, domain) = state(&model, &grid, share, 2);
             let mut job = job(&gpu, &model, &grid, &o);
             write_domain(&mut job, &domain);
-            let schedule = compact(&job.plan, job.plan.finest());
+            let schedule = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
             job.executor.run(&schedule).unwrap();
             assert_lists(&mut job, &grid, &domain, true);
         }
@@ -79,7 +79,7 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
     let (_, domain) = state(&model, &grid, 0.3, 3);
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_domain(&mut job, &domain);
-    let schedule = compact(&job.plan, job.plan.finest());
+    let schedule = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
     job.executor.run(&schedule).unwrap();
     assert_lists(&mut job, &grid, &domain, false);
     assert_valid(&gpu);
@@ -109,7 +109,7 @@ pub fn initialise_is_uniform_and_keeps_the_near_space_out() {
     let grid = grid();
     let twin = Twin { model: &model, grid: &grid };
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-    let schedule = initialise(&job.plan, job.plan.finest());
+    let schedule = Schedule::of(|s| initialise(s, &job.plan, job.plan.finest()));
     job.executor.run(&schedule).unwrap();
     let (raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
     assert!(model.near_z(&grid) > 0, "the scene has a near space to keep out");
@@ -146,7 +146,7 @@ pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
         let state = [raw.clone(), moments(&raw, 2.0), moments(&raw, 3.0)];
         let touched = hold(&mut job, &grid, &domain, &state);
-        let mut schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
+        let mut schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
         let split = schedule.commands.iter().position(|c| c.name() == "threshold").unwrap();
         let after = Schedule { commands: schedule.commands.split_off(split) };
         job.executor.run(&schedule).unwrap();
@@ -178,7 +178,7 @@ fn a_volume_without_light_is_pruned_to_nothing() {
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let state = [-0.5, 0.1, 0.1].map(|v| vec![[v, 0.0, 0.0, 0.0]; grid.storage()]);
     hold(&mut job, &grid, &domain, &state);
-    let schedule = reduce(&job.plan, job.plan.finest(), job.model.keep_above);
+    let schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
     job.executor.run(&schedule).unwrap();
     assert_lists(&mut job, &grid, &vec![false; grid.storage()], true);
     assert_valid(&gpu);
@@ -207,7 +207,7 @@ pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     // Slots of the coarse level.
     let coarse_touched = write_touched(&mut job, &coarse, &domain);
     write_state(&mut job, buffer::RAW, &coarse_touched, &raw);
-    let schedule = double(&job.plan, &job.plan.levels[0], &job.plan.levels[1]);
+    let schedule = Schedule::of(|s| double(s, &job.plan, &job.plan.levels[0], &job.plan.levels[1]));
     job.executor.run(&schedule).unwrap();
     let split = twin::double_domain(&coarse, &fine, &domain);
     assert_eq!(split.iter().filter(|a| **a).count(), 4 * domain.iter().filter(|a| **a).count());
@@ -255,7 +255,7 @@ pub fn extract_finds_the_brightest_voxel_of_every_column() {
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let touched = write_touched(&mut job, &grid, &domain);
     write_state(&mut job, buffer::RAW, &touched, &raw);
-    let schedule = extract(job.plan.finest());
+    let schedule = Schedule::of(|s| extract(s, job.plan.finest()));
     job.executor.run(&schedule).unwrap();
     let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let want = twin::extract(&twin, &raw, &domain);

@@ -54,7 +54,7 @@ pub fn counts_are_summed_over_slices_of_pairs() {
         let (words, values) = counts(format, &mut random);
         write(&mut job, buffer::HISTOGRAMS, &words);
         // So few pairs are a slice each; the second part begins in the middle.
-        let mut s = tally_of(buffer::HISTOGRAMS, ROWS, format, &[11, 30]);
+        let mut s = Schedule::of(|s| tally_of(s, buffer::HISTOGRAMS, ROWS, format, &[11, 30]));
         for of_slice in [1, 7] {
             job.executor.run(&s).unwrap();
             let want = twin::tally(&values, BINS, of_slice);
@@ -93,7 +93,7 @@ pub fn counts_become_the_measurement() {
         let (words, values) = counts(format, &mut random);
         write(&mut job, buffer::HISTOGRAMS, &words);
         let how = [0.125, 300.0];
-        let schedule = intake(&job.plan.clone(), &rows, ROWS, format, how);
+        let schedule = Schedule::of(|s| intake(s, &job.plan.clone(), &rows, ROWS, format, how));
         job.executor.run(&schedule).unwrap();
         let want = twin::intake(&values, BINS, &rows, how);
         assert_eq!(want.len(), 30 * 33);

@@ -10,7 +10,7 @@ use thirdbounce::transport::{Binning, Gradient, Sampling};
 
 /// Runs the commands of one iteration whose kernel is among `names`.
 fn run(job: &mut thirdbounce::solve::OnDevice, names: &[&str], number: u32, step: u32) {
-    let mut s = paper::iteration(&job.plan, job.plan.finest(), number, step);
+    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), number, step));
     s.commands.retain(|c| names.contains(&c.name()));
     assert!(!s.commands.is_empty());
     job.executor.run(&s).expect("the iteration runs");
@@ -170,7 +170,7 @@ pub fn residual_with_and_without_noise_term() {
             assert!(left.iter().all(|b| *b == 0), "the sums are left at zero");
             // Another part of the pairs, in which nothing is rendered, adds to the losses.
             let (_, dark) = twin::residual(&twin, &vec![0.0; elements], &weights);
-            let mut more = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
+            let mut more = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
             more.commands.retain(|c| c.name() == "residual");
             more.commands[0].with(Push { flags: BACKWARD_CONTINUE, ..Default::default() });
             job.executor.run(&more).expect("the schedule runs");

@@ -6,7 +6,7 @@ use fixtures::device::vectors::{read_floats, scene};
 use fixtures::device::*;
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use thirdbounce::capture::{PulseTaps, Way};
-use thirdbounce::gpu::Gpu;
+use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::surface::{self, Placed, blur};
 use thirdbounce::solve::{Accumulation, COLUMNS_HOST};
 use thirdbounce::transport::kernels::*;
@@ -73,7 +73,7 @@ pub fn bonds_and_points() {
         assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
 
         write(&mut job, buffer::COUNTS, &[(each * field.len()) as u32, 0, 0, 0, 0, 0]);
-        let s = surface::points(job.plan.finest(), field.len());
+        let s = Schedule::of(|s| surface::points(s, job.plan.finest(), field.len()));
         job.executor.run(&s).unwrap();
         let (slopes, samples) = field.points(&twin, &bonds);
         let got = read_pairs(&mut job, buffer::SLOPES, field.len());
@@ -272,7 +272,7 @@ pub fn extract() {
             field.columns[pixels.clone()].iter().map(|c| *c as usize % columns).collect();
         write_weights(&mut job, &SurfaceWeights { smooth, ..Default::default() });
         write(&mut job, buffer::COLUMNS, &before);
-        let s = surface::extract(job.plan.finest(), of_layers, layer);
+        let s = Schedule::of(|s| surface::extract(s, job.plan.finest(), of_layers, layer));
         job.executor.run(&s).unwrap();
         let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..columns);
         let slopes = field.points(&twin, &bonds).0;
@@ -354,18 +354,19 @@ fn check_iterations(
     field.write(&mut job);
     zero_histograms(&mut job);
     let bonds = field.bonds(&twin);
-    let mut s = surface::start(job.plan.finest(), field.len(), each);
+    let mut s = Schedule::of(|s| surface::start(s, job.plan.finest(), field.len(), each));
     s.set(buffer::COUNTS, COUNT_FAULTS, 0);
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     const ROWS: usize = 8;
     for i in 0..ROWS {
-        s.extend(surface::iteration(
+        surface::iteration(
+            &mut s,
             &job.plan,
             job.plan.finest(),
             field.len(),
             [i, i, 0],
             through(i).map(|t| t as u32),
-        ));
+        );
     }
     job.executor.run(&s).unwrap();
     let mut moments = vec![[Height::default(); 2]; field.len()];

@@ -85,7 +85,9 @@ fn check_gather_seen(
     let options = surface_options(&case.grid, 4);
     let mut job = job_tuned(gpu, &case.model, &case.grid, &options, |t| t.texels &= texels);
     case.write(&mut job);
-    let s = surface::iteration(&job.plan, job.plan.finest(), case.samples.len() / 4, [0, 0, 0], None);
+    let s = Schedule::of(|s| {
+        surface::iteration(s, &job.plan, job.plan.finest(), case.samples.len() / 4, [0, 0, 0], None)
+    });
     assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
     vectors::run(&mut job, s, &["surface_gather"]);
     case.check(&mut job, tolerance);

@@ -307,7 +307,7 @@ fn check_gathers_of(mut job: OnDevice, case: &StepCase, dispatches: usize) {
     let twin = case.twin();
     case.write(&mut job);
     let voxels = job.plan.tuning.samples_of_group(case.active.len()) as usize;
-    let s = vector::iteration(&job.plan, job.plan.finest(), 0);
+    let s = Schedule::of(|s| vector::iteration(s, &job.plan, job.plan.finest(), 0));
     assert_eq!(s.commands.iter().filter(|c| c.name() == "step").count(), dispatches);
     run(&mut job, s, &["step"]);
     case.check(&mut job, voxels);

@@ -48,7 +48,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     let momentum = Momentum { t: 7.0, beta: 0.8, objective: 3.0, restarts: 2.0, share: 0.5 };
     write_momentum(&mut job, momentum);
     let mut level = 0;
-    let s = vector::due(&job.plan, &o, &mut level, o.domain.reduce_every);
+    let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut level, o.domain.reduce_every));
     job.executor.run(&s).unwrap();
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
     assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 2e-6);
@@ -63,7 +63,11 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     let stays = |i: &u32| domain[*i as usize];
     assert!(stayed.iter().any(stays) && !stayed.iter().all(stays));
     assert!(stayed.iter().all(|i| got[*i as usize] == bounds[*i as usize]));
-    assert!(vector::due(&job.plan, &o, &mut level, o.domain.reduce_every + 1).commands.is_empty());
+    assert!(
+        Schedule::of(|s| vector::due(s, &job.plan, &o, &mut level, o.domain.reduce_every + 1))
+            .commands
+            .is_empty()
+    );
     assert_valid(&gpu);
 }
 
@@ -91,7 +95,7 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
         set_counts(&mut job, active.len(), 0.0);
         write_momentum(&mut job, REST);
         Arc::make_mut(&mut job.plan).capacity = room;
-        let s = vector::due(&job.plan, &o, &mut 0, o.domain.reduce_every);
+        let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut 0, o.domain.reduce_every));
         let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
         let [before, after] =
             [&s.commands[..split], &s.commands[split..]].map(|c| Schedule { commands: c.to_vec() });
@@ -203,7 +207,8 @@ pub fn bounds_weigh_voxels_by_how_bright_they_are() {
         let domain = state(&model, &grid, 0.6, 32).1;
         let v = within(vectors(grid.storage(), 33), &domain);
         let active = hold(&mut job, &domain, &v);
-        let s = vector::due(&job.plan, &o, &mut 0, o.bound_every * o.domain.reduce_every);
+        let s =
+            Schedule::of(|s| vector::due(s, &job.plan, &o, &mut 0, o.bound_every * o.domain.reduce_every));
         job.executor.run(&s).unwrap();
         let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
         let mask = read_mask(&mut job, buffer::MASK, grid.storage());
@@ -253,7 +258,7 @@ fn check_doubling(fine: &Grid, all_bins: bool, from: usize, parts: [usize; 2]) {
     let v = within(vectors(coarse.storage(), 27), &domain);
     hold(&mut job, &domain, &v);
     let mut level = from;
-    let s = vector::due(&job.plan, &o, &mut level, o.domain.coarse_iterations);
+    let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut level, o.domain.coarse_iterations));
     assert_eq!(level, from + 1);
     job.executor.run(&s).unwrap();
 
@@ -293,7 +298,7 @@ pub fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let mut job = job(&gpu, &model, &grid, &o);
     let hat = vector::hat(2.0, model.bins);
     write(&mut job, buffer::HAT_TAPS, &hat);
-    let s = vector::start(&job.plan, job.plan.finest(), &o);
+    let s = Schedule::of(|s| vector::start(s, &job.plan, job.plan.finest(), &o));
     job.executor.run(&s).unwrap();
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
     let projected = twin::backproject(&twin, &twin::filter(&twin, &half, false));
@@ -327,7 +332,7 @@ fn extract_takes_a_column_from_all_of_its_surface() {
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     let active = write_domain(&mut job, &domain);
     write_vectors(&mut job, buffer::RAW, &active, &v);
-    let s = extract(job.plan.finest());
+    let s = Schedule::of(|s| extract(s, job.plan.finest()));
     job.executor.run(&s).unwrap();
     let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let brightest = twin::lengths(&v, &domain);
@@ -370,7 +375,7 @@ pub fn extract_finds_the_second_surface_of_a_column() {
     let mut job = job(&gpu, &model, &grid, &surface_options(&grid, 1));
     let active = write_domain(&mut job, &domain);
     write_vectors(&mut job, buffer::RAW, &active, &v);
-    let s = surface::extract_behind(job.plan.finest());
+    let s = Schedule::of(|s| surface::extract_behind(s, job.plan.finest()));
     job.executor.run(&s).unwrap();
     let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let first = twin::extract_vectors(&twin, &v, &domain);

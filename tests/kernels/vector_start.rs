@@ -7,6 +7,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 use rand_pcg::Pcg64;
 use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Schedule;
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{VectorOptions, background, default_volume, variance_per_count, vector};
 use thirdbounce::transport::Grid;
@@ -132,7 +133,7 @@ fn nothing_true_is_pruned_by_the_start() {
         let mut job = job(&gpu, &model, &grid, &o);
         let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
         write(&mut job, buffer::HAT_TAPS, &hat);
-        let s = vector::start(&job.plan, job.plan.finest(), &o);
+        let s = Schedule::of(|s| vector::start(s, &job.plan, job.plan.finest(), &o));
         job.executor.run(&s).unwrap();
         let mask = read_mask(&mut job, buffer::MASK, grid.storage());
         let active = mask.iter().filter(|m| **m).count() as f64 / grid.voxels() as f64;

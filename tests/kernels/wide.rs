@@ -84,15 +84,15 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     });
     let mut job = job(gpu, &model, &grid, &o);
     let mut level = 0;
-    let start = paper::initialise(&job.plan, &job.plan.levels[0]);
+    let start = Schedule::of(|s| paper::initialise(s, &job.plan, &job.plan.levels[0]));
     runs.run(&mut job, start);
     for i in 0..3 {
-        let mut s = paper::iteration(&job.plan, &job.plan.levels[level], i, i + 1);
-        s.extend(paper::due(&job.plan, &o, &mut level, i as usize + 1));
+        let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, &job.plan.levels[level], i, i + 1));
+        paper::due(&mut s, &job.plan, &o, &mut level, i as usize + 1);
         runs.run(&mut job, s);
     }
     assert_eq!(level, 1, "doubling is among them");
-    let maps = thirdbounce::solve::extract(job.plan.finest());
+    let maps = Schedule::of(|s| thirdbounce::solve::extract(s, job.plan.finest()));
     runs.run(&mut job, maps);
     left(&mut job, 3, &[buffer::MASK, buffer::COLUMNS])
 }
@@ -115,14 +115,14 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let mut job = job(gpu, &model, &grid, &o);
     let hat = vector::hat(2.0, job.plan.levels[0].bins);
     write(&mut job, buffer::HAT_TAPS, &hat);
-    let sums = sum_bins(&job.plan);
+    let sums = Schedule::of(|s| sum_bins(s, &job.plan));
     runs.run(&mut job, sums);
     let mut level = 0;
-    let start = vector::start(&job.plan, &job.plan.levels[0], &o);
+    let start = Schedule::of(|s| vector::start(s, &job.plan, &job.plan.levels[0], &o));
     runs.run(&mut job, start);
     for i in 0..3 {
-        let mut s = vector::iteration(&job.plan, &job.plan.levels[level], i);
-        s.extend(vector::due(&job.plan, &o, &mut level, i as usize + 1));
+        let mut s = Schedule::of(|s| vector::iteration(s, &job.plan, &job.plan.levels[level], i));
+        vector::due(&mut s, &job.plan, &o, &mut level, i as usize + 1);
         runs.run(&mut job, s);
     }
     assert_eq!(level, 1, "doubling is among them");
@@ -156,13 +156,15 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     // As the start of a volume does.
     let mut s = Schedule::default();
     s.fill(buffer::COUNTS, job.plan.bytes_of(buffer::COUNTS), 0);
-    s.extend(surface::start(job.plan.finest(), field.len(), 4));
+    surface::start(&mut s, job.plan.finest(), field.len(), 4);
     runs.run(&mut job, s);
     for i in 0..2 {
-        let s = surface::iteration(&job.plan, job.plan.finest(), field.len(), [i, i, 0], None);
+        let s = Schedule::of(|s| {
+            surface::iteration(s, &job.plan, job.plan.finest(), field.len(), [i, i, 0], None)
+        });
         runs.run(&mut job, s);
     }
-    let maps = surface::extract(job.plan.finest(), [field.len(), 0], 0);
+    let maps = Schedule::of(|s| surface::extract(s, job.plan.finest(), [field.len(), 0], 0));
     runs.run(&mut job, maps);
     left(&mut job, 2, &[buffer::HEIGHTS])
 }
@@ -172,7 +174,7 @@ fn lent_counts(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     write_rows_of(&mut job, &rows);
     let (words, _) = counts(Format::F32, &mut Random::new(7));
     write(&mut job, buffer::HISTOGRAMS, &words);
-    let taken = intake(&job.plan, &rows, ROWS, Format::F32, [0.5, 3.0]);
+    let taken = Schedule::of(|s| intake(s, &job.plan, &rows, ROWS, Format::F32, [0.5, 3.0]));
     runs.run(&mut job, taken);
     left(&mut job, 0, &[buffer::MEASURED])
 }

@@ -75,7 +75,7 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
         let level = plan.finest();
         let all = (level.grid.storage() * model.pairs()) as u64;
         assert!(all > 200 * MOST, "{all}");
-        let s = paper::iteration(&plan, level, 0, 1);
+        let s = Schedule::of(|s| paper::iteration(s, &plan, level, 0, 1));
         for kernel in ["forward", "backward"] {
             let [most, sum, count] = of(&s, kernel);
             assert!(most <= MOST, "{geometry:?} {kernel}: {most} turns at once");
@@ -84,8 +84,10 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
         }
         let options = small_vector(Accumulation::Auto);
         let plan = Plan::new(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
-        for s in [vector::start(&plan, &plan.levels[0], &options), vector::iteration(&plan, plan.finest(), 0)]
-        {
+        for s in [
+            Schedule::of(|s| vector::start(s, &plan, &plan.levels[0], &options)),
+            Schedule::of(|s| vector::iteration(s, &plan, plan.finest(), 0)),
+        ] {
             let long = s.commands.iter().filter(|c| c.work() > MOST);
             assert_eq!(long.map(Command::name).collect::<Vec<_>>(), Vec::<&str>::new());
         }
@@ -96,7 +98,7 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
     model.elements = 1024 * model.bins;
     let plan = Plan::new(&model, grid(), [32, 32], &small_vector(Accumulation::Auto), &card(), false)
         .expect("a plan");
-    let s = vector::iteration(&plan, plan.finest(), 0);
+    let s = Schedule::of(|s| vector::iteration(s, &plan, plan.finest(), 0));
     assert_eq!(["forward", "step"].map(|kernel| of(&s, kernel)[2]), [1, 1]);
 }
 

@@ -71,14 +71,14 @@ fn the_papers_kernels_watch_too() {
         job.executor.run(&s).unwrap();
         write_raw(&mut job, buffer::RAW, &raw);
         write_mask(&mut job, buffer::MASK, &domain);
-        let s = compact(&job.plan, job.plan.finest());
+        let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
         job.executor.run(&s).unwrap();
         for i in 0..2 {
             if i == 1 {
                 let count = if broken == buffer::MEASURED { 1 } else { 4 * grid.storage() };
                 write(&mut job, broken, &vec![f32::NAN; count]);
             }
-            let s = paper::iteration(&job.plan, job.plan.finest(), i, i + 1);
+            let s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), i, i + 1));
             job.executor.run(&s).unwrap();
             let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
             let want = if i == 1 { fault } else { 0 };

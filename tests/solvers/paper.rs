@@ -6,7 +6,7 @@ use fixtures::captures::changed;
 use fixtures::device::*;
 use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
-use thirdbounce::gpu::{Buffer, Gpu};
+use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::paper::{self, reconstruct};
@@ -109,7 +109,7 @@ fn the_order_of_events_is_the_papers() {
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
     let mut level = 0;
     for done in 1..1000 {
-        let s = paper::due(&plan, &o, &mut level, done);
+        let s = Schedule::of(|s| paper::due(s, &plan, &o, &mut level, done));
         let names: Vec<_> = s.commands.iter().map(|c| c.name()).collect();
         let at = |n: &str| names.iter().position(|c| *c == n);
         assert_eq!(at("threshold").is_some(), done % 50 == 0, "reduction every 50 iterations, at {done}");
@@ -135,7 +135,7 @@ fn the_order_of_events_is_the_papers() {
     });
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     assert_eq!(plan.levels.len(), 1);
-    assert!(paper::due(&plan, &o, &mut 0, 50).commands.is_empty());
+    assert!(Schedule::of(|s| paper::due(s, &plan, &o, &mut 0, 50)).commands.is_empty());
 }
 
 #[test]
@@ -283,7 +283,7 @@ fn what_cannot_run_is_refused_in_words() {
     few.limits.groups = [2, 3, 1];
     let cas = o.clone().with(|o| o.accumulation = Accumulation::Cas);
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
-    assert!(plan.parts(plan.finest()).iter().all(|part| part.own.count < 64));
+    assert!(plan.parts(plan.finest()).all(|part| part.own.count < 64));
     let with_spot = changed(&capture, |c| c.sensor_spot = Some(0.1));
     let mixed = paper::model(&with_spot, &grid(&capture, &o), &o);
     let error = Plan::new(&mixed, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap_err();

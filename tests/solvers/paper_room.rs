@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use fixtures::device::*;
-use thirdbounce::gpu::Gpu;
+use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
     Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Reconstruction, compact, default_volume,
@@ -104,7 +104,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let touched = write_touched(&mut job, &coarse, &domain);
     write_state(&mut job, buffer::RAW, &touched, &raw);
     let mut level = 0;
-    let s = paper::due(&job.plan, &o, &mut level, o.domain.double_every);
+    let s = Schedule::of(|s| paper::due(s, &job.plan, &o, &mut level, o.domain.double_every));
     assert_eq!(level, 1);
     job.executor.run(&s).unwrap();
 
@@ -131,7 +131,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let want = twin::carry(&now, &twin::carry_doubled(&coarse, &fine, &before));
     assert!(error(read_state(&mut job, buffer::RAW, &now, fine.storage()).concat(), want.concat()) < 1e-6);
     // The next iteration reports it.
-    let mut s = paper::iteration(&job.plan, job.plan.finest(), 3, 1);
+    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 3, 1));
     s.commands.retain(|c| c.name() == "finish");
     job.executor.run(&s).unwrap();
     let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
@@ -153,14 +153,14 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     Arc::make_mut(&mut job.plan).touched_capacity = (active.len() + all.len()) / 2;
     job.upload().unwrap();
     let listed = &all[..job.plan.touched_capacity];
-    let s = compact(&job.plan, job.plan.finest());
+    let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
     job.executor.run(&s).unwrap();
     let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());
     assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is told");
     assert_eq!(read::<u32>(&mut job, buffer::ACTIVE_VOXELS, listed.len()), listed);
     write_state(&mut job, buffer::RAW, listed, &raw);
-    let mut s = paper::iteration(&job.plan, job.plan.finest(), 5, 1);
+    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 5, 1));
     s.commands.retain(|c| c.name() == "sample");
     job.executor.run(&s).unwrap();
     let want = twin::sample(&twin, 5, &active, &twin::carry(listed, &raw));

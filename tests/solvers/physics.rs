@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::capture::Capture;
-use thirdbounce::gpu::Gpu;
+use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
 use thirdbounce::solve::{PaperOptions, Preset, default_volume, paper};
@@ -18,7 +18,7 @@ fn render(gpu: &Gpu, model: &Model, grid: &Grid, samples: &[Sample]) -> Vec<f64>
     let mut job = job(gpu, model, grid, &options(model, grid));
     write_samples(&mut job, samples);
     set_counts(&mut job, samples.len(), 1.0);
-    let mut s = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
+    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
     s.commands.retain(|c| c.name() == "forward");
     zero_histograms(&mut job);
     job.executor.run(&s).unwrap();
@@ -115,9 +115,9 @@ fn iterations_on_the_device_follow_the_twins() {
         let mut o = options(&m, &g);
         o.accumulation = accumulation;
         let mut job = job(&gpu, &m, &g, &o);
-        let mut s = paper::initialise(&job.plan, job.plan.finest());
+        let mut s = Schedule::of(|s| paper::initialise(s, &job.plan, job.plan.finest()));
         for i in 0..4 {
-            s.extend(paper::iteration(&job.plan, job.plan.finest(), i, i + 1));
+            paper::iteration(&mut s, &job.plan, job.plan.finest(), i, i + 1);
         }
         job.executor.run(&s).unwrap();
 

@@ -54,7 +54,7 @@ fn ahead(position: f64) -> Sample {
 }
 
 fn run(job: &mut OnDevice, name: &str) {
-    let mut s = paper::iteration(&job.plan, job.plan.finest(), 0, 1);
+    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
     s.commands.retain(|c| c.name() == name);
     job.executor.run(&s).expect("the iteration runs");
 }

@@ -131,7 +131,7 @@ fn begun(job: &mut OnDevice, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<
     job.executor.run(&s).expect("a dispatch runs");
     run_start(job, &["points", "forward_bound", "residual_bound", "bound_step", "variance", "bound_noise"]);
     let mut s = Schedule::default();
-    (0..3).for_each(|i| s.extend(vector::iteration(&job.plan, &level, i)));
+    (0..3).for_each(|i| vector::iteration(&mut s, &job.plan, &level, i));
     job.executor.run(&s).expect("the schedule runs");
     let rows = job.executor.read(buffer::TRACE, ..3 * TRACE_ROW as usize);
     (read(job, buffer::BOUNDS, count), read(job, buffer::RAW, count), rows)

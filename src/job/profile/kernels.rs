@@ -269,10 +269,8 @@ mod tests {
     use crate::gpu::Stage;
 
     fn recording() -> Recording {
-        let stage = |name, iteration| Stage {
-            name,
-            values: vec![("iteration", iteration), ("lateral", 8), ("pairs", 5)],
-        };
+        let stage =
+            |name, iteration| Stage::new(name, &[("iteration", iteration), ("lateral", 8), ("pairs", 5)]);
         let ran = |kernel, stage, submission, from, to| Ran { kernel, stage, submission, from, to };
         Recording {
             stages: vec![stage("start", 0), stage("iteration", 0), stage("iteration", 1)],

@@ -211,7 +211,7 @@ impl Bench {
 
     fn rate(&mut self, probe: &Probe) -> Result<f64> {
         self.add(probe.kernel)?;
-        let (groups, seconds) = self.best(64, &|groups| passes(probe, groups))?;
+        let (groups, seconds) = self.best(64, &|groups| Schedule::of(|s| passes(s, probe, groups)))?;
         self.check(probe, groups)?;
         let (x, dispatches) = split(groups);
         let invocations = u64::from(x) * u64::from(dispatches) * u64::from(LANES);
@@ -224,7 +224,7 @@ impl Bench {
         let words = x * LANES;
         let mut s = Schedule::default();
         s.fill(buffer::RESULT, u64::from(GROUPS * LANES) * 4, 0);
-        s.extend(passes(probe, groups));
+        passes(&mut s, probe, groups);
         s.copy(buffer::RESULT, BACK, u64::from(words) * 4);
         self.executor.run(&s)?;
         let got: Vec<u32> = self.executor.read(BACK, ..words as usize);
@@ -305,13 +305,11 @@ fn split(groups: u64) -> (u32, u32) {
     (groups.div_ceil(dispatches) as u32, dispatches as u32)
 }
 
-fn passes(probe: &Probe, groups: u64) -> Schedule {
+fn passes(s: &mut Schedule, probe: &Probe, groups: u64) {
     let (x, dispatches) = split(groups);
-    let mut s = Schedule::default();
     for _ in 0..dispatches {
         s.dispatch(probe.kernel, [x, 1, 1]).with([probe.turns, 1f32.to_bits(), 1f32.to_bits(), 0]);
     }
-    s
 }
 
 #[cfg(test)]
@@ -337,7 +335,7 @@ mod tests {
             let off = Probe { turns: probe.turns - 1, ..*probe };
             let mut s = Schedule::default();
             s.fill(buffer::RESULT, u64::from(GROUPS * LANES) * 4, 0);
-            s.extend(passes(&off, 4));
+            passes(&mut s, &off, 4);
             s.copy(buffer::RESULT, BACK, 4);
             bench.executor.run(&s).unwrap();
             let word = bench.executor.read::<u32>(BACK, ..1)[0];

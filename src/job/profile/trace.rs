@@ -34,7 +34,7 @@ pub fn events(recording: &Recording, device: &str) -> Value {
     }
     let values = |stage: Option<usize>| {
         let stage = stage.map(|s| &recording.stages[s]);
-        let values = stage.into_iter().flat_map(|s| &s.values);
+        let values = stage.into_iter().flat_map(|s| s.values.iter());
         values.map(|(n, v)| (n.to_string(), json!(v))).collect::<serde_json::Map<_, _>>()
     };
     for (i, (stage, span)) in recording.stages.iter().zip(&stages).enumerate() {
@@ -60,7 +60,7 @@ mod tests {
         let ran = |kernel, from, to| Ran { kernel, stage: Some(0), submission: 3, from, to };
         let recording = Recording {
             host: vec![HostSpan { what: "load", from: -0.5, to: -0.25 }],
-            stages: vec![Stage { name: "iteration", values: vec![("iteration", 7)] }],
+            stages: vec![Stage::new("iteration", &[("iteration", 7)])],
             device: vec![ran("forward", 0.0, 1e-3), ran("finish", 2e-3, 2.5e-3)],
             ..Recording::default()
         };

@@ -1,6 +1,7 @@
 //! How long the rest of a solve takes.
 
 use super::Steps;
+use crate::gpu::Schedule;
 use crate::solve::{Plan, TracePoint};
 
 /// A surface has about this many active voxels behind each other in the volume before it.
@@ -24,13 +25,19 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// What is ahead of a run from iteration `first` at `level` up to `end`.
-    pub fn new(steps: &Steps<'_>, plan: &Plan, first: usize, mut level: usize, end: usize) -> Ahead {
-        let mut iterations = vec![];
+    /// What is ahead of a run from iteration `first` at `level` up to `end`. `unused` takes schedules that nobody runs.
+    pub fn new(
+        steps: &Steps<'_>,
+        plan: &Plan,
+        [first, mut level, end]: [usize; 3],
+        unused: &mut Schedule,
+    ) -> Ahead {
+        let mut iterations = Vec::with_capacity(end.saturating_sub(first));
         for i in first..end {
             if i > first {
                 // Only the level that it leads to counts here.
-                let _ = (steps.due)(plan, &mut level, i);
+                (steps.due)(unused, plan, &mut level, i);
+                unused.clear();
             }
             let here = &steps.levels[level];
             iterations.push([here.grid.n[0], here.pairs]);

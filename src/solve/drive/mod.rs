@@ -10,9 +10,9 @@ use super::Pass;
 use super::checkpoint::{self, Checkpoint, Keeper};
 use super::on_device::{OnDevice, read_maps};
 use super::{Level, Plan, TracePoint};
-use crate::gpu::{Gpu, Schedule, Ticket};
+use crate::gpu::{Executor, Gpu, Schedule, Ticket};
 use crate::maps::Maps;
-use crate::transport::kernels::buffer;
+use crate::transport::kernels::{TRACE_ROW, buffer};
 use crate::{Error, Kind, Result};
 
 mod ahead;
@@ -25,24 +25,31 @@ use clock::Clock;
 use reader::Reader;
 pub use watch::{Beside, Doing, Progress, Watch};
 
-/// The schedule of iteration i (from 0) at a level.
-type Iteration<'s> = Box<dyn Fn(&Plan, &Level, usize) -> Schedule + 's>;
+/// Adds what runs before the first iteration.
+type Start<'s> = Box<dyn Fn(&mut Schedule, &Plan) + 's>;
 
-/// The schedule that is due after N iterations, before the next one. It may move to the next level.
-type Due<'s> = Box<dyn Fn(&Plan, &mut usize, usize) -> Schedule + 's>;
+/// Adds iteration i (from 0) at a level.
+type Iteration<'s> = Box<dyn Fn(&mut Schedule, &Plan, &Level, usize) + 's>;
 
-/// A solver as its driver sees it.
+/// Adds what is due after N iterations, before the next one. It may move to the next level.
+type Due<'s> = Box<dyn Fn(&mut Schedule, &Plan, &mut usize, usize) + 's>;
+
+/// Adds what leaves the maps of a level in `columns_host`.
+type Extract<'s> = Box<dyn Fn(&mut Schedule, &Level) + 's>;
+
+/// A solver as its driver sees it. What it adds goes into schedules that live as long as the device's buffers, so an
+/// iteration allocates nothing.
 pub(super) struct Steps<'s> {
     /// Its levels in order.
     pub levels: Vec<Level>,
     /// Runs before the first iteration.
-    pub start: Schedule,
+    pub start: Start<'s>,
     /// Iteration i (from 0) at a level.
     pub iteration: Iteration<'s>,
-    /// The schedule that is due after N iterations, before the next one. It may move to the next level.
+    /// What is due after N iterations, before the next one. It may move to the next level.
     pub due: Due<'s>,
     /// Leaves the level's maps in `columns_host`.
-    pub extract: Box<dyn Fn(&Level) -> Schedule + 's>,
+    pub extract: Extract<'s>,
     /// Passes whose faults may show in the trace.
     pub passes: [&'static [&'static Pass]; 2],
     /// Weight of the trace's L1 column in the loss at a level.
@@ -79,6 +86,28 @@ impl Driven {
     }
 }
 
+/// What runs work with. It stays from one run to the next, so that later ones allocate nothing for an iteration.
+#[derive(Default)]
+pub(super) struct Lists {
+    /// The iterations that are submitted next.
+    block: Schedule,
+    /// What is due before the iteration after them.
+    change: Schedule,
+    /// Schedules that only show what is ahead.
+    unused: Schedule,
+    /// The rows of the trace that were read last.
+    rows: Vec<[u32; TRACE_ROW as usize]>,
+}
+
+impl Lists {
+    /// Submits the block, and empties it.
+    fn submit(&mut self, executor: &mut Executor) -> Result<Ticket> {
+        let submitted = executor.submit(&self.block);
+        self.block.clear();
+        submitted
+    }
+}
+
 /// Submissions in flight, so that the device never waits for the host.
 const IN_FLIGHT: usize = 2;
 
@@ -97,7 +126,8 @@ pub(super) fn drive(
 ) -> Result<Driven> {
     let mut run = Run::begin(gpu, device, steps, watch, keeper, before)?;
     run.iterations = iterations;
-    run.look_ahead();
+    // A point for every block at most.
+    run.reader.trace.reserve(iterations.saturating_sub(run.first));
     for i in run.first..iterations {
         run.keep_state(i)?;
         run.add(i);
@@ -119,13 +149,13 @@ struct Run<'r, 'w, 'k> {
     clock: Clock,
     reader: Reader,
     flights: VecDeque<Flight>,
-    /// The next block to submit, and its first iteration.
-    block: Schedule,
+    /// Blocks that are done and not told yet, with the seconds of host and device by then.
+    back: Vec<(Flight, [f64; 2])>,
+    /// The first iteration of the next block ([`Lists::block`]).
     block_from: usize,
-    /// The schedule that is due before the next iteration.
-    change: Schedule,
-    /// The first iteration of this run.
+    /// The first iteration of this run, and its level.
     first: usize,
+    first_level: usize,
     /// Levels of the next iteration and of the last one.
     level: usize,
     level_before: usize,
@@ -155,6 +185,9 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         before: Option<Driven>,
     ) -> Result<Run<'r, 'w, 'k>> {
         let first_level = steps.levels[0];
+        // A run that failed may have left something.
+        device.lists.block.clear();
+        device.lists.change.clear();
         let mut run = Run {
             clock: Clock::start(device.executor.gpu_seconds()),
             gpu,
@@ -165,10 +198,10 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             iterations: 0,
             reader: Reader::default(),
             flights: VecDeque::new(),
-            block: Schedule::default(),
+            back: vec![],
             block_from: 0,
-            change: Schedule::default(),
             first: 0,
+            first_level: 0,
             level: 0,
             level_before: 0,
             reached: first_level,
@@ -182,14 +215,8 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             None => run.start(before),
         }
         run.reached = run.steps.levels[run.level];
-        run.level_before = run.level;
+        (run.first_level, run.level_before) = (run.level, run.level);
         Ok(run)
-    }
-
-    /// Finds what is ahead, to tell how long it takes.
-    fn look_ahead(&mut self) {
-        let (steps, plan) = (&self.steps, &self.device.plan);
-        self.ahead = Some(Ahead::new(steps, plan, self.first, self.level, self.iterations));
     }
 
     /// Begins with the start schedule, after `before` if it is given.
@@ -202,8 +229,9 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             self.reader = Reader { trace, pairs };
             self.clock.go_on_from([seconds, gpu_seconds]);
         }
-        self.block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
-        self.block.extend(std::mem::take(&mut self.steps.start));
+        let OnDevice { plan, lists: Lists { block, .. }, .. } = &mut *self.device;
+        block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
+        (self.steps.start)(block, plan);
     }
 
     /// Restores a state and continues from it.
@@ -218,7 +246,8 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             rows: *a..*b,
             level: levels[*at],
         }));
-        self.change = (self.steps.due)(&self.device.plan, &mut self.level, self.first);
+        let OnDevice { plan, lists, .. } = &mut *self.device;
+        (self.steps.due)(&mut lists.change, plan, &mut self.level, self.first);
         self.device.executor.wait(ticket)?;
         self.reader = Reader { trace: from.trace, pairs: from.pairs };
         self.clock = Clock::start(self.device.executor.gpu_seconds());
@@ -232,7 +261,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let Some(keeper) = self.keeper.as_mut().filter(|k| i > self.first && k.is_due(i)) else {
             return Ok(());
         };
-        let ticket = self.device.executor.submit(&std::mem::take(&mut self.block))?;
+        let ticket = self.device.lists.submit(&mut self.device.executor)?;
         self.device.executor.wait(ticket)?;
         let [seconds, gpu_seconds] = self.clock.now(self.device.executor.gpu_seconds());
         let pause = self.clock.pause();
@@ -260,15 +289,16 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
     /// Adds iteration `i` to the block, and finds what is due after it.
     fn add(&mut self, i: usize) {
         let here = self.steps.levels[self.level];
-        if !self.change.commands.is_empty() {
-            self.block.stage("domain", &stage_values(&here, i));
-            self.block.extend(std::mem::take(&mut self.change));
+        let OnDevice { plan, lists: Lists { block, change, .. }, .. } = &mut *self.device;
+        if !change.commands.is_empty() {
+            block.stage("domain", &stage_values(&here, i));
+            block.append(change);
         }
-        self.block.stage("iteration", &stage_values(&here, i));
-        self.block.extend((self.steps.iteration)(&self.device.plan, &here, i));
+        block.stage("iteration", &stage_values(&here, i));
+        (self.steps.iteration)(block, plan, &here, i);
         self.level_before = self.level;
         if i + 1 < self.iterations {
-            self.change = (self.steps.due)(&self.device.plan, &mut self.level, i + 1);
+            (self.steps.due)(change, plan, &mut self.level, i + 1);
         }
     }
 
@@ -283,32 +313,33 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let pairs = self.active * self.steps.levels[self.level_before].pairs;
         done == self.iterations
             || self.is_measured(done)
-            || !self.change.commands.is_empty()
+            || !self.device.lists.change.commands.is_empty()
             || done - self.block_from >= block_length(self.gpu, pairs, self.steps.until.is_some())
     }
 
     /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the data
     /// are fitted.
     fn submit(&mut self, done: usize) -> Result<bool> {
-        let ticket = self.device.executor.submit(&std::mem::take(&mut self.block))?;
+        let ticket = self.device.lists.submit(&mut self.device.executor)?;
         self.reached = self.steps.levels[self.level_before];
         self.flights.push_back(Flight { ticket, rows: self.block_from..done, level: self.reached });
         self.block_from = done;
         let measured = self.is_measured(done);
         let behind = if measured || done == self.iterations { 0 } else { IN_FLIGHT };
         // Waits first and calls the watch afterwards: the clock may stand still only with nothing in flight.
-        let mut back = vec![];
         while self.flights.len() > behind {
             let flight = self.flights.pop_front().expect("not empty");
             self.device.executor.wait(flight.ticket)?;
-            back.push((flight, self.clock.now(self.device.executor.gpu_seconds())));
+            self.back.push((flight, self.clock.now(self.device.executor.gpu_seconds())));
         }
         let pause = self.clock.pause();
         let gpu_pause = self.device.executor.gpu_seconds();
         let mut fitted = false;
-        for (flight, seconds) in back {
+        let mut back = std::mem::take(&mut self.back);
+        for (flight, seconds) in back.drain(..) {
             fitted |= self.hear(flight, seconds, measured.then_some(done))?;
         }
+        self.back = back;
         if self.flights.is_empty() {
             self.clock.go_on(pause);
             self.clock.leave_out_gpu(self.device.executor.gpu_seconds() - gpu_pause);
@@ -325,7 +356,11 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             Some(done) if point.iteration == done => Some(self.maps(&flight.level)?),
             _ => None,
         };
-        let remaining = self.ahead.as_mut().and_then(|a| a.seconds(&point, self.reader.pairs));
+        // What is ahead is found when the first block is done: before it, the device would wait.
+        let OnDevice { plan, lists: Lists { unused, .. }, .. } = &mut *self.device;
+        let run = [self.first, self.first_level, self.iterations];
+        let ahead = self.ahead.get_or_insert_with(|| Ahead::new(&self.steps, plan, run, unused));
+        let remaining = ahead.seconds(&point, self.reader.pairs);
         let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of, remaining, maps };
         if (self.watch.hear)(&progress).is_break() {
             let what = format!("cancelled after {} iterations", point.iteration);
@@ -341,16 +376,17 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let l1_weight = (self.steps.l1_weight)(&flight.level);
         let passes = &self.steps.passes;
         // Blocks in flight write other rows.
-        let rows = self.device.executor.read_behind(flight.ticket, buffer::TRACE, flight.rows.clone());
-        self.reader.read(&rows, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
+        let OnDevice { executor, lists: Lists { rows, .. }, .. } = &mut *self.device;
+        executor.read_behind(flight.ticket, buffer::TRACE, flight.rows.clone(), rows);
+        self.reader.read(rows, flight.rows.clone(), &flight.level, l1_weight, passes, seconds)
     }
 
     /// The maps at a level. Waits for the device.
     fn maps(&mut self, level: &Level) -> Result<Maps> {
-        let mut s = Schedule::default();
-        s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
-        s.extend((self.steps.extract)(level));
-        self.device.executor.run(&s)?;
+        self.device.executor.run_once(|s| {
+            s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
+            (self.steps.extract)(s, level);
+        })?;
         Ok(read_maps(&self.device.executor, &level.grid, self.device.plan.reflectance.has_normals()))
     }
 

@@ -147,11 +147,11 @@ impl Prepared for PreparedPaper {
 fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
     Steps {
         levels: plan.levels.clone(),
-        start: initialise(plan, &plan.levels[0]),
-        iteration: Box::new(|plan, level, i| {
-            iteration(plan, level, i as u32, (i % options.restart_every) as u32 + 1)
+        start: Box::new(|s, plan| initialise(s, plan, &plan.levels[0])),
+        iteration: Box::new(|s, plan, level, i| {
+            iteration(s, plan, level, i as u32, (i % options.restart_every) as u32 + 1)
         }),
-        due: Box::new(|plan, level, done| due(plan, options, level, done)),
+        due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
         extract: Box::new(domain::extract),
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|level| options.l1 / level.grid.voxels() as f64),

@@ -88,21 +88,25 @@ impl PairPart {
 
 impl Plan {
     /// The parts of a level, in order: the first ones are the largest. One where all its pairs are on the device.
-    pub fn parts(&self, level: &Level) -> Vec<PairPart> {
+    pub fn parts(&self, level: &Level) -> impl Iterator<Item = PairPart> + use<> {
+        let whole = (!self.is_cut(level)).then(|| PairPart {
+            number: 0,
+            of: 1,
+            first: 0,
+            own: self.measured(level),
+            rendered: self.rendered(level),
+            measured: level.measured,
+            noise: buffer::NOISE_STATE,
+            stored: vec![],
+        });
+        let cut = if whole.is_none() { self.cut_parts(level) } else { vec![] };
+        whole.into_iter().chain(cut)
+    }
+
+    /// The parts of a level that is cut.
+    fn cut_parts(&self, level: &Level) -> Vec<PairPart> {
         let held = self.held(level);
         let all = self.own(level.pairs);
-        if held == all {
-            return vec![PairPart {
-                number: 0,
-                of: 1,
-                first: 0,
-                own: self.measured(level),
-                rendered: self.rendered(level),
-                measured: level.measured,
-                noise: buffer::NOISE_STATE,
-                stored: vec![],
-            }];
-        }
         let counts = self.counts_of_parts(all, held);
         let (of, at) = (counts.len(), self.number_of(level));
         let (mut first, mut wall_offset) = (0, 0);
@@ -148,7 +152,7 @@ impl Plan {
 
     /// In how many parts the pairs of each level of the volume, then of the surface, are taken.
     pub fn part_counts(&self) -> [Vec<usize>; 2] {
-        let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).len()).collect();
+        let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).count()).collect();
         [of(&self.levels), of(&self.pixel_levels)]
     }
 
@@ -185,7 +189,7 @@ impl Plan {
             });
         }
         let mut last = whole;
-        let mut parts = self.parts(self.finest()).len().max(1);
+        let mut parts = self.parts(self.finest()).count().max(1);
         while parts < MOST_PARTS {
             parts += parts.div_ceil(4);
             let cut = self.cut_for(parts);

@@ -64,12 +64,10 @@ pub(super) struct Refined {
 }
 
 /// Sets to zero what sums begin with, where no volume was solved before: its start does so.
-pub(super) fn cleared(plan: &Plan) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn cleared(s: &mut Schedule, plan: &Plan) {
     for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
         s.fill(cleared, plan.bytes_of(cleared), 0);
     }
-    s
 }
 
 /// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. After a frame, it goes
@@ -164,12 +162,12 @@ pub(super) fn refine(
 /// `factor`. A second layer is there only if the volume shows it.
 fn begun(job: &mut OnDevice, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
     let level = driven.level;
-    job.executor.run(&extract_behind(&level))?;
+    job.executor.run_once(|s| extract_behind(s, &level))?;
     let second = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
     let least = least(&job.plan, &level.grid);
     let layers = layers::split(&driven.maps, &second, least);
-    let layers = layers.map_or_else(|| vec![driven.maps.clone()], |layers| layers.to_vec());
-    Ok(layers.iter().map(|maps| maps.finer(factor)).collect())
+    let layers = layers.map_or_else(|| vec![driven.maps.clone()], Vec::from);
+    Ok(if factor > 1 { layers.iter().map(|maps| maps.finer(factor)).collect() } else { layers })
 }
 
 /// Pixels of the smallest region with two surfaces that counts.
@@ -181,7 +179,7 @@ fn least(plan: &Plan, grid: &Grid) -> f64 {
 fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
     let level = driven.level;
     upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
-    job.executor.run(&extract(&level, of_layers, 1))?;
+    job.executor.run_once(|s| extract(s, &level, of_layers, 1))?;
     let behind = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
     Ok(layers::merge(&[driven.maps.clone(), behind], least(&job.plan, &level.grid)))
 }
@@ -209,23 +207,21 @@ fn steps(
     let (all, count) = (levels.clone(), of_layers.iter().sum());
     Steps {
         levels,
-        start: Schedule::default(),
-        iteration: Box::new(move |plan, level, i| {
+        start: Box::new(|_, _| ()),
+        iteration: Box::new(move |s, plan, level, i| {
             let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
-            iteration(plan, level, count, [i, i - begin, skipped], blur.map(|word| word as u32))
+            iteration(s, plan, level, count, [i, i - begin, skipped], blur.map(|word| word as u32));
         }),
-        due: Box::new(move |_, level, done| {
-            let mut s = Schedule::default();
+        due: Box::new(move |s, _, level, done| {
             if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
                 *level = next;
-                s.extend(widen(&all[*level], &weights[*level]));
+                widen(s, &all[*level], &weights[*level]);
             }
             if (done - begin).is_multiple_of(RENEW) {
-                s.extend(bonds(&all[*level], count));
+                bonds(s, &all[*level], count);
             }
-            s
         }),
-        extract: Box::new(move |level| extract(level, of_layers, 0)),
+        extract: Box::new(move |s, level| extract(s, level, of_layers, 0)),
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
         of: begin + iterations,
@@ -255,9 +251,12 @@ pub(super) fn each(
     let Some(steps) = whole(plan, options) else { return Ok(()) };
     let begin = plan.iterations[0];
     outline::each(plan, &steps, begin..begin + options.iterations, take)?;
-    plan.levels.iter().try_for_each(|level| take(&extract_behind(level)))?;
+    plan.levels.iter().try_for_each(|level| take(&Schedule::of(|s| extract_behind(s, level))))?;
     let residuals = [&super::passes::RESIDUAL_BOUND, &super::passes::RESIDUAL];
-    residuals.into_iter().try_for_each(|residual| take(&compared(plan, &steps.levels[0], 1, residual, begin)))
+    let level = &steps.levels[0];
+    residuals
+        .into_iter()
+        .try_for_each(|residual| take(&Schedule::of(|s| compared(s, plan, level, 1, residual, begin))))
 }
 
 /// The steps of [`outline`].
@@ -272,7 +271,7 @@ fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
     let taps = is_blurred(plan).then_some(plan.tap_room);
     let stages = Stages { levels, beginnings, weights };
     Some(Steps {
-        start: start(&first, count, points_of(plan)),
+        start: Box::new(move |s, plan| start(s, &first, count, points_of(plan))),
         ..steps(stages, [count, 0], begin, [0, iterations], taps)
     })
 }
@@ -316,17 +315,19 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
     upload(&mut job.executor, buffer::PIXELS, bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(x * y)))?;
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(1.0)))?;
-    let mut objective = |before: Schedule, residual: &Pass| -> Result<f64> {
-        let mut s = Schedule::default();
-        s.stage("surface", &stage_values(level, row));
-        s.extend(before);
-        s.extend(compared(&job.plan, level, pixels.len(), residual, row));
-        job.executor.run(&s)?;
+    let mut objective = |is_first: bool, residual: &Pass| -> Result<f64> {
+        job.executor.run_once(|s| {
+            s.stage("surface", &stage_values(level, row));
+            if is_first {
+                start(s, level, pixels.len(), points);
+            }
+            compared(s, &job.plan, level, pixels.len(), residual, row);
+        })?;
         Ok(objective_of(job, row))
     };
     // |A v|² and |A v - h|² give the factor of v that leaves least.
-    let rendered = objective(start(level, pixels.len(), points), &super::passes::RESIDUAL_BOUND)?;
-    let left = objective(Schedule::default(), &super::passes::RESIDUAL)?;
+    let rendered = objective(true, &super::passes::RESIDUAL_BOUND)?;
+    let left = objective(false, &super::passes::RESIDUAL)?;
     let measured = energy(&job.model, level.pairs);
     let scale = 0.5 * (rendered + measured - left) / rendered;
     if !(scale.is_finite() && scale > 0.0) {
@@ -338,13 +339,12 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
 }
 
 /// Renders so many pixels, and leaves what the pass `residual` makes of it in row `row` of the trace.
-fn compared(plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) -> Schedule {
-    let mut s = render(plan, level, pixels, residual, None);
-    s.extend(together::add_up_losses(plan, level, &passes::SURFACE_FINISH, &[]));
+fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) {
+    render(s, plan, level, pixels, residual, None);
+    together::add_up_losses(s, plan, level, &passes::SURFACE_FINISH, &[]);
     s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(Push { iteration: row as u32, flags: together::finish_flags(plan), ..Default::default() });
-    s
 }
 
 /// The data term in row `row` of the trace.

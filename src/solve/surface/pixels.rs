@@ -50,9 +50,9 @@ impl Pixels {
         let threshold = support * white(layers);
         let albedo: Vec<f32> = layers.iter().flat_map(|m| &m.albedo).copied().collect();
         let depth: Vec<f32> = layers.iter().flat_map(|m| &m.depth).copied().collect();
-        let mut columns: Vec<u32> = (0..albedo.len() as u32)
-            .filter(|c| albedo[*c as usize] > threshold && depth[*c as usize].is_finite())
-            .collect();
+        let is_lit = |c: &u32| albedo[*c as usize] > threshold && depth[*c as usize].is_finite();
+        let mut columns: Vec<u32> = Vec::with_capacity(albedo.len());
+        columns.extend((0..albedo.len() as u32).filter(is_lit));
         if columns.len() > most {
             columns.sort_by(|a, b| albedo[*b as usize].total_cmp(&albedo[*a as usize]));
             columns.truncate(most);

@@ -19,7 +19,7 @@ use super::surface::{self, Beginning};
 use super::{Beside, Common, Part, Plan, Prepared, Reconstruction, RunsOn, Solver, VolumeMap, Watch, vector};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Buffer, Constant, Gpu};
+use crate::gpu::{Abilities, Buffer, Constant, Gpu, Schedule};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;
 use crate::transport::{Grid, Rows};
@@ -170,7 +170,7 @@ impl Prepared for Alone {
         self.kept = first;
         let job = self.planned.made(|_| Ok(()))?;
         let (plan, executor) = (job.plan.clone(), &mut job.executor);
-        executor.reserve(&surface::cleared(&plan))?;
+        executor.reserve(&Schedule::of(|s| surface::cleared(s, &plan)))?;
         surface::each(&plan, &self.options.surface, &mut |schedule| executor.reserve(schedule))
     }
 
@@ -182,7 +182,7 @@ impl Prepared for Alone {
         let job = planned.made(|_| Ok(()))?;
         vector::take(capture, &options.as_vector(), rows, &mut job.model, None);
         job.upload_counts()?;
-        job.executor.run(&surface::cleared(&job.plan))?;
+        job.executor.run_once(|s| surface::cleared(s, &job.plan))?;
         let seconds = begun.elapsed().as_secs_f64();
         let driven = Driven { seconds, ..Driven::begun(first, *job.plan.finest()) };
         let driven =

@@ -207,7 +207,7 @@ impl Search {
         let mut s = Schedule::default();
         s.copy(buffer::RAW, RAW_HOST, plan.capacity as u64 * 16);
         s.copy(buffer::MASK, MASK_HOST, grid.storage() as u64 / 8);
-        s.extend(render_volume(plan_of_held, &level));
+        render_volume(&mut s, plan_of_held, &level);
         let left = sides.judge(job, plan_of_held.clone(), &level, s, 1)?;
         let has_normals = plan.reflectance.has_normals();
         let samples = active_state(&job.executor, &grid).into_iter().map(|(c, [x, y, z, _])| {

@@ -109,9 +109,9 @@ fn upload_hat(job: &mut OnDevice, level: &Level) -> Result<()> {
 fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
     Steps {
         levels: plan.levels.clone(),
-        start: start(plan, &plan.levels[0], options),
-        iteration: Box::new(|plan, level, i| iteration(plan, level, i as u32)),
-        due: Box::new(|plan, level, done| due(plan, options, level, done)),
+        start: Box::new(|s, plan| start(s, plan, &plan.levels[0], options)),
+        iteration: Box::new(|s, plan, level, i| iteration(s, plan, level, i as u32)),
+        due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
         extract: Box::new(domain::extract),
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),

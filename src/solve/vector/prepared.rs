@@ -281,6 +281,7 @@ impl PreparedVector {
     ) -> Result<Option<Reconstruction>> {
         let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
         let Some(Chain { how, pace, last: next }) = following else { return Ok(None) };
+        let options = &*options;
         let gpu = planned.gpu().clone();
         let job = planned.made(make_ready)?;
         let noise = counts.take(job, options, rows, Some(last.scale), true)?;
@@ -291,7 +292,7 @@ impl PreparedVector {
             job.upload_counts()?;
         }
         let level = *job.plan.finest();
-        job.executor.run(&follow::look(&job.plan, &level, options))?;
+        job.executor.run_once(|s| follow::look(s, &job.plan, &level, options))?;
         let driven = looked(job, &last.maps, begun);
         let change = follow::change(data_term(job, 0), last.left, energy(job.model_of(&level), level.pairs));
         if change.is_nan() || change > how.cut_above {
@@ -302,11 +303,13 @@ impl PreparedVector {
         }
         let [volume_iterations, surface_iterations] = pace.iterations(how.budget, how.wanted(options));
         let until = |share: f64| how.budget.map(|b| begun + b.mul_f64(share));
+        let scene = job.model_of(&level).scene_of(&level.grid, level.pairs);
+        let above = how.grow_above;
         let steps = Steps {
             levels: vec![level],
-            start: follow::grow(&job.plan, &level, options, job.model_of(&level), how.grow_above),
-            iteration: Box::new(|plan, level, i| iteration(plan, level, i as u32)),
-            due: Box::new(|_, _, _| Schedule::default()),
+            start: Box::new(move |s, plan| follow::grow(s, plan, &level, options, &scene, above)),
+            iteration: Box::new(|s, plan, level, i| iteration(s, plan, level, i as u32)),
+            due: Box::new(|_, _, _, _| ()),
             extract: Box::new(domain::extract),
             passes: [passes::ALL, super::passes::ALL],
             l1_weight: Box::new(|_| 1.0),

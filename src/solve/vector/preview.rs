@@ -43,9 +43,10 @@ pub fn preview(
     let mut job = OnDevice::new(gpu, model, plan, memory)?;
     let level = *job.plan.levels.iter().find(|l| l.grid == grid).unwrap_or(job.plan.finest());
     upload_hat(&mut job, &level)?;
-    let mut s = project(&job.plan, &level);
-    s.copy(job.plan.volumes[0], RAW_HOST, storage as u64 * 4);
-    job.executor.run(&s)?;
+    job.executor.run_once(|s| {
+        project(s, &job.plan, &level);
+        s.copy(job.plan.volumes[0], RAW_HOST, storage as u64 * 4);
+    })?;
     Ok(brightest(&grid, &job.executor.read(RAW_HOST, ..storage)))
 }
 

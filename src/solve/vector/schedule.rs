@@ -15,32 +15,28 @@ use crate::transport::cells;
 use crate::transport::kernels::*;
 
 /// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
-pub fn project(plan: &Plan, level: &Level) -> Schedule {
-    let mut s = gather_filtered(plan, level, false);
-    s.extend(domain::smooth(plan, level, &GAUSSIAN_X_VOLUME, None));
-    s
+pub fn project(s: &mut Schedule, plan: &Plan, level: &Level) {
+    gather_filtered(s, plan, level, false);
+    domain::smooth(s, plan, level, &GAUSSIAN_X_VOLUME, None);
 }
 
 /// Back-projects the filtered measurement into the second of [`Plan::volumes`]. Sums below zero stay if `signed`, else
 /// they become zero.
-pub(in crate::solve) fn gather_filtered(plan: &Plan, level: &Level, signed: bool) -> Schedule {
-    let mut s = over_parts(plan, level, |part| {
-        let mut s = Schedule::default();
+pub(in crate::solve) fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, signed: bool) {
+    over_parts(s, plan, level, |s, part| {
         s.dispatch(&FILTER, groups(cells(part.own.count, level.bins), WORKGROUP))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);
-        s.extend(backproject(plan, level, part, signed));
-        s
+        backproject(s, plan, level, part, signed);
     });
-    s.extend(together::add_up(plan, &[plan.projection(level)]));
+    together::add_up(s, plan, &[plan.projection(level)]);
     if !signed {
         let voxels = level.grid.storage();
         let all = groups(voxels, plan.tuning.samples_of_group(voxels));
-        s.extend(together::end_of_all(plan, level, &BACKPROJECT, all, |end, part| {
+        together::end_of_all(s, plan, level, &BACKPROJECT, all, |end, part| {
             bind_of_backproject(plan, part, end);
-        }));
+        });
     }
-    s
 }
 
 fn bind_of_backproject(plan: &Plan, part: &PairPart, command: &mut Command) {
@@ -52,8 +48,7 @@ fn bind_of_backproject(plan: &Plan, part: &PairPart, command: &mut Command) {
 
 /// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`]. `signed`: see
 /// [`gather_filtered`].
-pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart, signed: bool) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn backproject(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, signed: bool) {
     let voxels = level.grid.storage();
     for mut push in pair_chunks(plan, part, &part.own, voxels) {
         if signed {
@@ -63,53 +58,46 @@ pub(super) fn backproject(plan: &Plan, level: &Level, part: &PairPart, signed: b
         let command = s.dispatch(&BACKPROJECT, all).with(push).taking(work_of(&push, voxels));
         bind_of_backproject(plan, part, command);
     }
-    s
 }
 
 /// Sets sums to zero, finds the first domain by a filtered back-projection, and begins with an empty volume and its
 /// bounds.
-pub fn start(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
-    let mut s = Schedule::default();
+pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptions) {
     for cleared in [buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENTUM, buffer::MASK_BEFORE] {
         s.fill(cleared, plan.bytes_of(cleared), 0);
     }
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
-    s.extend(project(plan, level));
+    project(s, plan, level);
     s.copy_word(buffer::COUNTS, COUNT_PEAK_SMOOTH, COUNT_PEAK_PROJECTED);
-    s.extend(domain::keep(plan, level, options.domain.start_above, plan.capacity));
+    domain::keep(s, plan, level, options.domain.start_above, plan.capacity);
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
-    s.extend(settle(plan, level, &SETTLE));
-    s.extend(bounds(plan, level, None));
-    s
+    settle(s, plan, level, &SETTLE);
+    bounds(s, plan, level, None);
 }
 
 /// One iteration: extrapolate (and roughness), forward, weighted residual, step, finish.
-pub fn iteration(plan: &Plan, level: &Level, iteration: u32) -> Schedule {
-    let mut s = Schedule::default();
+pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
     let push = Push { iteration, ..Default::default() };
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(push);
-    s.extend(over_parts(plan, level, |part| {
-        let mut s = forward(plan, level, part, &FORWARD);
-        s.extend(compare(plan, level, part, &RESIDUAL, push, None));
+    over_parts(s, plan, level, |s, part| {
+        forward(s, plan, level, part, &FORWARD);
+        compare(s, plan, level, part, &RESIDUAL, push, None);
         // The sums begin with the roughness, once.
         let begun = if plan.begins_sums() { BACKWARD_CONTINUE } else { 0 };
-        s.extend(gather(plan, level, part, &STEP, begun, plan.residual()));
-        s
-    }));
-    s.extend(together::add_up_losses(plan, level, &FINISH, &[plan.gradients()]));
-    s.extend(together::end(plan, level, &STEP, plan.residual()));
+        gather(s, plan, level, part, &STEP, begun, plan.residual());
+    });
+    together::add_up_losses(s, plan, level, &FINISH, &[plan.gradients()]);
+    together::end(s, plan, level, &STEP, plan.residual());
     let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
-    s
 }
 
 /// The schedule that is due after `done` iterations: the next level, on a finer grid or with more pairs, or a
 /// reduction.
-pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) -> Schedule {
-    let mut s = Schedule::default();
+pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) {
     let here = &plan.levels[*level];
     let next = plan.levels.get(*level + 1);
     let doubles =
@@ -126,30 +114,29 @@ pub fn due(plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize)
         // A voxel becomes several: there must be room for them.
         let [wide, deep] = fine.parts;
         let room = plan.capacity / (wide * wide * deep);
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, room));
-        s.extend(domain::double_mask(here, fine));
-        s.extend(settle(plan, fine, &SETTLE_DOUBLED));
-        s.extend(bounds(plan, fine, expected(&EXPECT_DOUBLED)));
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room);
+        domain::double_mask(s, here, fine);
+        settle(s, plan, fine, &SETTLE_DOUBLED);
+        bounds(s, plan, fine, expected(&EXPECT_DOUBLED));
         *level += 1;
     } else if let Some(wide) = widens {
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity));
-        s.extend(settle(plan, wide, &SETTLE));
-        s.extend(bounds(plan, wide, expected(&EXPECT)));
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity);
+        settle(s, plan, wide, &SETTLE);
+        bounds(s, plan, wide, expected(&EXPECT));
         *level += 1;
     } else if done.is_multiple_of(options.domain.reduce_every) {
-        s.extend(domain::prune(plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity));
-        s.extend(settle(plan, here, &SETTLE));
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity);
+        settle(s, plan, here, &SETTLE);
         if done.is_multiple_of(options.bound_every) {
-            s.extend(bounds(plan, here, expected(&EXPECT)));
+            bounds(s, plan, here, expected(&EXPECT));
         }
     }
-    s
 }
 
 /// Follows a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. The pass `how` moves
 /// them.
-pub(super) fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
-    let mut s = domain::compact(plan, level);
+pub(super) fn settle(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass) {
+    domain::compact(s, plan, level);
     let sample = arguments(ARGUMENTS_SAMPLE);
     s.indirect(how, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
     let slots = plan.capacity as u64;
@@ -159,14 +146,12 @@ pub(super) fn settle(plan: &Plan, level: &Level, how: &Pass) -> Schedule {
         s.set(buffer::MOMENTUM, index, value.to_bits());
     }
     s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
-    s
 }
 
 /// D and lambda of the active voxels. `expected` is the pass that estimates brightness, and the power of it that
 /// weights D; without it all voxels weigh alike. Voxels that become active later have no bound and stay zero until the
 /// next call, so the bounds of the others still hold.
-pub(super) fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) {
     let scene = level.scene;
     let sample = arguments(ARGUMENTS_SAMPLE);
     if let Some((pass, power)) = expected {
@@ -177,28 +162,24 @@ pub(super) fn bounds(plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>)
     }
     // The rendering for the bound has albedo one.
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 1.0f32.to_bits());
-    s.extend(over_parts(plan, level, |part| {
-        let mut s = forward(plan, level, part, &FORWARD_BOUND);
-        s.extend(compare(plan, level, part, &RESIDUAL_BOUND, Push::default(), None));
-        s.extend(gather(plan, level, part, &BOUND_STEP, 0, plan.residual()));
-        s
-    }));
+    over_parts(s, plan, level, |s, part| {
+        forward(s, plan, level, part, &FORWARD_BOUND);
+        compare(s, plan, level, part, &RESIDUAL_BOUND, Push::default(), None);
+        gather(s, plan, level, part, &BOUND_STEP, 0, plan.residual());
+    });
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    s.extend(over_parts(plan, level, |part| {
-        let mut s = Schedule::default();
+    over_parts(s, plan, level, |s, part| {
         s.dispatch(&VARIANCE, groups(cells(part.own.count, level.bins), WORKGROUP))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);
-        s.extend(instrument_back(plan, level, part, [&PULSE_NOISE, &SPOT_NOISE], None));
-        s.extend(gather(plan, level, part, &BOUND_NOISE, 0, plan.residual()));
-        s
-    }));
-    s.extend(together::add_up(plan, &[plan.bounds()]));
+        instrument_back(s, plan, level, part, [&PULSE_NOISE, &SPOT_NOISE], None);
+        gather(s, plan, level, part, &BOUND_NOISE, 0, plan.residual());
+    });
+    together::add_up(s, plan, &[plan.bounds()]);
     for pass in [&BOUND_STEP, &BOUND_NOISE] {
-        s.extend(together::end(plan, level, pass, plan.residual()));
+        together::end(s, plan, level, pass, plan.residual());
     }
     if expected.is_some() {
         s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);
     }
-    s
 }

@@ -93,7 +93,7 @@ impl Trial {
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         let driven = match begun {
             Some(maps) => {
-                job.executor.run(&surface::cleared(&job.plan))?;
+                job.executor.run_once(|s| surface::cleared(s, &job.plan))?;
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
                 Driven::begun(maps, *level.unwrap_or(job.plan.finest()))
             }
@@ -110,7 +110,7 @@ impl Trial {
         if refined.pixels == 0 {
             return Ok(None);
         }
-        let s = surface::render(&plan_of_held, &last, refined.pixels, &RESIDUAL, None);
+        let s = Schedule::of(|s| surface::render(s, &plan_of_held, &last, refined.pixels, &RESIDUAL, None));
         // In the bins of a volume too ([`Trial::fit_volume`]).
         let sum = if self.options.general { 1 } else { sum_of(&self.sides.held, &self.grid) };
         self.sides.judge(&mut job, plan_of_held, &last, s, sum).map(Some)
@@ -153,7 +153,7 @@ impl Trial {
             let left = if is_empty {
                 None
             } else {
-                let s = render_volume(&plan_of_held, &level);
+                let s = Schedule::of(|s| render_volume(s, &plan_of_held, &level));
                 Some(self.sides.judge(&mut job, plan_of_held.clone(), &level, s, 1)?)
             };
             if !go_on(left) || is_empty {
@@ -167,34 +167,31 @@ impl Trial {
 
 /// The steps that follow those of `driven`.
 fn steps_after<'o>(plan: &Plan, options: &'o VectorOptions, driven: &Driven) -> Steps<'o> {
-    let mut reached = plan.levels.iter().position(|level| *level == driven.level).unwrap_or(0);
+    let from = plan.levels.iter().position(|level| *level == driven.level).unwrap_or(0);
     let done = driven.trace.last().map_or(0, |p| p.iteration);
-    let start = due(plan, options, &mut reached, done);
+    let mut reached = from;
+    due(&mut Schedule::default(), plan, options, &mut reached, done);
     Steps {
         levels: plan.levels[reached..].to_vec(),
-        start,
-        due: Box::new(move |plan, level, done| {
+        start: Box::new(move |s, plan| due(s, plan, options, &mut from.clone(), done)),
+        due: Box::new(move |s, plan, level, done| {
             let mut at = reached + *level;
-            let s = due(plan, options, &mut at, done);
+            due(s, plan, options, &mut at, done);
             *level = at - reached;
-            s
         }),
         ..steps(plan, options)
     }
 }
 
 /// Renders the volume of `level` for all pairs of `plan`, and compares.
-pub(super) fn render_volume(plan: &Plan, level: &Level) -> Schedule {
-    let mut s = Schedule::default();
+pub(super) fn render_volume(s: &mut Schedule, plan: &Plan, level: &Level) {
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(Push::default());
-    s.extend(over_parts(plan, level, |part| {
-        let mut s = forward(plan, level, part, &FORWARD);
-        s.extend(compare(plan, level, part, &RESIDUAL, Push::default(), None));
-        s
-    }));
-    s
+    over_parts(s, plan, level, |s, part| {
+        forward(s, plan, level, part, &FORWARD);
+        compare(s, plan, level, part, &RESIDUAL, Push::default(), None);
+    });
 }
 
 /// The pairs of a capture in two halves.

@@ -35,8 +35,8 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::MASK, bytemuck::cast_slice(&mask))?;
     let mut s =
         zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND]);
-    s.extend(compact(&job.plan, job.plan.finest()));
-    s.extend(paper::iteration(&job.plan, job.plan.finest(), 0, 1));
+    compact(&mut s, &job.plan, job.plan.finest());
+    paper::iteration(&mut s, &job.plan, job.plan.finest(), 0, 1);
     job.executor.run(&s)?;
 
     // Every pass is compared with its twin on the values that the pass before it left on the device.

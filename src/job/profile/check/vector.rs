@@ -6,7 +6,7 @@ use super::buffers::{read, read_floats, read_raw, read_residual, read_samples, r
 use super::{Held, LATERAL, error};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Schedule};
 use crate::solve::{Accumulation, OnDevice, Plan, VectorOptions, default_volume, upload, vector};
 use crate::transport::Grid;
 use crate::transport::kernels::{MOMENTUM_BETA, MOMENTUM_SHARE, buffer};
@@ -34,9 +34,9 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))?;
     let level = *job.plan.finest();
-    let mut s = vector::start(&job.plan, &level, &options);
+    let mut s = Schedule::of(|s| vector::start(s, &job.plan, &level, &options));
     // After the first iteration there is something to render. It leaves no momentum, so momentum is set here.
-    s.extend(vector::iteration(&job.plan, &level, 0));
+    vector::iteration(&mut s, &job.plan, &level, 0);
     s.set(buffer::MOMENTUM, MOMENTUM_BETA, 0.5f32.to_bits());
     job.executor.run(&s)?;
 
@@ -56,7 +56,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     let by_slot = read_floats(&mut job, buffer::BOUNDS, 2 * count)?;
     let mut bounds = vec![[0.0; 2]; storage];
     active.iter().zip(by_slot.chunks(2)).for_each(|(i, b)| bounds[*i as usize] = [b[0], b[1]]);
-    job.executor.run(&vector::iteration(&job.plan, &level, 1))?;
+    job.executor.run(&Schedule::of(|s| vector::iteration(s, &job.plan, &level, 1)))?;
 
     let mut all = vec![];
     let mut note = |pass, error| all.push(Held { pass, error });

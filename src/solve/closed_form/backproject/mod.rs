@@ -18,7 +18,7 @@ use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
 use super::{NoPasses, RegularScan, in_one_step, upsample};
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place};
+use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::option::{Options, options, words};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
@@ -305,9 +305,10 @@ impl<M: Projection> Projecting<M> {
         let mut projected = vec![];
         for filter in options.filters(job.plan.bins, bin_width, step) {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
-            let mut s = gather_filtered(&job.plan, &level, true);
-            s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
-            job.executor.run(&s)?;
+            job.executor.run_once(|s| {
+                gather_filtered(s, &job.plan, &level, true);
+                s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
+            })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
             let [_, ny, nz] = grid.n;
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
@@ -326,8 +327,7 @@ impl<M: Projection> Prepared for Projecting<M> {
 
     fn allocate(&mut self) -> Result<()> {
         let job = self.planned.made(|_| Ok(()))?;
-        let s = gather_filtered(&job.plan, job.plan.finest(), true);
-        job.executor.reserve(&s)
+        job.executor.reserve(&Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), true)))
     }
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
@@ -388,7 +388,12 @@ macro_rules! projection {
             }
 
             fn outline(&self, plan: &Plan) -> Vec<Part> {
-                outline::of_start("volume", plan, plan.finest(), &gather_filtered(plan, plan.finest(), true))
+                outline::of_start(
+                    "volume",
+                    plan,
+                    plan.finest(),
+                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), true)),
+                )
             }
 
             fn prepare(

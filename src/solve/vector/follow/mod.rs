@@ -92,53 +92,54 @@ pub(super) fn change(left: f64, before: f64, empty: f64) -> f64 {
 
 /// Leaves out voxels with little light, renders the rest and compares it with the new counts: the residual, and row 0 of
 /// the trace.
-pub fn look(plan: &Plan, level: &Level, options: &VectorOptions) -> Schedule {
-    let mut s = Schedule::default();
+pub fn look(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptions) {
     // A surface may have left sums, and its maxima.
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    s.extend(domain::prune(plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity));
-    s.extend(settle(plan, level, &SETTLE));
+    domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity);
+    settle(s, plan, level, &SETTLE);
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE)).bind(buffer::SCENE, level.scene);
-    s.extend(over_parts(plan, level, |part| {
-        let mut s = forward(plan, level, part, &FORWARD);
-        s.extend(compare(plan, level, part, &RESIDUAL, Push::default(), None));
-        s
-    }));
+    over_parts(s, plan, level, |s, part| {
+        forward(s, plan, level, part, &FORWARD);
+        compare(s, plan, level, part, &RESIDUAL, Push::default(), None);
+    });
     s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level));
-    s
 }
 
 /// Adds the voxels to the domain where something is missing, and renews the bounds. Follows [`look`] at the same level, the
-/// finest. `model` is that of this level.
-pub fn grow(plan: &Plan, level: &Level, options: &VectorOptions, model: &Model, above: f64) -> Schedule {
-    let mut s = project_left(plan, level, model);
-    s.extend(domain::remember(plan, level));
+/// finest. `scene` is that of this level.
+pub fn grow(
+    s: &mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    options: &VectorOptions,
+    scene: &SceneData,
+    above: f64,
+) {
+    project_left(s, plan, level, scene);
+    domain::remember(s, plan, level);
     let parts: usize = plan.levels.iter().map(|l| l.parts[0] * l.parts[0] * l.parts[1]).product();
     let first = &plan.levels[0];
-    s.extend(domain::keep(plan, first, above, (plan.capacity / parts).max(1)));
+    domain::keep(s, plan, first, above, (plan.capacity / parts).max(1));
     for two in plan.levels.windows(2).filter(|two| two[0].grid != two[1].grid) {
-        s.extend(domain::double_mask(&two[0], &two[1]));
+        domain::double_mask(s, &two[0], &two[1]);
     }
     s.dispatch(&JOIN, groups(level.grid.storage() / 32, WORKGROUP)).bind(buffer::SCENE, level.scene);
-    s.extend(settle(plan, level, &SETTLE));
+    settle(s, plan, level, &SETTLE);
     // The bounds and the roughness go by the albedo again, not by the back-projection.
-    s.extend(domain::smooth(plan, level, &GAUSSIAN_X, None));
+    domain::smooth(s, plan, level, &GAUSSIAN_X, None);
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     let power = options.bound_power_in(plan);
-    s.extend(bounds(plan, level, (power > 0.0).then_some((&EXPECT, power))));
-    s
+    bounds(s, plan, level, (power > 0.0).then_some((&EXPECT, power)));
 }
 
 /// Back-projects what `level` leaves of the measurement into the first grid, smoothed, into the first of
 /// [`Plan::volumes`]. Its maximum is at least that of the measurement's back-projection.
-fn project_left(plan: &Plan, level: &Level, model: &Model) -> Schedule {
-    let mut s = Schedule::default();
+fn project_left(s: &mut Schedule, plan: &Plan, level: &Level, scene: &SceneData) {
     let first = &plan.levels[0];
     // The filter writes what it reads: it reads a copy. With spots, sums of rendered pairs are fewer than cells.
     let spare = if plan.has_spots() { SEEN } else { buffer::HISTOGRAMS };
     s.copy(buffer::RESIDUAL, spare, (plan.cells_at(level) * 4) as u64);
-    let scene = model.scene_of(&level.grid, level.pairs);
     let factor = -0.5 / (scene.loss_scale * scene.render_scale);
     s.dispatch(&FILTER_LEFT, groups(plan.cells_at(first), WORKGROUP))
         .bind(buffer::SCENE, first.scene)
@@ -151,9 +152,8 @@ fn project_left(plan: &Plan, level: &Level, model: &Model) -> Schedule {
             ..Default::default()
         });
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
-    s.extend(over_parts(plan, first, |part| backproject(plan, first, part, false)));
-    s.extend(domain::smooth(plan, first, &GAUSSIAN_X_VOLUME, Some(COUNT_PEAK_PROJECTED)));
-    s
+    over_parts(s, plan, first, |s, part| backproject(s, plan, first, part, false));
+    domain::smooth(s, plan, first, &GAUSSIAN_X_VOLUME, Some(COUNT_PEAK_PROJECTED));
 }
 
 /// Every schedule of a warm frame's volume. The factors in them do not matter.
@@ -167,9 +167,11 @@ pub(super) fn each(
     take: &mut dyn FnMut(&Schedule) -> Result<()>,
 ) -> Result<()> {
     let Some(level) = plan.levels.last() else { return Ok(()) };
-    take(&look(plan, level, options))?;
-    take(&grow(plan, level, options, model, Follow::default().grow_above))?;
-    take(&iteration(plan, level, 0))
+    let scene = model.scene_of(&level.grid, level.pairs);
+    let mut all = Schedule::of(|s| look(s, plan, level, options));
+    grow(&mut all, plan, level, options, &scene, Follow::default().grow_above);
+    iteration(&mut all, plan, level, 0);
+    take(&all)
 }
 
 #[cfg(test)]

@@ -1,0 +1,48 @@
+//! A short list that lies in place: commands hold such lists, so that a schedule is one allocation.
+
+use std::fmt;
+use std::ops::Deref;
+
+/// Up to `N` items.
+#[derive(Clone, Copy)]
+pub struct Few<T, const N: usize> {
+    /// Those behind `count` mean nothing.
+    all: [T; N],
+    count: usize,
+}
+
+impl<T: Copy, const N: usize> Few<T, N> {
+    /// None yet; `filler` is never seen.
+    pub(super) const fn empty(filler: T) -> Few<T, N> {
+        Few { all: [filler; N], count: 0 }
+    }
+
+    /// # Panics
+    /// There are `N` already.
+    pub(super) fn add(&mut self, item: T) {
+        self.all[self.count] = item;
+        self.count += 1;
+    }
+}
+
+impl<T, const N: usize> Deref for Few<T, N> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.all[..self.count]
+    }
+}
+
+impl<T: PartialEq, const N: usize> PartialEq for Few<T, N> {
+    fn eq(&self, other: &Few<T, N>) -> bool {
+        **self == **other
+    }
+}
+
+impl<T: Eq, const N: usize> Eq for Few<T, N> {}
+
+impl<T: fmt::Debug, const N: usize> fmt::Debug for Few<T, N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        (**self).fmt(f)
+    }
+}

@@ -1,0 +1,74 @@
+//! Labels around commands, for validation messages and for the tools of others.
+
+use std::ffi::CStr;
+use std::fmt::{self, Write};
+
+use ash::vk;
+
+use super::Gpu;
+
+impl Gpu {
+    /// Opens a label around what is recorded into `commands` from here on: RenderDoc and Nsight show it.
+    pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &dyn std::fmt::Display) {
+        let Some(names) = &self.names else { return };
+        let mut label = Label::default();
+        // A label whose text is cut off still closes as it should.
+        let _ = write!(label, "{text}");
+        let info = vk::DebugUtilsLabelEXT::default().label_name(label.text());
+        // SAFETY: the caller is recording into `commands`, and the label lives through the call.
+        unsafe { names.cmd_begin_debug_utils_label(commands, &info) };
+    }
+
+    /// Closes the label that was opened last.
+    pub(super) fn close_label(&self, commands: vk::CommandBuffer) {
+        let Some(names) = &self.names else { return };
+        // SAFETY: the caller is recording into `commands` and has opened a label in it.
+        unsafe { names.cmd_end_debug_utils_label(commands) };
+    }
+}
+
+/// The text of a label, in place: there is one around every command.
+struct Label {
+    bytes: [u8; 128],
+    used: usize,
+}
+
+impl Default for Label {
+    fn default() -> Label {
+        Label { bytes: [0; 128], used: 0 }
+    }
+}
+
+impl Label {
+    /// What was written, up to the first zero.
+    fn text(&self) -> &CStr {
+        CStr::from_bytes_until_nul(&self.bytes).unwrap_or_default()
+    }
+}
+
+impl fmt::Write for Label {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        // The last byte stays zero.
+        let room = &mut self.bytes[self.used..127];
+        let fits = text.len().min(room.len());
+        room[..fits].copy_from_slice(&text.as_bytes()[..fits]);
+        self.used += fits;
+        if fits < text.len() { Err(fmt::Error) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_label_is_cut_off() {
+        let mut label = Label::default();
+        let lateral = 32;
+        write!(label, "iteration lateral={lateral}").unwrap();
+        assert_eq!(label.text(), c"iteration lateral=32");
+        assert!(write!(label, "{}", "x".repeat(200)).is_err());
+        assert_eq!(label.text().to_bytes().len(), 127);
+        assert!(write!(label, "more").is_err() && label.text().to_bytes().ends_with(b"xx"));
+    }
+}
