@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
 use crate::measure::Calibration;
 
-/// Mask fractions that are tried for `best_iou`.
+/// Mask fractions that `sweep` shows.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
 
 /// Figures of a reconstruction against truth. Lengths are in metres, angles in degrees.
@@ -39,7 +39,7 @@ pub struct Metrics {
     pub normal_error_deg: Option<f64>,
     /// The paper's figure: mean absolute error of the normals' components, over the same pixels.
     pub normal_mae: Option<f64>,
-    /// The best IoU over [`SWEEP`].
+    /// The best IoU over all mask fractions below 1: what the truth alone can tell.
     pub best_iou: Option<f64>,
     /// The fraction of `best_iou`.
     pub best_fraction: Option<f64>,
@@ -137,7 +137,8 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         .iter()
         .filter_map(|&fraction| overlap(above(fraction)).iou().map(|iou| [fraction, iou]))
         .collect();
-    let best = sweep.iter().copied().reduce(|a, b| if b[1] > a[1] { b } else { a });
+    let best = best_fraction(maps, truth, &pixels, white);
+    let best = best.and_then(|fraction| overlap(above(fraction)).iou().map(|iou| [fraction, iou]));
 
     let errors = errors(maps, truth, &pixels, within);
     let at_best = best.map(|[fraction, _]| {
@@ -172,6 +173,28 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         layers: layers(maps, truth, &pixels, within),
         sweep,
     })
+}
+
+/// The mask fraction of the best IoU, over all fractions below 1 that tell pixels apart. Of equally good ones the largest.
+fn best_fraction(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], white: f64) -> Option<f64> {
+    let real = truth.mask.iter().filter(|real| **real).count();
+    let lit = |(pixel, real): (&Option<usize>, &bool)| {
+        predicted(maps, *pixel, Within::Above(0.0)).map(|p| (maps.albedo[p], *real))
+    };
+    let mut lit: Vec<(f32, bool)> = pixels.iter().zip(&truth.mask).filter_map(lit).collect();
+    lit.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+    let (mut best, mut both) = (None, 0);
+    for (i, (albedo, is_real)) in lit.iter().enumerate() {
+        both += usize::from(*is_real);
+        let below = lit.get(i + 1).map_or(0.0, |next| next.0);
+        let fraction = 0.5 * (f64::from(*albedo) + f64::from(below)) / white;
+        let iou = ratio(both, i + 1 + real - both).unwrap_or(0.0);
+        if below < *albedo && fraction < 1.0 && best.is_none_or(|(_, most)| iou > most) {
+            best = Some((fraction, iou));
+        }
+    }
+    // Without light, every fraction is as bad.
+    best.map(|(fraction, _)| fraction).or((real > 0).then_some(0.0))
 }
 
 /// The figures of each layer, if the truth has two. `pixels` are the maps' pixels of the truth's.

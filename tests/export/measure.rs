@@ -178,6 +178,26 @@ fn the_best_fraction_is_found() {
 }
 
 #[test]
+fn no_fraction_is_better_than_the_best() {
+    // Figure and clutter overlap in brightness, and the best fraction lies between the steps of the sweep.
+    let real = truth(16, |x, _| x < 8, 1.0);
+    let mut found = maps(16, |_, _| true, 1.0);
+    for (i, albedo) in found.albedo.iter_mut().enumerate() {
+        let wave = 0.5 + 0.5 * (i as f32 * 0.7).sin();
+        *albedo = if i < 128 { 0.52 + 0.4 * wave } else { 0.1 + 0.46 * wave };
+    }
+    let m = metrics(&found, &real, 0.2).unwrap();
+    let each = (0..1000).map(|step| metrics(&found, &real, 1e-3 * f64::from(step)).unwrap().iou.unwrap());
+    let most = each.fold(0.0, f64::max);
+    let best = m.best_iou.unwrap();
+    assert!(best >= most && best < most + 0.01, "{best}, {most}");
+    assert!(m.sweep.iter().all(|[_, iou]| iou + 0.005 < best), "{:?}, {best}", m.sweep);
+    // The fraction that is told gives that very mask.
+    let there = metrics(&found, &real, m.best_fraction.unwrap()).unwrap();
+    assert_eq!(there.iou, m.best_iou);
+}
+
+#[test]
 fn wrong_input() {
     let (m, t) = (maps(4, |_, _| true, 1.0), truth(4, |_, _| true, 1.0));
     for fraction in [-0.1, 1.0, f64::NAN] {
