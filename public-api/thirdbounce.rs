@@ -3834,6 +3834,7 @@ pub mod solve {
             fn common(&self) -> Common;
             fn check(&self) -> Result<()>;
             fn takes(&self, _capture: &Capture) -> Result<()> {}
+            fn detail(&self) -> Option<f64> {}
             fn plan(
                 &self,
                 capture: &Capture,

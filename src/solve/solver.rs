@@ -26,6 +26,12 @@ pub trait Solver: Options {
         Ok(())
     }
 
+    /// The depth of the least detail that its volume has along z, in distances of scan points, if voxels should not be
+    /// deeper. They become half as deep as otherwise at the most.
+    fn detail(&self) -> Option<f64> {
+        None
+    }
+
     /// The plan for a capture, whose counts do not matter.
     ///
     /// # Errors

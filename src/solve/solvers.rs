@@ -265,12 +265,15 @@ impl SolverOptions {
 
     /// The depth of a voxel where none is given, metres: a bin of path, or half of the voxel's width if that is more.
     /// The surface after the volume finds depths between voxels, so flatter ones would cost time for nothing. Solvers
-    /// that take the capture's own bins take the bin. `volume` is the box if it is not the default one.
+    /// that take the capture's own bins take the bin, and those with finer detail that detail ([`Solver::detail`]), down to
+    /// half of the depth that others have. `volume` is the box if it is not the default one.
     pub fn usual_depth_pitch(&self, capture: &Capture, volume: Option<Volume>) -> f64 {
         match self.pixels_per_voxel() {
             Some(pixels) => {
                 let pixel = pixel_of(capture, volume, self.common().lateral);
-                capture.bin_width.max(OF_WIDTH * pixels as f64 * pixel)
+                let usual = capture.bin_width.max(OF_WIDTH * pixels as f64 * pixel);
+                let detail = self.solver().detail().zip(capture.spacing()).map(|(share, step)| share * step);
+                detail.map_or(usual, |detail| detail.clamp(0.5 * usual, usual))
             }
             None => capture.bin_width,
         }

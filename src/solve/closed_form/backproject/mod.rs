@@ -108,6 +108,11 @@ trait Projection: Options + Clone + Send + Sync + 'static {
 
     fn image(&self) -> &ImageOptions;
 
+    /// As [`Solver::detail`].
+    fn detail(&self) -> Option<f64> {
+        None
+    }
+
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
     /// distance of scan points, metres.
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
@@ -137,6 +142,11 @@ impl Projection for FbpOptions {
 
     fn image(&self) -> &ImageOptions {
         &self.image
+    }
+
+    // A standard deviation of the filter. Peaks that are sampled coarser have no place between voxels.
+    fn detail(&self) -> Option<f64> {
+        (self.filter == Filter::Path).then_some(0.5 * self.filter_width)
     }
 
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
@@ -439,6 +449,10 @@ mod tests {
     fn the_laplacian_of_a_square_is_two_along_each_axis() {
         let grid = grid();
         let [_, ny, nz] = grid.n;
+            fn detail(&self) -> Option<f64> {
+                Projection::detail(self)
+            }
+
         let all = laplacian(&volume(|p| p.x * p.x + 2.0 * p.y * p.y - 4.0 * p.z * p.z), &grid);
         for (i, value) in all.iter().enumerate() {
             let at = [i / (ny * nz), i / nz % ny, i % nz];
