@@ -2983,6 +2983,17 @@ pub mod solve {
                 Path,
             }
         }
+        mod convolution {
+            mod descent {
+                #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+                pub enum Prior {
+                    None,
+                    Positive,
+                    Sparse,
+                    Variation,
+                }
+            }
+        }
         pub mod fourier {
             pub type Complex = rustfft::num_complex::Complex32;
             pub fn turn(angle: f64) -> Complex {}
@@ -3066,6 +3077,7 @@ pub mod solve {
             }
         }
         pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
+        pub use convolution::{ConvolutionOptions, Prior};
         pub use dlct::DlctOptions;
         pub use fk::FkOptions;
         pub use image::Volume;

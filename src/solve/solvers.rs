@@ -3,7 +3,8 @@
 use serde::Serialize;
 
 use super::closed_form::{
-    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
+    BpOptions, ConvolutionOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions,
+    PhasorOptions,
 };
 use super::option::{Options, Row, Suit, Value, default_text};
 use super::{
@@ -160,6 +161,7 @@ solvers! {
         PhasorBp(PhasorBpOptions);
         Fbp(FbpOptions);
         Bp(BpOptions);
+        Convolution(ConvolutionOptions);
     }
 }
 

@@ -362,8 +362,20 @@ fn every_method_and_other_programs_stand_in_one_table() {
     let report = json(&out.join("compare.json"));
     let methods = report["methods"].as_array().unwrap();
     let names: Vec<&str> = methods.iter().map(|m| m["name"].as_str().unwrap()).collect();
-    let all =
-        ["vector", "paper", "surface", "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp", "theirs"];
+    let all = [
+        "vector",
+        "paper",
+        "surface",
+        "lct",
+        "dlct",
+        "fk",
+        "phasor",
+        "phasor-bp",
+        "fbp",
+        "bp",
+        "conv",
+        "theirs",
+    ];
     assert_eq!(names, all);
     for method in methods {
         let name = method["name"].as_str().unwrap();
@@ -375,7 +387,7 @@ fn every_method_and_other_programs_stand_in_one_table() {
         assert!(method["seconds"].as_f64().unwrap() > 0.0 && table.contains(name), "{name}");
     }
     // The same maps, whoever made them.
-    assert_eq!(methods[3]["metrics"], methods[10]["metrics"]);
+    assert_eq!(methods[3]["metrics"], methods[11]["metrics"]);
     assert!(table.contains("theirs (foreign) | another GPU"), "{table}");
     assert_eq!(report["left_out"].as_array().unwrap().len(), 0);
 }

@@ -21,8 +21,8 @@ const BIN: f64 = 0.01;
 /// Bins begin late.
 const START: f64 = 0.403;
 
-const ALL: [&str; 7] = ["lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp"];
-const ANY_PAIRS: [&str; 3] = ["phasor-bp", "fbp", "bp"];
+const ALL: [&str; 8] = ["lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp", "conv"];
+const ANY_PAIRS: [&str; 4] = ["phasor-bp", "fbp", "bp", "conv"];
 
 /// A wall that is not about the origin.
 fn wall() -> Vec<DVec3> {

@@ -11,15 +11,17 @@ use super::option::Options;
 use super::plan::{Demand, LeftOut, Level, Needs};
 use super::{
     Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sizes, TracePoint,
-    VolumeMap, background,
+    VolumeMap, Watch, background,
 };
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Exchanged, Gpu, Place};
+use crate::maps::Maps;
 use crate::transport::{Binning, Gradient, Grid, Model};
 use crate::{Error, Kind, Result};
 
 mod backproject;
+mod convolution;
 mod dlct;
 mod fk;
 pub mod fourier;
@@ -33,6 +35,7 @@ mod scan;
 mod upsample;
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
+pub use convolution::{ConvolutionOptions, Prior};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
@@ -278,7 +281,25 @@ fn in_one_step(
     beside: Beside<'_, '_>,
     compute: impl FnOnce() -> Result<Volume>,
 ) -> Result<Reconstruction> {
-    let mut point = TracePoint {
+    let mut point = first_point(plan, grid);
+    let mut told = |point: &TracePoint, maps| {
+        let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
+        tell(beside.watch, &progress)
+    };
+    told(&point, None)?;
+    let start = Instant::now();
+    let volume = compute()?;
+    let maps = image::maps(grid, &volume, step, share);
+    point.seconds = start.elapsed().as_secs_f64();
+    point.iteration = 1;
+    told(&point, Some(maps.clone()))?;
+    let volume = with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo });
+    Ok(solved(plan, grid, maps, volume, vec![point]))
+}
+
+/// The trace before the first iteration.
+fn first_point(plan: &Plan, grid: &Grid) -> TracePoint {
+    TracePoint {
         iteration: 0,
         seconds: 0.0,
         gpu_seconds: 0.0,
@@ -288,31 +309,37 @@ fn in_one_step(
         active_ratio: 1.0,
         loss: f64::NAN,
         data_loss: f64::NAN,
-    };
-    let hear = &mut beside.watch.hear;
-    let mut told = |point: &TracePoint, maps| {
-        let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
-        match hear(&progress) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => {
-                Err(Error::new(Kind::Cancelled, "cancelled before the volume was there", "run it again"))
-            }
+    }
+}
+
+/// Tells the watch.
+///
+/// # Errors
+/// It cancels ([`Kind::Cancelled`]).
+fn tell(watch: &mut Watch<'_>, progress: &Progress) -> Result<()> {
+    match (watch.hear)(progress) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => {
+            Err(Error::new(Kind::Cancelled, "cancelled before the volume was there", "run it again"))
         }
-    };
-    told(&point, None)?;
-    let start = Instant::now();
-    let volume = compute()?;
-    let maps = image::maps(grid, &volume, step, share);
-    point.seconds = start.elapsed().as_secs_f64();
-    point.iteration = 1;
-    told(&point, Some(maps.clone()))?;
-    Ok(Reconstruction {
+    }
+}
+
+/// A result. The last point of the trace has its seconds.
+fn solved(
+    plan: &Arc<Plan>,
+    grid: &Grid,
+    maps: Maps,
+    volume: Option<VolumeMap>,
+    trace: Vec<TracePoint>,
+) -> Reconstruction {
+    Reconstruction {
         maps,
-        volume: with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo }),
-        trace: vec![point],
+        volume,
         empty_loss: 0.0,
         pairs: (plan.pairs * grid.voxels()) as u64,
-        solve_seconds: point.seconds,
+        solve_seconds: trace.last().map_or(0.0, |point| point.seconds),
+        trace,
         device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
         full: false,
         lateral: grid.n[0],
@@ -325,7 +352,7 @@ fn in_one_step(
         exchanged: Exchanged::default(),
         kernels: vec![],
         plan: plan.clone(),
-    })
+    }
 }
 
 /// What the methods' tests against float64 references share.

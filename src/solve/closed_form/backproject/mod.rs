@@ -102,7 +102,7 @@ options! {
 }
 
 /// A method that back-projects on the device.
-trait Projection: Options + Clone + Send + Sync + 'static {
+pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
     /// As that of [`super::HostMethod`].
     const MASK_SHARE: f64;
 
@@ -297,7 +297,7 @@ fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> 
 }
 
 /// A back-projection that is prepared for a scan.
-struct Projecting<M> {
+pub(super) struct Projecting<M> {
     options: M,
     planned: Planned,
     rows: Rows,
@@ -306,14 +306,27 @@ struct Projecting<M> {
 }
 
 impl<M: Projection> Projecting<M> {
-    /// The volume of the counts that the device has.
-    fn volume(&mut self, bin_width: f64, step: f64) -> Result<Volume> {
-        let Projecting { options, planned, grid: of_maps, .. } = self;
-        let job = planned.made(|_| Ok(()))?;
+    /// Makes kernels and buffers, unless they are there.
+    pub fn make(&mut self) -> Result<()> {
+        self.planned.made(|_| Ok(())).map(|_| ())
+    }
+
+    /// Gives the device the counts of a capture.
+    fn take(&mut self, capture: &Capture) -> Result<()> {
+        let level = if self.options.image().background { background(capture) } else { 0.0 };
+        let fine = finer(capture, self.options.image(), "it")?;
+        let job = self.planned.made(|_| Ok(()))?;
+        job.model.take(&self.rows, &fine, level);
+        job.upload_counts()
+    }
+
+    /// A projection of the counts that the device has for each filter, `[(x * n[1] + y) * n[2] + z]`.
+    fn projections(&mut self, bin_width: f64, step: f64) -> Result<(Grid, Vec<Vec<f32>>)> {
+        let job = self.planned.made(|_| Ok(()))?;
         let level = *job.plan.finest();
         let grid = level.grid;
         let mut projected = vec![];
-        for filter in options.filters(job.plan.bins, bin_width, step) {
+        for filter in self.options.filters(job.plan.bins, bin_width, step) {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
             job.executor.run_once(|s| {
                 gather_filtered(s, &job.plan, &level, true);
@@ -324,10 +337,59 @@ impl<M: Projection> Projecting<M> {
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
             projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
         }
-        let albedo = options.join(projected, &grid, step);
-        let lattice = RegularScan::of_columns(&grid);
-        Ok(Volume { albedo: on_grid(&lattice, &albedo, of_maps), normal: None })
+        Ok((grid, projected))
     }
+
+    /// The volume of the counts that the device has.
+    fn volume(&mut self, bin_width: f64, step: f64) -> Result<Volume> {
+        let (grid, projected) = self.projections(bin_width, step)?;
+        let albedo = self.options.join(projected, &grid, step);
+        let lattice = RegularScan::of_columns(&grid);
+        Ok(Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None })
+    }
+}
+
+impl Projecting<BpOptions> {
+    /// The sums of a capture at the voxels of the grid that they are computed at, which comes with them.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn sums(&mut self, capture: &Capture) -> Result<(Grid, Vec<f32>)> {
+        self.take(capture)?;
+        let (grid, projected) = self.projections(capture.bin_width, 0.0)?;
+        Ok((grid, projected.into_iter().flatten().collect()))
+    }
+}
+
+/// A back-projection that is prepared for a scan.
+///
+/// # Errors
+/// Options out of range, or a scan that cannot be made finer.
+pub(super) fn projecting(
+    options: &BpOptions,
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    memory: Option<u64>,
+) -> Result<Projecting<BpOptions>> {
+    prepared(options, BpOptions::NAME, gpu, capture, grid, memory, false)
+}
+
+/// A projection that is prepared for a scan.
+fn prepared<M: Projection>(
+    options: &M,
+    name: &str,
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    memory: Option<u64>,
+    with_volume: bool,
+) -> Result<Projecting<M>> {
+    let fine = finer(capture, options.image(), name)?;
+    let (model, rows) = outline_of(&fine, &grid, options.image());
+    let plan = plan(&model, &fine, grid, &gpu.abilities())?;
+    let planned = Planned::new(gpu, model, plan, memory);
+    Ok(Projecting { options: options.clone(), planned, rows, grid, with_volume })
 }
 
 impl<M: Projection> Prepared for Projecting<M> {
@@ -342,15 +404,11 @@ impl<M: Projection> Prepared for Projecting<M> {
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         // Kernels and buffers are made before the time begins.
-        self.planned.made(|_| Ok(()))?;
+        self.make()?;
         let (plan, grid, with_volume) = (self.planned.plan().clone(), self.grid, self.with_volume);
         let step = capture.spacing().unwrap_or(grid.pitch.x);
         let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, beside, || {
-            let level = if self.options.image().background { background(capture) } else { 0.0 };
-            let fine = finer(capture, self.options.image(), "it")?;
-            let job = self.planned.made(|_| Ok(()))?;
-            job.model.take(&self.rows, &fine, level);
-            job.upload_counts()?;
+            self.take(capture)?;
             self.volume(capture.bin_width, step)
         })?;
         let executor = &mut self.planned.made(|_| Ok(()))?.executor;
@@ -386,6 +444,10 @@ macro_rules! projection {
                 finer(&capture.outline(), &self.image, $name).map(|_| ())
             }
 
+            fn detail(&self) -> Option<f64> {
+                Projection::detail(self)
+            }
+
             fn plan(
                 &self,
                 capture: &Capture,
@@ -415,11 +477,7 @@ macro_rules! projection {
                 with_volume: bool,
             ) -> Result<Box<dyn Prepared>> {
                 self.check()?;
-                let fine = finer(capture, &self.image, $name)?;
-                let (model, rows) = outline_of(&fine, &grid, &self.image);
-                let plan = plan(&model, &fine, grid, &gpu.abilities())?;
-                let planned = Planned::new(gpu, model, plan, memory);
-                Ok(Box::new(Projecting { options: self.clone(), planned, rows, grid, with_volume }))
+                Ok(Box::new(prepared(self, $name, gpu, capture, grid, memory, with_volume)?))
             }
         }
     };
@@ -449,10 +507,6 @@ mod tests {
     fn the_laplacian_of_a_square_is_two_along_each_axis() {
         let grid = grid();
         let [_, ny, nz] = grid.n;
-            fn detail(&self) -> Option<f64> {
-                Projection::detail(self)
-            }
-
         let all = laplacian(&volume(|p| p.x * p.x + 2.0 * p.y * p.y - 4.0 * p.z * p.z), &grid);
         for (i, value) in all.iter().enumerate() {
             let at = [i / (ny * nz), i / nz % ny, i % nz];

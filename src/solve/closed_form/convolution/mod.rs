@@ -1,0 +1,263 @@
+//! The convolutional approximation (Ahn, Dave, Veeraraghavan, Gkioulekas, Sankaranarayanan: *Convolutional approximations to
+//! the general non-line-of-sight imaging operator*, ICCV 2019), of any pairs and any wall.
+//!
+//! With the measurement operator A, the least squares of a measurement h are at AᵀA x = Aᵀh. Aᵀh is a back-projection, here
+//! on the device. The Gram operator AᵀA is nearly a convolution, once its diagonal is divided out on both sides
+//! (`gram.rs`), which is also the preconditioner of the descent. A convolution takes two Fourier transforms (`operator.rs`),
+//! so many iterations with a prior are cheap (`descent.rs`).
+//!
+//! Differences from the publication: one kernel, of places about the middle of the volume, where theirs is the response of
+//! one point; not cut by the grid; proximal gradient in place of ADMM.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::backproject::{self, BpOptions, Projecting};
+use super::image::{self, Volume, on_grid};
+use super::options::ImageOptions;
+use super::{RegularScan, first_point, solved, tell};
+use crate::advice::{Remedy, advice};
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
+use crate::maps::Maps;
+use crate::solve::option::{Options, options};
+use crate::solve::{
+    Beside, Common, Doing, Part, Plan, Prepared, Progress, Reconstruction, Solver, TracePoint, VolumeMap,
+    Watch,
+};
+use crate::transport::Grid;
+use crate::{Error, Result};
+
+mod descent;
+mod gram;
+mod operator;
+
+use descent::Descent;
+pub use descent::Prior;
+use gram::SomePairs;
+use operator::Convolution;
+
+options! {
+    /// Options of the convolutional approximation.
+    pub struct ConvolutionOptions(suit) {
+        nested {
+            /// What all closed-form methods have.
+            image: ImageOptions,
+        }
+        "Solver" {
+            /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
+            lateral: usize = 128, Range::Count(1, 4096);
+        }
+        "Convolutional approximation" {
+            /// What is known of the volume: nothing (none), that no albedo is negative (positive), that most are zero
+            /// as well (sparse), or that there are few edges (variation)
+            prior: Prior = Prior::Sparse, Range::Words(&["none", "positive", "sparse", "variation"]);
+            /// Weight of sparse and variation, as a share of the brightest back-projected voxel
+            prior_weight: f64 = 0.1, Range::NotNegative;
+            /// Iterations of the convolutional approximation
+            conv_iterations: usize = 60, Range::Count(1, 1_000_000);
+        }
+    }
+}
+
+/// Share of the mask, as that of [`super::HostMethod`].
+const MASK_SHARE: f64 = 1.2;
+
+/// The kernel and its spectrum, or the spectrum and what one convolution needs.
+const CONVOLUTION: Buffer = Buffer::named("convolution");
+/// Volumes: the back-projection, its scale, the iterate, the one before, the place of the gradient, the gradient.
+const ITERATES: Buffer = Buffer::named("iterates");
+
+impl ConvolutionOptions {
+    /// Its name on the command line.
+    pub const NAME: &'static str = "conv";
+
+    /// The back-projection of the measurement.
+    fn projection(&self) -> BpOptions {
+        BpOptions { image: self.image.clone(), lateral: self.lateral }
+    }
+}
+
+impl Solver for ConvolutionOptions {
+    fn common(&self) -> Common {
+        Common { iterations: [self.conv_iterations, 0], ..self.projection().common() }
+    }
+
+    fn check(&self) -> Result<()> {
+        self.check_ranges()?;
+        self.projection().check()
+    }
+
+    fn takes(&self, capture: &Capture) -> Result<()> {
+        self.projection().takes(capture)
+    }
+
+    fn plan(&self, capture: &Capture, grid: Grid, abilities: &Abilities, with_volume: bool) -> Result<Plan> {
+        let plan = self.projection().plan(capture, grid, abilities, with_volume)?;
+        Ok(with_own(plan))
+    }
+
+    fn outline(&self, plan: &Plan) -> Vec<Part> {
+        self.projection().outline(plan)
+    }
+
+    fn prepare(
+        &self,
+        gpu: &Gpu,
+        capture: &Capture,
+        grid: Grid,
+        memory: Option<u64>,
+        with_volume: bool,
+    ) -> Result<Box<dyn Prepared>> {
+        self.check()?;
+        let projecting = backproject::projecting(&self.projection(), gpu, capture, grid, memory)?;
+        let plan = with_own((**projecting.plan()).clone());
+        let own: u64 = plan
+            .buffers
+            .iter()
+            .filter(|b| [CONVOLUTION, ITERATES].contains(&b.buffer))
+            .map(|b| b.bytes)
+            .sum();
+        let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
+        if own > available {
+            let remedy = Remedy::SmallerJob { asked: Some(own), available: Some(available) };
+            return Err(Error::memory(
+                format!("the arrays take {} MiB, and there are {} MiB", own >> 20, available >> 20),
+                advice!["choose " {remedy} " or more " Memory],
+            ));
+        }
+        let made = Approximation {
+            options: self.clone(),
+            projecting,
+            grid,
+            plan: Arc::new(plan),
+            with_volume,
+            gram: None,
+        };
+        Ok(Box::new(made))
+    }
+}
+
+/// A plan of the back-projection, with the arrays on the host beside it.
+fn with_own(mut plan: Plan) -> Plan {
+    let grid = plan.finest().grid;
+    let all = [(CONVOLUTION, Convolution::bytes(&grid)), (ITERATES, 6 * 4 * grid.voxels() as u64)];
+    plan.buffers.extend(all.map(|(buffer, bytes)| BufferPlan::new(buffer, bytes, Place::Readback)));
+    plan
+}
+
+/// The approximation, prepared for a scan.
+struct Approximation {
+    options: ConvolutionOptions,
+    projecting: Projecting<BpOptions>,
+    /// The maps' grid.
+    grid: Grid,
+    plan: Arc<Plan>,
+    with_volume: bool,
+    /// The Gram operator: the convolution, and the roots of the diagonal. Made for the first capture.
+    gram: Option<(Convolution, Vec<f32>)>,
+}
+
+impl Prepared for Approximation {
+    fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        self.projecting.allocate()
+    }
+
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+        // Kernels and buffers are made before the time begins.
+        self.projecting.make()?;
+        let last = self.options.conv_iterations;
+        let mut told = Told::begin(beside.watch, &self.plan, &self.grid, last);
+        told.iteration(None)?;
+        let (grid, projected) = self.projecting.sums(capture)?;
+        let Approximation { options, gram, grid: of_maps, with_volume, .. } = &mut *self;
+        let (kernel, scale) = gram.get_or_insert_with(|| {
+            let pairs = SomePairs::of(capture, options.image.reflectance.has_normals());
+            (Convolution::gram(&pairs, &grid), gram::scale(&pairs, &grid))
+        });
+        let mut descent =
+            Descent::new(kernel, grid.n, options.prior, options.prior_weight, divided(&projected, scale));
+        drop(projected);
+        let step = capture.spacing().unwrap_or(of_maps.pitch.x);
+        let volume = |descent: &Descent<'_>| {
+            let albedo = divided(&descent.volume, scale);
+            Volume { albedo: on_grid(&RegularScan::of_columns(&grid), &albedo, of_maps), normal: None }
+        };
+        let maps = |volume: &Volume| image::maps(of_maps, volume, step, MASK_SHARE);
+        for iteration in 1..last {
+            descent.step();
+            let asked = told.asks_for_maps(iteration);
+            told.iteration(asked.then_some(&|| maps(&volume(&descent))))?;
+        }
+        descent.step();
+        let volume = volume(&descent);
+        let maps = maps(&volume);
+        let trace = told.end(&maps)?;
+        let volume = with_volume.then_some(VolumeMap { grid: *of_maps, albedo: volume.albedo });
+        Ok(Reconstruction { volume_iterations: last, ..solved(&self.plan, &self.grid, maps, volume, trace) })
+    }
+}
+
+/// Values over their scale; zero where that is zero.
+fn divided(values: &[f32], scale: &[f32]) -> Vec<f32> {
+    let of = |(value, by): (&f32, &f32)| if *by > 0.0 { value / by } else { 0.0 };
+    values.par_iter().zip(scale).map(of).collect()
+}
+
+/// What the watch was told of a solve.
+struct Told<'b, 'w> {
+    watch: &'b mut Watch<'w>,
+    point: TracePoint,
+    iterations: usize,
+    start: Instant,
+    /// Time in making maps and in the watch, which does not count.
+    apart: Duration,
+    trace: Vec<TracePoint>,
+}
+
+impl<'b, 'w> Told<'b, 'w> {
+    fn begin(watch: &'b mut Watch<'w>, plan: &Plan, grid: &Grid, iterations: usize) -> Told<'b, 'w> {
+        let (start, apart) = (Instant::now(), Duration::ZERO);
+        Told { watch, point: first_point(plan, grid), iterations, start, apart, trace: vec![] }
+    }
+
+    fn asks_for_maps(&self, iteration: usize) -> bool {
+        self.watch.maps_every.is_some_and(|n| iteration.is_multiple_of(n))
+            || self.watch.maps_at.contains(&iteration)
+    }
+
+    /// Tells of the iteration that is done, the first time of the beginning.
+    ///
+    /// # Errors
+    /// The watch cancels (`Kind::Cancelled`).
+    fn iteration(&mut self, maps: Option<&dyn Fn() -> Maps>) -> Result<()> {
+        let since = Instant::now();
+        self.point.seconds = (self.start.elapsed() - self.apart).as_secs_f64();
+        let (point, rest) = (self.point, self.iterations - self.point.iteration);
+        let each = |done: usize| point.seconds / done as f64;
+        let remaining = (point.iteration > 0).then(|| rest as f64 * each(point.iteration));
+        let maps = maps.map(|make| make());
+        tell(
+            self.watch,
+            &Progress { doing: Doing::Solve, point, iterations: self.iterations, remaining, maps },
+        )?;
+        if point.iteration > 0 {
+            self.trace.push(point);
+        }
+        self.point.iteration += 1;
+        self.apart += since.elapsed();
+        Ok(())
+    }
+
+    /// Tells of the last iteration. Its maps are the result.
+    fn end(mut self, maps: &Maps) -> Result<Vec<TracePoint>> {
+        self.iteration(Some(&|| maps.clone()))?;
+        Ok(self.trace)
+    }
+}
