@@ -40,6 +40,11 @@ impl Executor {
         all
     }
 
+    /// Whether a kernel of this name is made.
+    pub fn has_kernel(&self, kernel: Kernel) -> bool {
+        self.pipelines.contains_key(&kernel)
+    }
+
     /// Makes `kernel` from `code` with these specialization constants. Replaces a kernel of the same name.
     ///
     /// # Errors

@@ -63,7 +63,7 @@ pub fn compaction_lists_every_active_voxel_in_brick_order() {
             let mut job = job(&gpu, &model, &grid, &o);
             write_domain(&mut job, &domain);
             let schedule = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
-            job.executor.run(&schedule).unwrap();
+            job.perform(&schedule);
             assert_lists(&mut job, &grid, &domain, true);
         }
     }
@@ -80,7 +80,7 @@ fn compaction_with_fixed_sampling_touches_what_is_active() {
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write_domain(&mut job, &domain);
     let schedule = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
-    job.executor.run(&schedule).unwrap();
+    job.perform(&schedule);
     assert_lists(&mut job, &grid, &domain, false);
     assert_valid(&gpu);
 }
@@ -110,7 +110,7 @@ pub fn initialise_is_uniform_and_keeps_the_near_space_out() {
     let twin = Twin { model: &model, grid: &grid };
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     let schedule = Schedule::of(|s| initialise(s, &job.plan, job.plan.finest()));
-    job.executor.run(&schedule).unwrap();
+    job.perform(&schedule);
     let (raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
     assert!(model.near_z(&grid) > 0, "the scene has a near space to keep out");
     let touched = twin::touched(&grid, &domain);
@@ -149,11 +149,11 @@ pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         let mut schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
         let split = schedule.commands.iter().position(|c| c.name() == "threshold").unwrap();
         let after = Schedule { commands: schedule.commands.split_off(split) };
-        job.executor.run(&schedule).unwrap();
+        job.perform(&schedule);
         let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
         let got: Vec<f32> = read(&mut job, buffer::GRADIENT, grid.storage());
         assert!(error(got.iter().map(|v| f64::from(*v)), smooth.iter().copied()) < 2e-6);
-        job.executor.run(&after).unwrap();
+        job.perform(&after);
         let kept = twin::threshold(&twin, &smooth);
         let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
         assert!(share > 0.005 && share < 0.9, "the test prunes something and keeps something: {share}");
@@ -179,7 +179,7 @@ fn a_volume_without_light_is_pruned_to_nothing() {
     let state = [-0.5, 0.1, 0.1].map(|v| vec![[v, 0.0, 0.0, 0.0]; grid.storage()]);
     hold(&mut job, &grid, &domain, &state);
     let schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
-    job.executor.run(&schedule).unwrap();
+    job.perform(&schedule);
     assert_lists(&mut job, &grid, &vec![false; grid.storage()], true);
     assert_valid(&gpu);
 }
@@ -208,7 +208,7 @@ pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let coarse_touched = write_touched(&mut job, &coarse, &domain);
     write_state(&mut job, buffer::RAW, &coarse_touched, &raw);
     let schedule = Schedule::of(|s| double(s, &job.plan, &job.plan.levels[0], &job.plan.levels[1]));
-    job.executor.run(&schedule).unwrap();
+    job.perform(&schedule);
     let split = twin::double_domain(&coarse, &fine, &domain);
     assert_eq!(split.iter().filter(|a| **a).count(), 4 * domain.iter().filter(|a| **a).count());
     assert_eq!(read_mask(&mut job, buffer::MASK, fine.storage()), split);
@@ -256,7 +256,7 @@ pub fn extract_finds_the_brightest_voxel_of_every_column() {
     let touched = write_touched(&mut job, &grid, &domain);
     write_state(&mut job, buffer::RAW, &touched, &raw);
     let schedule = Schedule::of(|s| extract(s, job.plan.finest()));
-    job.executor.run(&schedule).unwrap();
+    job.perform(&schedule);
     let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let want = twin::extract(&twin, &raw, &domain);
     let (mut found, mut empty) = (0, 0);
@@ -287,7 +287,7 @@ fn fills_and_copies_of_a_schedule_run_in_order() {
     s.copy(buffer::GRADIENT, buffer::SAMPLE_POINTS, 64);
     s.fill(buffer::GRADIENT, 32, 2);
     s.copy(buffer::GRADIENT, buffer::SAMPLE_NORMALS, 64);
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     assert_eq!(read::<u32>(&mut job, buffer::SAMPLE_POINTS, 16), [1; 16]);
     let want: Vec<u32> = [[2; 8], [1; 8]].concat();
     assert_eq!(read::<u32>(&mut job, buffer::SAMPLE_NORMALS, 16), want);

@@ -42,7 +42,7 @@ pub fn what_is_left_is_summed_and_filtered() {
                 flags: (-0.25f32).to_bits(),
                 ..Default::default()
             });
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
         let left: Vec<f64> = left.into_iter().map(f64::from).collect();
         let want = twin::filter_left(&twin, &half, &left, bins, [from as usize, to as usize]);
@@ -64,7 +64,7 @@ pub fn the_domain_before_is_joined_to_the_new_one() {
     let mut s = Schedule::default();
     let groups = (grid.storage() as u32 / 32).div_ceil(WORKGROUP);
     s.dispatch(&JOIN, [groups, 1, 1]).bind(buffer::SCENE, job.plan.finest().scene);
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let want = twin::join(&new, &before);
     assert!(want != new && want != before, "both have voxels of their own");
     assert_eq!(read_mask(&mut job, buffer::MASK, grid.storage()), want);

@@ -56,7 +56,7 @@ pub fn counts_are_summed_over_slices_of_pairs() {
         // So few pairs are a slice each; the second part begins in the middle.
         let mut s = Schedule::of(|s| tally_of(s, buffer::HISTOGRAMS, ROWS, format, &[11, 30]));
         for of_slice in [1, 7] {
-            job.executor.run(&s).unwrap();
+            job.perform(&s);
             let want = twin::tally(&values, BINS, of_slice);
             assert_eq!(want.len(), 30usize.div_ceil(of_slice) * BINS);
             let got: Vec<[f32; 4]> = job.executor.read(buffer::TALLY, ..want.len());
@@ -94,7 +94,7 @@ pub fn counts_become_the_measurement() {
         write(&mut job, buffer::HISTOGRAMS, &words);
         let how = [0.125, 300.0];
         let schedule = Schedule::of(|s| intake(s, &job.plan.clone(), &rows, ROWS, format, how));
-        job.executor.run(&schedule).unwrap();
+        job.perform(&schedule);
         let want = twin::intake(&values, BINS, &rows, how);
         assert_eq!(want.len(), 30 * 33);
         assert!(error(read_floats(&mut job, buffer::MEASURED, want.len()), want) < 1e-6, "{format:?}");

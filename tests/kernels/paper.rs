@@ -13,7 +13,7 @@ fn run(job: &mut thirdbounce::solve::OnDevice, names: &[&str], number: u32, step
     let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), number, step));
     s.commands.retain(|c| names.contains(&c.name()));
     assert!(!s.commands.is_empty());
-    job.executor.run(&s).expect("the iteration runs");
+    job.perform(&s);
 }
 
 #[test]
@@ -173,7 +173,7 @@ pub fn residual_with_and_without_noise_term() {
             let mut more = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
             more.commands.retain(|c| c.name() == "residual");
             more.commands[0].with(Push { flags: BACKWARD_CONTINUE, ..Default::default() });
-            job.executor.run(&more).expect("the schedule runs");
+            job.perform(&more);
             let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, losses(&model));
             let sum: f64 = partials.iter().map(|v| f64::from(v[1])).sum();
             assert!((sum / elements as f64 / (loss + dark) - 1.0).abs() < 1e-5);
@@ -309,7 +309,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
             flags: BACKWARD_FINISH,
             ..Default::default()
         });
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         let got = read_raw(&mut job, buffer::GRADIENT, samples.len()).concat();
         assert!(error(got, want.iter().copied()) < 2e-5, "{sizes:?}");
     }
@@ -407,7 +407,7 @@ pub fn finish_takes_losses_that_were_added_up() {
             flags,
             ..Default::default()
         });
-        job.executor.run(&s).expect("it runs");
+        job.perform(&s);
         let row = job.executor.read::<[u32; TRACE_ROW as usize]>(buffer::TRACE, 1..2)[0];
         (
             read::<f32>(&mut job, buffer::LOSS_PARTIALS, loss.len()),

@@ -74,7 +74,7 @@ pub fn bonds_and_points() {
 
         write(&mut job, buffer::COUNTS, &[(each * field.len()) as u32, 0, 0, 0, 0, 0]);
         let s = Schedule::of(|s| surface::points(s, job.plan.finest(), field.len()));
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         let (slopes, samples) = field.points(&twin, &bonds);
         let got = read_pairs(&mut job, buffer::SLOPES, field.len());
         let e = error(got.concat(), flat(&slopes));
@@ -273,7 +273,7 @@ pub fn extract() {
         write_weights(&mut job, &SurfaceWeights { smooth, ..Default::default() });
         write(&mut job, buffer::COLUMNS, &before);
         let s = Schedule::of(|s| surface::extract(s, job.plan.finest(), of_layers, layer));
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..columns);
         let slopes = field.points(&twin, &bonds).0;
         let want =
@@ -368,7 +368,7 @@ fn check_iterations(
             through(i).map(|t| t as u32),
         );
     }
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let mut moments = vec![[Height::default(); 2]; field.len()];
     let mut want = vec![];
     let first = field.heights.clone();

@@ -139,7 +139,7 @@ fn gather_in_slices_and_groups() {
                 .bind(buffer::SCENE, job.plan.finest().scene)
                 .with(Push { first, last, flags, ..Default::default() });
         }
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         case.check(&mut job, 3e-5);
     }
     assert_valid(&gpu);

@@ -222,7 +222,7 @@ fn step_in_slices_and_groups() {
         s.dispatch(&vector::passes::STEP, [groups, 1, 1])
             .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: pairs, flags: BACKWARD_CONTINUE | BACKWARD_FINISH, ..Default::default() });
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         case.check(&mut job, of_group);
     }
     // The case contains every situation that a step can meet.

@@ -49,7 +49,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     write_momentum(&mut job, momentum);
     let mut level = 0;
     let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut level, o.domain.reduce_every));
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
     assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 2e-6);
     let kept = twin::threshold(&twin, &smooth);
@@ -99,9 +99,9 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
         let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
         let [before, after] =
             [&s.commands[..split], &s.commands[split..]].map(|c| Schedule { commands: c.to_vec() });
-        job.executor.run(&before).unwrap();
+        job.perform(&before);
         job.upload().unwrap();
-        job.executor.run(&after).unwrap();
+        job.perform(&after);
         let levels = twin::levels(&twin, &smooth);
         assert_eq!(
             levels.iter().sum::<u32>() as usize,
@@ -209,7 +209,7 @@ pub fn bounds_weigh_voxels_by_how_bright_they_are() {
         let active = hold(&mut job, &domain, &v);
         let s =
             Schedule::of(|s| vector::due(s, &job.plan, &o, &mut 0, o.bound_every * o.domain.reduce_every));
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
         let mask = read_mask(&mut job, buffer::MASK, grid.storage());
         let twin = Twin { model: &model, grid: &grid };
@@ -260,7 +260,7 @@ fn check_doubling(fine: &Grid, all_bins: bool, from: usize, parts: [usize; 2]) {
     let mut level = from;
     let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut level, o.domain.coarse_iterations));
     assert_eq!(level, from + 1);
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
 
     // Voxels that the reduction leaves out still count in the interpolation of their neighbours.
     let kept_model = Model { keep_above: 0.5, ..model.clone() };
@@ -299,7 +299,7 @@ pub fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     let hat = vector::hat(2.0, model.bins);
     write(&mut job, buffer::HAT_TAPS, &hat);
     let s = Schedule::of(|s| vector::start(s, &job.plan, job.plan.finest(), &o));
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
     let projected = twin::backproject(&twin, &twin::filter(&twin, &half, false));
     let smooth = twin::smooth(&grid, projected, &job.plan.taps);
@@ -333,7 +333,7 @@ fn extract_takes_a_column_from_all_of_its_surface() {
     let active = write_domain(&mut job, &domain);
     write_vectors(&mut job, buffer::RAW, &active, &v);
     let s = Schedule::of(|s| extract(s, job.plan.finest()));
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let brightest = twin::lengths(&v, &domain);
     let (mut found, mut empty, mut together, mut farther) = (0, 0, 0, 0);
@@ -376,7 +376,7 @@ pub fn extract_finds_the_second_surface_of_a_column() {
     let active = write_domain(&mut job, &domain);
     write_vectors(&mut job, buffer::RAW, &active, &v);
     let s = Schedule::of(|s| surface::extract_behind(s, job.plan.finest()));
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let got: Vec<[f32; 8]> = job.executor.read(COLUMNS_HOST, ..);
     let first = twin::extract_vectors(&twin, &v, &domain);
     let (mut before, mut behind, mut none) = (0, 0, 0);

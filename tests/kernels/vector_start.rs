@@ -134,7 +134,7 @@ fn nothing_true_is_pruned_by_the_start() {
         let hat = vector::hat(vector::HAT_SIGMA * grid.pitch.x / capture.bin_width, model.bins);
         write(&mut job, buffer::HAT_TAPS, &hat);
         let s = Schedule::of(|s| vector::start(s, &job.plan, job.plan.finest(), &o));
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         let mask = read_mask(&mut job, buffer::MASK, grid.storage());
         let active = mask.iter().filter(|m| **m).count() as f64 / grid.voxels() as f64;
 
