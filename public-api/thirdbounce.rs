@@ -1357,6 +1357,7 @@ pub mod gpu {
         }
         impl Executor {
             pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {}
+            pub fn has_kernel(&self, kernel: Kernel) -> bool {}
             pub fn add_kernel(
                 &mut self,
                 kernel: impl Into<Kernel>,
@@ -3041,7 +3042,13 @@ pub mod solve {
                 grid: &Grid,
             ) -> Vec<f32> {}
             pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {}
-            pub fn maps(grid: &Grid, volume: &Volume, step: f64, share: f64) -> Maps {}
+            pub fn fraction_by_roots(albedo: &[f32]) -> Option<f64> {}
+            pub fn maps(
+                grid: &Grid,
+                volume: &Volume,
+                step: f64,
+                fraction: impl FnOnce(&[f32]) -> Option<f64>,
+            ) -> Maps {}
         }
         mod scan {
             #[derive(Debug, Clone, PartialEq)]

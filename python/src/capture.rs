@@ -11,7 +11,8 @@ use pyo3::types::PyDict;
 
 use crate::error::guarded;
 
-/// A capture, as the Python part gives it: every array is flat and in C order, lengths are metres.
+/// A capture, as the Python part gives it: every array is flat and in C order, lengths are metres. What may be missing is an
+/// `Option`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Arrays<'py> {
@@ -19,22 +20,31 @@ pub struct Arrays<'py> {
     /// Points along x and along y.
     scan: [usize; 2],
     /// \[pair * bins + bin\].
+    #[pyo3(default)]
     counts: Option<PyReadonlyArray1<'py, f32>>,
     /// x, y, z of each pair.
     laser: PyReadonlyArray1<'py, f64>,
     sensor: PyReadonlyArray1<'py, f64>,
+    #[pyo3(default)]
     laser_normal: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(default)]
     sensor_normal: Option<PyReadonlyArray1<'py, f64>>,
     bins: usize,
     bin_width: f64,
     t0: f64,
     /// `None`: as the counts are.
+    #[pyo3(default)]
     photon_counts: Option<bool>,
     /// Samples, the width of one, and where the first begins.
+    #[pyo3(default)]
     pulse: Option<(PyReadonlyArray1<'py, f64>, f64, f64)>,
+    #[pyo3(default)]
     laser_spot: Option<f64>,
+    #[pyo3(default)]
     sensor_spot: Option<f64>,
+    #[pyo3(default)]
     cycles: Option<f64>,
+    #[pyo3(default)]
     direct: Option<f64>,
 }
 

@@ -17,6 +17,7 @@ mod drive;
 mod estimate;
 mod extent;
 mod intake;
+mod lists;
 mod on_device;
 pub mod option;
 mod outline;

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::drive::Lists;
+use super::lists::Lists;
 use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
 use super::{Level, Plan, rounding};

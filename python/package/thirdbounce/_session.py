@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any, NamedTuple, Optional, Type, Union
+from typing import Any, Dict, NamedTuple, Optional, Type, Union
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class Session:
             arrays = sensor_xyz._arrays()
         else:
             arrays = _scan(sensor_xyz, laser_xyz, bins, bin_width, t0)
-        if arrays["photon_counts"] is None or photon_counts:
+        if arrays.get("photon_counts") is None or photon_counts:
             arrays["photon_counts"] = photon_counts
         self._scan = tuple(arrays["scan"])
         settings = _settings(solver, pixels, options, device, memory)
@@ -147,7 +147,7 @@ class Session:
         self.close()
 
 
-def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t0: float) -> Any:
+def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t0: float) -> Dict[str, Any]:
     """A capture without counts, as the native part takes it."""
     if bins is None or bin_width is None:
         raise TypeError("a session of points needs bins and bin_width")
@@ -155,11 +155,15 @@ def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optio
     laser = sensor if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
     widest = sensor if sensor.size >= laser.size else laser
     scan = (widest.shape[0], widest.shape[1])
-    unknown = ["counts", "laser_normal", "sensor_normal", "pulse", "laser_spot", "sensor_spot", "cycles", "direct", "photon_counts"]
-    arrays = dict.fromkeys(unknown)
     sensor_points = like_points(sensor, scan, "sensor_xyz")
     laser_points = like_points(laser, scan, "laser_xyz")
     assert isinstance(sensor_points, np.ndarray) and isinstance(laser_points, np.ndarray)
-    arrays.update(name="session", scan=scan, bins=bins, bin_width=float(bin_width), t0=float(t0))
-    arrays.update(sensor=sensor_points.reshape(-1), laser=laser_points.reshape(-1))
-    return arrays
+    return {
+        "name": "session",
+        "scan": scan,
+        "sensor": sensor_points.reshape(-1),
+        "laser": laser_points.reshape(-1),
+        "bins": bins,
+        "bin_width": float(bin_width),
+        "t0": float(t0),
+    }

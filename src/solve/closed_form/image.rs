@@ -81,25 +81,21 @@ pub(super) fn cubic(at: f64, n: usize, beyond: f64) -> Option<[(usize, f32); 4]>
 /// Parts of the albedo that Otsu's threshold tells apart.
 const PARTS: usize = 256;
 
-/// The share of the brightest albedo above which a pixel is surface in maps with haze. Haze is dim but wide, and the
-/// brightness of surfaces varies, so Otsu's threshold (1979) first parts the fourth roots of the albedo, in which both are
-/// about as wide. A pixel is surface above `share` of the median of the bright part. `None` without light.
-pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {
-    let white = f64::from(Maps::white(albedo));
-    let roots: Vec<f64> = albedo.iter().map(|a| f64::from(a.max(0.0)).powf(0.25)).collect();
-    let most = roots.iter().copied().fold(0.0, f64::max);
-    if !(white > 0.0 && most.is_finite()) {
+/// Otsu's threshold (1979), which parts values of two kinds. `None` if all are zero.
+fn otsu(values: &[f64]) -> Option<f64> {
+    let most = values.iter().copied().fold(0.0, f64::max);
+    if !(most > 0.0 && most.is_finite()) {
         return None;
     }
     let mut counts = [0usize; PARTS];
-    roots.iter().for_each(|r| counts[((r / most * PARTS as f64) as usize).min(PARTS - 1)] += 1);
+    values.iter().for_each(|v| counts[((v / most * PARTS as f64) as usize).min(PARTS - 1)] += 1);
     let place = |part: usize| (part as f64 + 0.5) / PARTS as f64 * most;
     let all: f64 = counts.iter().enumerate().map(|(part, n)| *n as f64 * place(part)).sum();
     let (mut below, mut sum, mut best) = (0.0, 0.0, (0.0, place(0)));
     for (part, n) in counts.iter().enumerate() {
         below += *n as f64;
         sum += *n as f64 * place(part);
-        let above = roots.len() as f64 - below;
+        let above = values.len() as f64 - below;
         if above > 0.0 && below > 0.0 {
             let between = below * above * (sum / below - (all - sum) / above).powi(2);
             if between > best.0 {
@@ -107,15 +103,40 @@ pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {
             }
         }
     }
-    let bright: Vec<f32> = albedo.iter().zip(&roots).filter(|(_, r)| **r > best.1).map(|(a, _)| *a).collect();
-    let usual = f64::from(percentile(&bright, 50.0)?);
-    Some((share * usual / white).clamp(0.0, 0.99))
+    Some(best.1)
+}
+
+/// The albedos to this power.
+fn powers(albedo: &[f32], power: f64) -> Vec<f64> {
+    albedo.iter().map(|a| f64::from(a.max(0.0)).powf(power)).collect()
+}
+
+/// A threshold of the albedo as a share of the brightest.
+fn share_of_white(threshold: f64, albedo: &[f32]) -> Option<f64> {
+    let white = f64::from(Maps::white(albedo));
+    (white > 0.0).then(|| (threshold / white).clamp(0.0, 0.99))
+}
+
+/// The share of the brightest albedo above which a pixel is surface in maps with haze. Haze is dim but wide, and the
+/// brightness of surfaces varies, so Otsu's threshold first parts the fourth roots of the albedo, in which both are
+/// about as wide. A pixel is surface above `share` of the median of the bright part. `None` without light.
+pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {
+    let roots = powers(albedo, 0.25);
+    let threshold = otsu(&roots)?;
+    let bright: Vec<f32> =
+        albedo.iter().zip(&roots).filter(|(_, r)| **r > threshold).map(|(a, _)| *a).collect();
+    share_of_white(share * f64::from(percentile(&bright, 50.0)?), albedo)
+}
+
+/// The same for maps of a method whose priors leave little haze: Otsu's threshold of the albedo's square roots.
+pub fn fraction_by_roots(albedo: &[f32]) -> Option<f64> {
+    share_of_white(otsu(&powers(albedo, 0.5))?.powi(2), albedo)
 }
 
 /// The brightest voxel of every column: its value is the albedo, and a parabola through it and its neighbours tells the
 /// depth. Normals that the volume does not have are those of the depths. `step` is the distance of scan points, metres.
-/// The mask is that of [`fraction_over_haze`] with `share`.
-pub fn maps(grid: &Grid, volume: &Volume, step: f64, share: f64) -> Maps {
+/// `fraction` is the share of the brightest albedo above which a pixel is surface, of all albedos; `None` without light.
+pub fn maps(grid: &Grid, volume: &Volume, step: f64, fraction: impl FnOnce(&[f32]) -> Option<f64>) -> Maps {
     let [nx, ny, nz] = grid.n;
     let column = |values: &[f32]| -> (f32, f32, usize) {
         let (at, value) = values
@@ -133,7 +154,7 @@ pub fn maps(grid: &Grid, volume: &Volume, step: f64, share: f64) -> Maps {
     };
     let found: Vec<(f32, f32, usize)> = volume.albedo.par_chunks(nz).map(column).collect();
     let albedo: Vec<f32> = found.iter().map(|f| f.0).collect();
-    let fraction = fraction_over_haze(&albedo, share).unwrap_or(Maps::MASK_FRACTION);
+    let fraction = fraction(&albedo).unwrap_or(Maps::MASK_FRACTION);
     let mut maps = Maps {
         nx,
         ny,
@@ -277,7 +298,10 @@ mod tests {
         let mut spotted = albedo.clone();
         (0..4).for_each(|i| spotted[300 * i] = 8.0);
         assert!(right(&mask(&spotted)) > 2980, "{}", right(&mask(&spotted)));
+        let by_roots = Maps::mask_of(&albedo, fraction_by_roots(&albedo).unwrap());
+        assert!(right(&by_roots) == 3000);
         assert_eq!(fraction_over_haze(&[0.0; 9], 0.6), None);
+        assert_eq!(fraction_by_roots(&[0.0; 9]), None);
     }
 
     #[test]
@@ -291,7 +315,8 @@ mod tests {
             let off = (grid.origin.z + z as f64 * 0.05 - depth(column / ny, column % ny)) / 0.1;
             *v = (1.0 - off * off).max(0.0) as f32;
         }
-        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1, 0.6);
+        let usual = |albedo: &[f32]| fraction_over_haze(albedo, 0.6);
+        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1, usual);
         maps.check().unwrap();
         for i in 0..nx * ny {
             assert!((f64::from(maps.depth[i]) - depth(i / ny, i % ny)).abs() < 1e-5);
@@ -299,7 +324,8 @@ mod tests {
             let found = maps.normal[i].map(f64::from);
             assert!((dvec3(found[0], found[1], found[2]) - wanted).length() < 1e-3, "{found:?}");
         }
-        let empty = super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1, 0.6);
+        let empty =
+            super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1, usual);
         assert!(empty.depth.iter().all(|z| z.is_nan()) && !empty.mask.contains(&true));
         empty.check().unwrap();
     }

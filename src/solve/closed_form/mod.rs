@@ -289,7 +289,7 @@ fn in_one_step(
     told(&point, None)?;
     let start = Instant::now();
     let volume = compute()?;
-    let maps = image::maps(grid, &volume, step, share);
+    let maps = image::maps(grid, &volume, step, |albedo| image::fraction_over_haze(albedo, share));
     point.seconds = start.elapsed().as_secs_f64();
     point.iteration = 1;
     told(&point, Some(maps.clone()))?;

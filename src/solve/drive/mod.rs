@@ -8,11 +8,12 @@ use std::time::Instant;
 
 use super::Pass;
 use super::checkpoint::{self, Checkpoint, Keeper};
+use super::lists::Lists;
 use super::on_device::{OnDevice, read_maps};
 use super::{Level, Plan, TracePoint};
-use crate::gpu::{Executor, Gpu, Schedule, Ticket};
+use crate::gpu::{Gpu, Schedule, Ticket};
 use crate::maps::Maps;
-use crate::transport::kernels::{TRACE_ROW, buffer};
+use crate::transport::kernels::buffer;
 use crate::{Error, Kind, Result};
 
 mod ahead;
@@ -83,28 +84,6 @@ impl Driven {
     /// Maps that an earlier run left at `level`, for what follows them.
     pub fn begun(maps: Maps, level: Level) -> Driven {
         Driven { trace: vec![], maps, level, pairs: 0, seconds: 0.0, gpu_seconds: 0.0 }
-    }
-}
-
-/// What runs work with. It stays from one run to the next, so that later ones allocate nothing for an iteration.
-#[derive(Default)]
-pub(super) struct Lists {
-    /// The iterations that are submitted next.
-    block: Schedule,
-    /// What is due before the iteration after them.
-    change: Schedule,
-    /// Schedules that only show what is ahead.
-    unused: Schedule,
-    /// The rows of the trace that were read last.
-    rows: Vec<[u32; TRACE_ROW as usize]>,
-}
-
-impl Lists {
-    /// Submits the block, and empties it.
-    fn submit(&mut self, executor: &mut Executor) -> Result<Ticket> {
-        let submitted = executor.submit(&self.block);
-        self.block.clear();
-        submitted
     }
 }
 

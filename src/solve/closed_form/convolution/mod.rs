@@ -62,9 +62,6 @@ options! {
     }
 }
 
-/// Share of the mask, as that of [`super::HostMethod`].
-const MASK_SHARE: f64 = 1.2;
-
 /// The kernel and its spectrum, or the spectrum and what one convolution needs.
 const CONVOLUTION: Buffer = Buffer::named("convolution");
 /// Volumes: the back-projection, its scale, the iterate, the one before, the place of the gradient, the gradient.
@@ -189,7 +186,7 @@ impl Prepared for Approximation {
             let albedo = divided(&descent.volume, scale);
             Volume { albedo: on_grid(&RegularScan::of_columns(&grid), &albedo, of_maps), normal: None }
         };
-        let maps = |volume: &Volume| image::maps(of_maps, volume, step, MASK_SHARE);
+        let maps = |volume: &Volume| image::maps(of_maps, volume, step, image::fraction_by_roots);
         for iteration in 1..last {
             descent.step();
             let asked = told.asks_for_maps(iteration);
