@@ -101,7 +101,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// A stage with up to [`MOST_NUMBERS`] numbers.
+    /// A stage with up to four numbers.
     ///
     /// # Panics
     /// They are more.
