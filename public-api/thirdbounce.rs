@@ -2217,6 +2217,7 @@ pub mod job {
             ) -> Request {}
             pub fn discretisation(&self) -> Discretisation {}
             pub fn grid(&self, capture: &Capture) -> Result<Grid> {}
+            pub fn check_mask_fraction(fraction: Option<f64>) -> Result<()> {}
         }
         impl Resolved {
             pub fn request(self) -> Request {}

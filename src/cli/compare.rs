@@ -108,6 +108,7 @@ pub fn run(args: &Args) -> Result<()> {
 impl HowArgs {
     /// Refuses what no capture makes good.
     pub fn check(&self) -> Result<()> {
+        Request::check_mask_fraction(self.mask_fraction)?;
         self.device.memory()?;
         self.grid.volume_only()?;
         self.grid.bins().map(|_| ())

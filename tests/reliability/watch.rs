@@ -4,7 +4,7 @@ use fixtures::device;
 use std::ops::ControlFlow;
 
 use fixtures::captures::scaled;
-use fixtures::device::{assert_valid, gpu, options, state, unwatched, write, write_mask, write_raw};
+use fixtures::device::{Perform, assert_valid, gpu, options, state, unwatched, write, write_mask, write_raw};
 use fixtures::extreme::{cases, solve};
 use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
@@ -68,18 +68,18 @@ fn the_papers_kernels_watch_too() {
         for b in [buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
             s.fill(b, job.plan.bytes_of(b), 0);
         }
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         write_raw(&mut job, buffer::RAW, &raw);
         write_mask(&mut job, buffer::MASK, &domain);
         let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
         for i in 0..2 {
             if i == 1 {
                 let count = if broken == buffer::MEASURED { 1 } else { 4 * grid.storage() };
                 write(&mut job, broken, &vec![f32::NAN; count]);
             }
             let s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), i, i + 1));
-            job.executor.run(&s).unwrap();
+            job.perform(&s);
             let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
             let want = if i == 1 { fault } else { 0 };
             assert_eq!(first(rows[i as usize][TRACE_FAULTS as usize]), want, "{broken}, iteration {i}");

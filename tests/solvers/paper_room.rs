@@ -106,7 +106,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let mut level = 0;
     let s = Schedule::of(|s| paper::due(s, &job.plan, &o, &mut level, o.domain.double_every));
     assert_eq!(level, 1);
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
 
     let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
@@ -133,7 +133,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     // The next iteration reports it.
     let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 3, 1));
     s.commands.retain(|c| c.name() == "finish");
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
     assert_eq!(rows[3][TRACE_LEAST as usize], counts[COUNT_LEAST_SMOOTH as usize]);
     assert_valid(&gpu);
@@ -154,7 +154,7 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     job.upload().unwrap();
     let listed = &all[..job.plan.touched_capacity];
     let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());
     assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is told");
@@ -162,7 +162,7 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     write_state(&mut job, buffer::RAW, listed, &raw);
     let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 5, 1));
     s.commands.retain(|c| c.name() == "sample");
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     let want = twin::sample(&twin, 5, &active, &twin::carry(listed, &raw));
     let whole = twin::sample(&twin, 5, &active, &raw);
     for (g, w) in read_samples(&mut job, active.len()).iter().zip(&want) {

@@ -21,7 +21,7 @@ fn render(gpu: &Gpu, model: &Model, grid: &Grid, samples: &[Sample]) -> Vec<f64>
     let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
     s.commands.retain(|c| c.name() == "forward");
     zero_histograms(&mut job);
-    job.executor.run(&s).unwrap();
+    job.perform(&s);
     read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect()
 }
 
@@ -119,7 +119,7 @@ fn iterations_on_the_device_follow_the_twins() {
         for i in 0..4 {
             paper::iteration(&mut s, &job.plan, job.plan.finest(), i, i + 1);
         }
-        job.executor.run(&s).unwrap();
+        job.perform(&s);
 
         let (mut raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
         let active = twin::compact(&domain);

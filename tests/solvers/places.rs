@@ -56,7 +56,7 @@ fn ahead(position: f64) -> Sample {
 fn run(job: &mut OnDevice, name: &str) {
     let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 0, 1));
     s.commands.retain(|c| c.name() == name);
-    job.executor.run(&s).expect("the iteration runs");
+    job.perform(&s);
 }
 
 fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, window: u32) {
@@ -115,7 +115,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         s.dispatch(&paper::passes::BACKWARD, [1, 1, 1])
             .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: model.pairs() as u32, ..Default::default() });
-        job.executor.run(&s).expect("a dispatch runs");
+        job.perform(&s);
         let got = read_raw(&mut job, buffer::GRADIENT, 1)[0];
         let l1 = model.l1 / grid.voxels() as f64;
         let want = twin::backward(&twin, &samples, &exact)[0][0] - l1;

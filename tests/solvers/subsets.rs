@@ -128,11 +128,11 @@ fn begun(job: &mut OnDevice, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<
     let level = job.plan.levels[0];
     let mut s = Schedule::default();
     s.dispatch(&passes::ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
-    job.executor.run(&s).expect("a dispatch runs");
+    job.perform(&s);
     run_start(job, &["points", "forward_bound", "residual_bound", "bound_step", "variance", "bound_noise"]);
     let mut s = Schedule::default();
     (0..3).for_each(|i| vector::iteration(&mut s, &job.plan, &level, i));
-    job.executor.run(&s).expect("the schedule runs");
+    job.perform(&s);
     let rows = job.executor.read(buffer::TRACE, ..3 * TRACE_ROW as usize);
     (read(job, buffer::BOUNDS, count), read(job, buffer::RAW, count), rows)
 }
