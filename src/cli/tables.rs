@@ -77,7 +77,7 @@ pub fn metrics(m: &Metrics) -> String {
     let degrees = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.1} degrees"));
     let best = match (m.best_iou, m.best_fraction, &m.at_best) {
         (Some(iou), Some(fraction), Some(best)) => format!(
-            "best      IoU {iou:.3} at mask fraction {fraction}: completeness {}, depth MAE {}, normals {}\n",
+            "best      IoU {iou:.3} at mask fraction {fraction:.3}: completeness {}, depth MAE {}, normals {}\n",
             share(best.completeness),
             mm(best.depth_mae),
             degrees(best.normal_error_deg)
