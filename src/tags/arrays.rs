@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::dump::Kinds;
 use super::{Inputs, Passed, Record};
-use crate::capture::formats::hdf5::Hdf5;
+use crate::capture::formats::{self, hdf5::Hdf5};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
 use crate::files::array::{Element, Head};
@@ -36,7 +36,7 @@ impl Holder {
     pub(super) fn of(magic: &[u8]) -> Option<Holder> {
         match magic {
             [b'P', b'K', 3, 4, ..] => Some(Holder::Npz),
-            _ if magic.starts_with(b"\x89HDF\r\n\x1a\n") => Some(Holder::Hdf5),
+            _ if magic.starts_with(formats::HDF5) => Some(Holder::Hdf5),
             _ => None,
         }
     }

@@ -7,6 +7,7 @@
 use std::io::Read;
 use std::path::Path;
 
+use super::arrays::Holder;
 use super::{Curve, Curves, open, unreadable};
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
@@ -82,7 +83,7 @@ fn array(path: &Path) -> Result<Option<(String, Array)>> {
         let bytes = std::fs::read(path).map_err(unreadable)?;
         return Array::parse(&bytes).map(|array| Some(("the array".into(), array)));
     }
-    if !magic.starts_with(b"PK\x03\x04") {
+    if Holder::of(&magic) != Some(Holder::Npz) {
         return Ok(None);
     }
     let mut npz = Npz::open(path)?;

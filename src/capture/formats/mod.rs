@@ -46,7 +46,8 @@ use glam::DVec3;
 use super::{Capture, Keep, Turn};
 use crate::error::{Error, Result};
 
-const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+/// The first bytes of an HDF5 file.
+pub(crate) const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 
 /// The kind of a file, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -13,7 +13,7 @@ use super::{
     Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sizes, TracePoint,
     VolumeMap, Watch, background,
 };
-use crate::advice::{Remedy, advice};
+use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Exchanged, Gpu, Place};
 use crate::maps::Maps;
@@ -226,15 +226,32 @@ pub(super) fn prepare<M: HostMethod>(
     let scan = options.scan(capture)?;
     let plan = plan(options, capture, grid, &gpu.abilities(), with_volume)?;
     let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
-    let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
-    if asked > available {
-        let remedy = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
-        return Err(Error::memory(
-            format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
-            advice!["choose " {remedy} ", a larger " Stride ", a narrower " Gate " or more " Memory],
-        ));
-    }
+    check_host_memory(
+        asked,
+        gpu,
+        memory,
+        |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
+    )?;
     Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume }))
+}
+
+/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `mend` says what to do, with the smaller
+/// job that would fit.
+fn check_host_memory<A: Into<Advice>>(
+    asked: u64,
+    gpu: &Gpu,
+    memory: Option<u64>,
+    mend: impl FnOnce(Remedy) -> A,
+) -> Result<()> {
+    let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
+    if asked <= available {
+        return Ok(());
+    }
+    let smaller = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
+    Err(Error::memory(
+        format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
+        mend(smaller),
+    ))
 }
 
 /// A host method that is prepared for a scan.

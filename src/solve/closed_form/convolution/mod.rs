@@ -17,8 +17,9 @@ use rayon::prelude::*;
 use super::backproject::{self, BpOptions, Projecting};
 use super::image::{self, Volume, on_grid};
 use super::options::ImageOptions;
-use super::{RegularScan, first_point, solved, tell};
-use crate::advice::{Remedy, advice};
+use super::{RegularScan, check_host_memory, first_point, solved, tell};
+use crate::Result;
+use crate::advice::advice;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
 use crate::maps::Maps;
@@ -28,7 +29,6 @@ use crate::solve::{
     Watch,
 };
 use crate::transport::Grid;
-use crate::{Error, Result};
 
 mod descent;
 mod gram;
@@ -111,20 +111,8 @@ impl Solver for ConvolutionOptions {
         self.check()?;
         let projecting = backproject::projecting(&self.projection(), gpu, capture, grid, memory)?;
         let plan = with_own((**projecting.plan()).clone());
-        let own: u64 = plan
-            .buffers
-            .iter()
-            .filter(|b| [CONVOLUTION, ITERATES].contains(&b.buffer))
-            .map(|b| b.bytes)
-            .sum();
-        let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
-        if own > available {
-            let remedy = Remedy::SmallerJob { asked: Some(own), available: Some(available) };
-            return Err(Error::memory(
-                format!("the arrays take {} MiB, and there are {} MiB", own >> 20, available >> 20),
-                advice!["choose " {remedy} " or more " Memory],
-            ));
-        }
+        let asked = own_arrays(&plan).iter().map(|(_, bytes)| bytes).sum();
+        check_host_memory(asked, gpu, memory, |smaller| advice!["choose " {smaller} " or more " Memory])?;
         let made = Approximation {
             options: self.clone(),
             projecting,
@@ -139,10 +127,15 @@ impl Solver for ConvolutionOptions {
 
 /// A plan of the back-projection, with the arrays on the host beside it.
 fn with_own(mut plan: Plan) -> Plan {
-    let grid = plan.finest().grid;
-    let all = [(CONVOLUTION, Convolution::bytes(&grid)), (ITERATES, 6 * 4 * grid.voxels() as u64)];
+    let all = own_arrays(&plan);
     plan.buffers.extend(all.map(|(buffer, bytes)| BufferPlan::new(buffer, bytes, Place::Readback)));
     plan
+}
+
+/// The arrays on the host for the volume of a plan, with their bytes.
+fn own_arrays(plan: &Plan) -> [(Buffer, u64); 2] {
+    let grid = &plan.finest().grid;
+    [(CONVOLUTION, Convolution::bytes(grid)), (ITERATES, 6 * 4 * grid.voxels() as u64)]
 }
 
 /// The approximation, prepared for a scan.
