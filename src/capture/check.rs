@@ -47,6 +47,20 @@ impl Capture {
         self.check_seen(seen.into_iter())
     }
 
+    /// As [`Capture::check_counts`], and copies the counts behind those of `to`, all or a part of them if they are wrong.
+    pub(crate) fn copy_checked(&self, histograms: &[f32], to: &mut Vec<f32>) -> Result<()> {
+        if !(self.is_whole(histograms) && is_small(histograms)) {
+            self.check_counts(histograms)?;
+            to.extend_from_slice(histograms);
+            return Ok(());
+        }
+        // A row that was just checked is near.
+        self.check_seen(histograms.chunks_exact(self.bins).map(|row| {
+            to.extend_from_slice(row);
+            Seen::of(row)
+        }))
+    }
+
     /// Checks how many counts there are, and that all are finite.
     ///
     /// # Errors
@@ -131,10 +145,9 @@ impl Capture {
         let add_up = |(run, mean): (usize, &mut [f64])| {
             let first = run * RUN;
             for histogram in self.histograms.chunks_exact(self.bins) {
-                for (m, &v) in mean.iter_mut().zip(&histogram[first..]) {
-                    *m += f64::from(v) / self.pair_count() as f64;
-                }
+                mean.iter_mut().zip(&histogram[first..]).for_each(|(m, v)| *m += f64::from(*v));
             }
+            mean.iter_mut().for_each(|m| *m /= self.pair_count() as f64);
         };
         match is_small(&self.histograms) {
             true => mean.chunks_mut(RUN).enumerate().for_each(add_up),

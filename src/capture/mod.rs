@@ -22,7 +22,7 @@ mod pile_up;
 pub mod pulse;
 pub mod scan;
 mod seen;
-mod sum;
+pub(crate) mod sum;
 pub mod summary;
 mod turn;
 

@@ -18,20 +18,17 @@ impl Capture {
                 format!("give a number of bins to sum, from 1 to {}", self.bins),
             ));
         }
-        let histograms = self.histograms.chunks_exact(self.bins);
-        let histograms = histograms.flat_map(|h| h.chunks(n).map(|bins| bins.iter().sum())).collect();
-        let width = self.bin_width * n as f64;
-        Ok(self.with_bins(self.bins.div_ceil(n), width, self.t_start, histograms))
+        let bins = self.bins.div_ceil(n);
+        let mut histograms = vec![0.0; self.histograms.len() / self.bins * bins];
+        sum_rows(&mut histograms, bins, &self.histograms, self.bins, n);
+        Ok(self.with_bins(bins, self.bin_width * n as f64, self.t_start, histograms))
     }
 
     /// Takes the counts of `narrow`, of which this is a [`Capture::binned`] one. Nothing is allocated if it had counts before.
     pub(crate) fn take_sums(&mut self, narrow: &Capture) {
         let n = (self.bin_width / narrow.bin_width).round() as usize;
         self.histograms.resize(self.pair_count() * self.bins, 0.0);
-        let rows = narrow.histograms.chunks_exact(narrow.bins);
-        for (wide, row) in self.histograms.chunks_exact_mut(self.bins).zip(rows) {
-            wide.iter_mut().zip(row.chunks(n)).for_each(|(sum, bins)| *sum = bins.iter().sum());
-        }
+        sum_rows(&mut self.histograms, self.bins, &narrow.histograms, narrow.bins, n);
     }
 
     /// Sums every `n` x `n` neighbouring histograms of the scan into one, at the mean of their points and with the mean
@@ -91,5 +88,47 @@ impl Capture {
             cycles: self.cycles.map(|cycles| cycles * (n * n) as f64),
             ..*self
         })
+    }
+}
+
+/// Sums every `n` neighbouring counts of the rows of `from` into one of the rows of `to`, as many as these have.
+pub(crate) fn sum_rows(to: &mut [f32], bins: usize, from: &[f32], narrow_bins: usize, n: usize) {
+    for (to, from) in to.chunks_exact_mut(bins).zip(from.chunks_exact(narrow_bins)) {
+        // Runs of a length that the compiler knows are summed several at a time.
+        match n {
+            2 => sum_runs::<2>(to, from),
+            3 => sum_runs::<3>(to, from),
+            4 => sum_runs::<4>(to, from),
+            8 => sum_runs::<8>(to, from),
+            _ => to.iter_mut().zip(from.chunks(n)).for_each(|(sum, bins)| *sum = bins.iter().sum()),
+        }
+    }
+}
+
+fn sum_runs<const N: usize>(to: &mut [f32], from: &[f32]) {
+    let (runs, rest) = from.as_chunks::<N>();
+    to.iter_mut().zip(runs).for_each(|(sum, bins)| *sum = bins.iter().sum());
+    if let Some(last) = to.get_mut(runs.len()) {
+        *last = rest.iter().sum();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_of_every_length_are_summed_in_order() {
+        let from: Vec<f32> = (0..46).map(|v| (v as f32 * 0.7).sin() * 1e3).collect();
+        for n in 1..=23 {
+            for bins in [23 / n, 23usize.div_ceil(n)] {
+                let mut to = vec![0.0; 2 * bins];
+                sum_rows(&mut to, bins, &from, 23, n);
+                for (to, from) in to.chunks_exact(bins).zip(from.chunks_exact(23)) {
+                    let wanted: Vec<f32> = from.chunks(n).map(|run| run.iter().sum()).take(bins).collect();
+                    assert_eq!(to, wanted, "{n}");
+                }
+            }
+        }
     }
 }

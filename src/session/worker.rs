@@ -83,7 +83,8 @@ impl Shared {
                 kept: matches!(feed, Feed::Sum { .. }).then(|| Kept::new([pairs, bins], feed)),
                 size: [pairs, bins],
                 waiting: VecDeque::with_capacity(2),
-                spare: vec![Vec::with_capacity(pairs * bins)],
+                // One frame is solved while the next is submitted.
+                spare: (0..2).map(|_| Vec::with_capacity(pairs * bins)).collect(),
                 solving: None,
                 done: None,
                 newest: FrameId(0),
@@ -105,21 +106,28 @@ impl Shared {
     pub fn submit(&self, histograms: &[f32], measured: Option<&[bool]>, scan: &Capture) -> Result<FrameId> {
         let mut state = self.state();
         state.admit()?;
-        let mut counts = state.spare.pop().unwrap_or_default();
         if measured.is_some() && state.kept.is_none() {
             state.kept = Some(Kept::new(state.size, state.feed));
         }
+        if let (Some(_), None, Feed::One | Feed::Newest | Feed::Every { .. }) =
+            (&state.kept, measured, state.feed)
+        {
+            // What is kept must not take wrong counts.
+            scan.check_counts(histograms)?;
+        }
+        let mut counts = state.spare.pop().unwrap_or_default();
         counts.clear();
-        match &mut state.kept {
-            None => counts.extend_from_slice(histograms),
+        let checked = match &mut state.kept {
+            None => scan.copy_checked(histograms, &mut counts),
             Some(kept) => {
                 kept.take(histograms, measured);
                 kept.give(&mut counts);
-                if let Err(error) = scan.check_counts(&counts) {
-                    state.spare.push(counts);
-                    return Err(error);
-                }
+                scan.check_counts(&counts)
             }
+        };
+        if let Err(error) = checked {
+            state.spare.push(counts);
+            return Err(error);
         }
         let replaces = matches!(state.feed, Feed::Newest | Feed::Sum { .. });
         if let Some(old) = if replaces { state.waiting.pop_back() } else { None } {

@@ -8,6 +8,7 @@ use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
+use crate::capture::sum::sum_rows;
 use crate::capture::{Capture, Pulse, PulseTaps};
 
 /// Where the sample of a voxel lies.
@@ -217,10 +218,8 @@ impl Model {
     pub fn take_sums(&mut self, narrow: &Model, sum: usize) {
         self.moments = None;
         // Like the kernel that sums on the device.
-        self.measured.clear();
-        for histogram in narrow.measured.chunks_exact(narrow.bins) {
-            self.measured.extend(histogram.chunks_exact(sum).map(|bins| bins.iter().sum::<f32>()));
-        }
+        self.measured.resize(narrow.measured.len() / narrow.bins.max(1) * self.bins, 0.0);
+        sum_rows(&mut self.measured, self.bins, &narrow.measured, narrow.bins, sum);
         self.variance = [narrow.variance[0], narrow.variance[1] * sum as f64];
         self.counts_per_unit = narrow.counts_per_unit;
     }

@@ -260,6 +260,12 @@ fn dark_frames_are_summed_and_parts_of_a_scan_are_kept() {
     assert!((quality(&done, &truth)[0] - quality(&whole, &truth)[0]).abs() < 0.05);
     assert!((done.empty_loss - whole.empty_loss).abs() < 1e-6 * whole.empty_loss);
     assert_error(parts.submit_part(&capture.histograms, &[true]), Kind::Input, &["1 values", "256 pairs"]);
+    // Wrong counts of a whole frame leave what is kept of the pairs as it was.
+    let wrong = changed(&capture, |c| c.histograms[3] = f32::NAN);
+    assert_error(parts.submit(&wrong.histograms), Kind::Input, &["pair 0", "bin 3", "NaN"]);
+    assert_error(parts.submit(&capture.histograms[1..]), Kind::Input, &["counts for 256 pairs"]);
+    parts.submit_part(&capture.histograms, &halves[0]).unwrap();
+    assert_eq!(parts.wait().unwrap().result.empty_loss, done.empty_loss);
 }
 
 #[test]
