@@ -35,8 +35,15 @@ const COARSE_ITERATIONS: usize = 8;
 const SURFACE_ITERATIONS: usize = 40;
 
 /// A volume that is compared with a surface: after so many iterations, it may leave so many times as much as the surface. Only
-/// if it comes as close do more follow; the last of them refute the surface's model.
-const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, 0.9)];
+/// if it comes as close do more follow.
+const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, REFUTES)];
+
+/// A volume that leaves less than so many times as much as the surface, beyond chance, refutes the surface's model. More
+/// iterations only leave less (benches/NOTES.md).
+const REFUTES: f64 = 0.9;
+
+/// A model that leaves so many times as much as the best one with sharp paths is not tried with a pulse.
+const HOPELESS: f64 = 2.0;
 
 /// Whether the width of the instrument's pulse is found first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -301,22 +308,24 @@ impl<'t> Trials<'t> {
         }
         let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
-        let mut volumes = vec![];
+        let (mut most, mut better) = (VOLUMES.iter().map(|of| of.1 * surface.share()), None);
         let mut compare = |volume: Option<Left>| {
-            let (before, most) = (volumes.len(), VOLUMES[volumes.len()].1 * surface.share());
-            volumes.extend(volume.filter(|v| v.share() <= most));
-            volumes.len() > before
+            let (Some(volume), Some(most)) = (volume, most.next()) else { return false };
+            if volume.share() <= REFUTES * surface.share() && volume.is_less(&surface) {
+                better = Some(volume);
+                return false;
+            }
+            volume.share() <= most
         };
         let iterations = VOLUMES.map(|(iterations, _)| iterations);
         self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
             trial.fit_volume(pulse, &iterations, watch, &mut compare)
         })?;
-        let last = volumes.get(VOLUMES.len() - 1).filter(|volume| volume.is_less(&surface));
-        let refuted =
-            last.map(|volume| Refuted { reflectance, surface: surface.share(), volume: volume.share() });
+        let Some(volume) = better else { return Ok(None) };
         // It gives way to a model that finds a surface.
-        let another = if refuted.is_some() { self.left(WITHOUT_NORMALS, fwhm, Begun::Alike)? } else { None };
-        Ok(refuted.filter(|_| another.is_some()))
+        let another = self.tried.iter().any(|t| t.reflectance == WITHOUT_NORMALS && t.left.is_some())
+            || self.left(WITHOUT_NORMALS, fwhm, Begun::Alike)?.is_some();
+        Ok(another.then(|| Refuted { reflectance, surface: surface.share(), volume: volume.share() }))
     }
 
     /// Runs the trial of a model with this width of the pulse.
@@ -360,9 +369,19 @@ impl<'t> Trials<'t> {
         Ok(if is_worth { pulse::three_digits(bins * bin_width) } else { 0.0 })
     }
 
+    /// What each model's surface left with sharp paths, of those that found one.
+    fn sharp(&self) -> impl Iterator<Item = (Reflectance, f64)> {
+        let alike = self.tried.iter().filter(|t| t.fwhm == 0.0 && t.begun == Begun::Alike);
+        alike.filter_map(|t| Some((t.reflectance, t.left.as_ref()?.share())))
+    }
+
     /// The model that is right, with this width of the pulse.
     fn best_model(&mut self, width: f64) -> Result<Reflectance> {
-        let all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
+        let mut all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
+        if width > 0.0 {
+            let most = HOPELESS * self.sharp().map(|of| of.1).fold(f64::INFINITY, f64::min);
+            all.retain(|model| !self.sharp().any(|(of, left)| of == *model && left > most));
+        }
         let mut left = vec![];
         for reflectance in all {
             left.push((reflectance, self.left(reflectance, width, Begun::Alike)?));

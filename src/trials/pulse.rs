@@ -103,15 +103,21 @@ pub(super) fn best_width(narrowest: f64, misfit: &mut dyn FnMut(f64) -> Result<O
             known.push([2.0 * width, at(2.0 * width)?]);
         }
     }
-    // One side of the minimum may be much steeper than the other, so both sides are tried.
+    // One side of the minimum may be much steeper than the other, so both sides are tried. What is less on the first
+    // side has both its neighbours already.
     let least = least_of(&known);
     if least > 0 {
-        let halves: Vec<f64> = known[least - 1..(least + 2).min(known.len())]
-            .windows(2)
-            .map(|pair| 0.5 * (pair[0][0] + pair[1][0]))
-            .collect();
-        for width in halves {
-            known.push([width, at(width)?]);
+        let [middle, before] = [known[least], known[least - 1]];
+        let mut sides = vec![before];
+        sides.extend(known.get(least + 1));
+        sides.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        for side in sides {
+            let width = 0.5 * (middle[0] + side[0]);
+            let left = at(width)?;
+            known.push([width, left]);
+            if left < middle[1] {
+                break;
+            }
         }
         known.sort_by(|a, b| a[0].total_cmp(&b[0]));
     }
