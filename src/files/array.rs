@@ -1,5 +1,6 @@
 //! An n-dimensional array as an npy file stores it: shape, element type, bytes.
 
+use std::fmt;
 use std::io::Read;
 
 use crate::error::{Error, Result};
@@ -56,6 +57,44 @@ impl Element {
     }
 }
 
+/// An element of an array, without loss.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Number {
+    Unsigned(u64),
+    Signed(i64),
+    Real(f64),
+}
+
+impl Number {
+    fn real(self) -> f64 {
+        match self {
+            Number::Unsigned(n) => n as f64,
+            Number::Signed(n) => n as f64,
+            Number::Real(n) => n,
+        }
+    }
+
+    /// The nearest whole number, if it has 64 bits and a sign.
+    #[cfg(feature = "formats")]
+    fn whole(self) -> Option<i64> {
+        match self {
+            Number::Unsigned(n) => i64::try_from(n).ok(),
+            Number::Signed(n) => Some(n),
+            Number::Real(n) => (n.abs() < 9e18).then_some(n.round() as i64),
+        }
+    }
+}
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Number::Unsigned(n) => n.fmt(f),
+            Number::Signed(n) => n.fmt(f),
+            Number::Real(n) => n.fmt(f),
+        }
+    }
+}
+
 /// An array: `bytes` holds `shape.product()` elements, in C order unless `fortran`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
@@ -108,22 +147,31 @@ impl Array {
 
     /// All elements in C order, as float64 (64-bit integers above 2^53 are rounded).
     pub fn to_f64(&self) -> Vec<f64> {
-        self.convert(|v| v)
+        self.convert(Number::real)
     }
 
     /// All elements in C order, as float32 (integers above 2^24 are rounded).
     pub fn to_f32(&self) -> Vec<f32> {
-        self.convert(|v| v as f32)
+        self.convert(|v| v.real() as f32)
     }
 
     /// All elements in C order; true where not zero.
     pub fn to_bool(&self) -> Vec<bool> {
-        self.convert(|v| v != 0.0)
+        self.convert(|v| v.real() != 0.0)
     }
 
-    fn convert<T>(&self, to: impl Fn(f64) -> T) -> Vec<T> {
+    /// All elements in C order, rounded to whole numbers.
+    ///
+    /// # Errors
+    /// The first that is no whole number of 64 bits with a sign.
+    #[cfg(feature = "formats")]
+    pub(crate) fn to_i64(&self) -> std::result::Result<Vec<i64>, Number> {
+        self.convert(|v| v.whole().ok_or(v))
+    }
+
+    fn convert<T, C: FromIterator<T>>(&self, to: impl Fn(Number) -> T) -> C {
         macro_rules! decode {
-            ($type:ty) => {{
+            ($type:ty, $number:expr) => {{
                 const SIZE: usize = size_of::<$type>();
                 let element = |chunk: &[u8]| {
                     let mut bytes = [0u8; SIZE];
@@ -136,24 +184,24 @@ impl Array {
                 };
                 if self.fortran && self.shape.len() > 1 {
                     self.c_order()
-                        .map(|i| to(element(&self.bytes[i * SIZE..(i + 1) * SIZE]) as f64))
+                        .map(|i| to($number(element(&self.bytes[i * SIZE..(i + 1) * SIZE]).into())))
                         .collect()
                 } else {
-                    self.bytes.chunks_exact(SIZE).map(|c| to(element(c) as f64)).collect()
+                    self.bytes.chunks_exact(SIZE).map(|c| to($number(element(c).into()))).collect()
                 }
             }};
         }
         match self.element {
-            Element::Bool | Element::U8 => decode!(u8),
-            Element::U16 => decode!(u16),
-            Element::U32 => decode!(u32),
-            Element::U64 => decode!(u64),
-            Element::I8 => decode!(i8),
-            Element::I16 => decode!(i16),
-            Element::I32 => decode!(i32),
-            Element::I64 => decode!(i64),
-            Element::F32 => decode!(f32),
-            Element::F64 => decode!(f64),
+            Element::Bool | Element::U8 => decode!(u8, Number::Unsigned),
+            Element::U16 => decode!(u16, Number::Unsigned),
+            Element::U32 => decode!(u32, Number::Unsigned),
+            Element::U64 => decode!(u64, Number::Unsigned),
+            Element::I8 => decode!(i8, Number::Signed),
+            Element::I16 => decode!(i16, Number::Signed),
+            Element::I32 => decode!(i32, Number::Signed),
+            Element::I64 => decode!(i64, Number::Signed),
+            Element::F32 => decode!(f32, Number::Real),
+            Element::F64 => decode!(f64, Number::Real),
         }
     }
 

@@ -13,7 +13,7 @@ use super::{Inputs, Passed, Record};
 use crate::capture::formats::{self, hdf5::Hdf5};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::files::array::{Element, Head};
+use crate::files::array::{Array, Head};
 
 /// Names of the arrays, the first is what Swabian calls it. Case does not matter, and groups before them do not.
 const TIMES: [&str; 8] =
@@ -191,7 +191,14 @@ impl Column {
                         "the file is damaged or cut short: copy or write it again",
                     )
                 })?;
-                whole(head, &bytes, &self.name)?
+                let Head { element, big_endian, .. } = *head;
+                let part = Array { shape: vec![count], element, big_endian, fortran: false, bytes };
+                part.to_i64().map_err(|wrong| {
+                    Error::input(
+                        format!("{} holds {wrong}, which is no whole number of 64 bits", self.name),
+                        "store whole numbers",
+                    )
+                })?
             }
             (None, Some(file)) => file.whole(&self.name, self.at, count)?,
             (None, None) => vec![],
@@ -200,35 +207,4 @@ impl Column {
         self.at += count;
         Ok(values)
     }
-}
-
-/// Elements of an npy array as whole numbers.
-fn whole(head: &Head, bytes: &[u8], name: &str) -> Result<Vec<i64>> {
-    let size = head.element.size();
-    let wrong = |value: &dyn std::fmt::Display| {
-        Error::input(
-            format!("{name} holds {value}, which is no whole number of 64 bits"),
-            "store whole numbers",
-        )
-    };
-    let value = |element: &[u8]| -> Result<i64> {
-        // Little endian, with the sign in the bytes behind.
-        let mut word = [0; 8];
-        word[..size].copy_from_slice(element);
-        if head.big_endian {
-            word[..size].reverse();
-        }
-        let bits = u64::from_le_bytes(word);
-        let signed = |bits: u64| (bits as i64) << (64 - 8 * size) >> (64 - 8 * size);
-        match head.element {
-            Element::F32 | Element::F64 => {
-                let real =
-                    if size == 4 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) };
-                if real.abs() < 9e18 { Ok(real.round() as i64) } else { Err(wrong(&real)) }
-            }
-            Element::I8 | Element::I16 | Element::I32 | Element::I64 => Ok(signed(bits)),
-            _ => i64::try_from(bits).map_err(|_| wrong(&bits)),
-        }
-    };
-    bytes.chunks_exact(size).map(value).collect()
 }

@@ -168,6 +168,22 @@ mod tests {
     }
 
     #[test]
+    fn a_half_that_is_less_needs_no_other_half() {
+        let tried = |least: f64| {
+            let mut widths = vec![];
+            best_width(0.5, &mut |w| {
+                widths.push(w);
+                Ok(Some(1.0 + (w - least) * (w - least)))
+            })
+            .unwrap();
+            widths
+        };
+        assert_eq!(tried(3.1), [0.0, 2.0, 4.0, 8.0, 3.0], "2 leaves less than 8, and 3 less than 4");
+        assert_eq!(tried(3.9), [0.0, 2.0, 4.0, 8.0, 3.0, 6.0], "3 leaves more than 4");
+        assert_eq!(tried(4.6), [0.0, 2.0, 4.0, 8.0, 3.0, 6.0]);
+    }
+
+    #[test]
     fn what_is_as_good_as_sharp_is_sharp() {
         assert_eq!(found(|w| 1.0 + w).0, 0.0);
         assert_eq!(found(|_| 1.0).0, 0.0);
