@@ -400,7 +400,7 @@ pub mod capture {
             pub fn has_whole_counts(&self) -> bool {}
         }
     }
-    mod sum {
+    pub(crate) mod sum {
         impl Capture {
             pub fn binned(&self, n: usize) -> Result<Capture> {}
             pub fn summed(&self, n: usize) -> Result<Capture> {}
