@@ -104,7 +104,7 @@ fn a_pulse_that_shows_is_found_and_the_model_with_it() {
 
 /// Spheres that send light back to where it came from: no slope explains how bright they are. The surface of the cosine
 /// model bends until it predicts other pairs a little better than the true model's surface; its own volume predicts them
-/// much better still.
+/// better still, which ends the test at once.
 #[test]
 fn a_surface_that_is_worse_than_its_volume_refutes_its_model() {
     let figures = Figures::new();
@@ -115,7 +115,7 @@ fn a_surface_that_is_worse_than_its_volume_refutes_its_model() {
     let least = tried(&report).into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
     assert_eq!(found["refuted"]["reflectance"], least.0, "{found}");
     let [surface, volume] = ["surface", "volume"].map(|k| found["refuted"][k].as_f64().unwrap());
-    assert!(volume < 0.6 * surface, "{volume} {surface}");
+    assert!(volume <= 0.9 * surface, "{volume} {surface}");
     assert!(said.contains("brightness does not follow the slopes"), "{said}");
 }
 
