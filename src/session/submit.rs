@@ -36,9 +36,6 @@ impl Submitter {
     /// # Errors
     /// Those of [`super::Session::submit`]; [`crate::Kind::Options`] after the session was dropped.
     pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {
-        if let Feed::Sum { .. } = self.feed {
-            self.scan.check_finite(histograms)?;
-        }
         self.shared.submit(histograms, None, &self.scan)
     }
 
@@ -54,7 +51,6 @@ impl Submitter {
                 "say for every pair whether it was measured",
             ));
         }
-        self.scan.check_finite(histograms)?;
         self.shared.submit(histograms, Some(measured), &self.scan)
     }
 }

@@ -106,18 +106,18 @@ impl Shared {
     pub fn submit(&self, histograms: &[f32], measured: Option<&[bool]>, scan: &Capture) -> Result<FrameId> {
         let mut state = self.state();
         state.admit()?;
-        if measured.is_some() && state.kept.is_none() {
-            state.kept = Some(Kept::new(state.size, state.feed));
+        let State { feed, size, kept, spare, .. } = &mut *state;
+        if measured.is_some() || kept.is_some() {
+            // What is kept must not take wrong counts. Dark ones it may, where they are a part of what is solved.
+            match (*feed, measured) {
+                (Feed::Sum { .. }, _) | (_, Some(_)) => scan.check_finite(histograms)?,
+                _ => scan.check_counts(histograms)?,
+            }
+            kept.get_or_insert_with(|| Kept::new(*size, *feed));
         }
-        if let (Some(_), None, Feed::One | Feed::Newest | Feed::Every { .. }) =
-            (&state.kept, measured, state.feed)
-        {
-            // What is kept must not take wrong counts.
-            scan.check_counts(histograms)?;
-        }
-        let mut counts = state.spare.pop().unwrap_or_default();
+        let mut counts = spare.pop().unwrap_or_default();
         counts.clear();
-        let checked = match &mut state.kept {
+        let checked = match kept {
             None => scan.copy_checked(histograms, &mut counts),
             Some(kept) => {
                 kept.take(histograms, measured);
@@ -126,7 +126,7 @@ impl Shared {
             }
         };
         if let Err(error) = checked {
-            state.spare.push(counts);
+            spare.push(counts);
             return Err(error);
         }
         let replaces = matches!(state.feed, Feed::Newest | Feed::Sum { .. });
