@@ -5,10 +5,10 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::staging::{aside, sweep};
+use super::staging::Hidden;
 use crate::error::{Error, Result};
 
-/// Writes `bytes` to `path`: first to a temporary file in the same folder, which is then renamed to `path`. Missing
+/// Writes `bytes` to `path`: first to a file in a hidden folder beside it, which is then renamed to `path`. Missing
 /// folders are created. On an error nothing is left behind, and an older file at `path` does not change. A link stays: the
 /// file that it names is replaced. A device or a pipe (`/dev/null`, `/dev/stdout`) stays too, and gets the bytes.
 ///
@@ -40,21 +40,20 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
         _ => PathBuf::from("."),
     };
     create_dir(&folder)?;
-    let prefix = format!(".{}.", target.file_name().unwrap_or(name).to_string_lossy());
-    sweep(&folder, &prefix);
-    let temporary = Temporary(aside(&folder, &prefix));
+    let hidden = Hidden::new(&folder).map_err(|e| cannot(path, &e))?;
+    let temporary = hidden.path().join(target.file_name().unwrap_or(name));
     let fault = next_fault();
     if let Some(fault) = fault {
-        begin(fault, &temporary.0).map_err(|e| cannot(path, &e))?;
+        begin(fault, &temporary).map_err(|e| cannot(path, &e))?;
     }
-    fill(&temporary.0).map_err(if_full)?;
-    let file = fs::OpenOptions::new().write(true).open(&temporary.0).map_err(|e| cannot(path, &e))?;
+    fill(&temporary).map_err(if_full)?;
+    let file = fs::OpenOptions::new().write(true).open(&temporary).map_err(|e| cannot(path, &e))?;
     file.sync_all().map_err(|e| cannot(path, &e))?;
     drop(file);
     if fault == Some(DiskFault::Unmoved) {
         return Err(cannot(path, &ErrorKind::PermissionDenied.into()));
     }
-    let moved = if stream { pour(&temporary.0, path) } else { fs::rename(&temporary.0, &target) };
+    let moved = if stream { pour(&temporary, path) } else { fs::rename(&temporary, &target) };
     moved.map_err(|e| cannot(path, &e))
 }
 
@@ -133,16 +132,6 @@ pub fn create_dir(folder: &Path) -> Result<()> {
         ));
     }
     fs::create_dir_all(folder).map_err(|e| cannot(folder, &e))
-}
-
-/// A temporary file that is removed when this value is dropped. After a rename there is nothing to remove.
-struct Temporary(PathBuf);
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        // A failure is ignored: the error that led here is already being returned.
-        let _ = fs::remove_file(&self.0);
-    }
 }
 
 const FULL: &str = "the disk is full: free some space or write elsewhere";

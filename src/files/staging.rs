@@ -1,5 +1,5 @@
-//! Results of several files that replace older ones together: all are written to a hidden folder, then moved to their
-//! places.
+//! Files are written to a hidden folder, then moved to their places: results of several files replace older ones
+//! together.
 
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -15,16 +15,47 @@ const SUFFIX: &str = ".part";
 /// How long to wait for another process to move its results, which takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A plain file that a killed process left is removed after this time without a change.
-const STALE: Duration = Duration::from_secs(60);
-
-/// A hidden folder inside the folder of the results. It is removed when this value is dropped. If the process is
-/// killed, the next process that writes there removes it.
-pub struct Staging {
-    target: PathBuf,
+/// A hidden folder for files that are being written. It is removed, with what is in it, when this value is dropped. If
+/// the process is killed, the next process that writes beside it removes it.
+pub(super) struct Hidden {
     folder: PathBuf,
     // Held while this process lives, so that the folder is not taken for one that a killed process left.
     _lock: Option<File>,
+}
+
+impl Hidden {
+    /// Creates the folder inside `beside`, which must exist, with a name that no other thread or process uses. Folders
+    /// that killed processes left there are removed.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub(super) fn new(beside: &Path) -> std::io::Result<Hidden> {
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        sweep(beside);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let folder = beside.join(format!("{PREFIX}{}.{number}{SUFFIX}", std::process::id()));
+        fs::create_dir(&folder)?;
+        let lock = File::open(&folder).ok().filter(|f| f.try_lock().is_ok());
+        Ok(Hidden { folder, _lock: lock })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.folder
+    }
+}
+
+impl Drop for Hidden {
+    fn drop(&mut self) {
+        // A failure is ignored: the next process that writes here tries again.
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// Results of several files: they are written to a hidden folder inside the folder of the results, then moved to their
+/// places together.
+pub struct Staging {
+    target: PathBuf,
+    hidden: Hidden,
 }
 
 impl Staging {
@@ -34,16 +65,13 @@ impl Staging {
     /// `Kind::Output` if a folder cannot be created.
     pub fn new(target: &Path) -> Result<Staging> {
         create_dir(target)?;
-        sweep(target, PREFIX);
-        let folder = aside(target, PREFIX);
-        fs::create_dir(&folder).map_err(|e| cannot(target, &e))?;
-        let lock = File::open(&folder).ok().filter(|f| f.try_lock().is_ok());
-        Ok(Staging { target: target.into(), folder, _lock: lock })
+        let hidden = Hidden::new(target).map_err(|e| cannot(target, &e))?;
+        Ok(Staging { target: target.into(), hidden })
     }
 
     /// The hidden folder: write the files here.
     pub fn path(&self) -> &Path {
-        &self.folder
+        self.hidden.path()
     }
 
     /// Moves `files` (inside [`Staging::path`]) to their places, in order, and returns their new paths. An older file
@@ -55,7 +83,7 @@ impl Staging {
     pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let _lock = alone_in(&self.target)?;
         let place = |file: &PathBuf| {
-            let inside = file.strip_prefix(&self.folder).unwrap_or(file);
+            let inside = file.strip_prefix(self.path()).unwrap_or(file);
             self.target.join(inside)
         };
         let places: Vec<PathBuf> = files.iter().map(place).collect();
@@ -76,38 +104,22 @@ impl Staging {
     /// `Kind::Output` if a folder cannot be moved, or if another process keeps the target locked for too long.
     pub fn commit_folder(self, name: &str) -> Result<PathBuf> {
         let _lock = alone_in(&self.target)?;
-        let (place, old) = (self.target.join(name), self.folder.join(".old"));
+        let (place, old) = (self.target.join(name), self.path().join(".old"));
         match fs::rename(&place, &old) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(cannot(&place, &e)),
             _ => {}
         }
-        fs::rename(self.folder.join(name), &place).map_err(|e| cannot(&place, &e))?;
+        fs::rename(self.path().join(name), &place).map_err(|e| cannot(&place, &e))?;
         Ok(place)
     }
 }
 
-impl Drop for Staging {
-    fn drop(&mut self) {
-        // A failure is ignored: the next process that writes here tries again.
-        let _ = fs::remove_dir_all(&self.folder);
-    }
-}
-
-/// A hidden path in `folder` that no other thread or process uses, and that [`sweep`] recognises.
-pub(super) fn aside(folder: &Path, prefix: &str) -> PathBuf {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    folder.join(format!("{prefix}{}.{number}{SUFFIX}", std::process::id()))
-}
-
-/// Checks that a file can be created in `folder`, which must exist: creates one and removes it.
+/// Checks that files can be created in `folder`, which must exist.
 ///
 /// # Errors
 /// The error of the system.
 pub(crate) fn probe(folder: &Path) -> std::io::Result<()> {
-    let file = aside(folder, PREFIX);
-    File::create(&file)?;
-    fs::remove_file(&file)
+    Hidden::new(folder).map(drop)
 }
 
 /// Removes a file if it exists.
@@ -143,26 +155,17 @@ fn alone_in(folder: &Path) -> Result<Option<File>> {
     }
 }
 
-/// Removes files and folders that killed processes left in `folder`, with names that begin with `prefix`.
-pub(super) fn sweep(folder: &Path, prefix: &str) {
+/// Removes hidden folders that killed processes left in `folder`. One whose lock is held, or cannot be asked for, may
+/// belong to a process on another machine and stays.
+fn sweep(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let process = name.strip_prefix(prefix).and_then(|rest| rest.strip_suffix(SUFFIX));
+        let process = name.strip_prefix(PREFIX).and_then(|rest| rest.strip_suffix(SUFFIX));
         let process = process.and_then(|rest| rest.split('.').next()).and_then(|p| p.parse::<u32>().ok());
-        if process.is_none_or(is_alive) {
-            continue;
-        }
-        let (path, kind) = (entry.path(), entry.file_type());
-        if kind.as_ref().is_ok_and(fs::FileType::is_dir) {
-            if File::open(&path).is_ok_and(|f| f.try_lock().is_ok()) {
-                let _ = fs::remove_dir_all(&path);
-            }
-        } else {
-            let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|m| m.elapsed().ok());
-            // The process may run on another machine that shares the folder, and may still be writing.
-            if age.is_some_and(|age| age > STALE) {
-                let _ = fs::remove_file(&path);
-            }
+        if process.is_some_and(|p| !is_alive(p))
+            && File::open(entry.path()).is_ok_and(|f| f.try_lock().is_ok())
+        {
+            let _ = fs::remove_dir_all(entry.path());
         }
     }
 }

@@ -56,7 +56,6 @@ fn killed(times: usize) -> Row {
         let keep = ["--checkpoint", &file, "--checkpoint-every", "2"];
         let case = || -> Held {
             let child = command(&out, &keep).spawn().map_err(|e| e.to_string())?;
-            let killed = child.id();
             std::thread::sleep(whole.mul_f64((i as f64 + 0.6) / times as f64));
             end(child, "-KILL");
             let report = out.join("report.json");
@@ -67,20 +66,13 @@ fn killed(times: usize) -> Row {
             let more =
                 if Path::new(&file).exists() { [&keep[..], &resume[..]].concat() } else { keep.to_vec() };
             succeed(command(&out, &more))?;
-            // A single file that was being written at that moment stays for a minute: it might be another machine's.
-            let left: Vec<_> =
-                leftovers(&out).into_iter().filter(|p| p.is_dir() || !is_of(p, killed)).collect();
+            let left = leftovers(&out);
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
             holds(result(&out) == sound, || "other bits".into()).map(|()| None)
         };
         row.add(&format!("after {} of {times}", i + 1), case());
     }
     row
-}
-
-/// Whether a temporary file is of this process.
-fn is_of(part: &Path, process: u32) -> bool {
-    part.to_string_lossy().contains(&format!(".{process}."))
 }
 
 fn state(out: &Path) -> String {
