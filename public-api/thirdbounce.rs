@@ -960,7 +960,6 @@ pub mod files {
             pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {}
             pub fn commit_folder(self, name: &str) -> Result<PathBuf> {}
         }
-        impl Drop for Staging {}
     }
 }
 pub mod gpu {
