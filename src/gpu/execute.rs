@@ -244,6 +244,12 @@ impl Executor {
 
     /// Takes back the objects of a flight that is over or never began.
     pub(super) fn land(&mut self, mut flight: Flight) {
+        // Drivers give back here what the commands took. At the next recording it would delay work that is waited for. A
+        // failure is ignored: beginning to record resets once more.
+        // SAFETY: the commands are not in flight.
+        let _ = unsafe {
+            self.gpu.raw().reset_command_buffer(flight.commands, vk::CommandBufferResetFlags::empty())
+        };
         self.spare.push(flight.commands);
         flight.shared.iter_mut().for_each(HashSet::clear);
         self.spare_shared.push(flight.shared);

@@ -65,6 +65,14 @@ struct State {
     broken: Option<Error>,
 }
 
+/// An empty list with memory for so many counts. It was written once, so that the system gives it now, not when the
+/// first frame comes.
+fn touched(counts: usize) -> Vec<f32> {
+    let mut list = vec![f32::NAN; counts];
+    list.clear();
+    list
+}
+
 /// What the thread shares with the callers.
 pub(super) struct Shared {
     state: Mutex<State>,
@@ -84,7 +92,7 @@ impl Shared {
                 size: [pairs, bins],
                 waiting: VecDeque::with_capacity(2),
                 // One frame is solved while the next is submitted.
-                spare: (0..2).map(|_| Vec::with_capacity(pairs * bins)).collect(),
+                spare: (0..2).map(|_| touched(pairs * bins)).collect(),
                 solving: None,
                 done: None,
                 newest: FrameId(0),

@@ -191,15 +191,16 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         };
         match run.keeper.as_mut().and_then(|k| k.keep.from.take()) {
             Some(state) => run.resume(state)?,
-            None => run.start(before),
+            None => run.start(before)?,
         }
         run.reached = run.steps.levels[run.level];
         (run.first_level, run.level_before) = (run.level, run.level);
         Ok(run)
     }
 
-    /// Begins with the start schedule, after `before` if it is given.
-    fn start(&mut self, before: Option<Driven>) {
+    /// Begins with the start schedule, after `before` if it is given. The device works on it while the first block is
+    /// recorded.
+    fn start(&mut self, before: Option<Driven>) -> Result<()> {
         if let Some(Driven { trace, pairs, seconds, gpu_seconds, .. }) = before {
             if let Some(last) = trace.last() {
                 (self.first, self.active) = (last.iteration, last.active);
@@ -211,6 +212,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let OnDevice { plan, lists: Lists { block, .. }, .. } = &mut *self.device;
         block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
         (self.steps.start)(block, plan);
+        self.device.lists.submit(&mut self.device.executor).map(drop)
     }
 
     /// Restores a state and continues from it.
