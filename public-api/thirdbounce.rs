@@ -609,6 +609,7 @@ pub mod export {
             pub iterations: usize,
             pub seconds: f64,
             pub repeats_s: Vec<f64>,
+            pub preview_s: Option<f64>,
             pub active: usize,
             pub active_ratio: f64,
             pub metrics: Metrics,

@@ -16,9 +16,10 @@ use super::{interrupt, print};
 
 pub const METHODS: &str = "\
 Methods:
-  A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch and
-  trace-every of reconstruct. name=... sets the name in plots and folders. Options that a method does not set are
-  taken from the options given here. The other methods are compared with the first.
+  A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch,
+  trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. Options that a method does
+  not set are taken from the options given here. The other methods are compared with the first. The curve of vector
+  begins with the preview that reconstruct shows first, unless no-preview says otherwise.
   all stands for every method of this version; those whose assumptions the capture breaks are left out.
     --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
     --method 'paper;paper:iterations=300,double-every=50'";
@@ -145,7 +146,7 @@ impl HowArgs {
     /// Every option that changes results, as texts.
     pub fn told(&self, specs: &[methods::Spec]) -> Result<Vec<String>> {
         let mut all: Vec<String> =
-            specs.iter().map(|spec| format!("method {} {:?}", spec.name, spec.choice)).collect();
+            specs.iter().map(|s| format!("method {} {:?} {}", s.name, s.choice, s.no_preview)).collect();
         all.push(format!(
             "trace {} mask {:?} oracle {} bins {:?} depth {:?} volume {:?}",
             self.trace_every,
@@ -170,6 +171,7 @@ impl HowArgs {
         let method = |spec: &methods::Spec| {
             let usual = spec.choice.resolve(&loaded.capture).request();
             let request = Request {
+                preview: !spec.no_preview && matches!(usual.solver, SolverOptions::Vector(_)),
                 tuned: false,
                 bins,
                 depth_pitch: spec.depth_pitch.or(self.grid.depth_pitch),

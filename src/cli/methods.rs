@@ -16,6 +16,8 @@ pub struct Spec {
     pub choice: Choice,
     pub depth_pitch: Option<f64>,
     pub trace_every: Option<usize>,
+    /// Its curve does not begin with a preview.
+    pub no_preview: bool,
     /// It is left out if the capture breaks an assumption of it; else that is an error.
     pub is_optional: bool,
 }
@@ -29,6 +31,8 @@ struct SpecArgs {
     depth_pitch: Option<f64>,
     #[arg(long)]
     trace_every: Option<usize>,
+    #[arg(long)]
+    no_preview: bool,
 }
 
 /// Reads a method. `base` holds the options of all methods; a method's own options come first.
@@ -59,6 +63,14 @@ pub fn parse(text: &str, base: &Choice) -> Result<Spec> {
     let choice = args.solver.choice().over(base);
     args.solver.check_fit().and_then(|()| choice.check()).map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
-    let SpecArgs { depth_pitch, trace_every, .. } = args;
-    Ok(Spec { text: text.to_string(), name, choice, depth_pitch, trace_every, is_optional: false })
+    let SpecArgs { depth_pitch, trace_every, no_preview, .. } = args;
+    Ok(Spec {
+        text: text.to_string(),
+        name,
+        choice,
+        depth_pitch,
+        trace_every,
+        no_preview,
+        is_optional: false,
+    })
 }

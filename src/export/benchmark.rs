@@ -12,6 +12,7 @@ use super::comparison::{Comparison, MethodReport};
 use super::figure::{
     self, Area, BODY, COLOURS, Canvas, Drawn, FRAME, Figure, HEADING, INK, font, line_of_text,
 };
+use super::page::escaped;
 use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -149,10 +150,6 @@ impl Table {
         let rows: String = self.rows.iter().map(|cells| row("td", cells)).collect();
         format!("<table>\n{}{rows}</table>\n", row("th", &self.head))
     }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 impl Page {

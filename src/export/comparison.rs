@@ -76,6 +76,10 @@ pub struct MethodReport {
     pub seconds: f64,
     /// Solve seconds of each repeat.
     pub repeats_s: Vec<f64>,
+    /// Seconds until the preview, which are part of all its times; `None` without one. The trace begins with it then, as
+    /// iteration 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preview_s: Option<f64>,
     /// Active voxels at the end.
     pub active: usize,
     /// Their share of the grid.
@@ -187,6 +191,15 @@ impl Comparison {
         if self.methods.iter().any(|m| m.foreign) {
             out +=
                 "\nOther programs made the maps of foreign methods. Their times are those that were given.\n";
+        }
+        for MethodReport { name, preview_s, .. } in &self.methods {
+            if let Some(seconds) = preview_s {
+                out += &format!(
+                    "\nThe curve of `{name}` begins after {} s with the preview that `reconstruct` shows first. That is \
+                     part of its time.\n",
+                    short(*seconds)
+                );
+            }
         }
         for LeftOut { name, why } in &self.left_out {
             out += &format!("\n`{name}` is left out: {why}.\n");

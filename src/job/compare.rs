@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use super::reconstruct::{self, Finished};
-use super::{Loaded, Request, overview, places, report};
+use super::{Loaded, Request, overview, places, preview, report};
 use crate::export::comparison::{self, LeftOut, MethodReport, Reached};
 use crate::export::report::TraceEntry;
 use crate::export::{self, curves, figure, foreign};
@@ -27,7 +28,8 @@ pub struct Method {
     pub name: String,
     /// The text that asked for it; only for the report.
     pub spec: String,
-    /// What to do. Its folder, volume file and snapshots are ignored. All methods run on the device of the first.
+    /// What to do. Its folder, volume file and snapshots are ignored. All methods run on the device of the first. With a
+    /// preview, its curve begins with that: as soon as it would be shown.
     pub request: Request,
 }
 
@@ -108,6 +110,7 @@ pub fn compare(
         let method = &methods[at];
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
+        let preview = Shown::first(&method.request, loaded, &gpu, &truth)?;
         let solved = reconstruct::solve(
             &method.request,
             loaded,
@@ -121,8 +124,8 @@ pub fn compare(
             done.mask_by(&truth)?;
         }
         match &mut runs[at] {
-            Some(runs) => runs.add(&done),
-            none => *none = Some(Runs::new(done)),
+            Some(runs) => runs.add(&done, preview.as_ref()),
+            none => *none = Some(Runs::new(done, preview)),
         }
     }
     let runs: Vec<Runs> = runs.into_iter().flatten().collect();
@@ -160,37 +163,82 @@ struct Measured<'f> {
     metrics: Metrics,
 }
 
-/// The runs of one method.
+/// What is there to see before the solve.
+struct Shown {
+    lateral: usize,
+    /// Seconds until then, from the beginning.
+    seconds: f64,
+    metrics: Metrics,
+}
+
+impl Shown {
+    /// The preview of `request`, if it asks for one and there is one.
+    ///
+    /// # Errors
+    /// Those of [`metrics`].
+    fn first(request: &Request, loaded: &Loaded, gpu: &Gpu, truth: &Truth) -> Result<Option<Shown>> {
+        let start = Instant::now();
+        // What goes wrong here is left for the solve itself to tell, as without a comparison.
+        let maps = request.preview.then(|| preview::first_maps(request, &loaded.capture, gpu).ok()).flatten();
+        let Some(mut maps) = maps else { return Ok(None) };
+        let seconds = start.elapsed().as_secs_f64();
+        if request.mask_fraction.is_some() {
+            maps.set_mask(request.mask_fraction);
+        }
+        let metrics = metrics(&maps, truth, request.mask_fraction)?.brief();
+        Ok(Some(Shown { lateral: maps.nx, seconds, metrics }))
+    }
+}
+
+/// The runs of one method. A preview's time is part of them.
 struct Runs {
     first: Finished,
-    /// Seconds of every run at each iteration of the trace.
+    /// The preview of the first run.
+    preview: Option<Shown>,
+    /// Seconds of every run at each iteration of the trace; 0: of the preview.
     at: BTreeMap<usize, Vec<f64>>,
     totals: Vec<f64>,
 }
 
 impl Runs {
-    fn new(first: Finished) -> Runs {
-        let at = first.result.trace.iter().map(|p| (p.iteration, vec![p.seconds])).collect();
-        Runs { at, totals: vec![first.result.solve_seconds], first }
+    fn new(first: Finished, preview: Option<Shown>) -> Runs {
+        let mut runs = Runs { at: BTreeMap::new(), totals: vec![], first, preview };
+        let Runs { at, totals, first, preview } = &mut runs;
+        add(at, totals, first, preview.as_ref());
+        runs
     }
 
-    fn add(&mut self, again: &Finished) {
-        for point in &again.result.trace {
-            self.at.entry(point.iteration).or_default().push(point.seconds);
-        }
-        self.totals.push(again.result.solve_seconds);
+    fn add(&mut self, again: &Finished, preview: Option<&Shown>) {
+        add(&mut self.at, &mut self.totals, again, preview);
     }
 
     /// The measured points of the first run. Times are medians over all runs that reached the point.
     fn trace(&self) -> Vec<TraceEntry> {
-        let mut trace = self.first.trace();
-        trace.retain(|entry| entry.metrics.is_some());
+        let preview = self.preview.as_ref().map(|shown| TraceEntry {
+            lateral: shown.lateral,
+            loss: f64::NAN,
+            metrics: Some(shown.metrics.clone()),
+            ..TraceEntry::default()
+        });
+        let measured = self.first.trace().into_iter().filter(|entry| entry.metrics.is_some());
+        let mut trace: Vec<TraceEntry> = preview.into_iter().chain(measured).collect();
         for entry in &mut trace {
             let seconds = self.at.get(&entry.iteration).and_then(|all| median(all));
             entry.seconds = seconds.unwrap_or(entry.seconds);
         }
         trace
     }
+}
+
+/// Adds the times of a run.
+fn add(at: &mut BTreeMap<usize, Vec<f64>>, totals: &mut Vec<f64>, done: &Finished, preview: Option<&Shown>) {
+    let before = preview.map_or(0.0, |shown| shown.seconds);
+    let of_preview = preview.map(|shown| (0, shown.seconds));
+    let of_trace = done.result.trace.iter().map(|p| (p.iteration, before + p.seconds));
+    for (iteration, seconds) in of_preview.into_iter().chain(of_trace) {
+        at.entry(iteration).or_default().push(seconds);
+    }
+    totals.push(before + done.result.solve_seconds);
 }
 
 impl Comparison {
@@ -296,6 +344,7 @@ impl Comparison {
                 iterations: last.map_or(0, |p| p.iteration),
                 seconds: median(&run.totals).unwrap_or(0.0),
                 repeats_s: run.totals.clone(),
+                preview_s: run.preview.as_ref().and_then(|_| median(run.at.get(&0)?)),
                 active: last.map_or(0, |p| p.active),
                 active_ratio: last.map_or(0.0, |p| p.active_ratio),
                 metrics: run.first.metrics.clone().unwrap_or_default(),
@@ -322,6 +371,7 @@ impl Comparison {
                 iterations: 0,
                 seconds: foreign.seconds,
                 repeats_s: vec![foreign.seconds],
+                preview_s: None,
                 active: 0,
                 active_ratio: 0.0,
                 reach: reached(&goal, &trace),

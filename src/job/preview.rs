@@ -49,8 +49,7 @@ impl Preview {
         let (start, folder) = (Instant::now(), &request.out);
         let folder_made = (!folder.exists()).then(|| folder.clone());
         let mut preview = Preview { file: folder.join(PREVIEW), folder: folder_made, seconds: 0.0 };
-        let first = transform(request, capture, gpu).or_else(|_| project(request, capture, gpu));
-        let Ok(maps) = first else { return Ok(None) };
+        let Ok(maps) = first_maps(request, capture, gpu) else { return Ok(None) };
         if create_dir(folder).and_then(|()| preview.show(&maps)).is_err() {
             return Ok(None);
         }
@@ -89,6 +88,14 @@ impl Drop for Preview {
         let _ = fs::remove_file(&self.file);
         let _ = self.folder.as_ref().map(fs::remove_dir);
     }
+}
+
+/// What `reconstruct` shows first.
+///
+/// # Errors
+/// The device fails, or no grid fits.
+pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+    transform(request, capture, gpu).or_else(|_| project(request, capture, gpu))
 }
 
 /// The light-cone transform: sharper than a back-projection, and sooner there.

@@ -386,6 +386,15 @@ fn every_method_and_other_programs_stand_in_one_table() {
         assert!(method["metrics"]["best_iou"].as_f64().unwrap() > 0.2, "{name}");
         assert!(method["seconds"].as_f64().unwrap() > 0.0 && table.contains(name), "{name}");
     }
+    // The solver shows the maps of a closed-form method first.
+    assert_eq!(names[..2], ["vector", "paper"]);
+    let trace = methods[0]["trace"].as_array().unwrap();
+    assert_eq!(trace[0]["iteration"], 0);
+    assert_eq!(trace[0]["seconds"], methods[0]["preview_s"]);
+    assert!(trace[0]["best_iou"].as_f64().unwrap() > 0.2, "{}", trace[0]);
+    let seconds = figures(&methods[0]["trace"], "seconds");
+    assert!(trace.len() > 1 && 0.0 < seconds[0] && seconds[0] < seconds[1], "{seconds:?}");
+    assert!(methods[1]["preview_s"].is_null() && methods[1]["trace"][0]["iteration"] != 0);
     // The same maps, whoever made them.
     assert_eq!(methods[3]["metrics"], methods[11]["metrics"]);
     assert!(table.contains("theirs (foreign) | another GPU"), "{table}");

@@ -280,10 +280,11 @@ impl Left {
         let unit = elements / (2.0 * f64::from(held.scene(grid).render_scale));
         let rows = held.bins_of(residual);
         let squares = |sum: usize| {
+            let mut bins: Vec<[f64; 2]> = Vec::with_capacity(held.bins);
             let of_pair = |(r, m): (&[f32], &[f32])| {
-                let bins: Vec<[f64; 2]> = (r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0))
-                    .map(|((r, m), w)| [f64::from(*r) * unit / w, f64::from(*m)])
-                    .collect();
+                bins.clear();
+                let weighted = r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0);
+                bins.extend(weighted.map(|((r, m), w)| [f64::from(*r) * unit / w, f64::from(*m)]));
                 let of_sum = |k: usize| -> f64 {
                     bins.chunks_exact(sum).map(|bins| bins.iter().map(|b| b[k]).sum::<f64>().powi(2)).sum()
                 };
