@@ -238,7 +238,7 @@ mod tests {
         write(&file, "a </script> & \"b\"", &maps, &light, &report, &["</script><b>".into()]).unwrap();
         let page = std::fs::read_to_string(&file).unwrap();
         assert_eq!(page.matches("</script>").count(), 3, "one for each element");
-        assert!(page.contains("<title>thirdbounce: a &lt;/script> &amp; &quot;b&quot;</title>"));
+        assert!(page.contains("<title>thirdbounce: a &lt;/script&gt; &amp; &quot;b&quot;</title>"));
         assert!(!page.contains("http://") || !page.contains("src=\"http"), "nothing is fetched");
         assert!(page.len() < 3_000_000);
     }
