@@ -30,7 +30,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::Result;
-use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate};
+use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate, recorded_gate};
 use crate::solve::Preset;
 use crate::tags;
 
@@ -216,11 +216,23 @@ fn prepared(
     let mut gate = input.gate;
     if gate.is_none() && !input.no_auto_gate {
         let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
+        // First, as it fills what other gates are found by.
+        let recorded = recorded_gate(&mut capture).map(|(found, filled)| {
+            if filled > 0 {
+                notes.push(format!(
+                    "{filled} pairs were not recorded, or not as long as the others: the mean of their neighbours in the scan \
+                     takes their place"
+                ));
+            }
+            found
+        });
         let direct = auto_gate(&capture);
         let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
-        for found in direct.into_iter().chain(published) {
+        // Half of the bins may be more than were recorded.
+        let published = published.filter(|p| recorded.as_ref().is_none_or(|r| !p.gate.holds(r.gate)));
+        for found in recorded.into_iter().chain(direct).chain(published) {
             notes.push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
-            gate = Some(found.gate);
+            gate = Some(gate.map_or(found.gate, |before: Gate| before.within(found.gate)));
         }
         if let Some(gate) = gate {
             capture.set_gate(gate)?;

@@ -20,6 +20,7 @@ mod normals;
 pub mod pairs;
 mod pile_up;
 pub mod pulse;
+mod recorded;
 pub mod scan;
 mod seen;
 pub(crate) mod sum;
@@ -33,6 +34,7 @@ pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use keep::Keep;
 pub use pairs::{PairKind, Product};
 pub use pulse::{Pulse, PulseTaps, Way};
+pub use recorded::recorded_gate;
 pub use summary::Summary;
 pub use turn::Turn;
 

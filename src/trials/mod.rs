@@ -42,6 +42,10 @@ const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, REFUTES)];
 /// iterations only leave less (benches/NOTES.md).
 const REFUTES: f64 = 0.9;
 
+/// A pulse as long as this share of the wall's width hides shapes: a volume that is as thick as the pulse leaves less than a
+/// surface, whatever light does with the angle. So it refutes nothing.
+const HIDES: f64 = 0.125;
+
 /// A model that leaves so many times as much as the best one with sharp paths is not tried with a pulse.
 const HOPELESS: f64 = 2.0;
 
@@ -241,6 +245,8 @@ struct Trials<'t> {
     narrowest: f64,
     /// The pulse of the capture, if it has one.
     known: Option<Pulse>,
+    /// Width of the wall, metres.
+    wall: f64,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     tried: Vec<Tried>,
 }
@@ -261,7 +267,7 @@ impl<'t> Trials<'t> {
             ));
         }
         let thin = capture.subset((2 * PAIRS).min(capture.pair_count()), 0)?;
-        let confocal = capture.is_confocal();
+        let (confocal, [x0, x1, y0, y1]) = (capture.is_confocal(), capture.wall_extent());
         let options = quick(all[0].as_vector(confocal), confocal);
         let of_all = || default_volume(capture, options.domain.min_depth);
         let volume: Volume = ask.discretisation.volume.map_or_else(of_all, Ok)?;
@@ -278,6 +284,7 @@ impl<'t> Trials<'t> {
             bin_width: thin.bin_width,
             narrowest: pulse::NARROWEST * of_solve / thin.bin_width,
             known: capture.pulse.clone(),
+            wall: (x1 - x0).max(y1 - y0),
             hear,
             tried: vec![],
         })
@@ -303,7 +310,9 @@ impl<'t> Trials<'t> {
     /// voxels have normals of their own, predicts other pairs better.
     fn refuted(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Refuted>> {
         let knows_another = self.models.iter().any(|m| m.0 == WITHOUT_NORMALS);
-        if !reflectance.has_normals() || !knows_another {
+        let known = self.known.as_ref().map_or(0.0, Pulse::fwhm);
+        let hides = fwhm.max(known) > HIDES * self.wall;
+        if !reflectance.has_normals() || !knows_another || hides {
             return Ok(None);
         }
         let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };

@@ -33,6 +33,7 @@ mod options;
 pub mod passes;
 mod pixels;
 mod schedule;
+mod stairs;
 mod weights;
 
 pub(super) use go_on::{Beginning, GoOn};
@@ -167,7 +168,13 @@ fn begun(job: &mut OnDevice, driven: &Driven, factor: usize) -> Result<Vec<Maps>
     let least = least(&job.plan, &level.grid);
     let layers = layers::split(&driven.maps, &second, least);
     let layers = layers.map_or_else(|| vec![driven.maps.clone()], Vec::from);
-    Ok(if factor > 1 { layers.iter().map(|maps| maps.finer(factor)).collect() } else { layers })
+    let mut layers: Vec<Maps> = match factor {
+        1 => layers,
+        _ => layers.iter().map(|maps| maps.finer(factor)).collect(),
+    };
+    let pixel = level.grid.pitch.x / factor as f64;
+    layers.iter_mut().for_each(|maps| stairs::level(maps, level.grid.pitch.z, pixel));
+    Ok(layers)
 }
 
 /// Pixels of the smallest region with two surfaces that counts.
