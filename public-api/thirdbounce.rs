@@ -265,6 +265,8 @@ pub mod capture {
         }
         impl Gate {
             pub fn parse(text: &str) -> Result<Gate> {}
+            pub fn holds(self, other: Gate) -> bool {}
+            pub fn within(self, other: Gate) -> Gate {}
         }
         impl std::fmt::Display for Gate {}
         impl Capture {
@@ -379,6 +381,9 @@ pub mod capture {
             pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {}
         }
     }
+    mod recorded {
+        pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {}
+    }
     pub mod scan {
         pub fn unit_of(width: f64) -> f64 {}
         pub fn decimals(usual: usize, width: f64) -> usize {}
@@ -467,6 +472,7 @@ pub mod capture {
     pub use keep::Keep;
     pub use pairs::{PairKind, Product};
     pub use pulse::{Pulse, PulseTaps, Way};
+    pub use recorded::recorded_gate;
     pub use summary::Summary;
     pub use turn::Turn;
     pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;

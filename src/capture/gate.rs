@@ -48,12 +48,12 @@ impl Gate {
     }
 
     /// Whether all paths of `other` are in this gate.
-    pub(crate) fn holds(self, other: Gate) -> bool {
+    pub fn holds(self, other: Gate) -> bool {
         self.from <= other.from && self.to >= other.to
     }
 
     /// The paths in both gates; those of `other` if there are none.
-    pub(crate) fn within(self, other: Gate) -> Gate {
+    pub fn within(self, other: Gate) -> Gate {
         let both = Gate { from: self.from.max(other.from), to: self.to.min(other.to) };
         if both.from < both.to { both } else { other }
     }

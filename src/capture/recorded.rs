@@ -38,8 +38,8 @@ fn ends(capture: &Capture) -> [Vec<usize>; 2] {
 
 /// Looks for a gate of the instrument: after a bin that is nearly the same for all pairs there are zeros only, although the
 /// light has not faded. Where it closes so, it may also open so. Returns the paths that nearly all pairs recorded, or
-/// `None` if nothing shows a gate; and how many pairs that were not recorded are filled first
-/// ([`Capture::fill_unrecorded`]).
+/// `None` if nothing shows a gate. Whole counts of pairs that were not recorded, or not as long as the others, become the
+/// mean of their neighbours in the scan first; the number is how many.
 pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {
     let bins = capture.bins;
     let [_, last] = ends(capture);

@@ -3,7 +3,8 @@
 use fixtures::captures::{assert_error, capture, ramp};
 use glam::DVec3;
 use thirdbounce::Kind;
-use thirdbounce::capture::{Capture, Gate, auto_gate};
+use thirdbounce::capture::{Capture, Gate, auto_gate, write};
+use thirdbounce::job::{Input, load};
 
 #[test]
 fn a_good_capture_passes() {
@@ -157,6 +158,34 @@ fn without_a_direct_peak_there_is_no_gate() {
     assert_eq!(gate(&|p, b| if b == p % 12 { 900.0 } else { indirect(p, b) }), None);
     // A flat surface parallel to the wall, far from it.
     assert_eq!(gate(&|p, b| if b == 60 { 900.0 } else { indirect(p, b) }), None);
+}
+
+/// Photons over a background, as a gated instrument records them: from bin 40 to 200 of 256, one column of the scan from bin 130.
+#[test]
+fn what_a_gated_instrument_did_not_record_is_not_taken_as_dark() {
+    let late = |pair: usize| pair / 8 == 5;
+    let recorded = |pair: usize, bin: usize| (if late(pair) { 130 } else { 40 }..200).contains(&bin);
+    let count =
+        |p: usize, b: usize| if recorded(p, b) { (20.0 * indirect(p, b)).round() + 10.0 } else { 0.0 };
+    let mut c = capture([8, 8], 256, count);
+    c.integer_counts = true;
+    let (edge, end) = (c.t_start + 40.0 * c.bin_width, c.t_start + 200.0 * c.bin_width);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("gated.npz");
+    write(&c, &path).unwrap();
+    let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
+    let notes = loaded.notes.join("\n");
+    assert!(
+        notes.contains("8 pairs were not recorded") && notes.contains("the instrument recorded"),
+        "{notes}"
+    );
+    let gate = loaded.gate.expect("a gate");
+    // Of them, captured counts keep the half of all bins with the most counts.
+    assert!(gate.from >= edge - 1e-9 && gate.to <= end + 1e-9, "{gate}");
+    assert!(loaded.capture.histograms.iter().all(|v| *v > 0.0), "no zeros of a closed detector are left");
+    // Whoever asks for all bins gets the file's own counts.
+    let all = load(&Input { path, no_auto_gate: true, ..Input::default() }).unwrap();
+    assert_eq!((all.capture.histograms, all.gate), (c.histograms, None));
 }
 
 #[test]

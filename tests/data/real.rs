@@ -6,7 +6,7 @@ use fixtures::captures::{angles, assert_error, assert_no_target, changed, place,
 use fixtures::command::succeed;
 use thirdbounce::Kind;
 use thirdbounce::capture::calibrate::time_zero;
-use thirdbounce::capture::{Capture, Given, auto_gate, read, read_given, write};
+use thirdbounce::capture::{Capture, Given, auto_gate, read, read_given, recorded_gate, write};
 use thirdbounce::export::npz;
 
 pub fn real_captures_are_read_and_gated(data: &Path) {
@@ -29,6 +29,12 @@ pub fn real_captures_are_read_and_gated(data: &Path) {
             }
             None => assert!(!name.starts_with("su_"), "{name}"),
         }
+        let mut whole = c.clone();
+        let recorded = recorded_gate(&mut whole).map(|(found, filled)| {
+            assert!(filled == 0 && whole == c, "{name}");
+            [found.gate.from, found.gate.to].map(|path| (100.0 * path).round())
+        });
+        assert_eq!(recorded, name.starts_with("z_captured").then_some([75.0, 180.0]), "{name}");
         let [x0, x1, _, _] = c.wall_extent();
         assert!(x1 - x0 > 0.5 && x1 - x0 < 2.1, "{name}");
     }
@@ -153,6 +159,8 @@ pub fn trials_tell_how_captured_things_reflect(data: &Path) {
         ("native/lct_data_s_u.mat", "retroreflective"),
         ("z_captured_confocal_64.npz", "lambertian"),
         ("spheres_confocal_32.npz", "lambertian"),
+        // A pulse of a quarter of the wall, columns whose gates open late.
+        ("native/km_mannequin.mat", "lambertian"),
     ] {
         let [capture, out] = [data.join(name), folder.path().join(model)].map(|p| p.display().to_string());
         // The trials are whole, the solve after them is not.
