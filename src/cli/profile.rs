@@ -171,11 +171,11 @@ fn check_device(args: &Args) -> Result<()> {
     let gpu = open(false)?;
     let limits = limits::measure(&gpu)?;
     let mut text = format!("device    {} ({})\n", gpu.info.name, gpu.info.driver);
-    text += &format!("{:<10}{:<10}{:<14}{:>14}{:>10}\n", "solver", "adding", "pass", "error", "allowed");
+    text += &format!("{:<16}{:<10}{:<14}{:>14}{:>10}\n", "solver", "adding", "pass", "error", "allowed");
     for c in &checks {
         let error = format!("{:.1e}{}", c.error, if c.passed() { "" } else { " WRONG" });
         text +=
-            &format!("{:<10}{:<10}{:<14}{error:>14}{:>10.0e}\n", c.solver, c.accumulation, c.pass, c.allowed);
+            &format!("{:<16}{:<10}{:<14}{error:>14}{:>10.0e}\n", c.solver, c.accumulation, c.pass, c.allowed);
     }
     print(&(text + &limits_text(&limits)));
     gpu.validation_messages().iter().for_each(|message| say(&format!("validation: {message}")));
