@@ -9,7 +9,7 @@ use thirdbounce::transport::{Geometry, Reflectance};
 
 use crate::stiffness::{condition, iterations_to};
 use fixtures::device::vectors::run_iteration;
-use fixtures::device::{ACCUMULATIONS, set_counts, write_samples};
+use fixtures::device::{accumulations, set_counts, write_samples};
 use fixtures::extreme::{Case, Passes, cases, passes, passes_of, plain_kernels, solve};
 
 /// Targets: error over the largest value, and over the largest value of each histogram.
@@ -36,10 +36,7 @@ fn figures(p: &Passes) -> String {
 /// Worst errors over the accumulation paths, with the scene's kernels and with those of ordinary scenes.
 fn both(gpu: &Gpu, case: &Case) -> [Passes; 2] {
     let [mut now, mut before] = [Passes::default(); 2];
-    for a in ACCUMULATIONS {
-        if a == Accumulation::Float && !gpu.accumulations.float {
-            continue;
-        }
+    for a in accumulations(gpu) {
         now = worse(now, passes(gpu, case, a));
         let mut job = case.job(gpu, a);
         if job.plan.fine || job.plan.runs {

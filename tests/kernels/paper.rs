@@ -88,7 +88,7 @@ pub fn forward_on_every_accumulation_path() {
         let want = twin::forward(&twin, &samples);
         let peak = samples.iter().fold(0.0f64, |a, s| a.max(s.albedo.abs()));
         let mut fixed: Vec<Vec<i64>> = vec![];
-        for accumulation in ACCUMULATIONS {
+        for accumulation in accumulations(&gpu) {
             let mut o = options(&model, &grid);
             o.accumulation = accumulation;
             let mut job = job(&gpu, &model, &grid, &o);
@@ -109,7 +109,10 @@ pub fn forward_on_every_accumulation_path() {
             let e = error(got, want.iter().copied());
             assert!(e < 2e-5, "{binning:?} {accumulation:?}: {e}");
         }
-        assert!(fixed[0] == fixed[1], "64-bit atomics and pairs of 32-bit ones give the same bits");
+        assert!(
+            fixed.iter().all(|sums| *sums == fixed[0]),
+            "64-bit atomics and pairs of 32-bit ones give the same bits"
+        );
     }
     assert_valid(&gpu);
 }
@@ -356,7 +359,10 @@ pub fn update_continuous_and_fixed() {
             [(buffer::MOMENT_FIRST, &first), (buffer::MOMENT_SECOND, &second), (buffer::RAW, &raw)]
         {
             let want = twin::carry(&touched, want);
-            assert!(error(read_state(&mut job, buffer, &touched, want.len()).concat(), want.concat()) < 1e-5);
+            let e = error(read_state(&mut job, buffer, &touched, want.len()).concat(), want.concat());
+            // A rate of almost zero is one less a cosine, which drivers need not round well.
+            let most = if rate < 0.1 { 4e-5 } else { 1e-5 };
+            assert!(e < most, "{buffer:?}: {e}");
         }
     }
     assert_valid(&gpu);

@@ -237,9 +237,10 @@ fn check_steps(gpu: &Gpu, spread: f64) {
         assert!(spread > 0.0 || field.heights[alone] == before[alone]);
         run_surface(&mut job, field.len(), number as usize - 1, &["surface_pull", "surface_step"]);
         let got = read_heights(&mut job, field.len());
-        // The step of a nearly balanced depth is a quotient of two small numbers.
+        // The step of a nearly balanced depth is a quotient of two small numbers, and its rate is one less a cosine, which
+        // drivers need not round well.
         for (k, e) in [0, 1].map(|k| (k, error(halves(&got)[k].clone(), halves(&field.heights)[k].clone()))) {
-            assert!(e < 3e-6, "spread {spread} step {number}, {k}: {e}");
+            assert!(e < 5e-6, "spread {spread} step {number}, {k}: {e}");
         }
         dark += field.heights.iter().filter(|h| h.albedo == 0.0).count();
         ends += field.heights.iter().filter(|h| h.depth == near || h.depth == far).count();

@@ -109,7 +109,7 @@ pub fn forward_and_weighted_residual_on_every_accumulation_path() {
     let (base, grid) = (scene(5, 64, 3), grid());
     let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
     for model in [&base, &product] {
-        for accumulation in ACCUMULATIONS {
+        for accumulation in accumulations(&gpu()) {
             for bounding in [false, true] {
                 check_forward(model, &grid, accumulation, bounding, 0, true);
                 if accumulation == Accumulation::Owned {
@@ -131,7 +131,7 @@ pub fn forward_and_weighted_residual_through_a_pulse() {
     let long = PulseTaps { before: 30, weights: (0..70).map(|i| f64::from(i % 7 + 1) / 280.0).collect() };
     let early = PulseTaps { before: 5, weights: vec![0.5, 0.3, 0.2, 0.0, 0.0, 0.0] };
     let late = PulseTaps { before: 0, weights: vec![0.0, 0.0, 0.0, 0.6, 0.4] };
-    for accumulation in ACCUMULATIONS {
+    for accumulation in accumulations(&gpu()) {
         let model = Model { pulse: Some(tail()), ..base.clone() };
         for bounding in [false, true] {
             check_forward(&model, &grid, accumulation, bounding, 0, true);
@@ -161,7 +161,7 @@ fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
 #[test]
 pub fn forward_and_weighted_residual_through_spots() {
     let (base, grid) = (scene(5, 61, 3), grid());
-    for accumulation in ACCUMULATIONS {
+    for accumulation in accumulations(&gpu()) {
         for pulse in [None, Some(tail())] {
             let model = Model { pulse, ..spotted(&base, [0.1, 0.0]) };
             assert_eq!(model.rendered.as_ref().unwrap().stages.len(), 2);

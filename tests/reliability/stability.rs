@@ -1,7 +1,7 @@
 //! Stiff and extreme cases against the float64 twins: single passes, then ten iterations. `cargo bench --bench stability`
 //! has whole solves and figures, `make soak` long runs.
 
-use fixtures::device::{ACCUMULATIONS, assert_valid, gpu};
+use fixtures::device::{accumulations, assert_valid, gpu};
 use fixtures::extreme::{Case, cases, passes, solve};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::solve::Accumulation;
@@ -39,7 +39,7 @@ fn every_path_on_the_stiffest() {
         cases::crowded(64, 64),
     ];
     for case in stiff {
-        hold(&gpu, &case, &ACCUMULATIONS);
+        hold(&gpu, &case, &accumulations(&gpu));
     }
     assert_valid(&gpu);
 }

@@ -111,7 +111,7 @@ fn iterations_on_the_device_follow_the_twins() {
     let g = grid();
     let twin = Twin { model: &m, grid: &g };
     use thirdbounce::transport::twin;
-    for accumulation in ACCUMULATIONS {
+    for accumulation in accumulations(&gpu) {
         let mut o = options(&m, &g);
         o.accumulation = accumulation;
         let mut job = job(&gpu, &m, &g, &o);

@@ -131,7 +131,7 @@ fn edges_centres_and_what_lies_beyond() {
     for geometry in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product] {
         for binning in [Binning::Linear, Binning::Nearest] {
             let model = scene(geometry, binning);
-            for accumulation in ACCUMULATIONS {
+            for accumulation in accumulations(&gpu) {
                 check(&gpu, &model, accumulation, false, 0);
             }
             check(&gpu, &model, Accumulation::Owned, true, 0);
