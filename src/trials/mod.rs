@@ -42,6 +42,10 @@ const VOLUMES: [(usize, f64); 3] = [(20, 2.0), (40, 1.15), (80, REFUTES)];
 /// iterations only leave less (benches/NOTES.md).
 const REFUTES: f64 = 0.9;
 
+/// Surfaces begin with a short volume in coarse voxels. If it leaves more than so many times as much as the surface, a longer one
+/// in finer voxels does not refute the model. Where one did, it left 2.1 times as much at most (benches/NOTES.md).
+const FAR: f64 = 3.0;
+
 /// A pulse as long as this share of the wall's width hides shapes: a volume that is as thick as the pulse leaves less than a
 /// surface, whatever light does with the angle. So it refutes nothing.
 const HIDES: f64 = 0.125;
@@ -299,7 +303,7 @@ impl<'t> Trials<'t> {
             return Ok(same.left.clone());
         }
         let shared = self.models[0].1.own().filter(|_| *first != reflectance && begun == Begun::Alike);
-        let start = shared.map_or(Start::Own, |maps| Start::Of(Box::new(maps.clone())));
+        let start = shared.map_or(Start::Own, |own| Start::Of(Box::new(own.maps.clone())));
         let left =
             self.with_trial(reflectance, fwhm, |trial, pulse, watch| trial.fit(start, pulse, watch))?;
         self.tried.push(Tried { reflectance, fwhm, begun, left: left.clone() });
@@ -317,6 +321,9 @@ impl<'t> Trials<'t> {
         }
         let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
+        if self.models[0].1.own().is_some_and(|own| own.left.share() > FAR * surface.share()) {
+            return Ok(None);
+        }
         let (mut most, mut better) = (VOLUMES.iter().map(|of| of.1 * surface.share()), None);
         let mut compare = |volume: Option<Left>| {
             let (Some(volume), Some(most)) = (volume, most.next()) else { return false };

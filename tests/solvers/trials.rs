@@ -3,27 +3,33 @@
 use std::ops::ControlFlow;
 
 use fixtures::device::*;
-use thirdbounce::solve::vector::{Left, Trial};
+use thirdbounce::solve::vector::{Left, Start, Trial};
 use thirdbounce::solve::{Accumulation, Progress, VectorOptions};
 use thirdbounce::transport::{Grid, Volume};
 
 use super::session::{frames, scan};
 
-/// What a volume leaves after each of these numbers of iterations, up to the `last`th one.
-fn left(iterations: &[usize], last: usize) -> Vec<Left> {
-    let gpu = gpu();
+/// Trials of one frame, with the same bits in every run.
+fn trial() -> Trial {
     let mut capture = scan(12, 0.02);
     capture.histograms = frames(&capture)[0].clone();
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.3), max: glam::dvec3(0.5, 0.5, 1.0) };
     let options = VectorOptions::default().with(|o| {
         o.lateral = 24;
+        o.iterations = 8;
+        o.surface.iterations = 30;
         o.domain.coarse_iterations = 2;
         o.domain.reduce_every = 2;
         o.bound_every = 4;
         o.accumulation = Accumulation::Repeatable;
         o.stop = false;
     });
-    let mut trial = Trial::new(&gpu, &capture, Grid::new(volume, 24, 0.02).unwrap(), options, None);
+    Trial::new(&gpu(), &capture, Grid::new(volume, 24, 0.02).unwrap(), options, None)
+}
+
+/// What a volume leaves after each of these numbers of iterations, up to the `last`th one.
+fn left(iterations: &[usize], last: usize) -> Vec<Left> {
+    let mut trial = trial();
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let mut all = vec![];
     let mut go_on = |found: Option<Left>| {
@@ -42,4 +48,21 @@ fn a_volume_that_goes_on_after_it_was_judged_ends_as_one_in_one_go() {
     let shares: Vec<f64> = on_the_way.iter().map(Left::share).collect();
     assert!(shares[0] > shares[1] && shares[1] > shares[2], "{shares:?}");
     assert_eq!(left(&[4, 7, 12], 2), on_the_way[..2], "it ends when it is told to");
+}
+
+#[test]
+fn a_surface_does_not_depend_on_the_judgement_of_the_volume_before_it() {
+    let mut trial = trial();
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let mut fit = |trial: &mut Trial, start| {
+        trial.fit(start, None, &mut unwatched(&mut hear)).unwrap().expect("a surface")
+    };
+    // The first fits a volume and judges it; the second begins with that volume's maps.
+    let [first, second] = [(); 2].map(|()| fit(&mut trial, Start::Own));
+    assert_eq!(first, second);
+    let own = trial.own().expect("a volume of its own").clone();
+    assert!(
+        own.left.pairs.len() == first.pairs.len() && own.left.share() > first.share(),
+        "{own:?} {first:?}"
+    );
 }

@@ -32,8 +32,17 @@ pub struct Trial {
     grid: Grid,
     options: VectorOptions,
     memory: Option<u64>,
-    /// The maps of a volume of its own, once there is one. It was fitted with the first pulse that was tried.
-    own: Option<Maps>,
+    /// A volume of its own, once there is one. It was fitted with the first pulse that was tried.
+    own: Option<Own>,
+}
+
+/// The volume that surfaces begin with.
+#[derive(Debug, Clone)]
+pub struct Own {
+    /// Its maps.
+    pub maps: Maps,
+    /// What it leaves of the pairs that it has not seen.
+    pub left: Left,
 }
 
 /// What the surface of a trial begins with.
@@ -59,8 +68,8 @@ impl Trial {
         Trial { gpu: gpu.clone(), sides, grid, options, memory, own: None }
     }
 
-    /// The maps of its own volume, once there is one.
-    pub fn own(&self) -> Option<&Maps> {
+    /// Its own volume, once there is one.
+    pub fn own(&self) -> Option<&Own> {
         self.own.as_ref()
     }
 
@@ -85,12 +94,13 @@ impl Trial {
             }
         });
         let begun = match start {
-            Start::Own => self.own.clone(),
+            Start::Own => self.own.as_ref().map(|own| own.maps.clone()),
             Start::Of(maps) => Some(*maps),
         };
-        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, false)?;
+        let judges_volume = begun.is_none();
+        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, judges_volume)?;
         let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
-        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan.clone(), self.memory)?;
         let driven = match begun {
             Some(maps) => {
                 job.executor.run_once(|s| surface::cleared(s, &job.plan))?;
@@ -99,12 +109,13 @@ impl Trial {
             }
             None => {
                 make_ready(&mut job)?;
-                solve_volume(&self.gpu, &mut job, &options, watch, None, None)?
+                let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
+                let left = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?;
+                job.put(self.sides.seen.clone(), plan)?;
+                self.own = Some(Own { maps: driven.maps.clone(), left });
+                driven
             }
         };
-        if is_own {
-            self.own.get_or_insert_with(|| driven.maps.clone());
-        }
         let refined =
             surface::refine(&self.gpu, &mut job, &options.surface, watch, driven, Beginning::Volume)?;
         if refined.pixels == 0 {
@@ -153,8 +164,7 @@ impl Trial {
             let left = if is_empty {
                 None
             } else {
-                let s = Schedule::of(|s| render_volume(s, &plan_of_held, &level));
-                Some(self.sides.judge(&mut job, plan_of_held.clone(), &level, s, 1)?)
+                Some(self.sides.judge_volume(&mut job, &plan_of_held, &level)?)
             };
             if !go_on(left) || is_empty {
                 break;
@@ -239,6 +249,17 @@ impl Sides {
         let residual = plan.bytes_of(buffer::RESIDUAL);
         plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, residual, Place::Readback));
         Ok([plan, plan_of_held].map(Arc::new))
+    }
+
+    /// [`Self::judge`] of the volume at `level`, with all its bins.
+    ///
+    /// # Errors
+    /// The device fails.
+    fn judge_volume(&self, job: &mut OnDevice, plan_of_held: &Arc<Plan>, level: &Level) -> Result<Left> {
+        let same = |of: &&Level| of.grid == level.grid;
+        let level = *plan_of_held.levels.iter().find(same).unwrap_or(plan_of_held.finest());
+        let s = Schedule::of(|s| render_volume(s, plan_of_held, &level));
+        self.judge(job, plan_of_held.clone(), &level, s, 1)
     }
 
     /// Puts the pairs that judge in the place of those that were fitted, renders and compares by `compared`, and tells
