@@ -4132,6 +4132,11 @@ pub mod solve {
             #[private_fields]
             pub struct Trial {}
             #[derive(Debug, Clone)]
+            pub struct Own {
+                pub maps: Maps,
+                pub left: Left,
+            }
+            #[derive(Debug, Clone)]
             pub enum Start {
                 Own,
                 Of(Box<Maps>),
@@ -4144,7 +4149,7 @@ pub mod solve {
                     options: VectorOptions,
                     memory: Option<u64>,
                 ) -> Trial {}
-                pub fn own(&self) -> Option<&Maps> {}
+                pub fn own(&self) -> Option<&Own> {}
                 pub fn fit(
                     &mut self,
                     start: Start,
@@ -4178,7 +4183,7 @@ pub mod solve {
         pub use prepared::{prepare, prepare_for_frames};
         pub use preview::preview;
         pub use schedule::{due, iteration, start};
-        pub use trial::{Left, PAIRS, Start, Trial};
+        pub use trial::{Left, Own, PAIRS, Start, Trial};
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
             gpu: &Gpu,

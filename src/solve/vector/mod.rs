@@ -49,7 +49,7 @@ pub use prepared::{prepare, prepare_for_frames};
 pub use preview::preview;
 pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};
-pub use trial::{Left, PAIRS, Start, Trial};
+pub use trial::{Left, Own, PAIRS, Start, Trial};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
 const SMOOTH_SIGMA: f64 = 1.0;
