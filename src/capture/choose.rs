@@ -5,6 +5,7 @@ use rand::SeedableRng;
 use rand::seq::index;
 use rand_pcg::Pcg64;
 
+use super::hot;
 use super::lattice::Lattice;
 use super::seen::Seen;
 use super::{Capture, PairKind};
@@ -105,8 +106,9 @@ impl Capture {
 
     /// Leaves out the pairs that were not measured: pairs whose laser or sensor point is NaN, and pairs whose histogram
     /// is NaN in every bin. If the counts are whole and half of the pairs have more than 20, pairs without a single
-    /// count are left out too. If any pair is left out, the scan becomes a list. Returns the capture, the number of
-    /// pairs left out, and sentences that say why.
+    /// count are left out too. So are a few pairs with more than eight times the counts of those around them, which hot
+    /// pixels measured. If any pair is left out, the scan becomes a list. Returns the capture, the number of pairs left
+    /// out, and sentences that say why.
     ///
     /// # Errors
     /// `Kind::Input` if no pair is left.
@@ -167,6 +169,7 @@ enum Fault {
     Point,
     Histogram,
     Dead,
+    Hot,
 }
 
 /// The pairs that were measured, in their order, and sentences that say why the others were not.
@@ -192,6 +195,10 @@ impl Measured {
         tell(Fault::Point, "their laser or sensor point is not a number");
         tell(Fault::Histogram, "their histogram is not a number in any bin");
         tell(Fault::Dead, "they have not a single count, but half of the pairs have more than 20");
+        tell(
+            Fault::Hot,
+            &format!("they have more than {} times the counts of the pairs around them", hot::TIMES),
+        );
         let pairs: Vec<usize> = (0..faults.len()).filter(|&p| faults[p].is_none()).collect();
         if pairs.is_empty() && !faults.is_empty() {
             return Err(Error::input(
@@ -210,7 +217,7 @@ fn faults(capture: &Capture, seen: &[Seen]) -> Vec<Option<Fault>> {
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
     let dark = capture.integer_counts && median > DEAD_BELOW;
     let points = capture.laser.iter().zip(&capture.sensor);
-    points
+    let mut faults: Vec<Option<Fault>> = points
         .zip(seen)
         .map(|((laser, sensor), seen)| {
             if laser.is_nan() || sensor.is_nan() {
@@ -223,5 +230,11 @@ fn faults(capture: &Capture, seen: &[Seen]) -> Vec<Option<Fault>> {
                 None
             }
         })
-        .collect()
+        .collect();
+    let totals: Vec<Option<f64>> =
+        faults.iter().zip(seen).map(|(fault, seen)| fault.is_none().then_some(seen.total)).collect();
+    for pair in hot::pairs(capture, &totals) {
+        faults[pair] = Some(Fault::Hot);
+    }
+    faults
 }

@@ -11,6 +11,7 @@ mod doubts;
 #[cfg(feature = "formats")]
 pub mod formats;
 pub mod gate;
+mod hot;
 #[cfg(feature = "formats")]
 mod keep;
 pub(crate) mod lattice;

@@ -11,6 +11,8 @@ use crate::error::{Error, Result};
 const NEIGHBOURS: usize = 8;
 /// Points whose second principal variance is below this share of the first lie on a line.
 const COLLINEAR: f64 = 1e-6;
+/// Points whose least principal variance is above this share of the second have no plane.
+const THICK: f64 = 0.1;
 
 impl Capture {
     /// The capture with wall normals on both sides, if the wall needs them. A capture with a planar wall, or with known
@@ -24,6 +26,19 @@ impl Capture {
         let mut with = self.clone();
         let note = with.set_normals()?;
         Ok((with, note))
+    }
+
+    /// The direction that the wall faces: that of its normals in the mean or, where none is known, the one along which its
+    /// points spread least, toward positive coordinates. `None` if the points lie on a line or around no plane.
+    pub(crate) fn facing(&self) -> Option<DVec3> {
+        let known: DVec3 = self.laser_normal.iter().chain(&self.sensor_normal).flatten().sum();
+        known.try_normalize().or_else(|| {
+            let points = self.laser.iter().chain(&self.sensor);
+            let (variances, normal) = principal(&points.map(|p| (1.0, *p)).collect::<Vec<_>>())?;
+            let toward = [normal.z, normal.y, normal.x].into_iter().find(|c| c.abs() > 1e-6);
+            let flat = variances[0] <= THICK * variances[1];
+            flat.then(|| normal * toward.map_or(1.0, f64::signum))
+        })
     }
 
     /// Adds wall normals in place, as [`Capture::with_normals`] does, without a copy of the histograms.
@@ -102,6 +117,12 @@ fn tangent(points: &[DVec3], tree: &Tree, at: DVec3) -> Option<DVec3> {
 
 /// Direction of the least variance of weighted points; `None` if they lie on a line.
 fn plane_normal(weighted: &[(f64, DVec3)]) -> Option<DVec3> {
+    principal(weighted).map(|(_, normal)| normal)
+}
+
+/// The least and the second principal variance of weighted points, and the direction of the least; `None` if the points lie
+/// on a line.
+fn principal(weighted: &[(f64, DVec3)]) -> Option<([f64; 2], DVec3)> {
     let total: f64 = weighted.iter().map(|w| w.0).sum();
     let mean: DVec3 = weighted.iter().map(|(w, p)| *p * (*w / total)).sum();
     let mut moments = DMat3::ZERO;
@@ -113,7 +134,8 @@ fn plane_normal(weighted: &[(f64, DVec3)]) -> Option<DVec3> {
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
     let [least, middle, most] = order;
-    (values[middle] > COLLINEAR * values[most]).then(|| vectors.col(least).normalize())
+    let is_plane = values[middle] > COLLINEAR * values[most];
+    is_plane.then(|| ([values[least], values[middle]], vectors.col(least).normalize()))
 }
 
 /// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.

@@ -8,6 +8,9 @@ use crate::capture::scan::decimals;
 use crate::transport::Volume;
 use crate::{Error, Result};
 
+/// A wall that faces a direction of a smaller z has no depths along z.
+const SIDEWAYS: f64 = 0.3;
+
 /// The default volume, metres: the lateral extent of the wall's scanned part (see [`Capture::wall_extent`]), and the
 /// depths whose light can reach the gated bins. For any pairs and any wall.
 ///
@@ -19,8 +22,14 @@ use crate::{Error, Result};
 /// reconstructed.
 ///
 /// # Errors
-/// `Kind::Options` if no depth is left between the two.
+/// `Kind::Options` if no depth is left between the two. `Kind::Input` if the wall faces along x or y, or away from +z.
 pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
+    if let Some(facing) = capture.facing().filter(|facing| facing.z < SIDEWAYS) {
+        return Err(Error::input(
+            format!("the wall faces ({:.2}, {:.2}, {:.2})", facing.x, facing.y, facing.z),
+            "give points and normals in coordinates in which it lies near z = 0 and faces +z",
+        ));
+    }
     let [x0, x1, y0, y1] = capture.wall_extent();
     let points = || capture.laser.iter().chain(&capture.sensor);
     let front = points().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);

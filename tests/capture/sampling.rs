@@ -1,6 +1,6 @@
 //! Scans of any shape: rectangles, rows, lists, random subsets, pairs that were not measured.
 
-use fixtures::captures::{as_written, assert_error, capture, place};
+use fixtures::captures::{as_written, assert_error, capture, changed, place};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, PairKind, read, read_with_notes, write};
@@ -175,6 +175,45 @@ fn a_file_with_unmeasured_points_is_read_with_a_note() {
     assert_eq!((opened.dropped, opened.notes.len(), opened.capture.pair_count()), (2, 2, 10));
     assert_eq!(opened.capture.resolution(), [3, 4]);
     assert_eq!(opened.capture.pair_kind(), PairKind::Confocal);
+}
+
+#[test]
+fn a_list_of_pairs_needs_no_second_axis() {
+    let points: Vec<f64> = scattered(9, 1.0, 1.0).iter().flat_map(|p| p.to_array()).collect();
+    let h: Vec<f32> = (0..4 * 9).map(|k| 1.0 + k as f32).collect();
+    let stored = |axes: &[usize]| {
+        let (h_shape, of_points) = ([&[4], axes].concat(), [axes, &[3]].concat());
+        let arrays = [
+            ("H", Array::from_f32(&h_shape, &h)),
+            ("sensor_xyz", Array::from_f64(&of_points, &points)),
+            ("laser_xyz", Array::from_f64(&of_points, &points)),
+            ("delta_t", Array::from_f64(&[], &[0.01])),
+        ];
+        let (folder, path) = place("list.npz");
+        std::fs::write(&path, npz_bytes(&arrays).unwrap()).unwrap();
+        (folder, read(&path))
+    };
+    let listed = stored(&[9]).1.unwrap();
+    assert_eq!((listed.scan, listed.pair_kind()), ([9, 1], PairKind::Confocal));
+    assert_eq!(listed.histograms[4..8], [2.0, 11.0, 20.0, 29.0]);
+    assert_eq!(stored(&[9, 1]).1.unwrap(), listed);
+}
+
+#[test]
+fn hot_pairs_are_left_out_and_told() {
+    let mut c = capture([8, 8], 4, |p, b| (100 + p + b) as f32);
+    c.histograms[4 * 20..4 * 21].fill(2000.0);
+    let (left, dropped, notes) = c.clone().without_missing().unwrap();
+    assert_eq!((dropped, left.pair_count(), notes.len()), (1, 63, 1));
+    assert!(notes[0].contains("1 of 64") && notes[0].contains("8 times the counts"), "{notes:?}");
+    assert_eq!(left.sensor[20], c.sensor[21]);
+    let (_folder, path) = place("hot.npz");
+    write(&c, &path).unwrap();
+    assert_eq!(read_with_notes(&path).unwrap().dropped, 1);
+    // Beside a dead pair, and where the scan is a list.
+    c.histograms[..4].fill(0.0);
+    assert_eq!(c.clone().without_missing().unwrap().1, 2);
+    assert_eq!(changed(&c, |c| c.scan = [64, 1]).without_missing().unwrap().1, 2);
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Curved walls: normals from neighbours, and the volume that a capture can see.
 
-use fixtures::captures::{angles, assert_error, capture};
-use glam::{DVec3, dvec3};
+use fixtures::captures::{angles, assert_error, capture, place};
+use glam::{DMat3, DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::Capture;
+use thirdbounce::capture::{Capture, read_with_notes, write};
 use thirdbounce::simulate::{Layout, Pairs, WallShape};
 use thirdbounce::solve::default_volume;
 
@@ -43,6 +43,54 @@ fn a_tilted_wall_has_its_plane_and_faces_the_scene() {
     let (with, _) = c.with_normals().unwrap();
     let (_, most) = angles(&with.sensor_normal.unwrap(), &[normal; 30]);
     assert!(most < 1e-5, "{most}");
+}
+
+#[test]
+fn a_wall_that_faces_elsewhere_is_rotated() {
+    let upright = capture([6, 5], 3, |p, b| (1 + p + b) as f32);
+    // From our frame to the file's: the wall faces these directions there.
+    let frames = [
+        ("along x", DMat3::from_cols(-DVec3::Z, DVec3::Y, DVec3::X)),
+        ("along -z", DMat3::from_cols(-DVec3::X, DVec3::Y, -DVec3::Z)),
+        ("aslant", DMat3::from_rotation_y(1.0)),
+    ];
+    for (name, frame) in frames {
+        for with_normals in [true, false] {
+            let shift = dvec3(0.3, -0.2, 2.0);
+            let mut turned = upright.clone();
+            turned.laser.iter_mut().chain(&mut turned.sensor).for_each(|p| *p = frame * *p + shift);
+            let normals = with_normals.then(|| vec![frame * DVec3::Z; 30]);
+            (turned.laser_normal, turned.sensor_normal) = (normals.clone(), normals);
+            let (_folder, path) = place("turned.npz");
+            write(&turned, &path).unwrap();
+            let opened = read_with_notes(&path).unwrap();
+            let (found, notes) = (opened.capture, opened.notes.join("; "));
+            if name == "along -z" && !with_normals {
+                // What lies along z without normals faces +z: points and scan stay.
+                assert_eq!((found.laser, notes.as_str()), (turned.laser, ""));
+                continue;
+            }
+            assert!(notes.contains("rotated to face +z"), "{name}: {notes}");
+            assert_eq!(notes.contains("mirrored"), !with_normals, "{name}: {notes}");
+            assert_eq!((found.scan, &found.histograms), (upright.scan, &upright.histograms), "{name}");
+            assert!(found.is_planar(), "{name}");
+            let moved = found.laser[0] - upright.laser[0];
+            let off = |(a, b): (&DVec3, &DVec3)| a.distance(*b + moved);
+            let most = found.laser.iter().zip(&upright.laser).map(off).fold(0.0, f64::max);
+            assert!(most < 1e-12 && found.laser.iter().all(|p| p.z.abs() < 1e-12), "{name}: {most}");
+            // In memory, nothing is rotated: the solver has no depths to look at.
+            if name != "aslant" {
+                assert_error(default_volume(&turned, 0.1), Kind::Input, &["the wall faces", "faces +z"]);
+            }
+        }
+    }
+    // A tilted wall and one at any height stay as they are.
+    let mut tilted = upright;
+    let lean = DMat3::from_rotation_x(0.3);
+    tilted.laser.iter_mut().chain(&mut tilted.sensor).for_each(|p| *p = lean * *p + DVec3::Z);
+    let (_folder, path) = place("tilted.npz");
+    write(&tilted, &path).unwrap();
+    assert_eq!(read_with_notes(&path).unwrap().capture.laser, tilted.laser);
 }
 
 #[test]

@@ -12,6 +12,9 @@ use crate::error::{Error, Result};
 /// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
 const STRAIGHT: f64 = 1e-3;
 
+/// A wall that faces +z but for its shape, or for a tilt, has a larger z in the direction that it faces.
+const ROUGHLY: f64 = 0.9;
+
 /// Points `[ix * ny + iy]` of a regular scan, centred on the wall at z = 0. The outermost points are `wall` metres
 /// apart along the longer side.
 pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
@@ -175,6 +178,29 @@ pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<St
     if facing.distance(DVec3::Z) < STRAIGHT && centre.z.abs() < STRAIGHT {
         return capture;
     }
+    rotated(capture, [centre, facing], notes)
+}
+
+/// Rotates and shifts the capture as [`facing_z`] does if its wall clearly faces elsewhere, for captures whose walls may have any
+/// shape, tilt and place otherwise. The pairs of a lattice are put in our order then.
+pub fn roughly_facing_z(capture: Capture, notes: &mut Vec<String>) -> Capture {
+    let Some(facing) = capture.facing().filter(|facing| facing.z < ROUGHLY) else { return capture };
+    let points = capture.laser.iter().chain(&capture.sensor);
+    let centre = points.sum::<DVec3>() / (2 * capture.pair_count()) as f64;
+    let sided = capture.laser_normal.is_some() || capture.sensor_normal.is_some();
+    let turned = in_order(rotated(capture, [centre, facing], notes));
+    if !sided {
+        notes.push(
+            "nothing says on which side of this wall the scene is: if the pictures are mirrored, flip the capture in x, or \
+             store wall normals"
+                .into(),
+        );
+    }
+    turned
+}
+
+/// Rotates the capture so that what faces `facing` faces +z, and shifts `centre` to z = 0.
+fn rotated(mut capture: Capture, [centre, facing]: [DVec3; 2], notes: &mut Vec<String>) -> Capture {
     // y stays up as far as possible. For a wall that is a floor or a ceiling, z becomes up.
     let up = if facing.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
     let across = up.cross(facing).normalize();

@@ -151,12 +151,13 @@ pub(crate) fn read_prepared(
     keep_prepared(whole, given.turn, keep, prepare, notes)
 }
 
-/// Leaves out pairs that were not measured, and checks the rest. Also returns how many were left out.
+/// Leaves out pairs that were not measured, checks the rest, and rotates a wall that clearly does not face +z. Also returns
+/// how many were left out.
 pub(crate) fn measured(capture: Capture, notes: &mut Vec<String>) -> Result<(Capture, usize)> {
     let (capture, dropped, missing) = capture.without_missing()?;
     notes.extend(missing);
     capture.check()?;
-    Ok((capture, dropped))
+    Ok((frame::roughly_facing_z(capture, notes), dropped))
 }
 
 /// Turns a whole capture, calls `prepare`, and keeps a part of it.

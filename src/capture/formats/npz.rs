@@ -9,6 +9,9 @@
 //! records only the first photon of each. In place of spots, `sensor_fov` and `laser_fov`, degrees across a square field of view,
 //! with `device_xyz` \[3\], where they are seen from. Optional scalar `direct`: the path of direct light in every pair, metres.
 //!
+//! A list of pairs, of which each has a laser and a sensor point of its own, is `H` [T, P] with [P, 3], or [T, P, 1] with
+//! [P, 1, 3].
+//!
 //! An exhaustive capture (every laser point with every sensor point) is `H` [T, Lx, Ly, Sx, Sy] with
 //! `laser_xyz` [Lx, Ly, 3] and `sensor_xyz` [Sx, Sy, 3]. The points of either side may be a list instead: `H` [T, L, S]
 //! with [L, 3] and [S, 3], and so on. It is read as the scan (laser points, sensor points), pair `l * S + s`. Normals
@@ -49,6 +52,10 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
         ([lasers, sensors], laser.spread(pairs, |p| p / sensors)?, sensor.spread(pairs, |p| p % sensors)?)
     } else if let [_, nx, ny] = h.shape[..] {
         ([nx, ny], laser.per_pair(nx * ny)?, sensor.per_pair(nx * ny)?)
+    } else if let [_, pairs] = h.shape[..]
+        && [&laser, &sensor].iter().all(|side| side.points.len() == 1 || side.places() == [pairs])
+    {
+        ([pairs, 1], laser.per_pair(pairs)?, sensor.per_pair(pairs)?)
     } else {
         return Err(Error::input(
             format!(
