@@ -42,6 +42,21 @@ pub mod advice {
     impl From<&[Part]> for Advice {}
 }
 pub mod capture {
+    mod background {
+        #[derive(Debug, Clone, PartialEq)]
+        #[private_fields]
+        pub struct Background {
+            pub level: f64,
+        }
+        impl Background {
+            pub fn even(level: f64) -> Background {}
+            pub fn of_pair(&self, pair: usize) -> f64 {}
+            pub fn range(&self) -> Option<[f64; 2]> {}
+        }
+        impl Capture {
+            pub fn background(&self) -> Background {}
+        }
+    }
     pub mod calibrate {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Calibration {
@@ -463,6 +478,7 @@ pub mod capture {
             pub fn turned(mut self, turn: Turn) -> Capture {}
         }
     }
+    pub use background::Background;
     #[cfg(feature = "formats")]
     pub use formats::{
         Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write,
@@ -4559,12 +4575,17 @@ pub mod transport {
                 peak: f64,
                 general: bool,
             ) -> (Model, Rows) {}
-            pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {}
+            pub fn take(
+                &mut self,
+                rows: &Rows,
+                capture: &Capture,
+                background: &Background,
+            ) {}
             pub fn take_times(
                 &mut self,
                 rows: &Rows,
                 capture: &Capture,
-                background: f64,
+                background: &Background,
                 scale: f64,
             ) {}
             pub fn summed(&self, sum: usize) -> Model {}

@@ -4,6 +4,7 @@
 //! wall. Its histogram counts light by the length of the path laser point → hidden point → sensor point. Bin b of width
 //! Δ collects paths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 
+mod background;
 pub mod calibrate;
 pub mod check;
 mod choose;
@@ -28,6 +29,7 @@ pub(crate) mod sum;
 pub mod summary;
 mod turn;
 
+pub use background::Background;
 #[cfg(feature = "formats")]
 pub use formats::{Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use crate::capture::Capture;
-use crate::capture::negative::quiet_bins;
 use crate::transport::Model;
 
 /// The weighted data term of photon noise alone. Below it a solver fits noise (discrepancy principle, Morozov 1966).
@@ -27,10 +26,9 @@ pub fn weighted_sum(model: &Model, pairs: usize, [constant, linear, quadratic]: 
     rows.flat_map(|row| row.iter().zip(&weights)).map(|(m, weight)| weight * of(f64::from(*m))).sum()
 }
 
-/// Counts per bin without light: the lowest mean, over all pairs, of any sixteenth of the bins behind the strongest
-/// one; 0 if there are fewer bins behind it. About 0 if the background was taken off before.
+/// Counts per bin without light, in the mean over all pairs ([`Capture::background`]).
 pub fn background(capture: &Capture) -> f64 {
-    quiet_bins(&capture.mean_histogram()).map_or(0.0, |(_, lowest)| lowest)
+    capture.background().level
 }
 
 /// Variance of a bin per count of its light, and variance of a bin without light in counts squared. `background` is in

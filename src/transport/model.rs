@@ -9,7 +9,7 @@ use super::{Geometry, Grid, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
 use crate::capture::sum::sum_rows;
-use crate::capture::{Capture, Pulse, PulseTaps};
+use crate::capture::{Background, Capture, Pulse, PulseTaps};
 
 /// Where the sample of a voxel lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -127,7 +127,7 @@ impl Model {
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
         let (mut model, rows) = Model::outline(capture, reflectance, peak, general);
         if !capture.histograms.is_empty() {
-            model.take(&rows, capture, 0.0);
+            model.take(&rows, capture, &Background::even(0.0));
         }
         model
     }
@@ -177,8 +177,8 @@ impl Model {
         (model, Rows::of(pair_of, capture.bins))
     }
 
-    /// Takes the counts of `capture`: scaled so that the largest of all becomes the peak, less `background` counts per bin.
-    pub fn take(&mut self, rows: &Rows, capture: &Capture, background: f64) {
+    /// Takes the counts of `capture`: scaled so that the largest of all becomes the peak, less `background`.
+    pub fn take(&mut self, rows: &Rows, capture: &Capture, background: &Background) {
         let most = |counts: &[f32]| counts.iter().copied().fold(0.0f32, f32::max);
         let largest = match is_small(&capture.histograms) {
             true => most(&capture.histograms),
@@ -188,11 +188,10 @@ impl Model {
     }
 
     /// As [`Model::take`], times `scale`.
-    pub fn take_times(&mut self, rows: &Rows, capture: &Capture, background: f64, scale: f64) {
+    pub fn take_times(&mut self, rows: &Rows, capture: &Capture, background: &Background, scale: f64) {
         self.counts_per_unit = 1.0 / scale;
         self.moments = None;
-        let below = (background * (1.0 / self.counts_per_unit)) as f32;
-        rows.fill(&mut self.measured, capture, scale, below);
+        rows.fill(&mut self.measured, capture, scale, background);
     }
 
     /// The same model with every `sum` neighbouring bins as one. Bins at the end that do not fill one are left out.

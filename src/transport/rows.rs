@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::capture::Capture;
 use crate::capture::check::is_small;
+use crate::capture::{Background, Capture};
 
 /// The pairs and bins of captures of one scan that are the rows of a model's measured values.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,12 +42,19 @@ impl Rows {
         self.bins = self.bins.start + bins.start..self.bins.start + bins.end;
     }
 
-    /// The counts of `capture`, times `scale`, less `below`: `[row * bins + bin]`.
-    pub(super) fn fill(&self, measured: &mut Vec<f32>, capture: &Capture, scale: f64, below: f32) {
+    /// The counts of `capture` less `background`, times `scale`: `[row * bins + bin]`.
+    pub(super) fn fill(
+        &self,
+        measured: &mut Vec<f32>,
+        capture: &Capture,
+        scale: f64,
+        background: &Background,
+    ) {
         let bins = self.bins.len();
         measured.resize(self.pairs.len() * bins, 0.0);
         let take = |(row, pair): (&mut [f32], &usize)| {
             let counts = &capture.histogram(*pair)[self.bins.clone()];
+            let below = (background.of_pair(*pair) * scale) as f32;
             row.iter_mut().zip(counts).for_each(|(m, h)| *m = (f64::from(*h) * scale) as f32 - below);
         };
         match is_small(measured) {
@@ -73,7 +80,7 @@ mod tests {
         rows.crop(1..4);
         rows.crop(1..3);
         let mut measured = vec![7.0; 9];
-        rows.fill(&mut measured, &capture, 2.0, 1.0);
+        rows.fill(&mut measured, &capture, 2.0, &Background::even(0.5));
         assert_eq!(measured, [3.0, 5.0, 11.0, 13.0, 19.0, 21.0]);
     }
 }

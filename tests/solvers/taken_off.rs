@@ -5,6 +5,8 @@ use std::ops::ControlFlow;
 
 use fixtures::captures::changed;
 use fixtures::device::*;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, Poisson};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::job::preset_for;
@@ -48,6 +50,36 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics 
     let done = options.solve(gpu, capture, grid, None, false, &mut watch).unwrap();
     assert!(done.trace.iter().all(|p| p.loss.is_finite()));
     metrics(&done.maps, truth, 0.3).unwrap()
+}
+
+/// Points of the wall that stand in different light: half of a picture is lost if all pairs have one background.
+#[test]
+fn every_pair_may_have_a_background_of_its_own() {
+    let gpu = gpu();
+    let ([even, _], truth) = captures();
+    let mut random = rand_pcg::Pcg64::seed_from_u64(8);
+    let levels: Vec<f64> = (0..even.pair_count()).map(|_| random.random_range(1.0..120.0)).collect();
+    // As much light in the mean, up to 120 counts in a bin.
+    let with = |of_pair: &dyn Fn(usize) -> f64| {
+        let mut random = random.clone();
+        changed(&even, |c| {
+            for (i, v) in c.histograms.iter_mut().enumerate() {
+                *v += Poisson::new(of_pair(i / even.bins)).unwrap().sample(&mut random) as f32;
+            }
+        })
+    };
+    let [even, uneven] = [with(&|_| 60.0), with(&|pair| levels[pair])];
+    assert!(even.background().range().is_none() && uneven.background().range().is_some());
+    // As if nobody knew.
+    let scaled = changed(&uneven, |c| c.integer_counts = false);
+    assert_eq!(scaled.background().range(), None);
+    let [even, uneven, scaled] = [even, uneven, scaled].map(|c| {
+        let m = solved(&gpu, "vector", &c, &truth);
+        (m.best_iou.unwrap(), m.at_best.unwrap().depth_mae.unwrap())
+    });
+    assert!(uneven.0 > even.0 - 0.05 && uneven.1 < 1.5 * even.1, "{even:?} {uneven:?}");
+    assert!(scaled.0 < even.0 - 0.1, "{even:?} {scaled:?}: the test cannot fail");
+    assert_valid(&gpu);
 }
 
 #[test]

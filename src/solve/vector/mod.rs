@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
-use super::estimate::{background, expected_noise, variances};
+use super::estimate::{expected_noise, variances};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::AMPLE;
@@ -22,7 +22,7 @@ use super::prepared::Prepared;
 use super::result::Reconstruction;
 use super::{Level, Plan, domain, surface};
 use crate::Result;
-use crate::capture::Capture;
+use crate::capture::{Background, Capture};
 use crate::gpu::Gpu;
 use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
@@ -169,11 +169,11 @@ pub(super) fn take(
     model: &mut Model,
     scale: Option<f64>,
 ) {
-    let level = if options.background { background(capture) } else { 0.0 };
-    let [per_count, empty] = variances(capture, level);
+    let background = if options.background { capture.background() } else { Background::even(0.0) };
+    let [per_count, empty] = variances(capture, background.level);
     match scale {
-        Some(scale) => model.take_times(rows, capture, level, scale),
-        None => model.take(rows, capture, level),
+        Some(scale) => model.take_times(rows, capture, &background, scale),
+        None => model.take(rows, capture, &background),
     }
     let scale = 1.0 / model.counts_per_unit;
     model.variance = [per_count * scale, empty * scale * scale];

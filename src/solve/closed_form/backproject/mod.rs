@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
 use super::{NoPasses, RegularScan, in_one_step, upsample};
-use crate::capture::Capture;
+use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::option::{Options, options, words};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
@@ -25,8 +25,7 @@ use crate::solve::prepared::Planned;
 use crate::solve::vector::passes::{BACKPROJECT, FILTER};
 use crate::solve::vector::{gather_filtered, hat};
 use crate::solve::{
-    Beside, Common, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, background, outline,
-    upload,
+    Beside, Common, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, outline, upload,
 };
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
@@ -313,10 +312,11 @@ impl<M: Projection> Projecting<M> {
 
     /// Gives the device the counts of a capture.
     fn take(&mut self, capture: &Capture) -> Result<()> {
-        let level = if self.options.image().background { background(capture) } else { 0.0 };
+        let with_background = self.options.image().background;
+        let background = if with_background { capture.background() } else { Background::even(0.0) };
         let fine = finer(capture, self.options.image(), "it")?;
         let job = self.planned.made(|_| Ok(()))?;
-        job.model.take(&self.rows, &fine, level);
+        job.model.take(&self.rows, &fine, &background);
         job.upload_counts()
     }
 
