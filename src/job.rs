@@ -252,6 +252,7 @@ fn prepared(
     // What was never a file has no path.
     let is_file = !input.path.as_os_str().is_empty();
     capture.check().map_err(|e| if is_file { e.at(input.path.display()) } else { e })?;
+    notes.extend(capture.clipped_note());
     if let Some([low, high]) = capture.background().range() {
         notes.push(format!(
             "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; vector and back-projections take \

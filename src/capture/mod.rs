@@ -8,6 +8,8 @@ mod background;
 pub mod calibrate;
 pub mod check;
 mod choose;
+#[cfg(feature = "formats")]
+mod clipped;
 mod doubts;
 #[cfg(feature = "formats")]
 pub mod formats;

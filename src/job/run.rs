@@ -197,6 +197,13 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
             behind.mask.iter().filter(|m| **m).count()
         ));
     }
+    if is_at_border(&solved.maps) {
+        notes.push(
+            "most of what was found lies at the border of the box: the scene may lie beyond it, beside the scanned part of \
+             the wall (give a wider volume)"
+                .into(),
+        );
+    }
     if !solved.maps.mask.contains(&true) {
         notes.push(
             "nothing was found: the maps are empty. Check that volume and gate fit the capture (see \
@@ -205,6 +212,15 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
         );
     }
     notes
+}
+
+/// Whether more than half of the mask is within a sixteenth of the picture from its border: of a surface that fills the
+/// picture it is a quarter.
+fn is_at_border(maps: &Maps) -> bool {
+    let near = |i: usize, n: usize| i < n / 16 || i >= n - n / 16;
+    let shown = || (0..maps.mask.len()).filter(|p| maps.mask[*p]);
+    let border = shown().filter(|p| near(p / maps.ny, maps.nx) || near(p % maps.ny, maps.ny)).count();
+    2 * border > shown().count()
 }
 
 /// Says what several devices exchanged; `None` on one.
@@ -225,5 +241,37 @@ fn export_volume(volume: VolumeMap) -> export::volume::Volume {
         extent: [x0, x1, y0, y1, z0, z1],
         albedo: volume.albedo,
         normal: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Maps of 64 x 48 pixels whose mask holds these.
+    fn shown(mask: impl Fn(usize, usize) -> bool) -> bool {
+        let [nx, ny] = [64, 48];
+        let mut maps = Maps {
+            nx,
+            ny,
+            extent: [0.0, 1.0, 0.0, 1.0],
+            albedo: vec![1.0; nx * ny],
+            depth: vec![1.0; nx * ny],
+            normal: vec![[0.0, 0.0, -1.0]; nx * ny],
+            mask: vec![],
+            mask_fraction: None,
+            confidence: None,
+            behind: None,
+        };
+        maps.mask = (0..nx * ny).map(|p| mask(p / ny, p % ny)).collect();
+        is_at_border(&maps)
+    }
+
+    #[test]
+    fn what_lies_at_the_border_is_told_from_what_fills_the_picture() {
+        assert!(shown(|x, _| x >= 60) && shown(|_, y| y < 5), "one border");
+        assert!(!shown(|_, _| true) && !shown(|_, _| false));
+        // A thing in the middle, and one that reaches the border.
+        assert!(!shown(|x, y| (20..40).contains(&x) && y > 10) && !shown(|x, _| x >= 50));
     }
 }
