@@ -10,6 +10,9 @@ const FAINT: f64 = 0.01;
 /// fades slowly differs by a few hundredths (benches/NOTES.md).
 const HARMS: f64 = 0.05;
 
+/// A background goes on over at least this share of the bins. Light that a gate cuts off before it has faded does not.
+const LASTS: f64 = 0.15;
+
 /// Fewer pairs do not tell a difference from chance.
 const LEAST_PAIRS: usize = 64;
 
@@ -61,6 +64,9 @@ impl Capture {
         let quiet: Vec<usize> = (0..self.bins).filter(|b| mean[*b] <= level + FAINT * strongest).collect();
         let of_pair = |counts: &[f32]| quiet.iter().map(|b| f64::from(counts[*b])).sum::<f64>();
         let bins = quiet.len() as f64;
+        if bins < LASTS * self.bins as f64 {
+            return None;
+        }
         let means: Vec<f64> =
             self.histograms.chunks_exact(self.bins).map(|counts| of_pair(counts) / bins).collect();
         let count = means.len() as f64;
@@ -119,6 +125,13 @@ mod tests {
         // Values that are no photons: what is chance is not known.
         let scaled = capture(|pair| 5.0 + (pair % 16) as f64 * 2.0);
         assert_eq!(Capture { integer_counts: false, ..scaled }.background().range(), None);
+        // Light that fades up to the last bin, differently in every pair.
+        let fades = capture(|_| 1.0);
+        let light = |i: usize| {
+            (60.0 * (1.0 - (i % 120) as f64 / 150.0) * (1.0 + (i / 120 % 4) as f64)).round() as f32
+        };
+        let counts = (0..fades.histograms.len()).map(light).collect();
+        assert_eq!(Capture { histograms: counts, ..fades }.background().range(), None);
         let dark = Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 3, 0.01, vec![0.0, 1.0, 5.0]);
         assert_eq!(dark.background(), Background::even(0.0));
     }
