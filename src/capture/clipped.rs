@@ -19,7 +19,7 @@ impl Capture {
         let clipped = at >= LEAST && at > TIMES * below;
         clipped.then(|| {
             format!(
-                "{at} bins hold {most} counts and none more: a counter that is full cuts the light off there, and shapes suffer \\
+                "{at} bins hold {most} counts and none more: a counter that is full cuts the light off there, and shapes suffer \
                  (measure for a shorter time, or with wider counters)"
             )
         })
