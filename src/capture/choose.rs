@@ -212,10 +212,8 @@ impl Measured {
 
 /// Why each pair counts as not measured; `None` for measured pairs.
 fn faults(capture: &Capture, seen: &[Seen]) -> Vec<Option<Fault>> {
-    let mut sorted: Vec<f64> = seen.iter().map(|s| s.total).filter(|t| t.is_finite()).collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let dark = capture.integer_counts && median > DEAD_BELOW;
+    let usual = hot::median(seen.iter().map(|s| s.total).filter(|t| t.is_finite())).unwrap_or(0.0);
+    let dark = capture.integer_counts && usual > DEAD_BELOW;
     let points = capture.laser.iter().zip(&capture.sensor);
     let mut faults: Vec<Option<Fault>> = points
         .zip(seen)

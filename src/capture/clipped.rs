@@ -10,13 +10,14 @@ impl Capture {
     /// What to tell about counts that are cut off: many bins hold the largest one, and few hold one less. `None` if none are,
     /// or if the values are no whole counts.
     pub(crate) fn clipped_note(&self) -> Option<String> {
-        let most = self.histograms.iter().copied().fold(0.0f32, f32::max);
-        if !self.integer_counts || most < 2.0 {
+        if !self.integer_counts {
             return None;
         }
+        let most = self.histograms.iter().copied().fold(0.0f32, f32::max);
         let holds = |value: f32| self.histograms.iter().filter(|v| **v == value).count();
-        let (at, below) = (holds(most), holds(most - 1.0));
-        let clipped = at >= LEAST && at > TIMES * below;
+        // Most captures end here, after one look at their counts for each.
+        let at = if most < 2.0 { 0 } else { holds(most) };
+        let clipped = at >= LEAST && at > TIMES * holds(most - 1.0);
         clipped.then(|| {
             format!(
                 "{at} bins hold {most} counts and none more: a counter that is full cuts the light off there, and shapes suffer \

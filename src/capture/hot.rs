@@ -19,15 +19,21 @@ const FEW: f64 = 0.05;
 /// By chance a pair has so many counts where there are hardly any.
 const CHANCE: f64 = 100.0;
 
-/// The hot pairs, by the counts of each measured pair. None of captures whose pairs are no scan with a point or a place of its
-/// own for each: there, the pairs around one are not those that see the scene alike.
+/// The middle one of some values, the upper of two; `None` without any.
+pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The hot pairs, by the counts of each measured pair. None of captures of exhaustive or irregular pairs: there the pairs around
+/// one need not see the scene as it does.
 pub(super) fn pairs(capture: &Capture, totals: &[Option<f64>]) -> Vec<usize> {
-    let mut sorted: Vec<f64> = totals.iter().flatten().copied().filter(|t| t.is_finite()).collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let known = || totals.iter().flatten().copied().filter(|t| t.is_finite());
+    let usual = median(known()).unwrap_or(0.0);
     // Cheap for good data: without such a pair nothing else is done.
-    let bright = |t: &f64| *t > TIMES * median && (*t > CHANCE || !capture.integer_counts);
-    if median <= 0.0 || !sorted.iter().any(bright) {
+    let bright = |t: &f64| *t > TIMES * usual && (*t > CHANCE || !capture.integer_counts);
+    if usual <= 0.0 || !known().any(|t| bright(&t)) {
         return vec![];
     }
     let measured: Vec<usize> = (0..totals.len()).filter(|pair| totals[*pair].is_some()).collect();
@@ -39,14 +45,9 @@ pub(super) fn pairs(capture: &Capture, totals: &[Option<f64>]) -> Vec<usize> {
     let tree = Tree::new(points);
     let total = |place: usize| totals[measured[place]].unwrap_or(0.0);
     let is_hot = |place: &usize| {
-        let mut around: Vec<f64> = tree
-            .nearest(points[*place], AROUND + 1)
-            .iter()
-            .filter(|(_, other)| other != place)
-            .map(|(_, other)| total(*other))
-            .collect();
-        around.sort_unstable_by(f64::total_cmp);
-        around.get(around.len() / 2).is_some_and(|usual| total(*place) > TIMES * usual)
+        let near = tree.nearest(points[*place], AROUND + 1);
+        let around = near.iter().filter(|(_, other)| other != place).map(|(_, other)| total(*other));
+        median(around).is_some_and(|beside| total(*place) > TIMES * beside)
     };
     let hot: Vec<usize> = (0..measured.len())
         .filter(|place| bright(&total(*place)))

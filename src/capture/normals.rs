@@ -34,7 +34,7 @@ impl Capture {
         let known: DVec3 = self.laser_normal.iter().chain(&self.sensor_normal).flatten().sum();
         known.try_normalize().or_else(|| {
             let points = self.laser.iter().chain(&self.sensor);
-            let (variances, normal) = principal(&points.map(|p| (1.0, *p)).collect::<Vec<_>>())?;
+            let (variances, normal) = principal(points.map(|p| (1.0, *p)))?;
             let toward = [normal.z, normal.y, normal.x].into_iter().find(|c| c.abs() > 1e-6);
             let flat = variances[0] <= THICK * variances[1];
             flat.then(|| normal * toward.map_or(1.0, f64::signum))
@@ -117,17 +117,17 @@ fn tangent(points: &[DVec3], tree: &Tree, at: DVec3) -> Option<DVec3> {
 
 /// Direction of the least variance of weighted points; `None` if they lie on a line.
 fn plane_normal(weighted: &[(f64, DVec3)]) -> Option<DVec3> {
-    principal(weighted).map(|(_, normal)| normal)
+    principal(weighted.iter().copied()).map(|(_, normal)| normal)
 }
 
 /// The least and the second principal variance of weighted points, and the direction of the least; `None` if the points lie
 /// on a line.
-fn principal(weighted: &[(f64, DVec3)]) -> Option<([f64; 2], DVec3)> {
-    let total: f64 = weighted.iter().map(|w| w.0).sum();
-    let mean: DVec3 = weighted.iter().map(|(w, p)| *p * (*w / total)).sum();
+fn principal(weighted: impl Iterator<Item = (f64, DVec3)> + Clone) -> Option<([f64; 2], DVec3)> {
+    let total: f64 = weighted.clone().map(|w| w.0).sum();
+    let mean: DVec3 = weighted.clone().map(|(w, p)| p * (w / total)).sum();
     let mut moments = DMat3::ZERO;
     for (w, p) in weighted {
-        let d = *p - mean;
+        let d = p - mean;
         moments += DMat3::from_cols(d * d.x, d * d.y, d * d.z) * (w / total);
     }
     let (values, vectors) = eigen(moments);

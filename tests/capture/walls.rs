@@ -78,7 +78,7 @@ fn a_wall_that_faces_elsewhere_is_rotated() {
             let off = |(a, b): (&DVec3, &DVec3)| a.distance(*b + moved);
             let most = found.laser.iter().zip(&upright.laser).map(off).fold(0.0, f64::max);
             assert!(most < 1e-12 && found.laser.iter().all(|p| p.z.abs() < 1e-12), "{name}: {most}");
-            // In memory, nothing is rotated: the solver has no depths to look at.
+            // Without a reader nothing is rotated, and there are no depths to look at.
             if name != "aslant" {
                 assert_error(default_volume(&turned, 0.1), Kind::Input, &["the wall faces", "faces +z"]);
             }

@@ -313,8 +313,12 @@ impl<M: Projection> Projecting<M> {
     /// Gives the device the counts of a capture.
     fn take(&mut self, capture: &Capture) -> Result<()> {
         let with_background = self.options.image().background;
-        let background = if with_background { capture.background() } else { Background::even(0.0) };
+        let mut background = if with_background { capture.background() } else { Background::even(0.0) };
         let fine = finer(capture, self.options.image(), "it")?;
+        if fine.pair_count() != capture.pair_count() {
+            // Points between the measured ones have no background of their own.
+            background = Background::even(background.level);
+        }
         let job = self.planned.made(|_| Ok(()))?;
         job.model.take(&self.rows, &fine, &background);
         job.upload_counts()
