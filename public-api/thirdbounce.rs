@@ -3075,6 +3075,7 @@ pub mod solve {
         }
         mod scan {
             #[derive(Debug, Clone, PartialEq)]
+            #[private_fields]
             pub struct RegularScan {
                 pub n: [usize; 2],
                 pub first: [f64; 2],
@@ -3865,6 +3866,7 @@ pub mod solve {
             pub surface_left: bool,
             pub has_mask: bool,
             pub is_warm: bool,
+            pub filled: usize,
             pub beyond: Option<TakenOff>,
             pub noise: Option<f64>,
             pub exchanged: Exchanged,

@@ -255,8 +255,7 @@ fn prepared(
     notes.extend(capture.clipped_note());
     if let Some([low, high]) = capture.background().range() {
         notes.push(format!(
-            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; vector and back-projections take \
-             off that of each pair"
+            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; that of each pair is taken off"
         ));
     }
     let seconds = start.elapsed().as_secs_f64();

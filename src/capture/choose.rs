@@ -60,7 +60,7 @@ impl Capture {
     fn stride_exhaustive(&self, n: usize) -> Option<Order> {
         let product = self.product()?;
         let thin = |points: &[DVec3]| -> Vec<usize> {
-            match Lattice::of(points).places {
+            match Lattice::of(points).full() {
                 Some(at) => (0..points.len()).filter(|&k| at[k].iter().all(|i| i % n == 0)).collect(),
                 None => (0..points.len()).step_by(n).collect(),
             }

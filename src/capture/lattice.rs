@@ -13,8 +13,8 @@ pub(crate) struct Lattice {
     pub counts: [usize; 2],
     /// Distance of neighbours in x and y, `None` for a single row.
     pub spacing: [Option<f64>; 2],
-    /// Column and row of each point, if every place of the lattice is taken exactly once.
-    pub places: Option<Vec<[usize; 2]>>,
+    /// Column and row of each point, if the points form a lattice and none takes the place of another.
+    places: Option<Vec<[usize; 2]>>,
 }
 
 impl Lattice {
@@ -41,7 +41,7 @@ impl Lattice {
                 let spacing = spans[axis] / (counts[axis].max(2) - 1) as f64;
                 (counts[axis] > 1 && spacing > 0.0).then_some(spacing)
             });
-            let places = (taken == full && taken == points.len()).then_some(places);
+            let places = (taken == points.len()).then_some(places);
             return Lattice { range, counts, spacing, places };
         }
         // The spacing d of a square lattice of as many points over the same range:
@@ -52,6 +52,17 @@ impl Lattice {
         let counts = spans.map(|span| (span / d + 1.0).round().max(1.0) as usize);
         let spacing = counts.map(|n| (n > 1).then_some(d));
         Lattice { range, counts, spacing, places: None }
+    }
+
+    /// Column and row of each point, if every place of the lattice is taken exactly once.
+    pub fn full(&self) -> Option<&[[usize; 2]]> {
+        let [nx, ny] = self.counts;
+        self.holed().filter(|places| places.len() == nx * ny)
+    }
+
+    /// Column and row of each point, if the points form a lattice, which may have holes, and no place is taken twice.
+    pub fn holed(&self) -> Option<&[[usize; 2]]> {
+        self.places.as_deref()
     }
 
     /// [`Lattice::range`] with half the spacing added on every side, as (xmin, xmax, ymin, ymax); `None` for a

@@ -197,6 +197,12 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
             behind.mask.iter().filter(|m| **m).count()
         ));
     }
+    if solved.filled > 0 {
+        notes.push(format!(
+            "{} places of the scan have no pair: each has the mean of the pairs around it, as Fourier methods need them all",
+            solved.filled
+        ));
+    }
     if is_at_border(&solved.maps) {
         notes.push(
             "most of what was found lies at the border of the box: the scene may lie beyond it, beside the scanned part of \

@@ -57,6 +57,8 @@ pub struct Reconstruction {
     pub has_mask: bool,
     /// It began with the solution of the frame before ([`super::vector::Follow`]).
     pub is_warm: bool,
+    /// Places of the scan's lattice without a pair, which a Fourier method filled from the pairs around them.
+    pub filled: usize,
     /// Light from beyond the box was taken off the measurement, and why.
     pub beyond: Option<TakenOff>,
     /// The share of noise in the energy of the counts, if these were on the device only.
@@ -102,6 +104,7 @@ pub(super) fn finish(
         surface_left: false,
         has_mask: false,
         is_warm: false,
+        filled: 0,
         beyond: None,
         noise: None,
         exchanged: job.executor.exchanged(),

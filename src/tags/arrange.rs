@@ -156,7 +156,7 @@ impl Scan {
         let side = if moves(&self.laser) && !moves(&self.sensor) { &self.laser } else { &self.sensor };
         let moved_apart = moves(&self.laser) && moves(&self.sensor) && !self.is_confocal();
         let lattice = Lattice::of(side);
-        let (scan, order) = match lattice.places.filter(|_| !moved_apart) {
+        let (scan, order) = match lattice.full().filter(|_| !moved_apart) {
             Some(places) => {
                 let [_, rows] = lattice.counts;
                 let mut order = vec![0; count];

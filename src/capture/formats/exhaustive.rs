@@ -53,6 +53,6 @@ fn shape_of(points: &[DVec3]) -> [usize; 2] {
     let lattice = Lattice::of(points);
     let [x, y] = lattice.counts;
     let in_order =
-        |places: &Vec<[usize; 2]>| places.iter().enumerate().all(|(k, p)| *p == [k / y.max(1), k % y.max(1)]);
-    if lattice.places.as_ref().is_some_and(in_order) { [x, y] } else { [points.len(), 1] }
+        |places: &[[usize; 2]]| places.iter().enumerate().all(|(k, p)| *p == [k / y.max(1), k % y.max(1)]);
+    if lattice.full().is_some_and(in_order) { [x, y] } else { [points.len(), 1] }
 }

@@ -248,6 +248,7 @@ mod tests {
             measured: [0.2, 0.2],
             z: 0.0,
             pair_of: vec![],
+            gaps: vec![],
             spot: None,
         }
     }

@@ -11,7 +11,7 @@ use super::option::Options;
 use super::plan::{Demand, LeftOut, Level, Needs};
 use super::{
     Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sizes, TracePoint,
-    VolumeMap, Watch, background,
+    VolumeMap, Watch,
 };
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
@@ -275,13 +275,12 @@ impl<M: HostMethod> Prepared for OnHost<M> {
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         let OnHost { options, scan, grid, plan, with_volume } = self;
         let step = scan.step[0].min(scan.step[1]);
-        in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
-            let level = if options.image().background { background(capture) as f32 } else { 0.0 };
-            let mut light = capture.clone();
-            light.histograms.iter_mut().for_each(|v| *v -= level);
+        let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
             let image = options.image();
+            let light = scan.light(capture, image.background);
             Ok(options.volume(&upsample::finer(&light, scan, image), &scan.finer(image.upsample), grid))
-        })
+        })?;
+        Ok(Reconstruction { filled: scan.gaps.len(), ..done })
     }
 }
 
@@ -364,6 +363,7 @@ fn solved(
         surface_left: false,
         has_mask: true,
         is_warm: false,
+        filled: 0,
         beyond: None,
         noise: None,
         exchanged: Exchanged::default(),

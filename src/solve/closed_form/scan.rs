@@ -1,7 +1,9 @@
 //! Scans that Fourier methods take: a regular lattice of points on a flat wall.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
+use super::image::add;
 use crate::capture::lattice::Lattice;
 use crate::capture::{Capture, PairKind};
 use crate::transport::Grid;
@@ -9,6 +11,9 @@ use crate::{Error, Result};
 
 /// A point may be this share of the spacing away from its place.
 const OFF_PLACE: f64 = 0.1;
+
+/// At most this share of a lattice's places may have no pair: few enough that most of them lie between places that have one.
+const GAPS: f64 = 0.05;
 
 /// What a method that needs a regular scan of a flat wall can do instead.
 const OTHERS: &str = "choose a method that takes any pairs and any wall: fbp, bp or vector";
@@ -28,6 +33,9 @@ pub struct RegularScan {
     pub z: f64,
     /// The pair of each place, `[ix * n[1] + iy]`.
     pub pair_of: Vec<usize>,
+    /// For each place without a pair the pairs around it. Places without a pair count as pairs that follow the others
+    /// ([`RegularScan::light`] adds them).
+    pub(super) gaps: Vec<Vec<usize>>,
     /// The one point of the other side; `None` in a confocal scan.
     pub spot: Option<DVec3>,
 }
@@ -75,26 +83,33 @@ impl RegularScan {
             return refuse("a flat wall, and the wall of this capture is curved");
         }
         let points = capture.scanned_points();
-        let Lattice { range, counts, spacing, places } = Lattice::of(points);
-        let (Some(places), [Some(dx), Some(dy)]) = (places, spacing) else {
+        let lattice = Lattice::of(points);
+        let (Some(places), [Some(dx), Some(dy)]) = (lattice.holed(), lattice.spacing) else {
             return refuse(
-                "a regular scan of at least 2 × 2 points, and the points of this one form no full lattice",
+                "a regular scan of at least 2 × 2 points, and the points of this one form no lattice",
             );
         };
+        let Lattice { range, counts, .. } = lattice;
+        let missing = counts[0] * counts[1] - places.len();
+        if missing as f64 > GAPS * places.len() as f64 {
+            return refuse(&format!(
+                "a full lattice of points, and {missing} places of {} × {} have none (one in {:.0} may)",
+                counts[0],
+                counts[1],
+                1.0 / GAPS
+            ));
+        }
         let first = [range[0][0], range[1][0]];
         let step = [dx, dy];
         let off = |(p, at): (&DVec3, &[usize; 2])| {
             (0..2).any(|a| (p[a] - first[a] - at[a] as f64 * step[a]).abs() > OFF_PLACE * step[a])
         };
-        if points.iter().zip(&places).any(off) {
+        if points.iter().zip(places).any(off) {
             return refuse("a regular scan, and the points of this one are not equally spaced");
         }
-        let mut pair_of = vec![0; places.len()];
-        for (pair, [x, y]) in places.iter().enumerate() {
-            pair_of[x * counts[1] + y] = pair;
-        }
+        let (pair_of, gaps) = pairs_of(counts, places);
         let z = points.iter().map(|p| p.z).sum::<f64>() / points.len() as f64;
-        Ok(RegularScan { n: counts, first, step, measured: step, z, pair_of, spot })
+        Ok(RegularScan { n: counts, first, step, measured: step, z, pair_of, gaps, spot })
     }
 
     /// The columns of a grid as a lattice, for interpolation between them. No pair belongs to a place.
@@ -102,7 +117,45 @@ impl RegularScan {
         let of = |v: glam::DVec3| [v.x, v.y];
         let (n, step) = ([grid.n[0], grid.n[1]], of(grid.pitch));
         let first = of(grid.origin);
-        RegularScan { n, first, step, measured: step, z: 0.0, pair_of: vec![], spot: None }
+        RegularScan { n, first, step, measured: step, z: 0.0, pair_of: vec![], gaps: vec![], spot: None }
+    }
+
+    /// The light of `capture`, whose scan this is: its counts less the background of each pair, if `with_background`. Places
+    /// without a pair are added to it with the mean of the pairs around them.
+    pub(super) fn light(&self, capture: &Capture, with_background: bool) -> Capture {
+        let mut light = capture.clone();
+        let bins = light.bins;
+        if with_background {
+            let background = capture.background();
+            light.histograms.par_chunks_exact_mut(bins).enumerate().for_each(|(pair, counts)| {
+                let below = background.of_pair(pair) as f32;
+                counts.iter_mut().for_each(|v| *v -= below);
+            });
+        }
+        if self.gaps.is_empty() {
+            return light;
+        }
+        let measured = light.pair_count();
+        let places = self.places();
+        for (gap, around) in self.gaps.iter().enumerate() {
+            let mut mean = vec![0.0f32; bins];
+            around.iter().for_each(|pair| add(&mut mean, light.histogram(*pair), 1.0 / around.len() as f32));
+            light.histograms.extend(mean);
+            let place =
+                self.pair_of.iter().position(|pair| *pair == measured + gap).expect("each has a place");
+            // The other side of a scan with one spot stays.
+            let [laser, sensor] = match capture.pair_kind() {
+                PairKind::OneLaser => [capture.laser[0], places[place]],
+                PairKind::OneSensor => [places[place], capture.sensor[0]],
+                _ => [places[place]; 2],
+            };
+            light.laser.push(laser);
+            light.sensor.push(sensor);
+        }
+        light.scan = [light.laser.len(), 1];
+        // Scans that this is made of are flat: their normals say nothing.
+        (light.laser_normal, light.sensor_normal) = (None, None);
+        light
     }
 
     /// Number of points.
@@ -119,5 +172,87 @@ impl RegularScan {
     /// Distance across the scan along each axis, metres.
     pub fn size(&self) -> [f64; 2] {
         [0, 1].map(|a| self.n[a] as f64 * self.step[a])
+    }
+}
+
+/// The pair of each place of a lattice, and the pairs around each place that has none: the nearest square of places around it
+/// that has any. Those places follow the pairs in number.
+fn pairs_of([nx, ny]: [usize; 2], places: &[[usize; 2]]) -> (Vec<usize>, Vec<Vec<usize>>) {
+    let mut taken = vec![None; nx * ny];
+    places.iter().enumerate().for_each(|(pair, [x, y])| taken[x * ny + y] = Some(pair));
+    let around = |place: usize| {
+        let [x, y] = [place / ny, place % ny];
+        let within = |reach: usize| {
+            let xs = x.saturating_sub(reach)..=(x + reach).min(nx - 1);
+            let ys = move || y.saturating_sub(reach)..=(y + reach).min(ny - 1);
+            xs.flat_map(move |x| ys().map(move |y| x * ny + y))
+        };
+        let found = |reach: usize| within(reach).filter_map(|p| taken[p]).collect::<Vec<usize>>();
+        (1..nx.max(ny)).map(found).find(|pairs| !pairs.is_empty()).unwrap_or_default()
+    };
+    let mut gaps = vec![];
+    let pair_of = (0..nx * ny).map(|place| {
+        taken[place].unwrap_or_else(|| {
+            gaps.push(around(place));
+            places.len() + gaps.len() - 1
+        })
+    });
+    (pair_of.collect(), gaps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::reference::random_capture;
+    use super::*;
+
+    /// The scan of all but these pairs, and its light.
+    fn without(gone: &[usize], spot: Option<DVec3>) -> (Capture, RegularScan, Capture) {
+        let whole = random_capture(spot);
+        let kept: Vec<usize> = (0..whole.pair_count()).filter(|p| !gone.contains(p)).collect();
+        let capture = whole.keep(&kept, [kept.len(), 1]);
+        let places: Vec<[usize; 2]> = kept.iter().map(|p| [p / 3, p % 3]).collect();
+        let (pair_of, gaps) = pairs_of([4, 3], &places);
+        let scan = RegularScan { pair_of, gaps, ..RegularScan::with_one_spot(&whole, "it").unwrap() };
+        let light = scan.light(&capture, false);
+        light.check().unwrap();
+        (whole, scan, light)
+    }
+
+    #[test]
+    fn places_without_a_pair_have_the_mean_of_those_around() {
+        for spot in [None, Some(DVec3::new(0.03, 0.2, 0.05))] {
+            // A corner, and one in the middle beside it.
+            let (whole, scan, light) = without(&[0, 4], spot);
+            for place in 0..12 {
+                let pair = scan.pair_of[place];
+                assert!((light.sensor[pair] - whole.sensor[place]).length() < 1e-12);
+                assert!((light.laser[pair] - whole.laser[place]).length() < 1e-12);
+                let around: &[usize] = match place {
+                    0 => &[1, 3],
+                    4 => &[1, 2, 3, 5, 6, 7, 8],
+                    _ => &[place],
+                };
+                for bin in 0..whole.bins {
+                    let sum: f32 = around.iter().map(|p| whole.histogram(*p)[bin]).sum();
+                    let found = light.histogram(pair)[bin];
+                    assert!((found - sum / around.len() as f32).abs() < 1e-6, "{place} {bin}");
+                }
+            }
+            assert_eq!(light.pair_kind(), whole.pair_kind());
+        }
+    }
+
+    #[test]
+    fn a_scan_with_many_gaps_is_refused() {
+        let at = |i: usize| DVec3::new((i / 20) as f64, (i % 20) as f64, 0.0) * 0.05;
+        let of = |gone: usize| {
+            let points: Vec<DVec3> = (0..400).filter(|i| i * gone % 400 >= gone).map(at).collect();
+            let n = points.len();
+            let counts = vec![1.0; n * 2];
+            RegularScan::confocal(&Capture::new([n, 1], points.clone(), points, 2, 0.01, counts), "it")
+        };
+        assert_eq!(of(19).unwrap().gaps.len(), 19);
+        let refused = of(25).unwrap_err().to_string();
+        assert!(refused.contains("25 places of 20 × 20"), "{refused}");
     }
 }

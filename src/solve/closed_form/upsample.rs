@@ -37,12 +37,13 @@ impl RegularScan {
             step: self.step.map(|step| step / factor as f64),
             measured: self.measured,
             pair_of: (0..n[0] * n[1]).collect(),
+            gaps: vec![],
             ..*self
         }
     }
 
     /// The points, `[ix * n[1] + iy]`.
-    fn places(&self) -> Vec<DVec3> {
+    pub(super) fn places(&self) -> Vec<DVec3> {
         let at = |axis: usize, i: usize| self.first[axis] + i as f64 * self.step[axis];
         let of = |i: usize| DVec3::new(at(0, i / self.n[1]), at(1, i % self.n[1]), self.z);
         (0..self.points()).map(of).collect()
@@ -50,7 +51,7 @@ impl RegularScan {
 }
 
 /// The capture on the finer scan that `image` asks for. Of a capture without counts, the pairs alone. `scan`: that of the
-/// capture.
+/// capture, with the places without a pair added.
 pub fn finer<'c>(capture: &'c Capture, scan: &RegularScan, image: &ImageOptions) -> Cow<'c, Capture> {
     if image.upsample == 1 {
         return Cow::Borrowed(capture);

@@ -5,11 +5,11 @@ use std::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 
 use super::SurfaceAloneOptions;
-use crate::capture::Capture;
+use crate::capture::{Background, Capture};
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
 use crate::solve::option::words;
-use crate::solve::{Beside, Prepared, Progress, Solver, TracePoint, Watch, background};
+use crate::solve::{Beside, Prepared, Progress, Solver, TracePoint, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
@@ -130,12 +130,13 @@ pub(super) fn plane(capture: &Capture, grid: &Grid, with_background: bool) -> Ma
 /// The depth of the nearest surface by the first returns of all pairs, metres; `None` without light. A path belongs to the
 /// point of its ellipsoid that is farthest from the wall.
 fn depth_of_first_returns(capture: &Capture, with_background: bool) -> Option<f64> {
-    let level = if with_background { background(capture) as f32 } else { 0.0 };
-    let strongest = |row: &[f32]| row.iter().copied().fold(0.0, f32::max) - level;
-    let rows = || capture.histograms.chunks_exact(capture.bins);
+    let background = if with_background { capture.background() } else { Background::even(0.0) };
+    let rows =
+        || (0..capture.pair_count()).map(|pair| (capture.histogram(pair), background.of_pair(pair) as f32));
+    let strongest = |(row, level): (&[f32], f32)| row.iter().copied().fold(0.0, f32::max) - level;
     let most = rows().map(strongest).fold(0.0, f32::max);
-    let depth = |(row, (l, s)): (&[f32], (&glam::DVec3, &glam::DVec3))| -> Option<f32> {
-        let peak = Some(strongest(row)).filter(|peak| *peak > 0.0 && *peak >= LIT * most)?;
+    let depth = |((row, level), (l, s)): ((&[f32], f32), (&glam::DVec3, &glam::DVec3))| -> Option<f32> {
+        let peak = Some(strongest((row, level))).filter(|peak| *peak > 0.0 && *peak >= LIT * most)?;
         let first = row.iter().position(|v| v - level >= RISEN * peak)?;
         let half = 0.5 * (capture.t_start + (first as f64 + 0.5) * capture.bin_width);
         let deep = (half * half - 0.25 * l.distance_squared(*s)).max(0.0).sqrt();

@@ -61,7 +61,7 @@ impl Side {
 
     /// A lattice through the scan's own points, summed along x, then along y.
     fn on_lattice(&self, own: &Lattice, sigma: f64, coarsest: f64) -> Option<(Vec<DVec2>, Vec<SpotTaps>)> {
-        let places = own.places.as_ref()?;
+        let places = own.full()?;
         let axes = [0, 1].map(|a| Axis::of(own.range[a], own.spacing[a], own.counts[a], sigma, coarsest));
         let regular = |(p, at): (&DVec3, &[usize; 2])| {
             (0..2).all(|a| {

@@ -8,7 +8,6 @@
 //! - `phasor-bp`: histograms filtered by the cosine and the sine of a virtual pulse, each projected; the image is the
 //!   strength of both (Liu and others, Nature 2019). This is the phasor field without a transform.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -251,20 +250,26 @@ impl Needs for Passes {
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
 }
 
-/// The capture on the finer scan that the options ask for, if they do.
+/// The scan that the options ask to make finer, if they do.
 ///
 /// # Errors
 /// The scan cannot be made finer: it is not regular, the wall is not flat, or the points would be empty.
-fn finer<'c>(capture: &'c Capture, image: &ImageOptions, name: &str) -> Result<Cow<'c, Capture>> {
+fn to_refine(capture: &Capture, image: &ImageOptions, name: &str) -> Result<Option<RegularScan>> {
     if image.upsample == 1 {
-        return Ok(Cow::Borrowed(capture));
+        return Ok(None);
     }
     upsample::check_sum(image, name)?;
     let scan =
         RegularScan::with_one_spot(capture, "a scan with points between the measured ones").map_err(|e| {
             Error::input(e.what, "leave the upsampling out: the method takes the pairs as they are")
         })?;
-    Ok(upsample::finer(capture, &scan, image))
+    Ok(Some(scan))
+}
+
+/// The pairs of a capture, on the finer scan if there is one.
+fn pairs_on(scan: Option<&RegularScan>, capture: &Capture, image: &ImageOptions) -> Capture {
+    let outline = capture.outline();
+    scan.map(|scan| upsample::finer(&outline, scan, image).into_owned()).unwrap_or(outline)
 }
 
 /// The capture as kernels see it, without counts: all bins, laser and sensor as points, paths sharp.
@@ -300,6 +305,8 @@ pub(super) struct Projecting<M> {
     options: M,
     planned: Planned,
     rows: Rows,
+    /// The scan that is made finer, if one is.
+    scan: Option<RegularScan>,
     grid: Grid,
     with_volume: bool,
 }
@@ -312,15 +319,17 @@ impl<M: Projection> Projecting<M> {
 
     /// Gives the device the counts of a capture.
     fn take(&mut self, capture: &Capture) -> Result<()> {
-        let with_background = self.options.image().background;
-        let mut background = if with_background { capture.background() } else { Background::even(0.0) };
-        let fine = finer(capture, self.options.image(), "it")?;
-        if fine.pair_count() != capture.pair_count() {
-            // Points between the measured ones have no background of their own.
-            background = Background::even(background.level);
-        }
+        let image = self.options.image();
+        let none = Background::even(0.0);
         let job = self.planned.made(|_| Ok(()))?;
-        job.model.take(&self.rows, &fine, &background);
+        if let Some(scan) = &self.scan {
+            // Points between the measured ones have no background of their own: it goes first.
+            let light = scan.light(capture, image.background);
+            job.model.take(&self.rows, &upsample::finer(&light, scan, image), &none);
+        } else {
+            let background = if image.background { capture.background() } else { none };
+            job.model.take(&self.rows, capture, &background);
+        }
         job.upload_counts()
     }
 
@@ -389,11 +398,12 @@ fn prepared<M: Projection>(
     memory: Option<u64>,
     with_volume: bool,
 ) -> Result<Projecting<M>> {
-    let fine = finer(capture, options.image(), name)?;
+    let scan = to_refine(capture, options.image(), name)?;
+    let fine = pairs_on(scan.as_ref(), capture, options.image());
     let (model, rows) = outline_of(&fine, &grid, options.image());
     let plan = plan(&model, &fine, grid, &gpu.abilities())?;
     let planned = Planned::new(gpu, model, plan, memory);
-    Ok(Projecting { options: options.clone(), planned, rows, grid, with_volume })
+    Ok(Projecting { options: options.clone(), planned, rows, scan, grid, with_volume })
 }
 
 impl<M: Projection> Prepared for Projecting<M> {
@@ -416,6 +426,7 @@ impl<M: Projection> Prepared for Projecting<M> {
             self.volume(capture.bin_width, step)
         })?;
         let executor = &mut self.planned.made(|_| Ok(()))?.executor;
+        done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
         done.device_bytes = executor.arena().bytes();
         done.kernels = executor.take_times().into_iter().collect();
         Ok(done)
@@ -445,7 +456,7 @@ macro_rules! projection {
             }
 
             fn takes(&self, capture: &Capture) -> Result<()> {
-                finer(&capture.outline(), &self.image, $name).map(|_| ())
+                to_refine(capture, &self.image, $name).map(|_| ())
             }
 
             fn detail(&self) -> Option<f64> {
@@ -459,7 +470,8 @@ macro_rules! projection {
                 abilities: &Abilities,
                 _with_volume: bool,
             ) -> Result<Plan> {
-                let fine = finer(&capture.outline(), &self.image, $name)?.into_owned();
+                let scan = to_refine(capture, &self.image, $name)?;
+                let fine = pairs_on(scan.as_ref(), capture, &self.image);
                 plan(&outline_of(&fine, &grid, &self.image).0, &fine, grid, abilities)
             }
 
