@@ -721,7 +721,6 @@ pub mod export {
             maps: &Maps,
             light: &Light,
             report: &Report,
-            notes: &[String],
         ) -> Result<()> {}
     }
     pub mod picture {
@@ -2537,6 +2536,7 @@ pub mod maps {
     }
     impl Maps {
         pub const MASK_FRACTION: f64 = 0.3;
+        pub fn empty([nx, ny]: [usize; 2], extent: [f64; 4]) -> Maps {}
         pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {}
         pub fn white(albedo: &[f32]) -> f32 {}
         pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {}

@@ -103,6 +103,8 @@ fn solve_checked(
     notes.extend(notes_on(request, &done.result));
     notes.extend(shared_note(gpus.len(), &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);
+    // Who has the report alone learns what was told.
+    report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     let result = done.result;
     Ok(Solved {
@@ -143,7 +145,7 @@ impl Solved {
             staged.extend(export::write_maps(&folder, maps)?);
         }
         let page = staging.path().join(PAGE);
-        export::page::write(&page, &title, &outcome.maps, &light, &outcome.report, &outcome.notes)?;
+        export::page::write(&page, &title, &outcome.maps, &light, &outcome.report)?;
         staged.push(page);
         outcome.report.totals.export_s = start.elapsed().as_secs_f64();
         let path = staging.path().join("report.json");
@@ -258,16 +260,10 @@ mod tests {
     fn shown(mask: impl Fn(usize, usize) -> bool) -> bool {
         let [nx, ny] = [64, 48];
         let mut maps = Maps {
-            nx,
-            ny,
-            extent: [0.0, 1.0, 0.0, 1.0],
             albedo: vec![1.0; nx * ny],
             depth: vec![1.0; nx * ny],
             normal: vec![[0.0, 0.0, -1.0]; nx * ny],
-            mask: vec![],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([nx, ny], [0.0, 1.0, 0.0, 1.0])
         };
         maps.mask = (0..nx * ny).map(|p| mask(p / ny, p % ny)).collect();
         is_at_border(&maps)

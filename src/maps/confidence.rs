@@ -147,16 +147,9 @@ mod tests {
     fn maps(of: impl Fn(usize, usize) -> (f32, f64)) -> Maps {
         let all: Vec<(f32, f64)> = (0..SIDE * SIDE).map(|i| of(i / SIDE, i % SIDE)).collect();
         let mut maps = Maps {
-            nx: SIDE,
-            ny: SIDE,
-            extent: [0.0, 0.24, 0.0, 0.24],
             albedo: all.iter().map(|p| p.0).collect(),
             depth: all.iter().map(|p| p.1 as f32).collect(),
-            normal: vec![[f32::NAN; 3]; SIDE * SIDE],
-            mask: vec![],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([SIDE, SIDE], [0.0, 0.24, 0.0, 0.24])
         };
         maps.set_mask(0.3);
         maps

@@ -141,16 +141,10 @@ mod tests {
         let n = 64;
         let at = |i: usize| (i as f64 + 0.5) / n as f64 * 2.0 - 1.0;
         Maps {
-            nx: n,
-            ny: n,
-            extent: [-1.0, 1.0, -1.0, 1.0],
             albedo: (0..n * n).map(|i| albedo(at(i / n), at(i % n)) as f32).collect(),
             depth: vec![1.0; n * n],
             normal: vec![[0.0, 0.0, -1.0]; n * n],
-            mask: vec![],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([n, n], [-1.0, 1.0, -1.0, 1.0])
         }
     }
 

@@ -91,6 +91,23 @@ impl Maps {
     /// The default of [`Maps::mask_fraction`].
     pub const MASK_FRACTION: f64 = 0.3;
 
+    /// Maps of `[nx, ny]` pixels without any surface. `extent` is (xmin, xmax, ymin, ymax) in metres.
+    pub fn empty([nx, ny]: [usize; 2], extent: [f64; 4]) -> Maps {
+        let count = nx * ny;
+        Maps {
+            nx,
+            ny,
+            extent,
+            albedo: vec![0.0; count],
+            depth: vec![f32::NAN; count],
+            normal: vec![[f32::NAN; 3]; count],
+            mask: vec![false; count],
+            mask_fraction: None,
+            confidence: None,
+            behind: None,
+        }
+    }
+
     /// True for pixels that count as surface: albedo above `fraction` of [`Maps::white`] and above zero. NaN never
     /// counts.
     pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {

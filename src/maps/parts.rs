@@ -73,16 +73,12 @@ mod tests {
         let at = |i: usize| picture[i % 8].as_bytes()[i / 8] as char;
         let all = || (0..12 * 8).map(at);
         Maps {
-            nx: 12,
-            ny: 8,
-            extent: [0.0, 1.2, 0.0, 0.8],
             albedo: vec![1.0; 96],
             depth: vec![1.0; 96],
             normal: vec![[0.0, 0.0, -1.0]; 96],
             mask: all().map(|c| c != '.').collect(),
-            mask_fraction: None,
             confidence: Some(all().map(error).collect()),
-            behind: None,
+            ..Maps::empty([12, 8], [0.0, 1.2, 0.0, 0.8])
         }
     }
 

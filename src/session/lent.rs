@@ -125,16 +125,11 @@ mod tests {
     #[test]
     fn maps_are_planes_one_after_the_other() {
         let maps = Maps {
-            nx: 2,
-            ny: 1,
-            extent: [0.0, 2.0, 0.0, 1.0],
             albedo: vec![1.0, 2.0],
             depth: vec![3.0, 4.0],
             normal: vec![[5.0, 6.0, 7.0], [8.0, 9.0, 10.0]],
             mask: vec![false, true],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([2, 1], [0.0, 2.0, 0.0, 1.0])
         };
         let words = words_of(&maps);
         assert_eq!(words[..12], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 0.0, 1.0]);

@@ -47,7 +47,13 @@ impl Figures {
         let out = self.path(name);
         let output = thirdbounce(&[&["reconstruct", capture, "--out", &out], &SHORT[..], more].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        (json(&Path::new(&out).join("report.json")), stderr(&output))
+        let (report, said) = (json(&Path::new(&out).join("report.json")), stderr(&output));
+        // What was said stands in the report, too.
+        let notes = report["settings"]["notes"].to_string();
+        for note in said.lines().filter_map(|line| line.strip_prefix("note: ")) {
+            assert!(notes.contains(note), "{note}: {notes}");
+        }
+        (report, said)
     }
 }
 

@@ -13,18 +13,7 @@ pub fn python_opens_everything(python: &Path) {
     let (result, captures) = (folder.path().join("result"), folder.path().join("captures"));
     // A dome over a floor that lies far behind, and nothing at its edge.
     let (nx, ny) = (24, 16);
-    let mut maps = Maps {
-        nx,
-        ny,
-        extent: [-0.6, 0.6, -0.4, 0.4],
-        albedo: vec![0.0; nx * ny],
-        depth: vec![f32::NAN; nx * ny],
-        normal: vec![[f32::NAN; 3]; nx * ny],
-        mask: vec![],
-        mask_fraction: Some(0.0),
-        confidence: None,
-        behind: None,
-    };
+    let mut maps = Maps { mask_fraction: Some(0.0), ..Maps::empty([nx, ny], [-0.6, 0.6, -0.4, 0.4]) };
     for p in 0..nx * ny {
         let (x, y) = ((p / ny) as f32 - 11.5, (p % ny) as f32 - 7.5);
         let r2 = (x * x + y * y) / 36.0;

@@ -12,18 +12,7 @@ use thirdbounce::measure::Metrics;
 
 /// 4 x 2 pixels; everything dark except (3, 1): the corner of largest x and y; and a dimmer (0, 0).
 fn maps() -> Maps {
-    let mut maps = Maps {
-        nx: 4,
-        ny: 2,
-        extent: [-1.0, 1.0, 0.0, 1.0],
-        albedo: vec![0.0; 8],
-        depth: vec![f32::NAN; 8],
-        normal: vec![[f32::NAN; 3]; 8],
-        mask: Vec::new(),
-        mask_fraction: Some(0.0),
-        confidence: None,
-        behind: None,
-    };
+    let mut maps = Maps { mask_fraction: Some(0.0), ..Maps::empty([4, 2], [-1.0, 1.0, 0.0, 1.0]) };
     (maps.albedo[7], maps.depth[7], maps.normal[7]) = (2.0, 1.5, [0.0, 0.6, -0.8]);
     (maps.albedo[0], maps.depth[0], maps.normal[0]) = (1.0, 0.5, [0.0, 0.0, -1.0]);
     maps.set_mask(0.25);

@@ -14,18 +14,12 @@ const OTHER: [f64; 4] = [0.0, 1.0, 0.0, 1.0];
 /// Maps of 3 x 2 pixels that no axis or mirror leaves as they are. One pixel holds nothing.
 fn maps() -> Maps {
     let mut maps = Maps {
-        nx: 3,
-        ny: 2,
-        extent: EXTENT,
         albedo: (0..6).map(|i| 0.5 + 0.1 * i as f32).collect(),
         depth: (0..6).map(|i| 0.75 + 0.125 * i as f32).collect(),
         normal: (0..6)
             .map(|i| [0.6, 0.0, -0.8].map(|v: f32| if i % 2 == 0 { v } else { -v.abs() }))
             .collect(),
-        mask: vec![],
-        mask_fraction: None,
-        confidence: None,
-        behind: None,
+        ..Maps::empty([3, 2], EXTENT)
     };
     (maps.albedo[4], maps.depth[4], maps.normal[4]) = (0.0, f32::NAN, [f32::NAN; 3]);
     maps.set_mask(0.3);

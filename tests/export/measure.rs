@@ -12,16 +12,11 @@ fn maps(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Maps {
     let lit: Vec<bool> =
         (0..n).flat_map(|ix| (0..n).map(move |iy| (ix, iy))).map(|(x, y)| inside(x, y)).collect();
     let mut maps = Maps {
-        nx: n,
-        ny: n,
-        extent: [-0.5, 0.5, -0.5, 0.5],
         albedo: lit.iter().map(|&l| if l { 1.0 } else { 0.0 }).collect(),
         depth: lit.iter().map(|&l| if l { depth } else { f32::NAN }).collect(),
         normal: lit.iter().map(|&l| if l { TOWARDS_WALL } else { MISS }).collect(),
-        mask: Vec::new(),
         mask_fraction: Some(0.0),
-        confidence: None,
-        behind: None,
+        ..Maps::empty([n, n], [-0.5, 0.5, -0.5, 0.5])
     };
     maps.set_mask(Maps::MASK_FRACTION);
     maps

@@ -91,18 +91,7 @@ impl Mesh {
 }
 
 fn empty(n: usize, extent: [f64; 4]) -> Maps {
-    Maps {
-        nx: n,
-        ny: n,
-        extent,
-        albedo: vec![0.0; n * n],
-        depth: vec![f32::NAN; n * n],
-        normal: vec![[f32::NAN; 3]; n * n],
-        mask: vec![false; n * n],
-        mask_fraction: Some(0.0),
-        confidence: None,
-        behind: None,
-    }
+    Maps { mask_fraction: Some(0.0), ..Maps::empty([n, n], extent) }
 }
 
 #[test]

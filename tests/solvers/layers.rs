@@ -18,16 +18,11 @@ fn maps(at: impl Fn(usize, usize) -> Option<(f32, f32)>) -> Maps {
     let all: Vec<Option<(f32, f32)>> = (0..SIDE * SIDE).map(|c| at(c / SIDE, c % SIDE)).collect();
     let normal = |found: &Option<(f32, f32)>| found.map_or([f32::NAN; 3], |_| [0.0, 0.0, -1.0]);
     let mut maps = Maps {
-        nx: SIDE,
-        ny: SIDE,
-        extent: [0.0, 0.12, 0.0, 0.12],
         albedo: all.iter().map(|p| p.map_or(0.0, |p| p.0)).collect(),
         depth: all.iter().map(|p| p.map_or(f32::NAN, |p| p.1)).collect(),
         normal: all.iter().map(normal).collect(),
-        mask: vec![],
         mask_fraction: Some(0.3),
-        confidence: None,
-        behind: None,
+        ..Maps::empty([SIDE, SIDE], [0.0, 0.12, 0.0, 0.12])
     };
     maps.set_mask(0.3);
     maps

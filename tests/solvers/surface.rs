@@ -16,16 +16,12 @@ use thirdbounce::transport::{Grid, Reflectance, Volume};
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
     let count = albedo.len();
     Maps {
-        nx: 1,
-        ny: count,
-        extent: [0.0, 1.0, 0.0, 1.0],
         albedo,
         depth,
         normal: vec![[0.0, 0.0, -1.0]; count],
         mask: vec![true; count],
         mask_fraction: Some(0.3),
-        confidence: None,
-        behind: None,
+        ..Maps::empty([1, count], [0.0, 1.0, 0.0, 1.0])
     }
 }
 

@@ -142,23 +142,15 @@ struct Data<'d> {
     maps: PageMaps,
     light: &'d Light,
     report: &'d Report,
-    notes: &'d [String],
 }
 
-/// Writes the page of a result. `title` names it, `notes` are sentences.
+/// Writes the page of a result. `title` names it.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if the file cannot be written.
-pub fn write(
-    path: &Path,
-    title: &str,
-    maps: &Maps,
-    light: &Light,
-    report: &Report,
-    notes: &[String],
-) -> Result<()> {
+pub fn write(path: &Path, title: &str, maps: &Maps, light: &Light, report: &Report) -> Result<()> {
     maps.check()?;
-    let data = Data { title, maps: PageMaps::of(maps), light, report, notes };
+    let data = Data { title, maps: PageMaps::of(maps), light, report };
     let json = serde_json::to_string(&data).map_err(|e| {
         Error::output(format!("{}: the page has no JSON ({e})", path.display()), "report this as a defect")
     })?;
@@ -215,27 +207,22 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("report.html");
         let maps = Maps {
-            nx: 1,
-            ny: 1,
-            extent: [0.0, 1.0, 0.0, 1.0],
             albedo: vec![1.0],
             depth: vec![0.5],
             normal: vec![[0.0, 0.0, -1.0]],
             mask: vec![true],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([1, 1], [0.0, 1.0, 0.0, 1.0])
         };
         let light =
             Light::of(&Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 2, 0.5, vec![1.0, 0.0]));
         let report: Report = serde_json::from_value(serde_json::json!({
-            "version": "0", "device": {"name": "d", "driver": "", "kind": ""}, "settings": {}, "trace": [], "metrics": null,
+            "version": "0", "device": {"name": "d", "driver": "", "kind": ""}, "settings": {"notes": ["</script><b>"]}, "trace": [], "metrics": null,
             "capture": crate::capture::Summary::of(&Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 1, 0.5, vec![1.0])),
             "plan": {"variants": [], "left_out": [], "buffers": {}, "full": false},
             "totals": {"load_s": 0.0, "solve_s": 0.0, "export_s": 0.0, "pairs": 0.0, "pairs_per_s": 0.0, "peak_device_bytes": 0},
         }))
         .unwrap();
-        write(&file, "a </script> & \"b\"", &maps, &light, &report, &["</script><b>".into()]).unwrap();
+        write(&file, "a </script> & \"b\"", &maps, &light, &report).unwrap();
         let page = std::fs::read_to_string(&file).unwrap();
         assert_eq!(page.matches("</script>").count(), 3, "one for each element");
         assert!(page.contains("<title>thirdbounce: a &lt;/script&gt; &amp; &quot;b&quot;</title>"));

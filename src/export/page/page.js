@@ -271,7 +271,7 @@ function words() {
   });
   rows(element("settings"), report.settings);
   element("left").innerText = report.plan.left_out.join("\n");
-  const notes = [...report.settings.notes || [], ...data.notes];
+  const notes = report.settings.notes || [];
   if (notes.length) element("notes").innerText = "Notes\n" + notes.join("\n");
 }
 

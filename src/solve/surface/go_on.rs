@@ -70,16 +70,11 @@ mod tests {
     #[test]
     fn what_did_not_move_begins_where_it_ended() {
         let maps = |albedo: [f32; 3], depth: [f32; 3]| Maps {
-            nx: 3,
-            ny: 1,
-            extent: [0.0, 3.0, 0.0, 1.0],
             albedo: albedo.into(),
             depth: depth.into(),
             normal: vec![[0.0; 3]; 3],
             mask: vec![true; 3],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([3, 1], [0.0, 3.0, 0.0, 1.0])
         };
         let volume = maps([1.0, 1.0, 1.0], [0.5, 0.5, f32::NAN]);
         let surface = maps([1.5, 9.0, 1.0], [0.51, 0.52, 0.6]);

@@ -138,16 +138,7 @@ fn assigned(sheets: &[Vec<usize>], count: usize) -> Vec<Option<bool>> {
 
 /// Maps of that size without any surface.
 fn nothing(maps: &Maps) -> Maps {
-    let count = maps.albedo.len();
-    Maps {
-        albedo: vec![0.0; count],
-        depth: vec![f32::NAN; count],
-        normal: vec![[f32::NAN; 3]; count],
-        mask: vec![false; count],
-        confidence: None,
-        behind: None,
-        ..*maps
-    }
+    Maps { mask_fraction: maps.mask_fraction, ..Maps::empty([maps.nx, maps.ny], maps.extent) }
 }
 
 /// Gives a column the surface that `from` has there; none without `from`.

@@ -61,16 +61,11 @@ mod tests {
         let n = 40;
         let layer = |x: usize| ((depth(x) / pitch).round() * pitch) as f32;
         Maps {
-            nx: n,
-            ny: n,
-            extent: [0.0, 0.4, 0.0, 0.4],
             albedo: vec![1.0; n * n],
             depth: (0..n * n).map(|p| layer(p / n)).collect(),
             normal: vec![[0.0, 0.0, -1.0]; n * n],
             mask: vec![true; n * n],
-            mask_fraction: None,
-            confidence: None,
-            behind: None,
+            ..Maps::empty([n, n], [0.0, 0.4, 0.0, 0.4])
         }
     }
 

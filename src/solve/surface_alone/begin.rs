@@ -114,16 +114,11 @@ pub(super) fn plane(capture: &Capture, grid: &Grid, with_background: bool) -> Ma
     let count = grid.n[0] * grid.n[1];
     let (albedo, normal) = if at.is_some() { (1.0, [0.0, 0.0, -1.0]) } else { (0.0, [f32::NAN; 3]) };
     Maps {
-        nx: grid.n[0],
-        ny: grid.n[1],
-        extent: grid.extent(),
         albedo: vec![albedo; count],
         depth: vec![at.map_or(f32::NAN, |z| z as f32); count],
         normal: vec![normal; count],
         mask: vec![at.is_some(); count],
-        mask_fraction: None,
-        confidence: None,
-        behind: None,
+        ..Maps::empty([grid.n[0], grid.n[1]], grid.extent())
     }
 }
 
