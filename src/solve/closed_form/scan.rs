@@ -135,22 +135,17 @@ impl RegularScan {
         if self.gaps.is_empty() {
             return light;
         }
-        let measured = light.pair_count();
-        let places = self.places();
-        for (gap, around) in self.gaps.iter().enumerate() {
+        let (measured, places, kind) = (light.pair_count(), self.places(), capture.pair_kind());
+        light.histograms.reserve_exact(self.gaps.len() * bins);
+        // Gaps are in the order of their places.
+        let missing = self.pair_of.iter().zip(places).filter(|(pair, _)| **pair >= measured);
+        for (around, (_, place)) in self.gaps.iter().zip(missing) {
             let mut mean = vec![0.0f32; bins];
             around.iter().for_each(|pair| add(&mut mean, light.histogram(*pair), 1.0 / around.len() as f32));
             light.histograms.extend(mean);
-            let place =
-                self.pair_of.iter().position(|pair| *pair == measured + gap).expect("each has a place");
             // The other side of a scan with one spot stays.
-            let [laser, sensor] = match capture.pair_kind() {
-                PairKind::OneLaser => [capture.laser[0], places[place]],
-                PairKind::OneSensor => [places[place], capture.sensor[0]],
-                _ => [places[place]; 2],
-            };
-            light.laser.push(laser);
-            light.sensor.push(sensor);
+            light.laser.push(if kind == PairKind::OneLaser { capture.laser[0] } else { place });
+            light.sensor.push(if kind == PairKind::OneSensor { capture.sensor[0] } else { place });
         }
         light.scan = [light.laser.len(), 1];
         // Scans that this is made of are flat: their normals say nothing.
