@@ -255,7 +255,8 @@ fn prepared(
     notes.extend(capture.clipped_note());
     if let Some([low, high]) = capture.background().range() {
         notes.push(format!(
-            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; that of each pair is taken off"
+            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; all methods but paper take \
+             off that of each pair"
         ));
     }
     let seconds = start.elapsed().as_secs_f64();

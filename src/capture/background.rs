@@ -26,6 +26,14 @@ pub struct Background {
 }
 
 impl Background {
+    /// None at all.
+    pub(crate) const NONE: Background = Background { level: 0.0, pairs: None };
+
+    /// That of `capture` if it is to be taken off, else none.
+    pub(crate) fn of(capture: &Capture, taken_off: bool) -> Background {
+        if taken_off { capture.background() } else { Background::NONE }
+    }
+
     /// The same for every pair.
     pub fn even(level: f64) -> Background {
         Background { level, pairs: None }
@@ -51,7 +59,7 @@ impl Capture {
     /// more ambient light than others. Chance is taken out of it by shrinking it toward the mean (James & Stein 1961).
     pub fn background(&self) -> Background {
         let mean = self.mean_histogram();
-        let Some((_, level)) = quiet_bins(&mean) else { return Background::even(0.0) };
+        let Some((_, level)) = quiet_bins(&mean) else { return Background::NONE };
         let strongest = mean.iter().copied().fold(0.0, f64::max) - level;
         // Cheap for dark captures: nothing can differ by so much.
         let may_differ = self.integer_counts && level > HARMS * strongest && self.pair_count() >= LEAST_PAIRS;

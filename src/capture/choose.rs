@@ -7,6 +7,7 @@ use rand_pcg::Pcg64;
 
 use super::hot;
 use super::lattice::Lattice;
+use super::median::median;
 use super::seen::Seen;
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
@@ -212,7 +213,7 @@ impl Measured {
 
 /// Why each pair counts as not measured; `None` for measured pairs.
 fn faults(capture: &Capture, seen: &[Seen]) -> Vec<Option<Fault>> {
-    let usual = hot::median(seen.iter().map(|s| s.total).filter(|t| t.is_finite())).unwrap_or(0.0);
+    let usual = median(seen.iter().map(|s| s.total).filter(|t| t.is_finite())).unwrap_or(0.0);
     let dark = capture.integer_counts && usual > DEAD_BELOW;
     let points = capture.laser.iter().zip(&capture.sensor);
     let mut faults: Vec<Option<Fault>> = points

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 
+use super::median::median;
 use super::nearest::Tree;
 use super::{Capture, PairKind};
 
@@ -18,13 +19,6 @@ const FEW: f64 = 0.05;
 
 /// By chance a pair has so many counts where there are hardly any.
 const CHANCE: f64 = 100.0;
-
-/// The middle one of some values, the upper of two; `None` without any.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
 
 /// The hot pairs, by the counts of each measured pair. None of captures of exhaustive or irregular pairs: there the pairs around
 /// one need not see the scene as it does.

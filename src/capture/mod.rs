@@ -18,6 +18,7 @@ mod hot;
 #[cfg(feature = "formats")]
 mod keep;
 pub(crate) mod lattice;
+pub(crate) mod median;
 pub(crate) mod nearest;
 pub mod negative;
 mod normals;

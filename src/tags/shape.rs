@@ -8,6 +8,7 @@
 use glam::DVec3;
 
 use super::Scan;
+use crate::capture::median::median;
 use crate::error::{Error, Result};
 
 /// Points of a wall as their own returns say.
@@ -45,13 +46,9 @@ pub(super) fn of(scan: &Scan, [laser, sensor]: [DVec3; 2], path: &[f64]) -> Resu
             "give places in front of the wall, with a larger z, as the hidden scene is",
         ));
     }
-    let mut offsets: Vec<f64> =
+    let offsets: Vec<f64> =
         scan.laser.iter().zip(path).filter(|(_, d)| d.is_finite()).map(|(p, d)| d - given(p)).collect();
-    if offsets.is_empty() {
-        return wrong("no point has a return".into());
-    }
-    let middle = offsets.len() / 2;
-    let delay = *offsets.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let Some(delay) = median(offsets.iter().copied()) else { return wrong("no point has a return".into()) };
     let apart = laser - sensor;
     let mut points = scan.laser.clone();
     let (mut least, mut most, mut squares) = (f64::INFINITY, f64::NEG_INFINITY, 0.0);

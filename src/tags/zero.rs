@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::collect::Cells;
+use crate::capture::median::median;
 use crate::error::{Error, Result};
 
 /// What delay is path 0.
@@ -31,12 +32,7 @@ pub(super) fn direct(cells: &Cells, reach: f64) -> Result<Vec<Option<f64>>> {
         (0..cells.points()).into_par_iter().map(|point| peak(cells.of(point), range)).collect()
     };
     let mut first = all(None);
-    let mut known: Vec<f64> = first.iter().flatten().copied().collect();
-    if known.is_empty() {
-        return Err(none(0, first.len()));
-    }
-    let middle = known.len() / 2;
-    let usual = *known.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let Some(usual) = median(first.iter().flatten().copied()) else { return Err(none(0, first.len())) };
     let near = [usual - reach, usual + reach];
     let is_near = |delay: &Option<f64>| delay.is_some_and(|d| (near[0]..=near[1]).contains(&d));
     if !first.iter().all(is_near) {

@@ -127,7 +127,7 @@ impl Model {
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
         let (mut model, rows) = Model::outline(capture, reflectance, peak, general);
         if !capture.histograms.is_empty() {
-            model.take(&rows, capture, &Background::even(0.0));
+            model.take(&rows, capture, &Background::NONE);
         }
         model
     }

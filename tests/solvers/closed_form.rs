@@ -10,7 +10,7 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{SolverOptions, Suit, Watch};
+use thirdbounce::solve::{Reconstruction, SolverOptions, Suit, Watch};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.
@@ -56,10 +56,14 @@ fn options(name: &str, lateral: usize, capture: &Capture) -> SolverOptions {
 }
 
 fn maps(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize) -> Maps {
+    solved(gpu, name, capture, volume, lateral).maps
+}
+
+fn solved(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize) -> Reconstruction {
     let grid = Grid::new(volume, lateral, BIN / 2.0).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    options(name, lateral, capture).solve(gpu, capture, grid, None, false, &mut watch).unwrap().maps
+    options(name, lateral, capture).solve(gpu, capture, grid, None, false, &mut watch).unwrap()
 }
 
 /// Where the light of the maps is: the centroid of what is above half of the brightest pixel.
@@ -117,15 +121,11 @@ fn places_without_a_pair_are_filled() {
     let target = dvec3(0.1131, -0.0723, 0.557);
     let near = dvec3(0.18, 0.18, 0.12);
     let volume = Volume { min: target - near, max: target + near };
-    let grid = Grid::new(volume, 45, BIN / 2.0).unwrap();
     let whole = light(wall(), wall(), &[target]);
     let holes = whole.subset(SCAN * SCAN - 20, 3).unwrap();
     for name in ["lct", "dlct", "fk", "phasor"] {
         let [(at, filled), (at_of_holes, filled_of_holes)] = [&whole, &holes].map(|capture| {
-            let mut hear = |_: &_| ControlFlow::Continue(());
-            let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-            let done =
-                options(name, 45, capture).solve(&gpu, capture, grid, None, false, &mut watch).unwrap();
+            let done = solved(&gpu, name, capture, volume, 45);
             (place(&done.maps), done.filled)
         });
         assert_eq!([filled, filled_of_holes], [0, 20], "{name}");

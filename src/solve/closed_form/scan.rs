@@ -5,14 +5,14 @@ use rayon::prelude::*;
 
 use super::image::add;
 use crate::capture::lattice::Lattice;
-use crate::capture::{Capture, PairKind};
+use crate::capture::{Background, Capture, PairKind};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
 /// A point may be this share of the spacing away from its place.
 const OFF_PLACE: f64 = 0.1;
 
-/// At most this share of a lattice's places may have no pair: few enough that most of them lie between places that have one.
+/// Places of a lattice without a pair may be this share of those with one: few enough that most of them lie between such.
 const GAPS: f64 = 0.05;
 
 /// What a method that needs a regular scan of a flat wall can do instead.
@@ -91,12 +91,11 @@ impl RegularScan {
         };
         let Lattice { range, counts, .. } = lattice;
         let missing = counts[0] * counts[1] - places.len();
-        if missing as f64 > GAPS * places.len() as f64 {
+        let may_miss = (GAPS * places.len() as f64) as usize;
+        if missing > may_miss {
+            let [nx, ny] = counts;
             return refuse(&format!(
-                "a full lattice of points, and {missing} places of {} × {} have none (one in {:.0} may)",
-                counts[0],
-                counts[1],
-                1.0 / GAPS
+                "a full lattice of points, and {missing} places of {nx} × {ny} have none (at most {may_miss} may)"
             ));
         }
         let first = [range[0][0], range[1][0]];
@@ -125,8 +124,8 @@ impl RegularScan {
     pub(super) fn light(&self, capture: &Capture, with_background: bool) -> Capture {
         let mut light = capture.clone();
         let bins = light.bins;
-        if with_background {
-            let background = capture.background();
+        let background = Background::of(capture, with_background);
+        if background != Background::NONE {
             light.histograms.par_chunks_exact_mut(bins).enumerate().for_each(|(pair, counts)| {
                 let below = background.of_pair(pair) as f32;
                 counts.iter_mut().for_each(|v| *v -= below);
@@ -151,6 +150,13 @@ impl RegularScan {
         // Scans that this is made of are flat: their normals say nothing.
         (light.laser_normal, light.sensor_normal) = (None, None);
         light
+    }
+
+    /// The points, `[ix * n[1] + iy]`.
+    pub(super) fn places(&self) -> Vec<DVec3> {
+        let at = |axis: usize, i: usize| self.first[axis] + i as f64 * self.step[axis];
+        let of = |i: usize| DVec3::new(at(0, i / self.n[1]), at(1, i % self.n[1]), self.z);
+        (0..self.points()).map(of).collect()
     }
 
     /// Number of points.

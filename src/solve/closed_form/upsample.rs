@@ -41,13 +41,6 @@ impl RegularScan {
             ..*self
         }
     }
-
-    /// The points, `[ix * n[1] + iy]`.
-    pub(super) fn places(&self) -> Vec<DVec3> {
-        let at = |axis: usize, i: usize| self.first[axis] + i as f64 * self.step[axis];
-        let of = |i: usize| DVec3::new(at(0, i / self.n[1]), at(1, i % self.n[1]), self.z);
-        (0..self.points()).map(of).collect()
-    }
 }
 
 /// The capture on the finer scan that `image` asks for. Of a capture without counts, the pairs alone. `scan`: that of the

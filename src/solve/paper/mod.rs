@@ -27,7 +27,7 @@ pub use schedule::{double, due, initialise, iteration, reduce, restart};
 pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
     let (mut model, rows) = outline_of(capture, grid, options);
     if !capture.histograms.is_empty() {
-        model.take(&rows, capture, &Background::even(0.0));
+        model.take(&rows, capture, &Background::NONE);
     }
     model
 }
@@ -129,7 +129,7 @@ impl Prepared for PreparedPaper {
         let PreparedPaper { planned, rows, options, with_volume } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(|_| Ok(()))?;
-        job.model.take(rows, capture, &Background::even(0.0));
+        job.model.take(rows, capture, &Background::NONE);
         job.upload_counts()?;
         let plan = job.plan.clone();
         let keeper = Keeper::new(beside.keep, job, options)?;

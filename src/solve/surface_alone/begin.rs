@@ -125,7 +125,7 @@ pub(super) fn plane(capture: &Capture, grid: &Grid, with_background: bool) -> Ma
 /// The depth of the nearest surface by the first returns of all pairs, metres; `None` without light. A path belongs to the
 /// point of its ellipsoid that is farthest from the wall.
 fn depth_of_first_returns(capture: &Capture, with_background: bool) -> Option<f64> {
-    let background = if with_background { capture.background() } else { Background::even(0.0) };
+    let background = Background::of(capture, with_background);
     let rows =
         || (0..capture.pair_count()).map(|pair| (capture.histogram(pair), background.of_pair(pair) as f32));
     let strongest = |(row, level): (&[f32], f32)| row.iter().copied().fold(0.0, f32::max) - level;

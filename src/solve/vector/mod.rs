@@ -169,7 +169,7 @@ pub(super) fn take(
     model: &mut Model,
     scale: Option<f64>,
 ) {
-    let background = if options.background { capture.background() } else { Background::even(0.0) };
+    let background = Background::of(capture, options.background);
     let [per_count, empty] = variances(capture, background.level);
     match scale {
         Some(scale) => model.take_times(rows, capture, &background, scale),

@@ -320,15 +320,13 @@ impl<M: Projection> Projecting<M> {
     /// Gives the device the counts of a capture.
     fn take(&mut self, capture: &Capture) -> Result<()> {
         let image = self.options.image();
-        let none = Background::even(0.0);
         let job = self.planned.made(|_| Ok(()))?;
         if let Some(scan) = &self.scan {
             // Points between the measured ones have no background of their own: it goes first.
             let light = scan.light(capture, image.background);
-            job.model.take(&self.rows, &upsample::finer(&light, scan, image), &none);
+            job.model.take(&self.rows, &upsample::finer(&light, scan, image), &Background::NONE);
         } else {
-            let background = if image.background { capture.background() } else { none };
-            job.model.take(&self.rows, capture, &background);
+            job.model.take(&self.rows, capture, &Background::of(capture, image.background));
         }
         job.upload_counts()
     }
