@@ -4049,6 +4049,24 @@ pub mod solve {
         }
     }
     pub mod vector {
+        mod beyond {
+            mod aside {
+                #[derive(Debug, Clone, Copy, PartialEq)]
+                pub struct Aside {
+                    pub volume: Volume,
+                    pub beyond: f64,
+                    pub left: [f64; 2],
+                }
+                pub fn aside(
+                    gpu: &Gpu,
+                    capture: &Capture,
+                    inner: &Grid,
+                    options: &VectorOptions,
+                    memory: Option<u64>,
+                    watch: &mut Watch<'_>,
+                ) -> Result<Option<Aside>> {}
+            }
+        }
         mod devices {
             pub fn reconstruct_on<'b, 'w: 'b>(
                 gpus: &[Gpu],
@@ -4193,6 +4211,7 @@ pub mod solve {
                 pub fn is_less(&self, other: &Left) -> bool {}
             }
         }
+        pub use beyond::{Aside, aside};
         pub use devices::reconstruct_on;
         pub use follow::Follow;
         pub use frames::{ForFrames, Frames};
@@ -5207,6 +5226,18 @@ pub mod trials {
             pub fn note(&self) -> String {}
         }
     }
+    mod place {
+        #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+        pub struct FoundPlace {
+            pub extent: [f64; 6],
+            pub beyond: f64,
+            pub left: [f64; 2],
+        }
+        impl FoundPlace {
+            pub fn volume(&self) -> Volume {}
+            pub fn note(&self) -> String {}
+        }
+    }
     mod pulse {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct FoundPulse {
@@ -5222,6 +5253,7 @@ pub mod trials {
     }
     pub use choice::{Choice, Resolved, Tuned, preset_for};
     pub use model::{FoundModel, MODELS, Refuted};
+    pub use place::FoundPlace;
     pub use pulse::FoundPulse;
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub enum FindPulse {
@@ -5242,12 +5274,14 @@ pub mod trials {
     }
     #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
     pub struct Found {
+        pub place: Option<FoundPlace>,
         pub model: Option<FoundModel>,
         pub pulse: Option<FoundPulse>,
         pub seconds: f64,
     }
     impl Found {
         pub fn notes(&self) -> Vec<String> {}
+        pub fn volume(&self, given: Option<Volume>) -> Option<Volume> {}
         pub fn settle<'c>(
             &self,
             solver: &SolverOptions,

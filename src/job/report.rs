@@ -65,6 +65,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
         "pulse_found": done.found.pulse,
         "model_found": done.found.model,
+        "place_found": done.found.place,
         "beyond_taken_off": result.beyond,
         "background_taken_off": background_of(loaded, done),
         "trials_s": done.found.seconds,

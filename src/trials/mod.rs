@@ -1,5 +1,5 @@
-//! What a run finds out by quick solves before the one that was asked for: how surfaces reflect, and how wide the
-//! instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they begin with.
+//! What a run finds out by quick solves before the one that was asked for: where the scene is, how surfaces reflect, and how
+//! wide the instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they begin with.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -18,11 +18,13 @@ use crate::{Error, Kind, Result};
 
 mod choice;
 mod model;
+mod place;
 mod pulse;
 
 pub use choice::{Choice, Resolved, Tuned, preset_for};
 use model::WITHOUT_NORMALS;
 pub use model::{FoundModel, MODELS, Refuted};
+pub use place::FoundPlace;
 pub use pulse::FoundPulse;
 
 /// Fewer pairs that judge cannot tell a difference from chance.
@@ -93,6 +95,9 @@ impl Ask<'_> {
 /// What the trials of a run found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Found {
+    /// Where the scene is, if not in the usual box.
+    #[serde(default)]
+    pub place: Option<FoundPlace>,
     /// How surfaces reflect, if it was to be found.
     #[serde(default)]
     pub model: Option<FoundModel>,
@@ -106,7 +111,16 @@ pub struct Found {
 impl Found {
     /// What was found, as sentences.
     pub fn notes(&self) -> Vec<String> {
-        self.model.iter().map(FoundModel::note).chain(self.pulse.iter().map(FoundPulse::note)).collect()
+        let place = self.place.iter().map(FoundPlace::note);
+        place
+            .chain(self.model.iter().map(FoundModel::note))
+            .chain(self.pulse.iter().map(FoundPulse::note))
+            .collect()
+    }
+
+    /// The box to solve, if `given` is the one that was asked for.
+    pub fn volume(&self, given: Option<Volume>) -> Option<Volume> {
+        given.or(self.place.as_ref().map(FoundPlace::volume))
     }
 
     /// The solver with its options for the model that was found, and the capture with the pulse.
@@ -141,13 +155,18 @@ pub fn find(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Found> {
+    let _span = gpu.span("trials");
+    let start = Instant::now();
+    let place = place::find(ask, capture, gpu, hear)?;
+    let found = Found { place, seconds: start.elapsed().as_secs_f64(), ..Found::default() };
     let finds_model = ask.models.len() > 1;
     let find_pulse = ask.find_pulse(capture);
     if !finds_model && find_pulse == FindPulse::Never {
-        return Ok(Found::default());
+        return Ok(found);
     }
-    let _span = gpu.span("trials");
-    let start = Instant::now();
+    let mut discretisation = ask.discretisation;
+    discretisation.volume = found.volume(discretisation.volume);
+    let ask = &Ask { discretisation, ..*ask };
     let usual = ask.solver.common().reflectance;
     let mut tried = vec![];
     let searched = Trials::new(ask, capture, gpu, hear).and_then(|mut trials| {
@@ -167,7 +186,7 @@ pub fn find(
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, refuted, failed.clone()));
     let pulse = width.map(|width| FoundPulse::of(width, reflectance, &tried, seconds, failed));
-    Ok(Found { model, pulse, seconds })
+    Ok(Found { model, pulse, seconds, ..found })
 }
 
 /// A trial, and what it left.

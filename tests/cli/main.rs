@@ -12,6 +12,7 @@ mod live;
 mod model;
 mod originals;
 mod page;
+mod place;
 mod preview;
 mod profile;
 mod pulse;

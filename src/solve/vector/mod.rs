@@ -40,6 +40,7 @@ mod preview;
 mod schedule;
 mod trial;
 
+pub use beyond::{Aside, aside};
 pub use devices::reconstruct_on;
 pub use follow::Follow;
 pub use frames::{ForFrames, Frames};

@@ -27,6 +27,9 @@ use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Sample, Twin};
 use crate::transport::{Grid, Model, Volume};
 
+mod aside;
+pub use aside::{Aside, aside};
+
 /// Coarse voxels over the width of the box, and at most on either side of it.
 const INSIDE: usize = 16;
 const BESIDE: usize = 16;
@@ -114,7 +117,7 @@ impl Search {
             options: coarse(options),
             memory,
             inner: *inner,
-            alone: Grid::new(box_of(inner, 0.0), INSIDE, wide.pitch.z)?,
+            alone: Grid::new(box_of(inner, [0.0; 2]), INSIDE, wide.pitch.z)?,
             wide,
             outline: capture.outline(),
             fits: [None, None],
@@ -254,24 +257,24 @@ fn coarse(options: &VectorOptions) -> VectorOptions {
     })
 }
 
-/// The lateral extent of `inner` with this many metres around it, and its depths.
-fn box_of(inner: &Grid, around: f64) -> Volume {
+/// The lateral extent of `inner` with this many metres beside it along x and y, and its depths.
+fn box_of(inner: &Grid, [x, y]: [f64; 2]) -> Volume {
     let ([x0, x1, y0, y1], [z0, z1]) = (inner.extent(), inner.depth_range());
-    Volume { min: glam::dvec3(x0 - around, y0 - around, z0), max: glam::dvec3(x1 + around, y1 + around, z1) }
+    Volume { min: glam::dvec3(x0 - x, y0 - y, z0), max: glam::dvec3(x1 + x, y1 + y, z1) }
 }
 
-/// A coarse grid around `inner`, as wide as the longest path allows; `None` if that is not beyond it.
+/// A coarse square grid around `inner`, as wide as the longest path allows; `None` if that is not beyond it.
 fn wider(capture: &Capture, inner: &Grid) -> Option<Grid> {
     let [x0, x1, y0, y1] = inner.extent();
-    let (width, height) = (x1 - x0, y1 - y0);
+    let width = (x1 - x0).max(y1 - y0);
     let pitch = width / INSIDE as f64;
     let [near, _] = inner.depth_range();
     let aside = (0.25 * capture.t_end().powi(2) - near.max(0.0).powi(2)).max(0.0).sqrt();
     // An even number on both sides together lets grids double.
     let beside = (((aside / pitch) as usize).min(BESIDE) / 4) * 4;
-    // Voxels are as many along y as along x.
-    (beside > 0 && (height / width - 1.0).abs() < 0.5).then_some(())?;
-    Grid::new(box_of(inner, beside as f64 * pitch), INSIDE + 2 * beside, 0.5 * pitch).ok()
+    (beside > 0).then_some(())?;
+    let around = [x1 - x0, y1 - y0].map(|own| 0.5 * (width - own) + beside as f64 * pitch);
+    Grid::new(box_of(inner, around), INSIDE + 2 * beside, 0.5 * pitch).ok()
 }
 
 /// A coarse volume, and what it leaves of pairs that it has not seen.
