@@ -82,6 +82,16 @@ pub struct Ask<'a> {
 }
 
 impl Ask<'_> {
+    /// The options of the solver that looks where the scene is; `None` if none does, or if the box is given.
+    fn finds_place(&self) -> Option<&VectorOptions> {
+        match self.solver {
+            SolverOptions::Vector(options) if self.discretisation.volume.is_none() => {
+                Some(options).filter(|o| o.beyond)
+            }
+            _ => None,
+        }
+    }
+
     /// Whether to find the pulse of this capture: there is none yet, and only trials of the model can show one.
     pub fn find_pulse(&self, capture: &Capture) -> FindPulse {
         match (self.find_pulse, &capture.pulse) {
@@ -157,8 +167,11 @@ pub fn find(
 ) -> Result<Found> {
     let _span = gpu.span("trials");
     let start = Instant::now();
-    let place = place::find(ask, capture, gpu, hear)?;
-    let found = Found { place, seconds: start.elapsed().as_secs_f64(), ..Found::default() };
+    let mut found = Found::default();
+    if let Some(options) = ask.finds_place() {
+        found.place = place::find(ask, options, capture, gpu, hear)?;
+        found.seconds = start.elapsed().as_secs_f64();
+    }
     let finds_model = ask.models.len() > 1;
     let find_pulse = ask.find_pulse(capture);
     if !finds_model && find_pulse == FindPulse::Never {

@@ -9,7 +9,7 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::vector::aside;
-use crate::solve::{Doing, Progress, SolverOptions, Watch};
+use crate::solve::{Doing, Progress, VectorOptions, Watch};
 use crate::transport::Volume;
 
 /// The box of a scene that is not in the usual one, which is as wide as the scan.
@@ -43,16 +43,14 @@ impl FoundPlace {
     }
 }
 
-/// Where the scene is, if nobody gave a box and the usual one does not hold it.
+/// Where the scene is, if the usual box does not hold it.
 pub(super) fn find(
     ask: &Ask<'_>,
+    options: &VectorOptions,
     capture: &Capture,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<FoundPlace>> {
-    let (SolverOptions::Vector(options), None) = (ask.solver, ask.discretisation.volume) else {
-        return Ok(None);
-    };
     let grid = ask.discretisation.grid(ask.solver, capture)?;
     let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
     let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };

@@ -36,8 +36,7 @@ pub struct Aside {
     pub left: [f64; 2],
 }
 
-/// Looks where the scene is, if `options` look beyond the box `inner`, which is the usual one. `None` if it is in there, or if
-/// the scan has too few pairs to tell.
+/// Looks where the scene is. `None` if it is in the box `inner`, which is the usual one, or if the scan has too few pairs to tell.
 ///
 /// # Errors
 /// The device fails, or the watch cancels.
@@ -49,9 +48,6 @@ pub fn aside(
     memory: Option<u64>,
     watch: &mut Watch<'_>,
 ) -> Result<Option<Aside>> {
-    if !options.beyond {
-        return Ok(None);
-    }
     let found = Search::of(gpu, capture, inner, options, memory)
         .and_then(|search| search.map_or(Ok(None), |mut search| search.aside(capture, watch)));
     going_on(found)
