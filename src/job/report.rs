@@ -66,6 +66,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "pulse_found": done.found.pulse,
         "model_found": done.found.model,
         "place_found": done.found.place,
+        "sharpness_found": result.sharpness,
         "beyond_taken_off": result.beyond,
         "background_taken_off": background_of(loaded, done),
         "trials_s": done.found.seconds,
@@ -93,6 +94,10 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
     });
     if let (Value::Object(all), Ok(Value::Object(options))) = (&mut all, serde_json::to_value(&done.solver)) {
         all.extend(options);
+        // A setting that the solver chose.
+        if let Some(chosen) = result.sharpness {
+            all.insert(chosen.setting.into(), chosen.value.into());
+        }
     }
     all
 }

@@ -205,6 +205,14 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
             solved.filled
         ));
     }
+    if let Some(chosen) = solved.sharpness.filter(|chosen| chosen.value != chosen.sharpest) {
+        notes.push(format!(
+            "the image is less sharp than usual, so that noise is not taken for surface: --{} is {} in place of {}",
+            chosen.setting.replace('_', "-"),
+            chosen.value,
+            chosen.sharpest
+        ));
+    }
     if is_at_border(&solved.maps) {
         notes.push(
             "most of what was found lies at the border of the box: the scene may lie beyond it, beside the scanned part of \

@@ -445,7 +445,7 @@ pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {
         ("retroreflective", Suit { reflectance: Reflectance::Retroreflective, ..Suit::USUAL }),
     ];
     let other = |(when, suit): &(&str, Suit)| {
-        let value = suited(suit).filter(|value| *value != usual)?;
+        let value = suited(suit).filter(|value| *value != usual && *value != Value::Unset)?;
         Some(format!("{value} {when}"))
     };
     Some(

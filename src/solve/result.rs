@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::Plan;
 use super::TracePoint;
+use super::closed_form::Sharpness;
 use super::drive::Driven;
 use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
@@ -59,6 +60,8 @@ pub struct Reconstruction {
     pub is_warm: bool,
     /// Places of the scan's lattice without a pair, which a Fourier method filled from the pairs around them.
     pub filled: usize,
+    /// How sharp a closed-form method made its image, where its options left that open.
+    pub sharpness: Option<Sharpness>,
     /// Light from beyond the box was taken off the measurement, and why.
     pub beyond: Option<TakenOff>,
     /// The share of noise in the energy of the counts, if these were on the device only.
@@ -105,6 +108,7 @@ pub(super) fn finish(
         has_mask: false,
         is_warm: false,
         filled: 0,
+        sharpness: None,
         beyond: None,
         noise: None,
         exchanged: job.executor.exchanged(),

@@ -113,20 +113,25 @@ fn powers(albedo: &[f32], power: f64) -> Vec<f64> {
 }
 
 /// A threshold of the albedo as a share of the brightest.
-fn share_of_white(threshold: f64, albedo: &[f32]) -> Option<f64> {
+pub fn share_of_white(threshold: f64, albedo: &[f32]) -> Option<f64> {
     let white = f64::from(Maps::white(albedo));
     (white > 0.0).then(|| (threshold / white).clamp(0.0, 0.99))
 }
 
-/// The share of the brightest albedo above which a pixel is surface in maps with haze. Haze is dim but wide, and the
+/// The albedo above which a pixel is surface in maps with haze. Haze is dim but wide, and the
 /// brightness of surfaces varies, so Otsu's threshold first parts the fourth roots of the albedo, in which both are
 /// about as wide. A pixel is surface above `share` of the median of the bright part. `None` without light.
-pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {
+pub fn level_over_haze(albedo: &[f32], share: f64) -> Option<f64> {
     let roots = powers(albedo, 0.25);
     let threshold = otsu(&roots)?;
     let bright: Vec<f32> =
         albedo.iter().zip(&roots).filter(|(_, r)| **r > threshold).map(|(a, _)| *a).collect();
-    share_of_white(share * f64::from(percentile(&bright, 50.0)?), albedo)
+    Some(share * f64::from(percentile(&bright, 50.0)?))
+}
+
+/// The brightest value of each column of a volume with `depths` voxels a column; 0 if none is above.
+pub fn brightest(volume: &[f32], depths: usize) -> Vec<f32> {
+    volume.par_chunks(depths).map(|column| column.iter().copied().fold(0.0, f32::max)).collect()
 }
 
 /// The same for maps of a method whose priors leave little haze: Otsu's threshold of the albedo's square roots.
@@ -284,6 +289,10 @@ mod tests {
         assert!([-0.5, 0.0, 1.25, 3.5].iter().all(|at| (sum(*at) - 1.0).abs() < 1e-6));
     }
 
+    fn over_haze(albedo: &[f32]) -> Option<f64> {
+        share_of_white(level_over_haze(albedo, 0.6)?, albedo)
+    }
+
     #[test]
     fn haze_is_no_surface_and_dim_surface_is() {
         // A surface between half of its brightness and all of it, a third of the picture, in haze of up to a tenth.
@@ -293,7 +302,7 @@ mod tests {
                 if i % 3 == 0 { 0.5 + 0.5 * wave } else { 0.1 * wave }
             })
             .collect();
-        let mask = |albedo: &[f32]| Maps::mask_of(albedo, fraction_over_haze(albedo, 0.6).unwrap());
+        let mask = |albedo: &[f32]| Maps::mask_of(albedo, over_haze(albedo).unwrap());
         let right = |mask: &[bool]| mask.iter().enumerate().filter(|(i, m)| **m == (i % 3 == 0)).count();
         assert!(right(&mask(&albedo)) == 3000);
         // A few pixels that are much brighter do not decide.
@@ -302,7 +311,7 @@ mod tests {
         assert!(right(&mask(&spotted)) > 2980, "{}", right(&mask(&spotted)));
         let by_roots = Maps::mask_of(&albedo, fraction_by_roots(&albedo).unwrap());
         assert!(right(&by_roots) == 3000);
-        assert_eq!(fraction_over_haze(&[0.0; 9], 0.6), None);
+        assert_eq!(over_haze(&[0.0; 9]), None);
         assert_eq!(fraction_by_roots(&[0.0; 9]), None);
     }
 
@@ -317,8 +326,7 @@ mod tests {
             let off = (grid.origin.z + z as f64 * 0.05 - depth(column / ny, column % ny)) / 0.1;
             *v = (1.0 - off * off).max(0.0) as f32;
         }
-        let usual = |albedo: &[f32]| fraction_over_haze(albedo, 0.6);
-        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1, usual);
+        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1, over_haze);
         maps.check().unwrap();
         for i in 0..nx * ny {
             assert!((f64::from(maps.depth[i]) - depth(i / ny, i % ny)).abs() < 1e-5);
@@ -327,7 +335,7 @@ mod tests {
             assert!((dvec3(found[0], found[1], found[2]) - wanted).length() < 1e-3, "{found:?}");
         }
         let empty =
-            super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1, usual);
+            super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1, over_haze);
         assert!(empty.depth.iter().all(|z| z.is_nan()) && !empty.mask.contains(&true));
         empty.check().unwrap();
     }

@@ -8,8 +8,12 @@ use rayon::prelude::*;
 use super::RegularScan;
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn};
 use super::resample::{Cumulative, linear};
+use super::sharpness::Ladder;
 use crate::capture::Capture;
 use crate::transport::Grid;
+
+/// Ratios of signal to noise to choose from.
+pub const SNR: Ladder = Ladder { setting: "snr", values: &[0.8, 0.3, 0.1, 0.03, 0.01, 0.003] };
 
 /// Cells of v = (t/2)² and of u = z², which lie at the same places.
 pub(super) struct Cells {

@@ -32,7 +32,10 @@ mod options;
 mod phasor;
 mod resample;
 mod scan;
+mod sharpness;
 mod upsample;
+
+use sharpness::{Ladder, noise, tossed};
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
 pub use convolution::{ConvolutionOptions, Prior};
@@ -43,6 +46,7 @@ pub use lct::LctOptions;
 pub use options::ImageOptions;
 pub use phasor::PhasorOptions;
 pub use scan::RegularScan;
+pub use sharpness::{Noise, Sharpness};
 pub use upsample::Between;
 
 /// A method that runs on the host.
@@ -50,7 +54,7 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
     /// What the options of all closed-form methods have.
     fn image(&self) -> &ImageOptions;
 
-    /// Its share of [`image::fraction_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+    /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
     const MASK_SHARE: f64;
 
     /// The scan of a capture.
@@ -62,7 +66,19 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
     /// Names and bytes of the arrays that it holds at the same time, at most.
     fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)>;
 
-    /// The volume at the voxels of `grid`. Counts are without background.
+    /// What there is to choose from where the options leave its sharpness open; `None` if they do not.
+    fn ladder(&self) -> Option<Ladder> {
+        None
+    }
+
+    /// These options with a value of the ladder.
+    #[must_use]
+    fn at(&self, _sharpness: f64) -> Self {
+        self.clone()
+    }
+
+    /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
+    /// first of the ladder.
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume;
 }
 
@@ -72,6 +88,8 @@ pub(super) const VOLUME: Buffer = Buffer::named("volume");
 pub(super) const COUNTS: Buffer = Buffer::named("counts");
 /// The same with points between the measured ones.
 const FINER: Buffer = Buffer::named("finer_counts");
+/// Counts with a sign for every photon, and their volume.
+const TOSSED: Buffer = Buffer::named("tossed_counts_and_volume");
 
 /// Writes what every host method is to the rest of the engine.
 macro_rules! host_method {
@@ -197,13 +215,21 @@ pub(super) fn plan<M: HostMethod>(
     let shared =
         [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
     let fine = upsample::finer(&capture.outline(), &scan, options.image()).into_owned();
-    let own = options.arrays(&fine, &scan.finer(options.image().upsample), &grid);
+    let ladder = options.ladder().filter(|_| capture.integer_counts);
+    // The softest may need the most.
+    let most = ladder.map_or_else(|| options.clone(), |ladder| options.at(ladder.softest()));
+    let own = most.arrays(&fine, &scan.finer(options.image().upsample), &grid);
+    let tossed = ladder.map(|_| {
+        let counts = 4 * (fine.pair_count() * fine.bins) as u64;
+        (TOSSED, counts + 4 * grid.voxels() as u64)
+    });
     let between = (options.image().upsample > 1).then(|| (FINER, 4 * (fine.pair_count() * fine.bins) as u64));
     plan.passes.clear();
     plan.left_out.clear();
     plan.buffers = shared
         .into_iter()
         .chain(between)
+        .chain(tossed)
         .chain(own)
         .map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback))
         .collect();
@@ -276,15 +302,31 @@ impl<M: HostMethod> Prepared for OnHost<M> {
         let OnHost { options, scan, grid, plan, with_volume } = self;
         let step = scan.step[0].min(scan.step[1]);
         let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
-            let image = options.image();
-            let light = scan.light(capture, image.background);
-            Ok(options.volume(&upsample::finer(&light, scan, image), &scan.finer(image.upsample), grid))
+            let (image, fine) = (options.image(), scan.finer(options.image().upsample));
+            let of = |capture: &Capture, with_background: bool| {
+                upsample::finer(&scan.light(capture, with_background), scan, image).into_owned()
+            };
+            let light = of(capture, image.background);
+            let Some(ladder) = options.ladder() else {
+                return Ok((options.volume(&light, &fine, grid), None));
+            };
+            if !capture.integer_counts {
+                return Ok((options.volume(&light, &fine, grid), Some(ladder.sharpest())));
+            }
+            let tossed = of(&tossed(capture), false);
+            let (chosen, volume) = ladder.choose(|value| {
+                let options = options.at(value);
+                let [light, tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
+                let noise = noise(&light.albedo, &tossed.albedo, grid.n[2], M::MASK_SHARE);
+                Ok((noise, light))
+            })?;
+            Ok((volume, Some(chosen)))
         })?;
         Ok(Reconstruction { filled: scan.gaps.len(), ..done })
     }
 }
 
-/// Computes the volume, tells the watch before and after, and makes the maps. `step` is the distance of scan points,
+/// Computes the volume, with the sharpness that was chosen for it, tells the watch before and after, and makes the maps. `step` is the distance of scan points,
 /// metres, and `share` that of the mask.
 ///
 /// # Errors
@@ -295,7 +337,7 @@ fn in_one_step(
     [step, share]: [f64; 2],
     with_volume: bool,
     beside: Beside<'_, '_>,
-    compute: impl FnOnce() -> Result<Volume>,
+    compute: impl FnOnce() -> Result<(Volume, Option<Sharpness>)>,
 ) -> Result<Reconstruction> {
     let mut point = first_point(plan, grid);
     let mut told = |point: &TracePoint, maps| {
@@ -304,13 +346,17 @@ fn in_one_step(
     };
     told(&point, None)?;
     let start = Instant::now();
-    let volume = compute()?;
-    let maps = image::maps(grid, &volume, step, |albedo| image::fraction_over_haze(albedo, share));
+    let (volume, sharpness) = compute()?;
+    // What noise alone would show is no surface.
+    let floor = sharpness.and_then(|chosen| chosen.noise).map_or(0.0, |noise| noise.floor);
+    let maps = image::maps(grid, &volume, step, |albedo| {
+        image::share_of_white(image::level_over_haze(albedo, share)?.max(floor), albedo)
+    });
     point.seconds = start.elapsed().as_secs_f64();
     point.iteration = 1;
     told(&point, Some(maps.clone()))?;
     let volume = with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo });
-    Ok(solved(plan, grid, maps, volume, vec![point]))
+    Ok(Reconstruction { sharpness, ..solved(plan, grid, maps, volume, vec![point]) })
 }
 
 /// The trace before the first iteration.
@@ -364,6 +410,7 @@ fn solved(
         has_mask: true,
         is_warm: false,
         filled: 0,
+        sharpness: None,
         beyond: None,
         noise: None,
         exchanged: Exchanged::default(),

@@ -50,8 +50,9 @@ options! {
             begin: Begin = Begin::Auto, Range::Words(&["auto", "lct", "fbp", "plane"]);
         }
         "Light-cone transform" {
-            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
-            snr: f64 = if suit.captured() { 0.8 } else { 3.0 }, Range::Positive;
+            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more. For photon
+            /// counts, it is chosen by their noise, at most 0.8
+            snr: Option<f64> = (!suit.captured()).then_some(3.0), Range::Positive;
         }
     }
 }

@@ -8,13 +8,16 @@
 //! - `phasor-bp`: histograms filtered by the cosine and the sine of a virtual pulse, each projected; the image is the
 //!   strength of both (Liu and others, Nature 2019). This is the phasor field without a transform.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
+use super::sharpness::{Ladder, Sharpness, noise, tossed};
 use super::{NoPasses, RegularScan, in_one_step, upsample};
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
@@ -24,7 +27,8 @@ use crate::solve::prepared::Planned;
 use crate::solve::vector::passes::{BACKPROJECT, FILTER};
 use crate::solve::vector::{gather_filtered, hat};
 use crate::solve::{
-    Beside, Common, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, outline, upload,
+    Beside, Common, OnDevice, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, outline,
+    upload,
 };
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
@@ -73,8 +77,9 @@ options! {
             /// What is filtered: the volume by a Laplacian or by the Laplacian of a Gaussian (log), or the histograms by
             /// the second derivative of a Gaussian along the path (path)
             filter: Filter = Filter::Path, Range::Words(&["laplacian", "log", "path"]);
-            /// Standard deviation of the filter's Gaussian, in distances of scan points
-            filter_width: f64 = 0.5, Range::Positive;
+            /// Standard deviation of the filter's Gaussian, in distances of scan points [default: 0.5; for photon counts, chosen
+            /// by their noise, at least 0.5]
+            filter_width: Option<f64> = None, Range::Positive;
         }
     }
 }
@@ -91,13 +96,20 @@ options! {
             lateral: usize = 128, Range::Count(1, 4096);
         }
         "Phasor field" {
-            /// Wavelength of the virtual wave, as a path, in distances of scan points
-            wavelength: f64 = 3.0, Range::Positive;
+            /// Wavelength of the virtual wave, as a path, in distances of scan points [default: 3; for photon counts, chosen
+            /// by their noise, at least 3]
+            wavelength: Option<f64> = None, Range::Positive;
             /// Wavelengths that the virtual pulse is long
             cycles: f64 = 5.0, Range::Positive;
         }
     }
 }
+
+/// Wavelengths of the back-projected phasor field to choose from, in distances of scan points.
+const BP_WAVELENGTHS: Ladder = Ladder { setting: "wavelength", values: &[3.0, 4.0, 6.0, 8.0, 12.0] };
+
+/// Widths of the filter to choose from.
+const WIDTHS: Ladder = Ladder { setting: "filter_width", values: &[0.5, 0.7, 1.0, 1.4, 2.0, 2.8] };
 
 /// A method that back-projects on the device.
 pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
@@ -109,6 +121,17 @@ pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
     /// As [`Solver::detail`].
     fn detail(&self) -> Option<f64> {
         None
+    }
+
+    /// As that of [`super::HostMethod`].
+    fn ladder(&self) -> Option<Ladder> {
+        None
+    }
+
+    /// As that of [`super::HostMethod`].
+    #[must_use]
+    fn at(&self, _sharpness: f64) -> Self {
+        self.clone()
     }
 
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
@@ -144,12 +167,20 @@ impl Projection for FbpOptions {
 
     // A standard deviation of the filter. Peaks that are sampled coarser have no place between voxels.
     fn detail(&self) -> Option<f64> {
-        (self.filter == Filter::Path).then_some(0.5 * self.filter_width)
+        (self.filter == Filter::Path).then_some(0.5 * self.width())
+    }
+
+    fn ladder(&self) -> Option<Ladder> {
+        (self.filter_width.is_none() && self.filter != Filter::Laplacian).then_some(WIDTHS)
+    }
+
+    fn at(&self, sharpness: f64) -> Self {
+        self.clone().with(|o| o.filter_width = Some(sharpness))
     }
 
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         match self.filter {
-            Filter::Path => vec![hat(self.filter_width * step / bin, bins)],
+            Filter::Path => vec![hat(self.width() * step / bin, bins)],
             _ => vec![vec![0.0, 1.0]],
         }
     }
@@ -157,10 +188,17 @@ impl Projection for FbpOptions {
     fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32> {
         let mut all: Vec<f32> = projected.into_iter().flatten().collect();
         if self.filter == Filter::Log {
-            let sigma = grid.pitch.to_array().map(|pitch| self.filter_width * step / pitch);
+            let sigma = grid.pitch.to_array().map(|pitch| self.width() * step / pitch);
             (0..3).for_each(|axis| smooth(&mut all, grid.n, axis, sigma[axis]));
         }
         if self.filter == Filter::Path { all } else { laplacian(&all, grid) }
+    }
+}
+
+impl FbpOptions {
+    /// Standard deviation of the filter's Gaussian, in distances of scan points.
+    fn width(&self) -> f64 {
+        self.filter_width.unwrap_or(WIDTHS.values[0])
     }
 }
 
@@ -171,8 +209,17 @@ impl Projection for PhasorBpOptions {
         &self.image
     }
 
+    fn ladder(&self) -> Option<Ladder> {
+        self.wavelength.is_none().then_some(BP_WAVELENGTHS)
+    }
+
+    fn at(&self, sharpness: f64) -> Self {
+        self.clone().with(|o| o.wavelength = Some(sharpness))
+    }
+
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
-        super::phasor::pulse(self.wavelength * step / bin, self.cycles, bins).into()
+        let wavelength = self.wavelength.unwrap_or(BP_WAVELENGTHS.values[0]);
+        super::phasor::pulse(wavelength * step / bin, self.cycles, bins).into()
     }
 
     fn join(&self, projected: Vec<Vec<f32>>, _grid: &Grid, _step: f64) -> Vec<f32> {
@@ -220,6 +267,9 @@ fn pixels_per_voxel(lateral: usize) -> usize {
 
 /// Lateral voxels that a grid is never coarser than.
 const FEWEST: usize = 64;
+
+/// Columns along each side that tell the noise.
+const COLUMNS: usize = 16;
 
 /// What a back-projection needs of a plan: the two passes, and a number per voxel.
 struct Passes {
@@ -300,10 +350,67 @@ fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> 
     Ok(plan)
 }
 
+/// Counts of a capture's pairs, less their background.
+struct Light<'c> {
+    capture: Cow<'c, Capture>,
+    background: Background,
+    /// What they are multiplied with; `None`: so that the largest becomes the model's peak.
+    scale: Option<f64>,
+}
+
+/// A grid with its buffers.
+struct Projector(Planned);
+
+impl Projector {
+    fn made(&mut self) -> Result<&mut OnDevice> {
+        self.0.made(|_| Ok(()))
+    }
+
+    /// Gives the device counts. Returns what they were multiplied with.
+    fn take(&mut self, rows: &Rows, light: &Light<'_>) -> Result<f64> {
+        let job = self.made()?;
+        match light.scale {
+            Some(scale) => job.model.take_times(rows, &light.capture, &light.background, scale),
+            None => job.model.take(rows, &light.capture, &light.background),
+        }
+        job.upload_counts()?;
+        Ok(1.0 / job.model.counts_per_unit)
+    }
+
+    /// A projection of the counts that the device has for each filter, `[(x * n[1] + y) * n[2] + z]`.
+    fn projections(&mut self, filters: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
+        let job = self.made()?;
+        let level = *job.plan.finest();
+        let grid = level.grid;
+        let [_, ny, nz] = grid.n;
+        let mut projected = vec![];
+        for filter in filters {
+            upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
+            job.executor.run_once(|s| {
+                gather_filtered(s, &job.plan, &level, true);
+                s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
+            })?;
+            let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
+            let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
+            projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
+        }
+        Ok(projected)
+    }
+
+    /// What the method makes of the counts that the device has, at the voxels of the grid that comes with it.
+    fn image<M: Projection>(&mut self, options: &M, bin_width: f64, step: f64) -> Result<(Grid, Vec<f32>)> {
+        let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().bins);
+        let projected = self.projections(&options.filters(bins, bin_width, step))?;
+        Ok((grid, options.join(projected, &grid, step)))
+    }
+}
+
 /// A back-projection that is prepared for a scan.
 pub(super) struct Projecting<M> {
     options: M,
-    planned: Planned,
+    all: Projector,
+    /// A few columns, for the choice of sharpness; `None` where the options tell it.
+    columns: Option<(Ladder, Projector)>,
     rows: Rows,
     /// The scan that is made finer, if one is.
     scan: Option<RegularScan>,
@@ -313,50 +420,54 @@ pub(super) struct Projecting<M> {
 
 impl<M: Projection> Projecting<M> {
     /// Makes kernels and buffers, unless they are there.
-    pub fn make(&mut self) -> Result<()> {
-        self.planned.made(|_| Ok(())).map(|_| ())
+    pub fn make(&mut self, capture: &Capture) -> Result<()> {
+        if let Some((_, columns)) = self.columns.as_mut().filter(|_| capture.integer_counts) {
+            columns.made()?;
+        }
+        self.all.made().map(|_| ())
     }
 
-    /// Gives the device the counts of a capture.
-    fn take(&mut self, capture: &Capture) -> Result<()> {
-        let image = self.options.image();
-        let job = self.planned.made(|_| Ok(()))?;
+    fn light<'c>(&self, capture: &'c Capture, with_background: bool) -> Light<'c> {
         if let Some(scan) = &self.scan {
             // Points between the measured ones have no background of their own: it goes first.
-            let light = scan.light(capture, image.background);
-            job.model.take(&self.rows, &upsample::finer(&light, scan, image), &Background::NONE);
+            let light = scan.light(capture, with_background);
+            let fine = upsample::finer(&light, scan, self.options.image()).into_owned();
+            Light { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
         } else {
-            job.model.take(&self.rows, capture, &Background::of(capture, image.background));
+            let background = Background::of(capture, with_background);
+            Light { capture: Cow::Borrowed(capture), background, scale: None }
         }
-        job.upload_counts()
     }
 
-    /// A projection of the counts that the device has for each filter, `[(x * n[1] + y) * n[2] + z]`.
-    fn projections(&mut self, bin_width: f64, step: f64) -> Result<(Grid, Vec<Vec<f32>>)> {
-        let job = self.planned.made(|_| Ok(()))?;
-        let level = *job.plan.finest();
-        let grid = level.grid;
-        let mut projected = vec![];
-        for filter in self.options.filters(job.plan.bins, bin_width, step) {
-            upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&filter))?;
-            job.executor.run_once(|s| {
-                gather_filtered(s, &job.plan, &level, true);
-                s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
-            })?;
-            let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
-            let [_, ny, nz] = grid.n;
-            let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
-            projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
+    /// Chooses the sharpness by the noise of a few columns, if the options leave it open.
+    fn sharpness(&mut self, capture: &Capture, light: &Light<'_>, step: f64) -> Result<Option<Sharpness>> {
+        let Some((ladder, _)) = self.columns else { return Ok(None) };
+        if !capture.integer_counts {
+            return Ok(Some(ladder.sharpest()));
         }
-        Ok((grid, projected))
+        let tossed = tossed(capture);
+        let mut dark = self.light(&tossed, false);
+        let Some((_, columns)) = &mut self.columns else { return Ok(None) };
+        let chosen = ladder.choose(|value| {
+            let options = self.options.at(value);
+            dark.scale = Some(columns.take(&self.rows, light)?);
+            let (grid, light) = columns.image(&options, capture.bin_width, step)?;
+            columns.take(&self.rows, &dark)?;
+            let (_, dark) = columns.image(&options, capture.bin_width, step)?;
+            Ok((noise(&light, &dark, grid.n[2], M::MASK_SHARE), ()))
+        })?;
+        Ok(Some(chosen.0))
     }
 
-    /// The volume of the counts that the device has.
-    fn volume(&mut self, bin_width: f64, step: f64) -> Result<Volume> {
-        let (grid, projected) = self.projections(bin_width, step)?;
-        let albedo = self.options.join(projected, &grid, step);
+    /// The volume of a capture, and how sharp it is.
+    fn volume(&mut self, capture: &Capture, step: f64) -> Result<(Volume, Option<Sharpness>)> {
+        let light = self.light(capture, self.options.image().background);
+        let sharpness = self.sharpness(capture, &light, step)?;
+        self.all.take(&self.rows, &light)?;
+        let options = sharpness.map_or_else(|| self.options.clone(), |chosen| self.options.at(chosen.value));
+        let (grid, albedo) = self.all.image(&options, capture.bin_width, step)?;
         let lattice = RegularScan::of_columns(&grid);
-        Ok(Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None })
+        Ok((Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
     }
 }
 
@@ -366,9 +477,9 @@ impl Projecting<BpOptions> {
     /// # Errors
     /// The device fails.
     pub fn sums(&mut self, capture: &Capture) -> Result<(Grid, Vec<f32>)> {
-        self.take(capture)?;
-        let (grid, projected) = self.projections(capture.bin_width, 0.0)?;
-        Ok((grid, projected.into_iter().flatten().collect()))
+        let light = self.light(capture, self.options.image.background);
+        self.all.take(&self.rows, &light)?;
+        self.all.image(&self.options, capture.bin_width, 0.0)
     }
 }
 
@@ -399,32 +510,53 @@ fn prepared<M: Projection>(
     let scan = to_refine(capture, options.image(), name)?;
     let fine = pairs_on(scan.as_ref(), capture, options.image());
     let (model, rows) = outline_of(&fine, &grid, options.image());
-    let plan = plan(&model, &fine, grid, &gpu.abilities())?;
-    let planned = Planned::new(gpu, model, plan, memory);
-    Ok(Projecting { options: options.clone(), planned, rows, scan, grid, with_volume })
+    let planned = |grid: Grid, memory: Option<u64>| {
+        let plan = plan(&model, &fine, grid, &gpu.abilities())?;
+        Ok(Projector(Planned::new(gpu, model.clone(), plan, memory)))
+    };
+    let columns = match options.ladder() {
+        Some(ladder) => Some((ladder, planned(columns_of(&grid), memory)?)),
+        None => None,
+    };
+    let taken = columns.as_ref().map_or(0, |(_, columns)| columns.0.plan().bytes().values().sum());
+    let all = planned(grid, memory.map(|memory| memory.saturating_sub(taken)))?;
+    Ok(Projecting { options: options.clone(), all, columns, rows, scan, grid, with_volume })
+}
+
+/// A few columns of a grid, with all its depths.
+fn columns_of(grid: &Grid) -> Grid {
+    let wide = [0, 1].map(|a| grid.n[a] as f64 / grid.n[a].min(COLUMNS) as f64);
+    let pitch = grid.pitch * DVec3::new(wide[0], wide[1], 1.0);
+    let corner = grid.origin - 0.5 * grid.pitch;
+    let n = [grid.n[0].min(COLUMNS), grid.n[1].min(COLUMNS), grid.n[2]];
+    Grid { n, origin: corner + 0.5 * pitch, pitch }
 }
 
 impl<M: Projection> Prepared for Projecting<M> {
     fn plan(&self) -> &Arc<Plan> {
-        self.planned.plan()
+        self.all.0.plan()
     }
 
     fn allocate(&mut self) -> Result<()> {
-        let job = self.planned.made(|_| Ok(()))?;
-        job.executor.reserve(&Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), true)))
+        for projector in self.columns.as_mut().map(|(_, columns)| columns).into_iter().chain([&mut self.all])
+        {
+            let job = projector.made()?;
+            job.executor
+                .reserve(&Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), true)))?;
+        }
+        Ok(())
     }
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         // Kernels and buffers are made before the time begins.
-        self.make()?;
-        let (plan, grid, with_volume) = (self.planned.plan().clone(), self.grid, self.with_volume);
+        self.make(capture)?;
+        let (plan, grid, with_volume) = (self.all.0.plan().clone(), self.grid, self.with_volume);
         let step = capture.spacing().unwrap_or(grid.pitch.x);
         let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, beside, || {
-            self.take(capture)?;
-            self.volume(capture.bin_width, step)
+            self.volume(capture, step)
         })?;
-        let executor = &mut self.planned.made(|_| Ok(()))?.executor;
         done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
+        let executor = &mut self.all.made()?.executor;
         done.device_bytes = executor.arena().bytes();
         done.kernels = executor.take_times().into_iter().collect();
         Ok(done)
@@ -505,7 +637,7 @@ projection!(PhasorBpOptions, "phasor-bp");
 mod tests {
     use super::*;
     use crate::transport::Volume as Box;
-    use glam::{DVec3, dvec3};
+    use glam::dvec3;
 
     fn grid() -> Grid {
         Grid::new(Box { min: dvec3(0.0, 0.0, 0.4), max: dvec3(0.6, 0.9, 1.3) }, 6, 0.05).unwrap()

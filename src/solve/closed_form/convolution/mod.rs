@@ -161,7 +161,7 @@ impl Prepared for Approximation {
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
         // Kernels and buffers are made before the time begins.
-        self.projecting.make()?;
+        self.projecting.make(capture)?;
         let last = self.options.conv_iterations;
         let mut told = Told::begin(beside.watch, &self.plan, &self.grid, last);
         told.iteration(None)?;

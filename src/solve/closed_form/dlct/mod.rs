@@ -16,8 +16,10 @@ use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, transpose};
 use super::image::{Volume, on_grid_signed};
+use super::light_cone::SNR;
 use super::light_cone::{Cells, filter_planes};
 use super::options::ImageOptions;
+use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
 use crate::capture::Capture;
 use crate::gpu::Buffer;
@@ -37,8 +39,9 @@ options! {
             lateral: usize = 128, Range::Count(1, 4096);
         }
         "Light-cone transform" {
-            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
-            snr: f64 = if suit.captured() { 0.8 } else { 3.0 }, Range::Positive;
+            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more. For photon
+            /// counts, it is chosen by their noise, at most 0.8
+            snr: Option<f64> = (!suit.captured()).then_some(3.0), Range::Positive;
         }
     }
 }
@@ -84,6 +87,14 @@ impl HostMethod for DlctOptions {
         ]
     }
 
+    fn ladder(&self) -> Option<Ladder> {
+        self.snr.is_none().then_some(SNR)
+    }
+
+    fn at(&self, sharpness: f64) -> Self {
+        self.clone().with(|o| o.snr = Some(sharpness))
+    }
+
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
         let [x, y, z] = self.at_points(capture, scan, grid).map(|values| on_grid_signed(scan, &values, grid));
         let vector = |i: usize| [x[i], y[i], z[i]];
@@ -126,7 +137,7 @@ impl DlctOptions {
         let lines = padded.map(Line::forward);
         let usual = usual_distances(cells, scan);
         let points: f64 = scan.n.iter().map(|n| (2 * n - 1) as f64).product();
-        let noise = (points / self.snr) as f32;
+        let noise = (points / self.snr.unwrap_or(SNR.values[0])) as f32;
         filter_planes(scan, planes, |k, spectrum| {
             let factor = |a: usize, weight: &dyn Fn(f64) -> f64| {
                 cells.kernel(&lines[a], [scan.n[a], padded[a]], scan.step[a], cells.omega(k), weight)
@@ -170,7 +181,7 @@ mod tests {
         let grid = random_grid(&scan);
         let usual = usual_distances(&Cells::of(&capture, &scan), &scan);
         let (x, y) = (|x: f64, _: f64| x / usual[0], |_: f64, y: f64| y / usual[1]);
-        let columns = definition::least_squares(&capture, &scan, 2.5, &[&x, &y, &|_, _| 1.0], o.snr);
+        let columns = definition::least_squares(&capture, &scan, 2.5, &[&x, &y, &|_, _| 1.0], o.snr.unwrap());
         let found = o.at_points(&capture, &scan, &grid);
         for (component, found) in found.iter().enumerate() {
             let factor = |z: f64| if component == 2 { -2.0 } else { 2.0 * z / usual[component] };

@@ -12,8 +12,10 @@
 
 use super::fourier::{Complex, Line, transpose};
 use super::image::{Volume, on_grid};
+use super::light_cone::SNR;
 use super::light_cone::{Cells, filter_planes};
 use super::options::ImageOptions;
+use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
 use crate::capture::Capture;
@@ -33,9 +35,10 @@ options! {
             lateral: usize = 128, Range::Count(1, 4096);
         }
         "Light-cone transform" {
-            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more
+            /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more. For photon
+            /// counts, it is chosen by their noise, at most 0.8
             // 0.8 is the published code's. Rendered histograms bear more (docs/methods.md).
-            snr: f64 = if suit.captured() { 0.8 } else { 3.0 }, Range::Positive;
+            snr: Option<f64> = (!suit.captured()).then_some(3.0), Range::Positive;
         }
     }
 }
@@ -64,6 +67,14 @@ impl HostMethod for LctOptions {
         let spectra = 8 * (scan.points() * Cells::of(capture, scan).frequencies()) as u64;
         let at_points = 4 * (scan.points() * grid.n[2]) as u64;
         vec![(SPECTRA, spectra), (BY_FREQUENCY, spectra), (AT_POINTS, at_points)]
+    }
+
+    fn ladder(&self) -> Option<Ladder> {
+        self.snr.is_none().then_some(SNR)
+    }
+
+    fn at(&self, sharpness: f64) -> Self {
+        self.clone().with(|o| o.snr = Some(sharpness))
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
@@ -96,7 +107,7 @@ impl LctOptions {
         let lines = padded.map(Line::forward);
         // The kernel's mean power over lateral frequencies, as in the published code: the number of its points.
         let points: f64 = scan.n.iter().map(|n| (2 * n - 1) as f64).product();
-        let noise = (points / self.snr) as f32;
+        let noise = (points / self.snr.unwrap_or(SNR.values[0])) as f32;
         filter_planes(scan, planes, |k, spectrum| {
             let sides = |a: usize| [scan.n[a], padded[a]];
             let factor = |a: usize| cells.kernel(&lines[a], sides(a), scan.step[a], cells.omega(k), |_| 1.0);
@@ -125,7 +136,7 @@ mod tests {
             o.image.reflectance = reflectance;
             let scan = o.scan(&capture).unwrap();
             let grid = random_grid(&scan);
-            let columns = definition::least_squares(&capture, &scan, power, &[&|_, _| 1.0], o.snr);
+            let columns = definition::least_squares(&capture, &scan, power, &[&|_, _| 1.0], o.snr.unwrap());
             let wanted = definition::at_depths(&capture, &scan, &grid, &columns[0], |z| 2.0 * z);
             let off = error(&o.at_points(&capture, &scan, &grid), &wanted);
             assert!(off < 1e-4, "{off}");

@@ -19,6 +19,7 @@ use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn,
 use super::image::{Volume, on_grid};
 use super::light_cone::plane_waves;
 use super::options::ImageOptions;
+use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
 use crate::capture::Capture;
@@ -38,8 +39,9 @@ options! {
             lateral: usize = 128, Range::Count(1, 4096);
         }
         "Phasor field" {
-            /// Wavelength of the virtual wave, as a path, in distances of scan points
-            wavelength: f64 = 3.0, Range::Positive;
+            /// Wavelength of the virtual wave, as a path, in distances of scan points [default: 3; for photon counts, chosen
+            /// by their noise, at least 3]
+            wavelength: Option<f64> = None, Range::Positive;
             /// Wavelengths that the virtual pulse is long
             cycles: f64 = 5.0, Range::Positive;
         }
@@ -56,6 +58,9 @@ const WAVE: Buffer = Buffer::named("wave");
 const BY_DEPTH: Buffer = Buffer::named("wave_by_depth");
 /// The volume at the scan's points.
 const AT_POINTS: Buffer = Buffer::named("volume_at_points");
+
+/// Wavelengths to choose from, in distances of scan points.
+pub(super) const WAVELENGTHS: Ladder = Ladder { setting: "wavelength", values: &[3.0, 4.0, 6.0] };
 
 /// Standard deviation of the virtual pulse, as a share of its length: the published code's window.
 const OF_LENGTH: f64 = 0.15;
@@ -75,7 +80,8 @@ struct Band {
 
 impl Band {
     fn of(options: &PhasorOptions, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Band {
-        let wavelength = options.wavelength * scan.measured[0].max(scan.measured[1]);
+        let wavelength =
+            options.wavelength.unwrap_or(WAVELENGTHS.values[0]) * scan.measured[0].max(scan.measured[1]);
         let deviation = OF_LENGTH * options.cycles * wavelength;
         // Frequencies repeat the histogram with the transform's length: longer than any path that is read.
         let far = grid.depth_range()[1] - scan.z;
@@ -138,6 +144,14 @@ impl HostMethod for PhasorOptions {
             (BY_DEPTH, if scan.spot.is_none() { bytes(2 * wide * deep) } else { 0 }),
             (AT_POINTS, 4 * (points * deep) as u64),
         ]
+    }
+
+    fn ladder(&self) -> Option<Ladder> {
+        self.wavelength.is_none().then_some(WAVELENGTHS)
+    }
+
+    fn at(&self, sharpness: f64) -> Self {
+        self.clone().with(|o| o.wavelength = Some(sharpness))
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
