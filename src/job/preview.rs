@@ -14,8 +14,8 @@ use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::solve::closed_form::LctOptions;
-use crate::solve::{Doing, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch, vector};
+use crate::solve::closed_form::{FbpOptions, LctOptions};
+use crate::solve::{Doing, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
@@ -24,6 +24,9 @@ const TRANSFORMED: usize = 128;
 
 /// Pixels of the back-projection's maps on a side, at most. Its voxels are cubes, so time goes with the third power.
 const PROJECTED: usize = 48;
+
+/// Pairs of the back-projection, at most: as many as such voxels need.
+const PAIRS: usize = 1300;
 
 /// The picture of a run.
 pub(super) struct Preview {
@@ -95,33 +98,36 @@ impl Drop for Preview {
 /// # Errors
 /// The device fails, or no grid fits.
 pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
-    transform(request, capture, gpu).or_else(|_| project(request, capture, gpu))
-}
-
-/// The light-cone transform: sharper than a back-projection, and sooner there.
-fn transform(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let common = request.solver.common();
     let suit = Suit { preset: preset_for(capture), reflectance: common.reflectance, ..Suit::of(capture) };
-    let options = LctOptions::suited_to(&suit).with(|o| {
+    // The light-cone transform is sharper than a back-projection, and sooner there.
+    let transform = LctOptions::suited_to(&suit).with(|o| {
         o.lateral = common.lateral.min(TRANSFORMED);
         o.image.min_depth = common.min_depth;
     });
-    options.takes(capture)?;
-    let (small, capture, grid) = small(request, options.into(), capture)?;
+    if transform.takes(capture).is_ok()
+        && let Ok(maps) = closed_form(request, transform.into(), capture, gpu)
+    {
+        return Ok(maps);
+    }
+    let projection = FbpOptions::suited_to(&suit).with(|o| {
+        o.lateral = common.lateral.min(PROJECTED);
+        o.image.min_depth = common.min_depth;
+    });
+    let few = (capture.pair_count() > PAIRS).then(|| capture.subset(PAIRS, 0)).transpose()?;
+    closed_form(request, projection.into(), few.as_ref().unwrap_or(capture), gpu)
+}
+
+/// The maps of a closed-form method.
+///
+/// # Errors
+/// As its solve.
+fn closed_form(request: &Request, solver: SolverOptions, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+    let (small, capture, grid) = small(request, solver, capture)?;
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let done = small.solver.solve(gpu, &capture, grid, request.memory, false, &mut watch)?;
     Ok(done.maps)
-}
-
-/// The filtered back-projection.
-fn project(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
-    let options = request.solver.as_vector(capture.is_confocal()).with(|o| {
-        o.lateral = o.lateral.min(PROJECTED);
-        o.surface.pixels_per_voxel = Some(1);
-    });
-    let (_, capture, grid) = small(request, options.clone().into(), capture)?;
-    vector::preview(gpu, &capture, grid, &options, request.memory)
 }
 
 /// The request with another solver and voxels that are cubes, the capture in the bins for them, and their grid.

@@ -9,8 +9,10 @@ use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
+use thirdbounce::simulate::{Dark, photon_noise};
+use thirdbounce::solve::closed_form::Sharpness;
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{Reconstruction, SolverOptions, Suit, Watch};
+use thirdbounce::solve::{Preset, Reconstruction, SolverOptions, Suit, Watch};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.
@@ -131,6 +133,68 @@ fn places_without_a_pair_are_filled() {
         assert_eq!([filled, filled_of_holes], [0, 20], "{name}");
         let off = at_of_holes.distance(at);
         assert!(off < 0.1 * WALL / SCAN as f64, "{name}: {:.2} mm", 1e3 * off);
+    }
+    assert_valid(&gpu);
+}
+
+#[test]
+fn images_are_as_sharp_as_noise_lets_them_be() {
+    let gpu = gpu();
+    // A plate over a background, and what its light makes of a picture: [shares of the mask that are plate, of the plate
+    // that are mask].
+    let (middle, half) = (dvec3(0.08, 0.06, 0.6), 0.15);
+    let at = |i: usize| (i as f64 / 15.0 - 1.0) * half;
+    let targets: Vec<DVec3> = (0..31 * 31).map(|i| middle + dvec3(at(i / 31), at(i % 31), 0.0)).collect();
+    let exact = light(wall(), wall(), &targets);
+    let volume = Volume { min: middle - dvec3(0.48, 0.48, 0.3), max: middle + dvec3(0.48, 0.48, 0.4) };
+    let right = |maps: &Maps| {
+        let is_plate = |i: usize| {
+            let [x, y] = maps.centre(i / maps.ny, i % maps.ny);
+            (x - middle.x).abs() < half && (y - middle.y).abs() < half
+        };
+        let near = |i: &usize| (f64::from(maps.depth[*i]) - middle.z).abs() < 0.05;
+        let found: Vec<usize> = (0..maps.mask.len()).filter(|i| maps.mask[*i]).collect();
+        let hits = found.iter().filter(|i| near(i) && is_plate(**i)).count() as f64;
+        let all = (0..maps.mask.len()).filter(|i| is_plate(*i)).count() as f64;
+        [hits / found.len() as f64, hits / all]
+    };
+    let solve = |name: &str, capture: &Capture, chosen: Option<Sharpness>| {
+        let grid = Grid::new(volume, 48, BIN).unwrap();
+        let suit = Suit { preset: Preset::Captured, ..Suit::of(capture) };
+        let mut options = SolverOptions::suited_to(name, &suit).unwrap();
+        options.set("lateral", &Value::Count(48));
+        if let Some(chosen) = chosen {
+            assert!(options.set(chosen.setting, &Value::Number(chosen.value)));
+        }
+        let mut hear = |_: &_| ControlFlow::Continue(());
+        let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        options.solve(&gpu, capture, grid, None, false, &mut watch).unwrap()
+    };
+    let bright = photon_noise(&exact, 2000.0, Dark::Counts(0.0), None, 1).unwrap();
+    // Photons of the strongest bin, over dark counts.
+    for (name, photons, counts) in [
+        ("lct", 120.0, 40.0),
+        ("dlct", 120.0, 40.0),
+        ("phasor", 4.0, 1.0),
+        ("phasor-bp", 40.0, 2.0),
+        ("fbp", 40.0, 10.0),
+    ] {
+        let dark = photon_noise(&exact, photons, Dark::Counts(counts), None, 1).unwrap();
+        // Values that are no photon counts have no noise that is known.
+        let of_exact = solve(name, &exact, None).sharpness.unwrap();
+        assert_eq!((of_exact.value, of_exact.noise), (of_exact.sharpest, None), "{name}");
+        let of_bright = solve(name, &bright, None).sharpness.unwrap();
+        assert_eq!(of_bright.value, of_bright.sharpest, "{name}: {of_bright:?}");
+
+        let done = solve(name, &dark, None);
+        let chosen = done.sharpness.unwrap();
+        let sharpest = solve(name, &dark, Some(of_bright));
+        let [soft, sharp] = [&done.maps, &sharpest.maps].map(right);
+        assert!(soft[0] > 0.6 && soft[1] > 0.6, "{name}: {chosen:?}, {soft:?}");
+        assert!(sharpest.sharpness.is_none() && chosen.value != chosen.sharpest, "{name}: {chosen:?}");
+        assert!(soft[0] > 1.5 * sharp[0], "{name}: {soft:?}, sharpest {sharp:?}");
+        // The value that was told gives the same image.
+        assert_eq!(solve(name, &dark, Some(chosen)).maps.albedo, done.maps.albedo, "{name}");
     }
     assert_valid(&gpu);
 }

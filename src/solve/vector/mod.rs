@@ -36,7 +36,6 @@ mod needs;
 mod options;
 pub mod passes;
 mod prepared;
-mod preview;
 mod schedule;
 mod trial;
 
@@ -47,7 +46,6 @@ pub use frames::{ForFrames, Frames};
 pub use hat::hat;
 pub use options::{Domain, VectorOptions};
 pub use prepared::{prepare, prepare_for_frames};
-pub use preview::preview;
 pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};
 pub use trial::{Left, Own, PAIRS, Start, Trial};
