@@ -163,6 +163,8 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         let suit = Suit { preset: Preset::Captured, ..Suit::of(capture) };
         let mut options = SolverOptions::suited_to(name, &suit).unwrap();
         options.set("lateral", &Value::Count(48));
+        // Others have none.
+        options.set("conv_iterations", &Value::Count(15));
         if let Some(chosen) = chosen {
             assert!(options.set(chosen.setting, &Value::Number(chosen.value)));
         }
@@ -178,6 +180,7 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         ("phasor", 4.0, 1.0),
         ("phasor-bp", 40.0, 2.0),
         ("fbp", 40.0, 10.0),
+        ("conv", 40.0, 10.0),
     ] {
         let dark = photon_noise(&exact, photons, Dark::Counts(counts), None, 1).unwrap();
         // Values that are no photon counts have no noise that is known.

@@ -481,6 +481,18 @@ impl Projecting<BpOptions> {
         self.all.take(&self.rows, &light)?;
         self.all.image(&self.options, capture.bin_width, 0.0)
     }
+
+    /// The same of tossed counts, which have the scale of the capture's: noise alone.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn sums_of_noise(&mut self, capture: &Capture) -> Result<Vec<f32>> {
+        let scale = 1.0 / self.all.made()?.model.counts_per_unit;
+        let tossed = tossed(capture);
+        let dark = Light { scale: Some(scale), ..self.light(&tossed, false) };
+        self.all.take(&self.rows, &dark)?;
+        Ok(self.all.image(&self.options, capture.bin_width, 0.0)?.1)
+    }
 }
 
 /// A back-projection that is prepared for a scan.

@@ -22,6 +22,13 @@ pub enum Prior {
 
 words!(Prior);
 
+impl Prior {
+    /// Whether its strength is a matter of a weight.
+    pub(super) fn has_weight(self) -> bool {
+        matches!(self, Prior::Sparse | Prior::Variation)
+    }
+}
+
 /// The root in the total variation is rounded where neighbours differ by less than this share of the brightest voxel: the
 /// gradient is then bounded.
 const ROUNDED: f32 = 0.05;

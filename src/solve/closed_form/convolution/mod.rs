@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::backproject::{self, BpOptions, Projecting};
 use super::image::{self, Volume, on_grid};
 use super::options::ImageOptions;
+use super::sharpness::{self, Noise, Sharpness};
 use super::{RegularScan, check_host_memory, first_point, solved, tell};
 use crate::Result;
 use crate::advice::advice;
@@ -54,13 +55,21 @@ options! {
             /// What is known of the volume: nothing (none), that no albedo is negative (positive), that most are zero
             /// as well (sparse), or that there are few edges (variation)
             prior: Prior = Prior::Sparse, Range::Words(&["none", "positive", "sparse", "variation"]);
-            /// Weight of sparse and variation, as a share of the brightest back-projected voxel
-            prior_weight: f64 = 0.1, Range::NotNegative;
+            /// Weight of sparse and variation, as a share of the brightest back-projected voxel [default: 0.1; for photon
+            /// counts, chosen by their noise, 0.1 to 0.5]
+            prior_weight: Option<f64> = None, Range::NotNegative;
             /// Iterations of the convolutional approximation
             conv_iterations: usize = 60, Range::Count(1, 1_000_000);
         }
     }
 }
+
+/// The least and the largest weight of a prior that are chosen.
+const WEIGHTS: [f64; 2] = [0.1, 0.5];
+
+/// A prior's weight is so many times the noise of the back-projection ([`Noise::floor`]): undoing the Gram
+/// operator raises it. Fitted on simulated scenes (benches/NOTES.md).
+const OF_NOISE: f64 = 3.0;
 
 /// The kernel and its spectrum, or the spectrum and what one convolution needs.
 const CONVOLUTION: Buffer = Buffer::named("convolution");
@@ -166,14 +175,21 @@ impl Prepared for Approximation {
         let mut told = Told::begin(beside.watch, &self.plan, &self.grid, last);
         told.iteration(None)?;
         let (grid, projected) = self.projecting.sums(capture)?;
+        let is_open = self.options.prior.has_weight() && self.options.prior_weight.is_none();
+        let noise = match is_open && capture.integer_counts {
+            true => Some(self.projecting.sums_of_noise(capture)?),
+            false => None,
+        };
         let Approximation { options, gram, grid: of_maps, with_volume, .. } = &mut *self;
         let (kernel, scale) = gram.get_or_insert_with(|| {
             let pairs = SomePairs::of(capture, options.image.reflectance.has_normals());
             (Convolution::gram(&pairs, &grid), gram::scale(&pairs, &grid))
         });
-        let mut descent =
-            Descent::new(kernel, grid.n, options.prior, options.prior_weight, divided(&projected, scale));
-        drop(projected);
+        let projected = divided(&projected, scale);
+        let noise = noise.map(|noise| sharpness::noise(&projected, &divided(&noise, scale), grid.n[2], 1.0));
+        let chosen = is_open.then(|| weight(noise, projected.iter().copied().fold(0.0, f32::max)));
+        let prior_weight = options.prior_weight.or(chosen.map(|c| c.value)).unwrap_or_default();
+        let mut descent = Descent::new(kernel, grid.n, options.prior, prior_weight, projected);
         let step = capture.spacing().unwrap_or(of_maps.pitch.x);
         let volume = |descent: &Descent<'_>| {
             let albedo = divided(&descent.volume, scale);
@@ -190,8 +206,17 @@ impl Prepared for Approximation {
         let maps = maps(&volume);
         let trace = told.end(&maps)?;
         let volume = with_volume.then_some(VolumeMap { grid: *of_maps, albedo: volume.albedo });
-        Ok(Reconstruction { volume_iterations: last, ..solved(&self.plan, &self.grid, maps, volume, trace) })
+        let done = solved(&self.plan, &self.grid, maps, volume, trace);
+        Ok(Reconstruction { volume_iterations: last, sharpness: chosen, ..done })
     }
+}
+
+/// The weight of a prior for the noise of a back-projection, whose brightest voxel is `brightest`.
+fn weight(noise: Option<Noise>, brightest: f32) -> Sharpness {
+    let [sharpest, most] = WEIGHTS;
+    let least = noise.map_or(0.0, |noise| OF_NOISE * noise.floor / f64::from(brightest));
+    // NaN without light.
+    Sharpness { setting: "prior_weight", value: least.min(most).max(sharpest), sharpest, noise }
 }
 
 /// Values over their scale; zero where that is zero.
