@@ -3064,7 +3064,9 @@ pub mod solve {
                 values: &[f32],
                 grid: &Grid,
             ) -> Vec<f32> {}
-            pub fn fraction_over_haze(albedo: &[f32], share: f64) -> Option<f64> {}
+            pub fn share_of_white(threshold: f64, albedo: &[f32]) -> Option<f64> {}
+            pub fn level_over_haze(albedo: &[f32], share: f64) -> Option<f64> {}
+            pub fn brightest(volume: &[f32], depths: usize) -> Vec<f32> {}
             pub fn fraction_by_roots(albedo: &[f32]) -> Option<f64> {}
             pub fn maps(
                 grid: &Grid,
@@ -3097,6 +3099,14 @@ pub mod solve {
                 pub fn size(&self) -> [f64; 2] {}
             }
         }
+        mod sharpness {
+            pub fn noise(
+                light: &[f32],
+                tossed: &[f32],
+                depths: usize,
+                share: f64,
+            ) -> ImageNoise {}
+        }
         mod upsample {
             #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
             pub enum Between {
@@ -3119,7 +3129,7 @@ pub mod solve {
         pub use upsample::Between;
         pub trait HostMethod: Options + Clone + Send + Sync + 'static {
             fn image(&self) -> &ImageOptions;
-            /// Its share of [`image::fraction_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+            /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
             const MASK_SHARE: f64;
             fn scan(&self, capture: &Capture) -> Result<RegularScan>;
             fn arrays(
@@ -3128,6 +3138,8 @@ pub mod solve {
                 scan: &RegularScan,
                 grid: &Grid,
             ) -> Vec<(Buffer, u64)>;
+            fn ladder(&self) -> Option<Ladder> {}
+            fn at(&self, _sharpness: f64) -> Self {}
             fn volume(
                 &self,
                 capture: &Capture,
@@ -3850,6 +3862,18 @@ pub mod solve {
             pub left_without: f64,
             pub strength: f64,
         }
+        #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+        pub struct Sharpness {
+            pub setting: &'static str,
+            pub value: f64,
+            pub sharpest: f64,
+            pub noise: Option<ImageNoise>,
+        }
+        #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+        pub struct ImageNoise {
+            pub share: f64,
+            pub floor: f64,
+        }
         #[derive(Debug, Clone)]
         pub struct Reconstruction {
             pub maps: Maps,
@@ -3867,6 +3891,7 @@ pub mod solve {
             pub has_mask: bool,
             pub is_warm: bool,
             pub filled: usize,
+            pub sharpness: Option<Sharpness>,
             pub beyond: Option<TakenOff>,
             pub noise: Option<f64>,
             pub exchanged: Exchanged,
@@ -4133,15 +4158,6 @@ pub mod solve {
                 frames: Frames,
             ) -> Result<impl Prepared + use<>> {}
         }
-        mod preview {
-            pub fn preview(
-                gpu: &Gpu,
-                capture: &Capture,
-                grid: Grid,
-                options: &VectorOptions,
-                memory: Option<u64>,
-            ) -> Result<Maps> {}
-        }
         mod schedule {
             pub fn start(
                 s: &mut Schedule,
@@ -4218,7 +4234,6 @@ pub mod solve {
         pub use hat::hat;
         pub use options::{Domain, VectorOptions};
         pub use prepared::{prepare, prepare_for_frames};
-        pub use preview::preview;
         pub use schedule::{due, iteration, start};
         pub use trial::{Left, Own, PAIRS, Start, Trial};
         pub const HAT_SIGMA: f64 = 1.5;
@@ -4254,7 +4269,7 @@ pub mod solve {
         passes,
     };
     pub use prepared::Prepared;
-    pub use result::{Reconstruction, TakenOff};
+    pub use result::{ImageNoise, Reconstruction, Sharpness, TakenOff};
     pub use solver::{Common, RunsOn, Solver};
     pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
     pub use surface::SurfaceOptions;

@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use super::Plan;
 use super::TracePoint;
-use super::closed_form::Sharpness;
 use super::drive::Driven;
 use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
@@ -25,6 +24,28 @@ pub struct TakenOff {
     pub left_without: f64,
     /// How many times the light that the wider box's volume has beyond the box is taken off.
     pub strength: f64,
+}
+
+/// The sharpness that a closed-form method chose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sharpness {
+    /// The key of the option.
+    pub setting: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// The sharpest value that there was to choose.
+    pub sharpest: f64,
+    /// The noise of its image. `None`: the values are no photon counts, so their noise is not known.
+    pub noise: Option<ImageNoise>,
+}
+
+/// What noise alone shows, by the brightest voxel of every column.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ImageNoise {
+    /// One column of ten is brighter than this, as a share of the albedo from which on a pixel is surface.
+    pub share: f64,
+    /// One column of a hundred is brighter than this, as albedo.
+    pub floor: f64,
 }
 
 /// What a solve yields.

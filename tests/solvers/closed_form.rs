@@ -10,9 +10,8 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Dark, photon_noise};
-use thirdbounce::solve::closed_form::Sharpness;
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{Preset, Reconstruction, SolverOptions, Suit, Watch};
+use thirdbounce::solve::{Preset, Reconstruction, Sharpness, SolverOptions, Suit, Watch};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.

@@ -10,8 +10,8 @@ use std::time::Instant;
 use super::option::Options;
 use super::plan::{Demand, LeftOut, Level, Needs};
 use super::{
-    Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sizes, TracePoint,
-    VolumeMap, Watch,
+    Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sharpness, Sizes,
+    TracePoint, VolumeMap, Watch,
 };
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
@@ -46,7 +46,6 @@ pub use lct::LctOptions;
 pub use options::ImageOptions;
 pub use phasor::PhasorOptions;
 pub use scan::RegularScan;
-pub use sharpness::{Noise, Sharpness};
 pub use upsample::Between;
 
 /// A method that runs on the host.

@@ -8,12 +8,12 @@
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::image::{brightest, level_over_haze};
 use crate::Result;
 use crate::capture::Capture;
 use crate::maps::percentile;
+use crate::solve::{ImageNoise, Sharpness};
 
 /// The setting of a method that trades sharpness for noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,29 +24,7 @@ pub struct Ladder {
     pub values: &'static [f64],
 }
 
-/// The sharpness that a method chose.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Sharpness {
-    /// The key of the option.
-    pub setting: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// The sharpest value that there was to choose.
-    pub sharpest: f64,
-    /// The noise of its image. `None`: the values are no photon counts, so their noise is not known.
-    pub noise: Option<Noise>,
-}
-
-/// What noise alone shows, by the brightest voxel of every column.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Noise {
-    /// One column of ten is brighter than this, as a share of the albedo from which on a pixel is surface.
-    pub share: f64,
-    /// One column of a hundred is brighter than this, as albedo.
-    pub floor: f64,
-}
-
-/// Noise of this share is harmless ([`Noise::share`]). Fitted on simulated scenes (benches/NOTES.md).
+/// Noise of this share is harmless ([`ImageNoise::share`]). Fitted on simulated scenes (benches/NOTES.md).
 const HARMLESS: f64 = 0.67;
 
 /// Counts above this are tossed as a sum of this many coins, whose distribution is as good as that of all.
@@ -67,9 +45,12 @@ impl Ladder {
     ///
     /// # Errors
     /// `try_value` fails.
-    pub fn choose<T>(&self, mut try_value: impl FnMut(f64) -> Result<(Noise, T)>) -> Result<(Sharpness, T)> {
+    pub fn choose<T>(
+        &self,
+        mut try_value: impl FnMut(f64) -> Result<(ImageNoise, T)>,
+    ) -> Result<(Sharpness, T)> {
         let (last, sharper) = self.values.split_last().expect("a ladder has values");
-        let of = |value: f64, noise: Noise| Sharpness { value, noise: Some(noise), ..self.sharpest() };
+        let of = |value: f64, noise: ImageNoise| Sharpness { value, noise: Some(noise), ..self.sharpest() };
         for value in sharper {
             let (noise, made) = try_value(*value)?;
             if noise.share <= HARMLESS {
@@ -83,11 +64,11 @@ impl Ladder {
 
 /// The noise of a volume. `light` and `tossed` are the volumes of the counts and of tossed counts, with
 /// `depths` voxels a column; `share` is that of the mask.
-pub fn noise(light: &[f32], tossed: &[f32], depths: usize, share: f64) -> Noise {
+pub fn noise(light: &[f32], tossed: &[f32], depths: usize, share: f64) -> ImageNoise {
     let dark = brightest(tossed, depths);
     let over = |percent: f64| percentile(&dark, percent).map_or(0.0, f64::from);
     let level = level_over_haze(&brightest(light, depths), share);
-    Noise { share: level.map_or(0.0, |level| over(90.0) / level), floor: over(99.0) }
+    ImageNoise { share: level.map_or(0.0, |level| over(90.0) / level), floor: over(99.0) }
 }
 
 /// The capture with a sign for every photon. Its counts are photon counts.
@@ -145,7 +126,7 @@ mod tests {
             let (chosen, made) = ladder
                 .choose(|value| {
                     tried.push(value);
-                    Ok((Noise { share: noise / value, floor: 0.0 }, value))
+                    Ok((ImageNoise { share: noise / value, floor: 0.0 }, value))
                 })
                 .unwrap();
             assert_eq!(made, chosen.value);
@@ -154,7 +135,7 @@ mod tests {
             (chosen.value, tried.len())
         };
         assert_eq!(with(0.5), (1.0, 1));
-        assert_eq!(with(1.4), (2.0, 2));
+        assert_eq!(with(1.2), (2.0, 2));
         // Nothing is soft enough: the softest.
         assert_eq!(with(100.0), (4.0, 3));
     }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
-use super::sharpness::{Ladder, Sharpness, noise, tossed};
+use super::sharpness::{Ladder, noise, tossed};
 use super::{NoPasses, RegularScan, in_one_step, upsample};
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
@@ -27,8 +27,8 @@ use crate::solve::prepared::Planned;
 use crate::solve::vector::passes::{BACKPROJECT, FILTER};
 use crate::solve::vector::{gather_filtered, hat};
 use crate::solve::{
-    Beside, Common, OnDevice, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Solver, outline,
-    upload,
+    Beside, Common, OnDevice, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Sharpness, Solver,
+    outline, upload,
 };
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::backproject::{self, BpOptions, Projecting};
 use super::image::{self, Volume, on_grid};
 use super::options::ImageOptions;
-use super::sharpness::{self, Noise, Sharpness};
+use super::sharpness;
 use super::{RegularScan, check_host_memory, first_point, solved, tell};
 use crate::Result;
 use crate::advice::advice;
@@ -26,8 +26,8 @@ use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
 use crate::maps::Maps;
 use crate::solve::option::{Options, options};
 use crate::solve::{
-    Beside, Common, Doing, Part, Plan, Prepared, Progress, Reconstruction, Solver, TracePoint, VolumeMap,
-    Watch,
+    Beside, Common, Doing, ImageNoise, Part, Plan, Prepared, Progress, Reconstruction, Sharpness, Solver,
+    TracePoint, VolumeMap, Watch,
 };
 use crate::transport::Grid;
 
@@ -67,7 +67,7 @@ options! {
 /// The least and the largest weight of a prior that are chosen.
 const WEIGHTS: [f64; 2] = [0.1, 0.5];
 
-/// A prior's weight is so many times the noise of the back-projection ([`Noise::floor`]): undoing the Gram
+/// A prior's weight is so many times the noise of the back-projection ([`ImageNoise::floor`]): undoing the Gram
 /// operator raises it. Fitted on simulated scenes (benches/NOTES.md).
 const OF_NOISE: f64 = 3.0;
 
@@ -212,7 +212,7 @@ impl Prepared for Approximation {
 }
 
 /// The weight of a prior for the noise of a back-projection, whose brightest voxel is `brightest`.
-fn weight(noise: Option<Noise>, brightest: f32) -> Sharpness {
+fn weight(noise: Option<ImageNoise>, brightest: f32) -> Sharpness {
     let [sharpest, most] = WEIGHTS;
     let least = noise.map_or(0.0, |noise| OF_NOISE * noise.floor / f64::from(brightest));
     // NaN without light.
