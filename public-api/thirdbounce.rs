@@ -3075,6 +3075,16 @@ pub mod solve {
                 fraction: impl FnOnce(&[f32]) -> Option<f64>,
             ) -> Maps {}
         }
+        mod on_host {
+            pub fn prepare<M: HostMethod>(
+                options: &M,
+                gpu: &Gpu,
+                capture: &Capture,
+                grid: Grid,
+                memory: Option<u64>,
+                with_volume: bool,
+            ) -> Result<Box<dyn Prepared>> {}
+        }
         mod scan {
             #[derive(Debug, Clone, PartialEq)]
             #[private_fields]

@@ -10,14 +10,13 @@ use std::time::Instant;
 use super::option::Options;
 use super::plan::{Demand, LeftOut, Level, Needs};
 use super::{
-    Accumulation, Beside, Common, Doing, Plan, Prepared, Progress, Reconstruction, RunsOn, Sharpness, Sizes,
+    Accumulation, Beside, Common, Doing, Plan, Progress, Reconstruction, RunsOn, Sharpness, Sizes,
     TracePoint, VolumeMap, Watch,
 };
-use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Exchanged, Gpu, Place};
+use crate::gpu::{Buffer, Constant, Exchanged};
 use crate::maps::Maps;
-use crate::transport::{Binning, Gradient, Grid, Model};
+use crate::transport::{Binning, Gradient, Grid};
 use crate::{Error, Kind, Result};
 
 mod backproject;
@@ -28,14 +27,17 @@ pub mod fourier;
 pub mod image;
 mod lct;
 mod light_cone;
+mod on_host;
 mod options;
 mod phasor;
+#[cfg(test)]
+mod reference;
 mod resample;
 mod scan;
 mod sharpness;
 mod upsample;
 
-use sharpness::{Ladder, noise, tossed};
+use sharpness::Ladder;
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
 pub use convolution::{ConvolutionOptions, Prior};
@@ -118,7 +120,7 @@ macro_rules! host_method {
                 abilities: &$crate::gpu::Abilities,
                 with_volume: bool,
             ) -> $crate::Result<$crate::solve::Plan> {
-                $crate::solve::closed_form::plan(self, capture, grid, abilities, with_volume)
+                $crate::solve::closed_form::on_host::plan(self, capture, grid, abilities, with_volume)
             }
 
             fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::Part> {
@@ -133,7 +135,7 @@ macro_rules! host_method {
                 memory: Option<u64>,
                 with_volume: bool,
             ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
-                $crate::solve::closed_form::prepare(self, gpu, capture, grid, memory, with_volume)
+                $crate::solve::closed_form::on_host::prepare(self, gpu, capture, grid, memory, with_volume)
             }
         }
     };
@@ -197,136 +199,8 @@ impl Needs for NoPasses {
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
 }
 
-/// The plan of a host method: its arrays, and no pass.
-///
-/// # Errors
-/// `Kind::Input`: the capture breaks an assumption of the method.
-pub(super) fn plan<M: HostMethod>(
-    options: &M,
-    capture: &Capture,
-    grid: Grid,
-    abilities: &Abilities,
-    _with_volume: bool,
-) -> Result<Plan> {
-    let scan = options.scan(capture)?;
-    let (model, _) = Model::outline(&capture.outline(), options.image().reflectance, 1.0, false);
-    let mut plan = Plan::new(&model, grid, capture.resolution(), &NoPasses, abilities, false)?;
-    let shared =
-        [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
-    let fine = upsample::finer(&capture.outline(), &scan, options.image()).into_owned();
-    let ladder = options.ladder().filter(|_| capture.integer_counts);
-    // The softest may need the most.
-    let most = ladder.map_or_else(|| options.clone(), |ladder| options.at(ladder.softest()));
-    let own = most.arrays(&fine, &scan.finer(options.image().upsample), &grid);
-    let tossed = ladder.map(|_| {
-        let counts = 4 * (fine.pair_count() * fine.bins) as u64;
-        (TOSSED, counts + 4 * grid.voxels() as u64)
-    });
-    let between = (options.image().upsample > 1).then(|| (FINER, 4 * (fine.pair_count() * fine.bins) as u64));
-    plan.passes.clear();
-    plan.left_out.clear();
-    plan.buffers = shared
-        .into_iter()
-        .chain(between)
-        .chain(tossed)
-        .chain(own)
-        .map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback))
-        .collect();
-    Ok(plan)
-}
-
-/// Prepares a host method for captures of one scan.
-///
-/// # Errors
-/// As [`plan`], and arrays that do not fit the budget or the host's memory.
-pub(super) fn prepare<M: HostMethod>(
-    options: &M,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<Box<dyn Prepared>> {
-    options.check_ranges()?;
-    let scan = options.scan(capture)?;
-    let plan = plan(options, capture, grid, &gpu.abilities(), with_volume)?;
-    let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
-    check_host_memory(
-        asked,
-        gpu,
-        memory,
-        |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
-    )?;
-    Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume }))
-}
-
-/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `mend` says what to do, with the smaller
-/// job that would fit.
-fn check_host_memory<A: Into<Advice>>(
-    asked: u64,
-    gpu: &Gpu,
-    memory: Option<u64>,
-    mend: impl FnOnce(Remedy) -> A,
-) -> Result<()> {
-    let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
-    if asked <= available {
-        return Ok(());
-    }
-    let smaller = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
-    Err(Error::memory(
-        format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
-        mend(smaller),
-    ))
-}
-
-/// A host method that is prepared for a scan.
-struct OnHost<M> {
-    options: M,
-    scan: RegularScan,
-    grid: Grid,
-    plan: Arc<Plan>,
-    with_volume: bool,
-}
-
-impl<M: HostMethod> Prepared for OnHost<M> {
-    fn plan(&self) -> &Arc<Plan> {
-        &self.plan
-    }
-
-    fn allocate(&mut self) -> Result<()> {
-        Ok(())
-    }
-
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
-        let OnHost { options, scan, grid, plan, with_volume } = self;
-        let step = scan.step[0].min(scan.step[1]);
-        let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
-            let (image, fine) = (options.image(), scan.finer(options.image().upsample));
-            let of = |capture: &Capture, with_background: bool| {
-                upsample::finer(&scan.light(capture, with_background), scan, image).into_owned()
-            };
-            let light = of(capture, image.background);
-            let Some(ladder) = options.ladder() else {
-                return Ok((options.volume(&light, &fine, grid), None));
-            };
-            if !capture.integer_counts {
-                return Ok((options.volume(&light, &fine, grid), Some(ladder.sharpest())));
-            }
-            let tossed = of(&tossed(capture), false);
-            let (chosen, volume) = ladder.choose(|value| {
-                let options = options.at(value);
-                let [light, tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
-                let noise = noise(&light.albedo, &tossed.albedo, grid.n[2], M::MASK_SHARE);
-                Ok((noise, light))
-            })?;
-            Ok((volume, Some(chosen)))
-        })?;
-        Ok(Reconstruction { filled: scan.gaps.len(), ..done })
-    }
-}
-
-/// Computes the volume, with the sharpness that was chosen for it, tells the watch before and after, and makes the maps. `step` is the distance of scan points,
-/// metres, and `share` that of the mask.
+/// Computes the volume, with the sharpness that was chosen for it, tells the watch before and after, and makes the maps.
+/// `step` is the distance of scan points, metres, and `share` that of the mask.
 ///
 /// # Errors
 /// The watch cancels ([`Kind::Cancelled`]), or `compute` fails.
@@ -415,53 +289,5 @@ fn solved(
         exchanged: Exchanged::default(),
         kernels: vec![],
         plan: plan.clone(),
-    }
-}
-
-/// What the methods' tests against float64 references share.
-#[cfg(test)]
-mod reference {
-    use super::*;
-    use crate::transport::Volume as Box;
-    use glam::{DVec3, dvec3};
-
-    /// A complex number in float64.
-    pub type Wide = rustfft::num_complex::Complex64;
-
-    pub fn wide_turn(angle: f64) -> Wide {
-        Wide::new(angle.cos(), angle.sin())
-    }
-
-    /// Random counts of a scan of 4 × 3 points whose bins begin late. `spot`: the one point of the laser.
-    pub fn random_capture(spot: Option<DVec3>) -> Capture {
-        let points: Vec<DVec3> = (0..12)
-            .map(|i| dvec3(-0.2 + 0.15 * f64::from(i / 3), 0.1 + 0.12 * f64::from(i % 3), 0.05))
-            .collect();
-        let mut state = 1u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1u32 << 24) as f32
-        };
-        let counts = (0..12 * 16).map(|_| random()).collect();
-        let laser = spot.map_or(points.clone(), |spot| vec![spot; 12]);
-        let mut capture = Capture::new([4, 3], laser, points, 16, 0.05, counts);
-        capture.t_start = 0.7;
-        capture
-    }
-
-    /// A grid whose columns are the points of [`random_capture`].
-    pub fn random_grid(scan: &RegularScan) -> Grid {
-        let volume = Box { min: dvec3(-0.275, 0.04, 0.45), max: dvec3(0.325, 0.4, 0.8) };
-        let grid = Grid::new(volume, 12, 0.03).unwrap();
-        // Not square: the values at the points are compared, not those between them.
-        assert_eq!(scan.n, [4, 3]);
-        grid
-    }
-
-    /// The largest difference, over the largest value.
-    pub fn error(found: &[f32], wanted: &[f64]) -> f64 {
-        let largest = wanted.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-        assert!(largest > 0.0 && found.len() == wanted.len());
-        found.iter().zip(wanted).map(|(f, w)| (f64::from(*f) - w).abs()).fold(0.0, f64::max) / largest
     }
 }

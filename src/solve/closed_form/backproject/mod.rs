@@ -8,31 +8,24 @@
 //! - `phasor-bp`: histograms filtered by the cosine and the sine of a virtual pulse, each projected; the image is the
 //!   strength of both (Liu and others, Nature 2019). This is the phasor field without a transform.
 
-use std::borrow::Cow;
-use std::sync::Arc;
-
-use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::image::{Volume, on_grid};
 use super::options::ImageOptions;
-use super::sharpness::{Ladder, noise, tossed};
-use super::{NoPasses, RegularScan, in_one_step, upsample};
-use crate::capture::{Background, Capture};
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
+use super::sharpness::Ladder;
+use super::upsample;
+use crate::Result;
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
-use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
-use crate::solve::prepared::Planned;
-use crate::solve::vector::passes::{BACKPROJECT, FILTER};
 use crate::solve::vector::{gather_filtered, hat};
-use crate::solve::{
-    Beside, Common, OnDevice, Part, Pass, Plan, Prepared, Reconstruction, RunsOn, SMOOTH, Sharpness, Solver,
-    outline, upload,
-};
-use crate::transport::kernels::{buffer, constant};
-use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
-use crate::{Error, Result};
+use crate::solve::{Common, Part, Plan, Prepared, RunsOn, Solver, outline};
+use crate::transport::Grid;
+
+mod projecting;
+
+pub(super) use projecting::{Projecting, projecting};
+use projecting::{outline_of, pairs_on, pixels_per_voxel, plan, prepared, to_refine};
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -77,8 +70,8 @@ options! {
             /// What is filtered: the volume by a Laplacian or by the Laplacian of a Gaussian (log), or the histograms by
             /// the second derivative of a Gaussian along the path (path)
             filter: Filter = Filter::Path, Range::Words(&["laplacian", "log", "path"]);
-            /// Standard deviation of the filter's Gaussian, in distances of scan points [default: 0.5; for photon counts, chosen
-            /// by their noise, at least 0.5]
+            /// Standard deviation of the filter's Gaussian, in distances of scan points [default: 0.5; path: for photon
+            /// counts, chosen by their noise, at least 0.5]
             filter_width: Option<f64> = None, Range::Positive;
         }
     }
@@ -170,8 +163,9 @@ impl Projection for FbpOptions {
         (self.filter == Filter::Path).then_some(0.5 * self.width())
     }
 
+    // A few columns cannot tell what a filter of the volume does.
     fn ladder(&self) -> Option<Ladder> {
-        (self.filter_width.is_none() && self.filter != Filter::Laplacian).then_some(WIDTHS)
+        (self.filter_width.is_none() && self.filter == Filter::Path).then_some(WIDTHS)
     }
 
     fn at(&self, sharpness: f64) -> Self {
@@ -260,321 +254,6 @@ fn smooth(volume: &mut Vec<f32>, n: [usize; 3], axis: usize, sigma: f64) {
     *volume = (0..volume.len()).into_par_iter().map(of).collect();
 }
 
-/// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
-fn pixels_per_voxel(lateral: usize) -> usize {
-    1 + usize::from(lateral.is_multiple_of(2) && lateral / 2 >= FEWEST)
-}
-
-/// Lateral voxels that a grid is never coarser than.
-const FEWEST: usize = 64;
-
-/// Columns along each side that tell the noise.
-const COLUMNS: usize = 16;
-
-/// What a back-projection needs of a plan: the two passes, and a number per voxel.
-struct Passes {
-    pixels_per_voxel: usize,
-}
-
-impl Needs for Passes {
-    fn demand(&self) -> Demand {
-        Demand { pixels_per_voxel: self.pixels_per_voxel, ..NoPasses.demand() }
-    }
-
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        NoPasses.capacities(levels)
-    }
-
-    fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
-        vec![(constant::WEIGHTED, 1)]
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        vec![&FILTER, &BACKPROJECT]
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        vec![(buffer::HAT_TAPS, plan.bins as u64 * 4 + 4)]
-    }
-
-    fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
-}
-
-/// The scan that the options ask to make finer, if they do.
-///
-/// # Errors
-/// The scan cannot be made finer: it is not regular, the wall is not flat, or the points would be empty.
-fn to_refine(capture: &Capture, image: &ImageOptions, name: &str) -> Result<Option<RegularScan>> {
-    if image.upsample == 1 {
-        return Ok(None);
-    }
-    upsample::check_sum(image, name)?;
-    let scan =
-        RegularScan::with_one_spot(capture, "a scan with points between the measured ones").map_err(|e| {
-            Error::input(e.what, "leave the upsampling out: the method takes the pairs as they are")
-        })?;
-    Ok(Some(scan))
-}
-
-/// The pairs of a capture, on the finer scan if there is one.
-fn pairs_on(scan: Option<&RegularScan>, capture: &Capture, image: &ImageOptions) -> Capture {
-    let outline = capture.outline();
-    scan.map(|scan| upsample::finer(&outline, scan, image).into_owned()).unwrap_or(outline)
-}
-
-/// The capture as kernels see it, without counts: all bins, laser and sensor as points, paths sharp.
-fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, Rows) {
-    let (model, rows) = Model::outline(capture, image.reflectance, 1.0, false);
-    let model = Model {
-        rendered: None,
-        pulse: None,
-        pulse_shape: None,
-        min_depth: image.min_depth.min(grid.depth_range()[1]),
-        sampling: Sampling::Fixed,
-        binning: Binning::Linear,
-        gradient: Gradient::Exact,
-        ..model
-    };
-    (model, rows)
-}
-
-fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
-    let needs = Passes { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
-    let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
-    plan.passes.retain(|pass| [&FILTER, &BACKPROJECT].contains(pass));
-    // What only rendering and the reduction of a domain need.
-    plan.buffers.retain(|b| ![buffer::HISTOGRAMS, SMOOTH].contains(&b.buffer));
-    let voxels = plan.finest().grid.storage() as u64;
-    plan.buffers.push(BufferPlan::new(RAW_HOST, voxels * 4, Place::Readback));
-    plan.left_out.clear();
-    Ok(plan)
-}
-
-/// Counts of a capture's pairs, less their background.
-struct Light<'c> {
-    capture: Cow<'c, Capture>,
-    background: Background,
-    /// What they are multiplied with; `None`: so that the largest becomes the model's peak.
-    scale: Option<f64>,
-}
-
-/// A grid with its buffers.
-struct Projector(Planned);
-
-impl Projector {
-    fn made(&mut self) -> Result<&mut OnDevice> {
-        self.0.made(|_| Ok(()))
-    }
-
-    /// Gives the device counts. Returns what they were multiplied with.
-    fn take(&mut self, rows: &Rows, light: &Light<'_>) -> Result<f64> {
-        let job = self.made()?;
-        match light.scale {
-            Some(scale) => job.model.take_times(rows, &light.capture, &light.background, scale),
-            None => job.model.take(rows, &light.capture, &light.background),
-        }
-        job.upload_counts()?;
-        Ok(1.0 / job.model.counts_per_unit)
-    }
-
-    /// A projection of the counts that the device has for each filter, `[(x * n[1] + y) * n[2] + z]`.
-    fn projections(&mut self, filters: &[Vec<f32>]) -> Result<Vec<Vec<f32>>> {
-        let job = self.made()?;
-        let level = *job.plan.finest();
-        let grid = level.grid;
-        let [_, ny, nz] = grid.n;
-        let mut projected = vec![];
-        for filter in filters {
-            upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
-            job.executor.run_once(|s| {
-                gather_filtered(s, &job.plan, &level, true);
-                s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
-            })?;
-            let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
-            let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
-            projected.push((0..grid.voxels()).into_par_iter().map(voxel).collect());
-        }
-        Ok(projected)
-    }
-
-    /// What the method makes of the counts that the device has, at the voxels of the grid that comes with it.
-    fn image<M: Projection>(&mut self, options: &M, bin_width: f64, step: f64) -> Result<(Grid, Vec<f32>)> {
-        let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().bins);
-        let projected = self.projections(&options.filters(bins, bin_width, step))?;
-        Ok((grid, options.join(projected, &grid, step)))
-    }
-}
-
-/// A back-projection that is prepared for a scan.
-pub(super) struct Projecting<M> {
-    options: M,
-    all: Projector,
-    /// A few columns, for the choice of sharpness; `None` where the options tell it.
-    columns: Option<(Ladder, Projector)>,
-    rows: Rows,
-    /// The scan that is made finer, if one is.
-    scan: Option<RegularScan>,
-    grid: Grid,
-    with_volume: bool,
-}
-
-impl<M: Projection> Projecting<M> {
-    /// Makes kernels and buffers, unless they are there.
-    pub fn make(&mut self, capture: &Capture) -> Result<()> {
-        if let Some((_, columns)) = self.columns.as_mut().filter(|_| capture.integer_counts) {
-            columns.made()?;
-        }
-        self.all.made().map(|_| ())
-    }
-
-    fn light<'c>(&self, capture: &'c Capture, with_background: bool) -> Light<'c> {
-        if let Some(scan) = &self.scan {
-            // Points between the measured ones have no background of their own: it goes first.
-            let light = scan.light(capture, with_background);
-            let fine = upsample::finer(&light, scan, self.options.image()).into_owned();
-            Light { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
-        } else {
-            let background = Background::of(capture, with_background);
-            Light { capture: Cow::Borrowed(capture), background, scale: None }
-        }
-    }
-
-    /// Chooses the sharpness by the noise of a few columns, if the options leave it open.
-    fn sharpness(&mut self, capture: &Capture, light: &Light<'_>, step: f64) -> Result<Option<Sharpness>> {
-        let Some((ladder, _)) = self.columns else { return Ok(None) };
-        if !capture.integer_counts {
-            return Ok(Some(ladder.sharpest()));
-        }
-        let tossed = tossed(capture);
-        let mut dark = self.light(&tossed, false);
-        let Some((_, columns)) = &mut self.columns else { return Ok(None) };
-        let chosen = ladder.choose(|value| {
-            let options = self.options.at(value);
-            dark.scale = Some(columns.take(&self.rows, light)?);
-            let (grid, light) = columns.image(&options, capture.bin_width, step)?;
-            columns.take(&self.rows, &dark)?;
-            let (_, dark) = columns.image(&options, capture.bin_width, step)?;
-            Ok((noise(&light, &dark, grid.n[2], M::MASK_SHARE), ()))
-        })?;
-        Ok(Some(chosen.0))
-    }
-
-    /// The volume of a capture, and how sharp it is.
-    fn volume(&mut self, capture: &Capture, step: f64) -> Result<(Volume, Option<Sharpness>)> {
-        let light = self.light(capture, self.options.image().background);
-        let sharpness = self.sharpness(capture, &light, step)?;
-        self.all.take(&self.rows, &light)?;
-        let options = sharpness.map_or_else(|| self.options.clone(), |chosen| self.options.at(chosen.value));
-        let (grid, albedo) = self.all.image(&options, capture.bin_width, step)?;
-        let lattice = RegularScan::of_columns(&grid);
-        Ok((Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
-    }
-}
-
-impl Projecting<BpOptions> {
-    /// The sums of a capture at the voxels of the grid that they are computed at, which comes with them.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn sums(&mut self, capture: &Capture) -> Result<(Grid, Vec<f32>)> {
-        let light = self.light(capture, self.options.image.background);
-        self.all.take(&self.rows, &light)?;
-        self.all.image(&self.options, capture.bin_width, 0.0)
-    }
-
-    /// The same of tossed counts, which have the scale of the capture's: noise alone.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn sums_of_noise(&mut self, capture: &Capture) -> Result<Vec<f32>> {
-        let scale = 1.0 / self.all.made()?.model.counts_per_unit;
-        let tossed = tossed(capture);
-        let dark = Light { scale: Some(scale), ..self.light(&tossed, false) };
-        self.all.take(&self.rows, &dark)?;
-        Ok(self.all.image(&self.options, capture.bin_width, 0.0)?.1)
-    }
-}
-
-/// A back-projection that is prepared for a scan.
-///
-/// # Errors
-/// Options out of range, or a scan that cannot be made finer.
-pub(super) fn projecting(
-    options: &BpOptions,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-) -> Result<Projecting<BpOptions>> {
-    prepared(options, BpOptions::NAME, gpu, capture, grid, memory, false)
-}
-
-/// A projection that is prepared for a scan.
-fn prepared<M: Projection>(
-    options: &M,
-    name: &str,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<Projecting<M>> {
-    let scan = to_refine(capture, options.image(), name)?;
-    let fine = pairs_on(scan.as_ref(), capture, options.image());
-    let (model, rows) = outline_of(&fine, &grid, options.image());
-    let planned = |grid: Grid, memory: Option<u64>| {
-        let plan = plan(&model, &fine, grid, &gpu.abilities())?;
-        Ok(Projector(Planned::new(gpu, model.clone(), plan, memory)))
-    };
-    let columns = match options.ladder() {
-        Some(ladder) => Some((ladder, planned(columns_of(&grid), memory)?)),
-        None => None,
-    };
-    let taken = columns.as_ref().map_or(0, |(_, columns)| columns.0.plan().bytes().values().sum());
-    let all = planned(grid, memory.map(|memory| memory.saturating_sub(taken)))?;
-    Ok(Projecting { options: options.clone(), all, columns, rows, scan, grid, with_volume })
-}
-
-/// A few columns of a grid, with all its depths.
-fn columns_of(grid: &Grid) -> Grid {
-    let wide = [0, 1].map(|a| grid.n[a] as f64 / grid.n[a].min(COLUMNS) as f64);
-    let pitch = grid.pitch * DVec3::new(wide[0], wide[1], 1.0);
-    let corner = grid.origin - 0.5 * grid.pitch;
-    let n = [grid.n[0].min(COLUMNS), grid.n[1].min(COLUMNS), grid.n[2]];
-    Grid { n, origin: corner + 0.5 * pitch, pitch }
-}
-
-impl<M: Projection> Prepared for Projecting<M> {
-    fn plan(&self) -> &Arc<Plan> {
-        self.all.0.plan()
-    }
-
-    fn allocate(&mut self) -> Result<()> {
-        for projector in self.columns.as_mut().map(|(_, columns)| columns).into_iter().chain([&mut self.all])
-        {
-            let job = projector.made()?;
-            job.executor
-                .reserve(&Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), true)))?;
-        }
-        Ok(())
-    }
-
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
-        // Kernels and buffers are made before the time begins.
-        self.make(capture)?;
-        let (plan, grid, with_volume) = (self.all.0.plan().clone(), self.grid, self.with_volume);
-        let step = capture.spacing().unwrap_or(grid.pitch.x);
-        let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, beside, || {
-            self.volume(capture, step)
-        })?;
-        done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
-        let executor = &mut self.all.made()?.executor;
-        done.device_bytes = executor.arena().bytes();
-        done.kernels = executor.take_times().into_iter().collect();
-        Ok(done)
-    }
-}
-
 /// Writes what every back-projection is to the rest of the engine.
 macro_rules! projection {
     ($options:ident, $name:literal) => {
@@ -649,7 +328,7 @@ projection!(PhasorBpOptions, "phasor-bp");
 mod tests {
     use super::*;
     use crate::transport::Volume as Box;
-    use glam::dvec3;
+    use glam::{DVec3, dvec3};
 
     fn grid() -> Grid {
         Grid::new(Box { min: dvec3(0.0, 0.0, 0.4), max: dvec3(0.6, 0.9, 1.3) }, 6, 0.05).unwrap()

@@ -16,9 +16,10 @@ use rayon::prelude::*;
 
 use super::backproject::{self, BpOptions, Projecting};
 use super::image::{self, Volume, on_grid};
+use super::on_host::check_host_memory;
 use super::options::ImageOptions;
 use super::sharpness;
-use super::{RegularScan, check_host_memory, first_point, solved, tell};
+use super::{RegularScan, first_point, solved, tell};
 use crate::Result;
 use crate::advice::advice;
 use crate::capture::Capture;

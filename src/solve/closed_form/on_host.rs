@@ -1,0 +1,141 @@
+//! Plan and run of a method on the host.
+
+use std::sync::Arc;
+
+use super::sharpness::{noise, tossed};
+use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in_one_step, upsample};
+use crate::advice::{Advice, Remedy, advice};
+use crate::capture::Capture;
+use crate::gpu::{Abilities, BufferPlan, Gpu, Place};
+use crate::solve::{Beside, Plan, Prepared, Reconstruction};
+use crate::transport::{Grid, Model};
+use crate::{Error, Result};
+
+/// The plan of a host method: its arrays, and no pass.
+///
+/// # Errors
+/// `Kind::Input`: the capture breaks an assumption of the method.
+pub fn plan<M: HostMethod>(
+    options: &M,
+    capture: &Capture,
+    grid: Grid,
+    abilities: &Abilities,
+    _with_volume: bool,
+) -> Result<Plan> {
+    let scan = options.scan(capture)?;
+    let (model, _) = Model::outline(&capture.outline(), options.image().reflectance, 1.0, false);
+    let mut plan = Plan::new(&model, grid, capture.resolution(), &NoPasses, abilities, false)?;
+    let shared =
+        [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
+    let fine = upsample::finer(&capture.outline(), &scan, options.image()).into_owned();
+    let ladder = options.ladder().filter(|_| capture.integer_counts);
+    // The softest may need the most.
+    let most = ladder.map_or_else(|| options.clone(), |ladder| options.at(ladder.softest()));
+    let own = most.arrays(&fine, &scan.finer(options.image().upsample), &grid);
+    let tossed = ladder.map(|_| {
+        let counts = 4 * (fine.pair_count() * fine.bins) as u64;
+        (TOSSED, counts + 4 * grid.voxels() as u64)
+    });
+    let between = (options.image().upsample > 1).then(|| (FINER, 4 * (fine.pair_count() * fine.bins) as u64));
+    plan.passes.clear();
+    plan.left_out.clear();
+    plan.buffers = shared
+        .into_iter()
+        .chain(between)
+        .chain(tossed)
+        .chain(own)
+        .map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Readback))
+        .collect();
+    Ok(plan)
+}
+
+/// Prepares a host method for captures of one scan.
+///
+/// # Errors
+/// As [`plan`], and arrays that do not fit the budget or the host's memory.
+pub fn prepare<M: HostMethod>(
+    options: &M,
+    gpu: &Gpu,
+    capture: &Capture,
+    grid: Grid,
+    memory: Option<u64>,
+    with_volume: bool,
+) -> Result<Box<dyn Prepared>> {
+    options.check_ranges()?;
+    let scan = options.scan(capture)?;
+    let plan = plan(options, capture, grid, &gpu.abilities(), with_volume)?;
+    let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
+    check_host_memory(
+        asked,
+        gpu,
+        memory,
+        |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
+    )?;
+    Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume }))
+}
+
+/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `mend` says what to do, with the smaller
+/// job that would fit.
+pub fn check_host_memory<A: Into<Advice>>(
+    asked: u64,
+    gpu: &Gpu,
+    memory: Option<u64>,
+    mend: impl FnOnce(Remedy) -> A,
+) -> Result<()> {
+    let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
+    if asked <= available {
+        return Ok(());
+    }
+    let smaller = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
+    Err(Error::memory(
+        format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
+        mend(smaller),
+    ))
+}
+
+/// A host method that is prepared for a scan.
+struct OnHost<M> {
+    options: M,
+    scan: RegularScan,
+    grid: Grid,
+    plan: Arc<Plan>,
+    with_volume: bool,
+}
+
+impl<M: HostMethod> Prepared for OnHost<M> {
+    fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+        let OnHost { options, scan, grid, plan, with_volume } = self;
+        let step = scan.step[0].min(scan.step[1]);
+        let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
+            let (image, fine) = (options.image(), scan.finer(options.image().upsample));
+            let of = |capture: &Capture, with_background: bool| {
+                let light = scan.light(capture, with_background);
+                if image.upsample > 1 { upsample::finer(&light, scan, image).into_owned() } else { light }
+            };
+            let light = of(capture, image.background);
+            let Some(ladder) = options.ladder() else {
+                return Ok((options.volume(&light, &fine, grid), None));
+            };
+            if !capture.integer_counts {
+                return Ok((options.volume(&light, &fine, grid), Some(ladder.sharpest())));
+            }
+            let tossed = of(&tossed(capture), false);
+            let (chosen, volume) = ladder.choose(|value| {
+                let options = options.at(value);
+                let [light, tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
+                let noise = noise(&light.albedo, &tossed.albedo, grid.n[2], M::MASK_SHARE);
+                Ok((noise, light))
+            })?;
+            Ok((volume, Some(chosen)))
+        })?;
+        Ok(Reconstruction { filled: scan.gaps.len(), ..done })
+    }
+}
