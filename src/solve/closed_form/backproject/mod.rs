@@ -70,8 +70,8 @@ options! {
             /// What is filtered: the volume by a Laplacian or by the Laplacian of a Gaussian (log), or the histograms by
             /// the second derivative of a Gaussian along the path (path)
             filter: Filter = Filter::Path, Range::Words(&["laplacian", "log", "path"]);
-            /// Standard deviation of the filter's Gaussian, in distances of scan points [default: 0.5; path: for photon
-            /// counts, chosen by their noise, at least 0.5]
+            /// Standard deviation of the filter's Gaussian, in distances of scan points [default: 0.5; path and photon
+            /// counts: chosen by their noise, at least 0.5]
             filter_width: Option<f64> = None, Range::Positive;
         }
     }
