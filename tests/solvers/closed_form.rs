@@ -202,6 +202,28 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
 }
 
 #[test]
+fn the_columns_that_tell_noise_count_as_memory() {
+    let gpu = gpu();
+    let capture =
+        photon_noise(&light(wall(), wall(), &[dvec3(0.1, 0.0, 0.6)]), 100.0, Dark::Counts(0.0), None, 1);
+    let (capture, grid) = (
+        capture.unwrap(),
+        Grid::new(Volume { min: dvec3(-0.4, -0.4, 0.3), max: dvec3(0.6, 0.6, 1.0) }, 48, BIN).unwrap(),
+    );
+    let mut options = options("fbp", 48, &capture);
+    let plan = options.solver().plan(&capture, grid, &gpu.abilities(), false).unwrap();
+    let memory: u64 = plan.bytes().values().sum();
+    let prepare =
+        |options: &SolverOptions| options.prepare(&gpu, &capture, grid, Some(memory), false).map(|_| ());
+    let refused = prepare(&options).unwrap_err();
+    assert_eq!(refused.kind, Kind::Memory);
+    assert!(refused.what.contains(&format!("there are {} MiB", memory >> 20)), "{refused}");
+    // A width that is given needs no columns.
+    options.set("filter_width", &Value::Number(0.5));
+    prepare(&options).unwrap();
+}
+
+#[test]
 fn scans_that_break_an_assumption_are_refused() {
     let gpu = gpu();
     let target = [dvec3(0.0, 0.1, 0.6)];

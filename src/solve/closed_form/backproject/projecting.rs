@@ -8,10 +8,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::image::{Volume, on_grid};
+use super::super::on_host::check_host_memory;
 use super::super::options::ImageOptions;
 use super::super::sharpness::{Ladder, noise, tossed};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
 use super::{BpOptions, Projection};
+use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
@@ -285,16 +287,27 @@ pub(super) fn prepared<M: Projection>(
     let scan = to_refine(capture, options.image(), name)?;
     let fine = pairs_on(scan.as_ref(), capture, options.image());
     let (model, rows) = outline_of(&fine, &grid, options.image());
-    let planned = |grid: Grid, memory: Option<u64>| {
+    let planned = |grid: Grid| {
         let plan = plan(&model, &fine, grid, &gpu.abilities())?;
         Ok(Projector(Planned::new(gpu, model.clone(), plan, memory)))
     };
+    let all = planned(grid)?;
     let columns = match options.ladder() {
-        Some(ladder) => Some((ladder, planned(columns_of(&grid), memory)?)),
+        Some(ladder) => {
+            let columns = planned(columns_of(&grid))?;
+            let asked = [&all, &columns].iter().flat_map(|p| p.0.plan().bytes().into_values()).sum();
+            if capture.integer_counts && memory.is_some() {
+                check_host_memory(
+                    asked,
+                    gpu,
+                    memory,
+                    |smaller| advice!["choose " {smaller} " or more " Memory],
+                )?;
+            }
+            Some((ladder, columns))
+        }
         None => None,
     };
-    let taken = columns.as_ref().map_or(0, |(_, columns)| columns.0.plan().bytes().values().sum());
-    let all = planned(grid, memory.map(|memory| memory.saturating_sub(taken)))?;
     Ok(Projecting { options: options.clone(), all, columns, rows, scan, grid, with_volume })
 }
 
