@@ -29,9 +29,13 @@ pub fn plan<M: HostMethod>(
         [(COUNTS, 4 * (capture.pair_count() * capture.bins) as u64), (VOLUME, 4 * grid.voxels() as u64)];
     let fine = upsample::finer(&capture.outline(), &scan, options.image()).into_owned();
     let ladder = options.ladder().filter(|_| capture.integer_counts);
-    // The softest may need the most.
-    let most = ladder.map_or_else(|| options.clone(), |ladder| options.at(ladder.softest()));
-    let own = most.arrays(&fine, &scan.finer(options.image().upsample), &grid);
+    let finest = scan.finer(options.image().upsample);
+    // What is open is the sharpest. The softest needs more of some arrays, and less of others.
+    let mut own = options.arrays(&fine, &finest, &grid);
+    if let Some(ladder) = ladder {
+        let soft = options.at(ladder.softest()).arrays(&fine, &finest, &grid);
+        own.iter_mut().zip(soft).for_each(|((_, most), (_, bytes))| *most = bytes.max(*most));
+    }
     let tossed = ladder.map(|_| {
         let counts = 4 * (fine.pair_count() * fine.bins) as u64;
         (TOSSED, counts + 4 * grid.voxels() as u64)
