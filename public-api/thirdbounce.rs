@@ -3149,7 +3149,6 @@ pub mod solve {
                 grid: &Grid,
             ) -> Vec<(Buffer, u64)>;
             fn ladder(&self) -> Option<Ladder> {}
-            fn at(&self, _sharpness: f64) -> Self {}
             fn volume(
                 &self,
                 capture: &Capture,

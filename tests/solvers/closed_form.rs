@@ -62,9 +62,13 @@ fn maps(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize
 
 fn solved(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize) -> Reconstruction {
     let grid = Grid::new(volume, lateral, BIN / 2.0).unwrap();
+    solved_with(gpu, &options(name, lateral, capture), capture, grid)
+}
+
+fn solved_with(gpu: &Gpu, options: &SolverOptions, capture: &Capture, grid: Grid) -> Reconstruction {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    options(name, lateral, capture).solve(gpu, capture, grid, None, false, &mut watch).unwrap()
+    options.solve(gpu, capture, grid, None, false, &mut watch).unwrap()
 }
 
 /// Where the light of the maps is: the centroid of what is above half of the brightest pixel.
@@ -167,9 +171,7 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         if let Some(chosen) = chosen {
             assert!(options.set(chosen.setting, &Value::Number(chosen.value)));
         }
-        let mut hear = |_: &_| ControlFlow::Continue(());
-        let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        options.solve(&gpu, capture, grid, None, false, &mut watch).unwrap()
+        solved_with(&gpu, &options, capture, grid)
     };
     let bright = photon_noise(&exact, 2000.0, Dark::Counts(0.0), None, 1).unwrap();
     // Photons of the strongest bin, over dark counts.

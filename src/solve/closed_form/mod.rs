@@ -72,12 +72,6 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
         None
     }
 
-    /// These options with a value of the ladder.
-    #[must_use]
-    fn at(&self, _sharpness: f64) -> Self {
-        self.clone()
-    }
-
     /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
     /// first of the ladder.
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume;

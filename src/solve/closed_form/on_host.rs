@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sharpness::{noise, tossed};
+use super::sharpness::{noise, tossed, with};
 use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in_one_step, upsample};
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
@@ -33,7 +33,7 @@ pub fn plan<M: HostMethod>(
     // What is open is the sharpest. The softest needs more of some arrays, and less of others.
     let mut own = options.arrays(&fine, &finest, &grid);
     if let Some(ladder) = ladder {
-        let soft = options.at(ladder.softest()).arrays(&fine, &finest, &grid);
+        let soft = with(options, ladder.setting, ladder.softest()).arrays(&fine, &finest, &grid);
         own.iter_mut().zip(soft).for_each(|((_, most), (_, bytes))| *most = bytes.max(*most));
     }
     let tossed = ladder.map(|_| {
@@ -125,15 +125,15 @@ impl<M: HostMethod> Prepared for OnHost<M> {
                 if image.upsample > 1 { upsample::finer(&light, scan, image).into_owned() } else { light }
             };
             let light = of(capture, image.background);
-            let Some(ladder) = options.ladder() else {
-                return Ok((options.volume(&light, &fine, grid), None));
+            let ladder = match options.ladder() {
+                Some(ladder) if capture.integer_counts => ladder,
+                open => {
+                    return Ok((options.volume(&light, &fine, grid), open.map(|ladder| ladder.sharpest())));
+                }
             };
-            if !capture.integer_counts {
-                return Ok((options.volume(&light, &fine, grid), Some(ladder.sharpest())));
-            }
             let tossed = of(&tossed(capture), false);
             let (chosen, volume) = ladder.choose(|value| {
-                let options = options.at(value);
+                let options = with(options, ladder.setting, value);
                 let [light, tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
                 let noise = noise(&light.albedo, &tossed.albedo, grid.n[2], M::MASK_SHARE);
                 Ok((noise, light))

@@ -121,12 +121,6 @@ pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
         None
     }
 
-    /// As that of [`super::HostMethod`].
-    #[must_use]
-    fn at(&self, _sharpness: f64) -> Self {
-        self.clone()
-    }
-
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
     /// distance of scan points, metres.
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
@@ -165,11 +159,7 @@ impl Projection for FbpOptions {
 
     // A few columns cannot tell what a filter of the volume does.
     fn ladder(&self) -> Option<Ladder> {
-        (self.filter_width.is_none() && self.filter == Filter::Path).then_some(WIDTHS)
-    }
-
-    fn at(&self, sharpness: f64) -> Self {
-        self.clone().with(|o| o.filter_width = Some(sharpness))
+        WIDTHS.if_open(self).filter(|_| self.filter == Filter::Path)
     }
 
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
@@ -204,11 +194,7 @@ impl Projection for PhasorBpOptions {
     }
 
     fn ladder(&self) -> Option<Ladder> {
-        self.wavelength.is_none().then_some(BP_WAVELENGTHS)
-    }
-
-    fn at(&self, sharpness: f64) -> Self {
-        self.clone().with(|o| o.wavelength = Some(sharpness))
+        BP_WAVELENGTHS.if_open(self)
     }
 
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::super::image::{Volume, on_grid};
 use super::super::on_host::check_host_memory;
 use super::super::options::ImageOptions;
-use super::super::sharpness::{Ladder, noise, tossed};
+use super::super::sharpness::{Ladder, noise, tossed, with};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
 use super::{BpOptions, Projection};
 use crate::advice::advice;
@@ -123,6 +123,26 @@ struct Light<'c> {
     scale: Option<f64>,
 }
 
+impl Light<'_> {
+    /// The light of a capture, on the finer scan if there is one.
+    fn of<'c>(
+        capture: &'c Capture,
+        scan: Option<&RegularScan>,
+        image: &ImageOptions,
+        with_background: bool,
+    ) -> Light<'c> {
+        if let Some(scan) = scan {
+            // Points between the measured ones have no background of their own: it goes first.
+            let light = scan.light(capture, with_background);
+            let fine = upsample::finer(&light, scan, image).into_owned();
+            Light { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
+        } else {
+            let background = Background::of(capture, with_background);
+            Light { capture: Cow::Borrowed(capture), background, scale: None }
+        }
+    }
+}
+
 /// A grid with its buffers.
 struct Projector(Planned);
 
@@ -192,29 +212,16 @@ impl<M: Projection> Projecting<M> {
         self.all.made().map(|_| ())
     }
 
-    fn light<'c>(&self, capture: &'c Capture, with_background: bool) -> Light<'c> {
-        if let Some(scan) = &self.scan {
-            // Points between the measured ones have no background of their own: it goes first.
-            let light = scan.light(capture, with_background);
-            let fine = upsample::finer(&light, scan, self.options.image()).into_owned();
-            Light { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
-        } else {
-            let background = Background::of(capture, with_background);
-            Light { capture: Cow::Borrowed(capture), background, scale: None }
-        }
-    }
-
     /// Chooses the sharpness by the noise of a few columns, if the options leave it open.
     fn sharpness(&mut self, capture: &Capture, light: &Light<'_>, step: f64) -> Result<Option<Sharpness>> {
-        let Some((ladder, _)) = self.columns else { return Ok(None) };
-        if !capture.integer_counts {
-            return Ok(Some(ladder.sharpest()));
-        }
+        let (ladder, columns) = match &mut self.columns {
+            Some((ladder, columns)) if capture.integer_counts => (*ladder, columns),
+            open => return Ok(open.as_ref().map(|(ladder, _)| ladder.sharpest())),
+        };
         let tossed = tossed(capture);
-        let mut dark = self.light(&tossed, false);
-        let Some((_, columns)) = &mut self.columns else { return Ok(None) };
+        let mut dark = Light::of(&tossed, self.scan.as_ref(), self.options.image(), false);
         let chosen = ladder.choose(|value| {
-            let options = self.options.at(value);
+            let options = with(&self.options, ladder.setting, value);
             dark.scale = Some(columns.take(&self.rows, light)?);
             let (grid, light) = columns.image(&options, capture.bin_width, step)?;
             columns.take(&self.rows, &dark)?;
@@ -226,10 +233,14 @@ impl<M: Projection> Projecting<M> {
 
     /// The volume of a capture, and how sharp it is.
     fn volume(&mut self, capture: &Capture, step: f64) -> Result<(Volume, Option<Sharpness>)> {
-        let light = self.light(capture, self.options.image().background);
+        let image = self.options.image();
+        let light = Light::of(capture, self.scan.as_ref(), image, image.background);
         let sharpness = self.sharpness(capture, &light, step)?;
         self.all.take(&self.rows, &light)?;
-        let options = sharpness.map_or_else(|| self.options.clone(), |chosen| self.options.at(chosen.value));
+        let options = match sharpness {
+            Some(chosen) => with(&self.options, chosen.setting, chosen.value),
+            None => self.options.clone(),
+        };
         let (grid, albedo) = self.all.image(&options, capture.bin_width, step)?;
         let lattice = RegularScan::of_columns(&grid);
         Ok((Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
@@ -242,7 +253,8 @@ impl Projecting<BpOptions> {
     /// # Errors
     /// The device fails.
     pub fn sums(&mut self, capture: &Capture) -> Result<(Grid, Vec<f32>)> {
-        let light = self.light(capture, self.options.image.background);
+        let image = &self.options.image;
+        let light = Light::of(capture, self.scan.as_ref(), image, image.background);
         self.all.take(&self.rows, &light)?;
         self.all.image(&self.options, capture.bin_width, 0.0)
     }
@@ -254,7 +266,10 @@ impl Projecting<BpOptions> {
     pub fn sums_of_noise(&mut self, capture: &Capture) -> Result<Vec<f32>> {
         let scale = 1.0 / self.all.made()?.model.counts_per_unit;
         let tossed = tossed(capture);
-        let dark = Light { scale: Some(scale), ..self.light(&tossed, false) };
+        let dark = Light {
+            scale: Some(scale),
+            ..Light::of(&tossed, self.scan.as_ref(), &self.options.image, false)
+        };
         self.all.take(&self.rows, &dark)?;
         Ok(self.all.image(&self.options, capture.bin_width, 0.0)?.1)
     }

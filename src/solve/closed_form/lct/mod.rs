@@ -70,11 +70,7 @@ impl HostMethod for LctOptions {
     }
 
     fn ladder(&self) -> Option<Ladder> {
-        self.snr.is_none().then_some(SNR)
-    }
-
-    fn at(&self, sharpness: f64) -> Self {
-        self.clone().with(|o| o.snr = Some(sharpness))
+        SNR.if_open(self)
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {

@@ -147,11 +147,7 @@ impl HostMethod for PhasorOptions {
     }
 
     fn ladder(&self) -> Option<Ladder> {
-        self.wavelength.is_none().then_some(WAVELENGTHS)
-    }
-
-    fn at(&self, sharpness: f64) -> Self {
-        self.clone().with(|o| o.wavelength = Some(sharpness))
+        WAVELENGTHS.if_open(self)
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
