@@ -68,6 +68,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("pulse_fixed", "pulse.comp", &["ACCUMULATE_FIXED"]),
     ("residual", "residual.comp", &[]),
     ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
+    ("residual_rows", "residual_rows.comp", &[]),
+    ("residual_rows_fixed", "residual_rows.comp", &["ACCUMULATE_FIXED"]),
     ("rim", "rim.comp", &[]),
     ("room", "room.comp", &[]),
     ("rounding", "rounding.comp", &[]),

@@ -14,6 +14,7 @@ layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
 layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels of one partial sum; 0: those of a workgroup of step.comp
 layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss of a workgroup of residual.comp
+layout(constant_id = 14) const uint ROWS = 0u;    // 1: one partial loss of a row of residual_rows.comp
 #include "slices.glsl"
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) buffer LossPartials { vec2 loss_partials[]; };
@@ -29,6 +30,7 @@ void main() {
     vec4 sum = vec4(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
     uint losses = (cell_count() + tile - 1u) / tile * (GROUPED != 0u ? 1u : WORKGROUP);
+    if (ROWS != 0u) losses = scene.pairs;
     if ((push.flags & FINISH_ADDED) != 0u) losses = 1u;
     // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];

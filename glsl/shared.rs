@@ -71,6 +71,8 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("noise_factor", "float", "kappa: weight of the group term, in standard deviations of the noise"),
     ("roughness", "float", "weight of the roughness term"),
     ("kernel_bound", "float", "upper bound of every pair's kernel"),
+    ("slow_decay", "float", "decay per bin of the smoother that the objective's high-pass takes off"),
+    ("slow_share", "float", "share of its output that is taken off; 0 without a high-pass"),
 ];
 
 /// Parameters of one dispatch.

@@ -108,7 +108,7 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         tuned.found.notes().iter().for_each(|note| say(note));
     }
-    let solver = tuned.solver.without_search();
+    let solver = tuned.solver.clone();
     let mut last = None;
     let done = live::run(&gpu, &tuned.scan, &solver, options, &source, page.as_ref(), &mut |news| {
         match news {

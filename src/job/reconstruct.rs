@@ -159,8 +159,7 @@ pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Result<()> {
     let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    // The search would be cancelled in place of the solve.
-    let solver = sizes::with_kept(request, gpu, &capture).without_search();
+    let solver = sizes::with_kept(request, gpu, &capture);
     match solver.solve(gpu, &capture, grid, request.memory, false, &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),

@@ -150,7 +150,7 @@ impl Request {
         capture: &'c Capture,
     ) -> Result<(Request, Cow<'c, Capture>)> {
         let (solver, capture) = found.settle(&self.solver, &self.models, capture)?;
-        Ok((Request { solver, volume: found.volume(self.volume), ..self.clone() }, capture))
+        Ok((Request { solver, ..self.clone() }, capture))
     }
 
     /// Width of a pixel of the maps, metres ([`pixel_of`]).

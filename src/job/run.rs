@@ -175,15 +175,6 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
             request.solver.common().iterations[0]
         ));
     }
-    if let Some(beyond) = &solved.beyond {
-        notes.push(format!(
-            "light from beyond the box is taken off: a wider box leaves {:.2} % of pairs that it has not seen, the box \
-             alone {:.2} %; {:.2} times what it has there",
-            100.0 * beyond.left,
-            100.0 * beyond.left_without,
-            beyond.strength
-        ));
-    }
     if solved.surface_left {
         notes.push(
             "a surface explains the data far worse than the volume, for example if three objects lie behind each other: \

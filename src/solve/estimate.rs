@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::capture::Capture;
 use crate::transport::Model;
 
@@ -9,7 +11,26 @@ use crate::transport::Model;
 pub fn expected_noise(model: &Model) -> f64 {
     let [per_value, floor] = model.variance;
     // A count is its own unbiased variance; `measured` is the count less the background.
-    weighted_sum(model, model.pairs(), [floor, per_value, 0.0]) / model.elements as f64
+    let passed = model.high_pass.map_or(1.0, |f| f.of_noise(model.bins, model.bin_width));
+    passed * weighted_sum(model, model.pairs(), [floor, per_value, 0.0]) / model.elements as f64
+}
+
+/// The objective of the first `pairs` without any light: weighted squares of the measurement, mean over bins. Counts that
+/// are on the device only are not filtered.
+pub fn energy(model: &Model, pairs: usize) -> f64 {
+    let sum = match model.high_pass {
+        Some(filter) if model.moments.is_none() => {
+            let roots: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin).sqrt()).collect();
+            let of_row = |row: &[f32]| {
+                let mut row: Vec<f64> = row.iter().zip(&roots).map(|(m, s)| s * f64::from(*m)).collect();
+                filter.apply(&mut row, model.bin_width);
+                row.iter().map(|v| v * v).sum::<f64>()
+            };
+            model.measured.par_chunks_exact(model.bins).take(pairs).map(of_row).sum()
+        }
+        _ => weighted_sum(model, pairs, [0.0, 0.0, 1.0]),
+    };
+    sum / model.elements_of(pairs).max(1) as f64
 }
 
 /// The sum over the measured values of the first `pairs` of what the polynomial `of` (constant, linear, quadratic) makes

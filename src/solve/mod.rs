@@ -55,7 +55,7 @@ pub use plan::{
     Share, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
 };
 pub use prepared::Prepared;
-pub use result::{ImageNoise, Reconstruction, Sharpness, TakenOff};
+pub use result::{ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Common, RunsOn, Solver};
 pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
 pub use surface::SurfaceOptions;

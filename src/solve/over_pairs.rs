@@ -1,7 +1,7 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
 use super::Pass;
-use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
+use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
 use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Schedule};
@@ -91,8 +91,12 @@ pub(super) fn compare(
         }
     }
     let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
+    let all = match *residual == RESIDUAL_ROWS {
+        true => groups(part.own.count, WORKGROUP),
+        false => groups(cells(part.own.count, level.bins), WORKGROUP * RESIDUAL_BINS),
+    };
     let compared = s
-        .dispatch(residual, groups(cells(part.own.count, level.bins), WORKGROUP * RESIDUAL_BINS))
+        .dispatch(residual, all)
         .bind(buffer::SCENE, part.own.scene)
         .bind(buffer::MEASURED, part.measured)
         .with(Push { flags, ..push });

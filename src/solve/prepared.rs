@@ -66,11 +66,6 @@ impl Planned {
         &self.plan
     }
 
-    /// Whether the device has it.
-    pub fn is_made(&self) -> bool {
-        matches!(self.state, State::Made(_))
-    }
-
     /// See [`Prepared::give`].
     ///
     /// # Errors

@@ -15,17 +15,6 @@ use crate::maps::Maps;
 use crate::transport::Model;
 use crate::transport::kernels::{TRACE_LEAST, buffer};
 
-/// Why light from beyond the box was taken off: shares of the squares of pairs that a coarse volume has not seen.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct TakenOff {
-    /// What a volume of the wider box leaves.
-    pub left: f64,
-    /// What a volume of the box alone leaves.
-    pub left_without: f64,
-    /// How many times the light that the wider box's volume has beyond the box is taken off.
-    pub strength: f64,
-}
-
 /// The sharpness that a closed-form method chose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Sharpness {
@@ -83,8 +72,6 @@ pub struct Reconstruction {
     pub filled: usize,
     /// How sharp a closed-form method made its image, where its options left that open.
     pub sharpness: Option<Sharpness>,
-    /// Light from beyond the box was taken off the measurement, and why.
-    pub beyond: Option<TakenOff>,
     /// The share of noise in the energy of the counts, if these were on the device only.
     pub noise: Option<f64>,
     /// What the first device exchanged with the others that shared the pairs; nothing on one device.
@@ -130,7 +117,6 @@ pub(super) fn finish(
         is_warm: false,
         filled: 0,
         sharpness: None,
-        beyond: None,
         noise: None,
         exchanged: job.executor.exchanged(),
         lateral: driven.level.grid.n[0],

@@ -238,13 +238,6 @@ impl SolverOptions {
         other
     }
 
-    /// The same options without a search for light from beyond the box.
-    pub fn without_search(&self) -> SolverOptions {
-        let mut other = self.clone();
-        other.set("beyond", &Value::Flag(false));
-        other
-    }
-
     /// The same options with other sizes.
     pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {
         let mut other = self.clone();

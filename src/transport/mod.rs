@@ -3,6 +3,7 @@
 
 mod fine;
 mod grid;
+mod high_pass;
 pub mod kernels;
 mod model;
 mod moments;
@@ -15,6 +16,7 @@ pub mod twin;
 mod wall;
 
 pub use grid::{BRICK_VOXELS, Grid, Volume};
+pub use high_pass::HighPass;
 pub use model::{Binning, Gradient, Model, Sampling, cells};
 pub use moments::Moments;
 pub use reflectance::Reflectance;

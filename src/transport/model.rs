@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Moments;
 use super::kernels::{PADDING, SceneData};
-use super::{Geometry, Grid, Reflectance, Rendered, Rows, Spot, Wall};
+use super::{Geometry, Grid, HighPass, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
 use crate::capture::sum::sum_rows;
@@ -68,6 +68,8 @@ pub struct Model {
     pub pulse: Option<PulseTaps>,
     /// The pulse that `pulse` are the taps of, for bins of other widths.
     pub pulse_shape: Option<Pulse>,
+    /// Takes down what changes slowly along time, in the vector solver's objective.
+    pub high_pass: Option<HighPass>,
     /// The measurement's peak after scaling.
     pub peak: f64,
     /// Counts per unit of `measured`.
@@ -154,6 +156,7 @@ impl Model {
                 None => general.then(PulseTaps::identity),
             },
             pulse_shape: capture.pulse.clone(),
+            high_pass: None,
             peak,
             counts_per_unit: 1.0,
             reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),
@@ -368,6 +371,8 @@ impl Model {
             roughness: self.roughness as f32,
             // A margin for rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
+            slow_decay: self.high_pass.map_or(0.5, |f| f.decay(self.bin_width)) as f32,
+            slow_share: self.high_pass.map_or(0.0, |f| 1.0 - f.floor) as f32,
         }
     }
 }

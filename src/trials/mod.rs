@@ -1,5 +1,5 @@
-//! What a run finds out by quick solves before the one that was asked for: where the scene is, how surfaces reflect, and how
-//! wide the instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they begin with.
+//! What a run finds out by quick solves before the one that was asked for: how surfaces reflect, how wide the
+//! instrument's pulse is, and how much slow light counts. The trials share their pairs, their grid and, for each model, the volume that they begin with.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
-use crate::solve::vector::{Left, PAIRS, Start, Trial};
+use crate::solve::vector::{Left, PAIRS, Start, Trial, usual_high_pass};
 use crate::solve::{
     Discretisation, Doing, Progress, Ready, SolverOptions, VectorOptions, Watch, default_volume,
 };
@@ -17,14 +17,14 @@ use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
 
 mod choice;
+mod high_pass;
 mod model;
-mod place;
 mod pulse;
 
 pub use choice::{Choice, Resolved, Tuned, preset_for};
+pub use high_pass::FoundHighPass;
 use model::WITHOUT_NORMALS;
 pub use model::{FoundModel, MODELS, Refuted};
-pub use place::FoundPlace;
 pub use pulse::FoundPulse;
 
 /// Fewer pairs that judge cannot tell a difference from chance.
@@ -82,14 +82,9 @@ pub struct Ask<'a> {
 }
 
 impl Ask<'_> {
-    /// The options of the solver that looks where the scene is; `None` if none does, or if the box is given.
-    fn finds_place(&self) -> Option<&VectorOptions> {
-        match self.solver {
-            SolverOptions::Vector(options) if self.discretisation.volume.is_none() => {
-                Some(options).filter(|o| o.beyond)
-            }
-            _ => None,
-        }
+    /// Whether to find the high-pass of the objective: nobody gave it.
+    pub fn finds_high_pass(&self) -> bool {
+        matches!(self.solver, SolverOptions::Vector(options) if options.high_pass.is_none())
     }
 
     /// Whether to find the pulse of this capture: there is none yet, and only trials of the model can show one.
@@ -105,12 +100,12 @@ impl Ask<'_> {
 /// What the trials of a run found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Found {
-    /// Where the scene is, if not in the usual box.
-    #[serde(default)]
-    pub place: Option<FoundPlace>,
     /// How surfaces reflect, if it was to be found.
     #[serde(default)]
     pub model: Option<FoundModel>,
+    /// The high-pass of the objective, if it was to be found.
+    #[serde(default)]
+    pub high_pass: Option<FoundHighPass>,
     /// The instrument's pulse, if it was to be found.
     #[serde(default)]
     pub pulse: Option<FoundPulse>,
@@ -121,16 +116,11 @@ pub struct Found {
 impl Found {
     /// What was found, as sentences.
     pub fn notes(&self) -> Vec<String> {
-        let place = self.place.iter().map(FoundPlace::note);
-        place
+        let high_pass = self.high_pass.iter().map(FoundHighPass::note);
+        high_pass
             .chain(self.model.iter().map(FoundModel::note))
             .chain(self.pulse.iter().map(FoundPulse::note))
             .collect()
-    }
-
-    /// The box to solve, if `given` is the one that was asked for.
-    pub fn volume(&self, given: Option<Volume>) -> Option<Volume> {
-        given.or(self.place.as_ref().map(FoundPlace::volume))
     }
 
     /// The solver with its options for the model that was found, and the capture with the pulse.
@@ -145,7 +135,10 @@ impl Found {
     ) -> Result<(SolverOptions, Cow<'c, Capture>)> {
         let of_model =
             |found: &FoundModel| models.iter().find(|o| o.common().reflectance == found.reflectance).cloned();
-        let solver = self.model.as_ref().and_then(of_model).unwrap_or_else(|| solver.clone());
+        let mut solver = self.model.as_ref().and_then(of_model).unwrap_or_else(|| solver.clone());
+        if let (SolverOptions::Vector(options), Some(found)) = (&mut solver, self.high_pass) {
+            (options.high_pass, options.high_pass_floor) = (Some(found.length), found.floor);
+        }
         let capture = match self.pulse.as_ref().map(FoundPulse::pulse).transpose()?.flatten() {
             Some(pulse) => Cow::Owned(Capture { pulse: Some(pulse), ..capture.clone() }),
             None => Cow::Borrowed(capture),
@@ -167,22 +160,19 @@ pub fn find(
 ) -> Result<Found> {
     let _span = gpu.span("trials");
     let start = Instant::now();
-    let mut found = Found::default();
-    if let Some(options) = ask.finds_place() {
-        found.place = place::find(ask, options, capture, gpu, hear)?;
-        found.seconds = start.elapsed().as_secs_f64();
-    }
     let finds_model = ask.models.len() > 1;
     let find_pulse = ask.find_pulse(capture);
-    if !finds_model && find_pulse == FindPulse::Never {
-        return Ok(found);
+    let finds_high_pass = ask.finds_high_pass();
+    if !finds_model && find_pulse == FindPulse::Never && !finds_high_pass {
+        return Ok(Found::default());
     }
-    let mut discretisation = ask.discretisation;
-    discretisation.volume = found.volume(discretisation.volume);
-    let ask = &Ask { discretisation, ..*ask };
     let usual = ask.solver.common().reflectance;
     let mut tried = vec![];
+    let mut high_pass = None;
     let searched = Trials::new(ask, capture, gpu, hear).and_then(|mut trials| {
+        if finds_high_pass {
+            high_pass = Some(trials.find_high_pass(capture)?);
+        }
         let found = search(&mut trials, usual, finds_model, find_pulse);
         tried = std::mem::take(&mut trials.tried);
         found
@@ -199,7 +189,7 @@ pub fn find(
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, refuted, failed.clone()));
     let pulse = width.map(|width| FoundPulse::of(width, reflectance, &tried, seconds, failed));
-    Ok(Found { model, pulse, seconds, ..found })
+    Ok(Found { model, high_pass, pulse, seconds })
 }
 
 /// A trial, and what it left.
@@ -324,6 +314,17 @@ impl<'t> Trials<'t> {
             hear,
             tried: vec![],
         })
+    }
+
+    /// Finds the high-pass by a volume of the first model. All trials have what is found, and are judged by it.
+    fn find_high_pass(&mut self, capture: &Capture) -> Result<FoundHighPass> {
+        let (first, length) = (self.models[0].0, usual_high_pass(capture));
+        let bands = self.with_trial(first, 0.0, |trial, pulse, watch| trial.bands(length, pulse, watch))?;
+        let found = FoundHighPass::of(length, bands);
+        if found.length > 0.0 {
+            self.models.iter_mut().for_each(|(_, trial)| trial.set_high_pass([found.length, found.floor]));
+        }
+        Ok(found)
     }
 
     /// What a surface with this model and this width of the pulse leaves.

@@ -58,6 +58,7 @@ static HELD: &[Held] = held! {
         => of_vector::variance_filter_and_backproject;
     vector::passes::FORWARD_BOUND, RESIDUAL_BOUND
         => vector_forward::forward_and_weighted_residual_on_every_accumulation_path;
+    RESIDUAL_ROWS => vector_forward::forward_and_high_pass_residual_on_every_accumulation_path;
     PULSE, PULSE_BACK => vector_forward::forward_and_weighted_residual_through_a_pulse;
     EXTRACT_BEHIND => vector_domain::extract_finds_the_second_surface_of_a_column;
     SPOT, SPOT_MORE, SPOT_BACK => vector_forward::forward_and_weighted_residual_through_spots;

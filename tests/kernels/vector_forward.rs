@@ -8,7 +8,7 @@ use thirdbounce::capture::PulseTaps;
 use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::{ARGUMENTS_FORWARD, buffer};
 use thirdbounce::transport::twin::{self, Twin, Way};
-use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
+use thirdbounce::transport::{Geometry, Grid, HighPass, Model, Reflectance};
 
 /// What the instrument does, in both directions.
 const INSTRUMENT: &[&str] = &["spot", "spot_more", "pulse", "pulse_back", "spot_back"];
@@ -71,16 +71,17 @@ fn check_forward(
     if bounding {
         run_start(&mut job, &[&["forward_bound", "residual_bound"], INSTRUMENT].concat());
     } else {
-        run_iteration(&mut job, 0, &[&["forward", "residual"], INSTRUMENT].concat());
+        run_iteration(&mut job, 0, &[&["forward", "residual", "residual_rows"], INSTRUMENT].concat());
     }
     let residual = job.plan.residual();
     let what = format!(
-        "{:?} {:?} curved {} pulse {} spots {} {accumulation:?} bounding {bounding} window {window} texels {texels}",
+        "{:?} {:?} curved {} pulse {} spots {} high-pass {:?} {accumulation:?} bounding {bounding} window {window} texels {texels}",
         model.wall.geometry,
         model.reflectance,
         model.wall.normals.is_some(),
         model.pulse.is_some(),
-        model.rendered.is_some()
+        model.rendered.is_some(),
+        model.high_pass
     );
     let spots = model.rendered.is_some();
     assert_eq!(residual == buffer::SPREAD, model.pulse.is_some() && !spots);
@@ -89,7 +90,11 @@ fn check_forward(
     let got: Vec<f64> = read_rows::<f32>(&mut job, residual).into_iter().map(f64::from).collect();
     let e = error(got, want.iter().copied());
     assert!(e < 3e-5, "{what}: {e}");
-    let partials = if window == 64 { grouped_losses(&model) } else { losses(&model) };
+    let partials = match model.high_pass {
+        Some(_) => model.pairs(),
+        None if window == 64 => grouped_losses(&model),
+        None => losses(&model),
+    };
     let partials: Vec<[f32; 2]> = read(&mut job, buffer::LOSS_PARTIALS, partials);
     for k in 0..2 {
         let sum: f64 = partials.iter().map(|p| f64::from(p[k])).sum();
@@ -118,6 +123,29 @@ pub fn forward_and_weighted_residual_on_every_accumulation_path() {
                     check_forward(model, &grid, accumulation, bounding, 16, true);
                     check_forward(model, &grid, accumulation, bounding, 64, true);
                 }
+            }
+        }
+    }
+}
+
+/// A high-pass on every accumulation path: odd and even numbers of bins, with and without a pulse, through spots, lengths
+/// from less than a bin to more than a histogram.
+#[test]
+pub fn forward_and_high_pass_residual_on_every_accumulation_path() {
+    let grid = grid();
+    let lengths =
+        [(5, 64, 0.08, 0.1), (5, 61, 0.4, 0.1), (3, 7, 0.05, 0.0), (5, 64, 1e-3, 0.3), (5, 64, 90.0, 0.1)];
+    for (i, (side, bins, length, floor)) in lengths.into_iter().enumerate() {
+        let base = scene(side, bins, 3);
+        let filtered = Model { high_pass: Some(HighPass { length, floor }), ..base };
+        let pulsed = Model {
+            pulse: Some(PulseTaps { before: 1, weights: vec![0.25, 0.5, 0.25] }),
+            ..variant(&filtered, Geometry::Product, Reflectance::Lambertian, true, 7)
+        };
+        let of_first = |a: &Accumulation| i == 0 || *a == Accumulation::Owned;
+        for accumulation in accumulations(&gpu()).into_iter().filter(of_first) {
+            for model in [&filtered, &pulsed] {
+                check_forward(model, &grid, accumulation, false, 0, true);
             }
         }
     }

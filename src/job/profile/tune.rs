@@ -10,6 +10,7 @@ use super::super::sizes::{class_of, keep};
 use super::super::{FindPulse, Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
 use crate::solve::Ready;
+use crate::solve::option::Value;
 use crate::solve::{Sizes, pass_of};
 use crate::{Kind, Result};
 
@@ -49,7 +50,9 @@ const WORTH: f64 = 0.95;
 /// # Errors
 /// Those of [`super::profile`], and a cache that cannot be written.
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
-    let solver = request.solver.without_search();
+    let mut solver = request.solver.clone();
+    // No trial before each profile: the sizes do not depend on it.
+    solver.set("high_pass", &Value::Number(0.0));
     let request = Request {
         solver,
         timings: true,

@@ -278,7 +278,6 @@ fn solved(
         is_warm: false,
         filled: 0,
         sharpness: None,
-        beyond: None,
         noise: None,
         exchanged: Exchanged::default(),
         kernels: vec![],

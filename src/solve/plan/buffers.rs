@@ -99,6 +99,7 @@ impl Plan {
         let lent = (self.pairs * self.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
+        let losses = losses.max(self.own(self.pairs) as u64);
         let mut all = vec![
             (buffer::WALL, self.whole_wall()),
             (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.bins)),

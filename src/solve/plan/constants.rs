@@ -32,6 +32,7 @@ impl Plan {
             (constant::TOUCHING, u32::from(self.touching)),
             (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
             (constant::SPOT, u32::from(self.has_spots())),
+            (constant::ROWS, u32::from(self.high_pass)),
             (constant::SPLIT, u32::from(binning == Binning::Linear)),
             (constant::EXACT, u32::from(self.gradient == Gradient::Exact)),
         ];

@@ -76,6 +76,8 @@ pub struct Plan {
     pub pulse: usize,
     /// Standard deviation of the pulse, metres of path; 0 if no pulse is known.
     pub pulse_deviation: f64,
+    /// The objective takes down what changes slowly along time: [`Model::high_pass`].
+    pub high_pass: bool,
     /// Sets of taps for residuals.
     pub tap_sets: usize,
     /// Words of each set of taps.
@@ -197,6 +199,7 @@ impl Plan {
             runs,
             pulse,
             pulse_deviation: model.pulse.as_ref().map_or(0.0, |p| p.deviation() * model.bin_width),
+            high_pass: model.high_pass.is_some(),
             tap_sets: if pulse > 0 || more_sets > 0 { 1 + more_sets } else { 0 },
             // The same for all pulses but the longest, so that a plan made before the pulse is found stays valid.
             tap_room: (pulse + 2 + more_bins).max(256),

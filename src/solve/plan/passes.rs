@@ -68,6 +68,14 @@ passes! {
         ..Pass::of("residual_bound", residual)
     };
 
+    /// Compares as [`RESIDUAL`] does, and takes down what changes slowly along time.
+    RESIDUAL_ROWS = Pass {
+        when: |p| p.high_pass,
+        faults: RESIDUAL.faults,
+        twin: twin!(residual_weighted),
+        ..Pass::of("residual_rows", residual_rows)
+    };
+
     /// Takes residuals back through the pulse, or through a Gaussian as well.
     PULSE_BACK = Pass {
         when: |p| p.tap_sets > 0,
@@ -183,6 +191,15 @@ pub fn forward(plan: &Plan) -> &'static KernelCode {
 /// The module that compares.
 pub fn residual(plan: &Plan) -> &'static KernelCode {
     if plan.fixed_point() { &kernel::RESIDUAL_FIXED } else { &kernel::RESIDUAL }
+}
+
+fn residual_rows(plan: &Plan) -> &'static KernelCode {
+    if plan.fixed_point() { &kernel::RESIDUAL_ROWS_FIXED } else { &kernel::RESIDUAL_ROWS }
+}
+
+/// The pass that makes a plan's objective of the difference from the measurement.
+pub fn objective(plan: &Plan) -> &'static Pass {
+    if plan.high_pass { &RESIDUAL_ROWS } else { &RESIDUAL }
 }
 
 /// The module that applies the pulse to what was accumulated.

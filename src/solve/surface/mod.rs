@@ -14,11 +14,12 @@
 use std::time::Instant;
 
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
-use super::estimate::expected_noise;
+use super::estimate::{energy, expected_noise};
 use super::on_device::{OnDevice, read_maps, trace_rows, upload};
 use super::outline::{self, Part};
 use super::over_pairs::scene_of_sums;
-use super::{Level, Pass, Plan, together};
+use super::passes::objective;
+use super::{Level, Plan, together};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
@@ -44,7 +45,6 @@ pub use pixels::{Pixels, SUPPORT};
 use schedule::{bonds, widen};
 pub use schedule::{extract, extract_behind, iteration, points, render, start};
 use weights::coarser;
-pub(super) use weights::energy;
 pub use weights::{Placed, weights};
 
 /// The surface is rejected if its objective exceeds the volume's by this ratio.
@@ -259,11 +259,7 @@ pub(super) fn each(
     let begin = plan.iterations[0];
     outline::each(plan, &steps, begin..begin + options.iterations, take)?;
     plan.levels.iter().try_for_each(|level| take(&Schedule::of(|s| extract_behind(s, level))))?;
-    let residuals = [&super::passes::RESIDUAL_BOUND, &super::passes::RESIDUAL];
-    let level = &steps.levels[0];
-    residuals
-        .into_iter()
-        .try_for_each(|residual| take(&Schedule::of(|s| compared(s, plan, level, 1, residual, begin))))
+    take(&Schedule::of(|s| compared(s, plan, &steps.levels[0], 1, begin)))
 }
 
 /// The steps of [`outline`].
@@ -321,22 +317,22 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
     let ([x, y, _], points) = (level.grid.n, points_of(&job.plan));
     upload(&mut job.executor, buffer::PIXELS, bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(x * y)))?;
-    upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(1.0)))?;
-    let mut objective = |is_first: bool, residual: &Pass| -> Result<f64> {
+    // |h|², |A v - h|² and |2 A v - h|² give the factor of v that leaves least.
+    let mut left = [0.0; 3];
+    for (times, left) in left.iter_mut().enumerate() {
+        upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(times as f64)))?;
         job.executor.run_once(|s| {
             s.stage("surface", &stage_values(level, row));
-            if is_first {
+            if times == 0 {
                 start(s, level, pixels.len(), points);
             }
-            compared(s, &job.plan, level, pixels.len(), residual, row);
+            compared(s, &job.plan, level, pixels.len(), row);
         })?;
-        Ok(objective_of(job, row))
-    };
-    // |A v|² and |A v - h|² give the factor of v that leaves least.
-    let rendered = objective(true, &super::passes::RESIDUAL_BOUND)?;
-    let left = objective(false, &super::passes::RESIDUAL)?;
-    let measured = energy(&job.model, level.pairs);
-    let scale = 0.5 * (rendered + measured - left) / rendered;
+        *left = objective_of(job, row);
+    }
+    let [measured, once, twice] = left;
+    let rendered = 0.5 * (measured - 2.0 * once + twice);
+    let scale = 0.5 * (rendered + measured - once) / rendered;
     if !(scale.is_finite() && scale > 0.0) {
         return Ok(None);
     }
@@ -345,9 +341,9 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
     Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
 }
 
-/// Renders so many pixels, and leaves what the pass `residual` makes of it in row `row` of the trace.
-fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, residual: &Pass, row: usize) {
-    render(s, plan, level, pixels, residual, None);
+/// Renders so many pixels, and leaves the objective in row `row` of the trace.
+fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
+    render(s, plan, level, pixels, objective(plan), None);
     together::add_up_losses(s, plan, level, &passes::SURFACE_FINISH, &[]);
     s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
         .bind(buffer::SCENE, scene_of_sums(plan, level))

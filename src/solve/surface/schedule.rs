@@ -4,7 +4,7 @@ use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{compare, forward, gather, gathered, groups, over_parts, scene_of_sums};
-use crate::solve::passes::{ARGUMENTS, RESIDUAL};
+use crate::solve::passes::{ARGUMENTS, objective};
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan, together};
@@ -77,7 +77,7 @@ pub fn iteration(
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
     over_parts(s, plan, level, |s, part| {
-        rendered(s, plan, level, part, &RESIDUAL, through);
+        rendered(s, plan, level, part, objective(plan), through);
         gather(s, plan, level, part, &SURFACE_GATHER, 0, from);
     });
     together::add_up_losses(s, plan, level, &SURFACE_FINISH, &[plan.gradients()]);

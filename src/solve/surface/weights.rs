@@ -2,7 +2,7 @@
 
 use super::SurfaceOptions;
 use crate::solve::Level;
-use crate::solve::estimate::{expected_noise, weighted_sum};
+use crate::solve::estimate::expected_noise;
 use crate::solve::plan::AMPLE;
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model, Reflectance};
@@ -45,11 +45,6 @@ pub struct Placed {
     pub most: f64,
     /// The part of the data that its light explains: weighted squares, mean over bins.
     pub explained: f64,
-}
-
-/// The weighted mean of the squared measurement over the first `pairs`.
-pub fn energy(model: &Model, pairs: usize) -> f64 {
-    weighted_sum(model, pairs, [0.0, 0.0, 1.0]) / model.elements_of(pairs).max(1) as f64
 }
 
 /// The part of the data term that no surface need explain: photon noise, and the misfit of the model to the

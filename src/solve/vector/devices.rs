@@ -6,12 +6,9 @@
 
 use std::any::Any;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::thread;
-use std::time::Instant;
 
-use super::beyond::{Beyond, Search};
-use super::prepared::{going_on, prepare_member};
+use super::prepared::prepare_member;
 use super::{Frames, VectorOptions, reconstruct};
 use crate::advice::{Advice, advice};
 use crate::capture::Capture;
@@ -27,8 +24,6 @@ pub(super) struct Member {
     pub share: Share,
     /// Until its executor has joined.
     pub exchange: Option<Exchange>,
-    /// The light from beyond the box, which one device has found for all.
-    pub beyond: Option<Arc<Beyond>>,
 }
 
 /// Runs the solver on `gpus`, which share the pairs: devices of one kind and driver, or one device several times. Takes
@@ -48,29 +43,23 @@ pub fn reconstruct_on<'b, 'w: 'b>(
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
     let beside = beside.into();
-    let first = match gpus {
+    match gpus {
         [one] => return reconstruct(one, capture, grid, options, memory, with_volume, beside),
-        [first, ..] => first,
         [] => return Err(Error::options("no device is named for the solve", advice!["name one " Device])),
-    };
+        _ => {}
+    }
     options.check()?;
     capture.check()?;
     check_same(gpus)?;
     let watch = taken(beside, gpus.len())?;
-    let begun = Instant::now();
-    let beyond = light_beyond(first, capture, &grid, options, memory, watch)?;
-    let before = begun.elapsed().as_secs_f64();
     let solve = |gpu: &Gpu, exchange: Exchange, watch: &mut Watch<'_>| {
         let share = Share { number: exchange.number(), of: gpus.len() };
         let with_volume = with_volume && share.number == 0;
-        let member = Member { share, exchange: Some(exchange), beyond: beyond.clone() };
+        let member = Member { share, exchange: Some(exchange) };
         prepare_member(gpu, capture, grid, options, memory, with_volume, Frames::default(), Some(member))?
             .solve(capture, watch.into())
     };
-    let mut result = one_of(on_all(gpus, watch, solve))?;
-    result.solve_seconds += before;
-    result.trace.iter_mut().for_each(|p| p.seconds += before);
-    Ok(result)
+    one_of(on_all(gpus, watch, solve))
 }
 
 /// What `solve` gives on each device, all at the same time: on the first one in this thread, with `watch`.
@@ -165,23 +154,4 @@ fn taken<'b, 'w>(beside: Beside<'b, 'w>, devices: usize) -> Result<&'b mut Watch
         );
     }
     Ok(beside.watch)
-}
-
-/// The light from beyond the box, found on one device.
-fn light_beyond(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: &Grid,
-    options: &VectorOptions,
-    memory: Option<u64>,
-    watch: &mut Watch<'_>,
-) -> Result<Option<Arc<Beyond>>> {
-    if !options.beyond {
-        return Ok(None);
-    }
-    let Some(mut search) = going_on(Search::of(gpu, capture, grid, options, memory))? else {
-        return Ok(None);
-    };
-    let _span = gpu.span("beyond");
-    going_on(search.find(capture, watch).map(|found| found.map(Arc::new)))
 }

@@ -27,11 +27,11 @@ use crate::gpu::Gpu;
 use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
-mod beyond;
 mod devices;
 pub mod follow;
 mod frames;
 mod hat;
+mod left;
 mod needs;
 mod options;
 pub mod passes;
@@ -39,19 +39,25 @@ mod prepared;
 mod schedule;
 mod trial;
 
-pub use beyond::{Aside, aside};
 pub use devices::reconstruct_on;
 pub use follow::Follow;
 pub use frames::{ForFrames, Frames};
 pub use hat::hat;
-pub use options::{Domain, VectorOptions};
+pub use left::Left;
+pub use options::{Domain, LEAST_FLOOR, VectorOptions};
 pub use prepared::{prepare, prepare_for_frames};
 pub(in crate::solve) use schedule::gather_filtered;
 pub use schedule::{due, iteration, start};
-pub use trial::{Left, Own, PAIRS, Start, Trial};
+pub use trial::{Own, PAIRS, Start, Trial};
 
 /// Gaussian of the domain's reduction and of the back-projection, in voxels.
 const SMOOTH_SIGMA: f64 = 1.0;
+
+/// The length of the high-pass that trials try, metres of path: a tenth of the wall's width, and two bins at least.
+pub fn usual_high_pass(capture: &Capture) -> f64 {
+    let [x0, x1, y0, y1] = capture.wall_extent();
+    (0.1 * (x1 - x0).max(y1 - y0)).max(2.0 * capture.bin_width)
+}
 
 /// The Mexican hat of the back-projection, in lateral voxels of path.
 pub const HAT_SIGMA: f64 = 1.5;
@@ -148,6 +154,7 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions
         cone: options.cone,
         noise_factor: options.noise_factor,
         roughness: options.roughness,
+        high_pass: options.filter(),
         ..model
     };
     if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {

@@ -5,7 +5,11 @@ use crate::solve::option::{Options, options, refused};
 use crate::solve::plan::AMPLE;
 use crate::solve::surface::SurfaceOptions;
 use crate::solve::{Accumulation, Plan, Sizes};
-use crate::transport::Reflectance;
+use crate::transport::{HighPass, Reflectance};
+
+/// The least floor of a high-pass. Without one, nothing would say how much slow light there is, and solves would not
+/// converge.
+pub const LEAST_FLOOR: f64 = 0.1;
 
 options! {
     /// Options of the vector solver.
@@ -80,10 +84,13 @@ options! {
             // Two cosines fit a skirt of steep, dim voxels around everything, which the surface does not leave
             // (benches/NOTES.md).
             cosine_volume as "volume_model": bool = suit.lambertian(), Range::Words(&["same", "cosine"]);
+            /// Let light count little that changes over more than this length along time, metres of path; 0: all light
+            /// counts alike [default: found by a quick solve, or a tenth of the wall's width]
+            high_pass: Option<f64> = None, Range::Length;
+            /// What the high-pass leaves of the amplitude of light that does not change
+            high_pass_floor: f64 = LEAST_FLOOR, Range::Share;
             /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;
-            /// Look for light from beyond the box, and take it off the measurement if there is any
-            beyond: bool = suit.captured(), Range::Words(&["never", "auto"]);
             /// When to stop: at the noise of the data (auto), or after all iterations (never)
             stop: bool = true, Range::Words(&["never", "auto"]);
         }
@@ -130,6 +137,13 @@ impl VectorOptions {
             Some(given) => given,
             None => 1 + usize::from(halved),
         }
+    }
+
+    /// The filter of the objective: [`HighPass`].
+    pub fn filter(&self) -> Option<HighPass> {
+        self.high_pass
+            .filter(|length| *length > 0.0)
+            .map(|length| HighPass { length, floor: self.high_pass_floor })
     }
 
     /// The power of a voxel's expected brightness in its bound, in a plan made for these options.

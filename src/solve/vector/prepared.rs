@@ -1,9 +1,8 @@
-//! The solver, prepared for captures of one scan: the volume, the surface, and the search for light from beyond the box.
+//! The solver, prepared for captures of one scan: the volume and the surface.
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::beyond::{self, Beyond, Search};
 use super::devices::Member;
 use super::follow::{self, Follow, Pace, rate};
 use super::frames::{ForFrames, Frames};
@@ -17,17 +16,18 @@ use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
+use crate::solve::estimate::energy;
 use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
 use crate::solve::prepared::Planned;
-use crate::solve::result::{TakenOff, finish};
-use crate::solve::surface::{self, Beginning, GoOn, energy};
+use crate::solve::result::finish;
+use crate::solve::surface::{self, Beginning, GoOn};
 use crate::solve::{
     Beside, Keep, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
 };
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Rows};
-use crate::{Error, Kind, Result};
+use crate::{Error, Result};
 
 /// Prepares the solver for captures of one scan. Takes the arguments of [`super::reconstruct`]; the capture's counts may
 /// be left out.
@@ -90,19 +90,14 @@ pub(super) fn prepare_member(
             advice!["allow more with " Memory ", use " {Remedy::SMALLER_JOB} ", or leave both out"],
         ));
     }
-    let search = match options.beyond && frames.lent.is_none() && member.is_none() {
-        true => going_on(Search::of(gpu, capture, &grid, options, memory))?,
-        false => None,
-    };
     let planned = Planned::new(gpu, outline, plan, memory);
     let following = how.map(|how| Chain { how, pace: Pace::default(), last: None });
-    Ok(PreparedVector { planned, rows, search, options: options.clone(), with_volume, following, member })
+    Ok(PreparedVector { planned, rows, options: options.clone(), with_volume, following, member })
 }
 
 struct PreparedVector {
     planned: Planned,
     rows: Rows,
-    search: Option<Search>,
     options: VectorOptions,
     with_volume: bool,
     /// If frames follow each other.
@@ -128,8 +123,6 @@ struct Last {
     /// The maps, and those of the volume before the surface.
     maps: Maps,
     volume: Maps,
-    /// Light from beyond the box, `[pair * bins + bin]`, and why it is taken off.
-    beyond: Option<(Vec<f32>, TakenOff)>,
 }
 
 impl Prepared for PreparedVector {
@@ -148,9 +141,6 @@ impl Prepared for PreparedVector {
         }
         if plan.lent.is_some() {
             intake::each(plan, rows, &mut reserve)?;
-        }
-        if let Some(search) = &mut self.search {
-            going_on(search.allocate().map(Some))?;
         }
         Ok(())
     }
@@ -184,7 +174,7 @@ struct Counts<'c> {
 }
 
 impl Counts<'_> {
-    /// Takes them as the measurement of `job`, less the `light` from beyond the box, and uploads what is on the host.
+    /// Takes them as the measurement of `job`, and uploads what is on the host.
     /// `scale`: see [`take`]. `keep`: a lent buffer is not given back yet. Returns the share of noise in the energy of lent counts.
     fn take(
         &mut self,
@@ -219,8 +209,6 @@ impl PreparedVector {
         keep: Option<Keep<'_>>,
     ) -> Result<Reconstruction> {
         let begun = Instant::now();
-        let beyond = self.light_beyond(counts.capture, watch)?;
-        let before = begun.elapsed().as_secs_f64();
         let PreparedVector { planned, rows, options, with_volume, following, member, .. } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(|job| make_all_ready(job, rows))?;
@@ -228,7 +216,6 @@ impl PreparedVector {
             job.executor.join(exchange);
         }
         let noise = counts.take(job, options, rows, None, false)?;
-        let light = beyond.as_ref().map(|beyond| (beyond.take_off(&mut job.model), beyond.told));
         if noise.is_none() {
             job.upload_counts()?;
         }
@@ -256,16 +243,12 @@ impl PreparedVector {
                 left: volume.left,
                 maps: driven.maps.clone(),
                 volume: volume.maps,
-                beyond: light.clone(),
             });
         }
-        driven.seconds += before;
-        driven.trace.iter_mut().for_each(|p| p.seconds += before);
         Ok(Reconstruction {
             volume_iterations,
             surface_left,
             has_mask: false,
-            beyond: light.map(|(_, told)| told),
             noise,
             ..finish(job, driven, with_volume.then_some(albedo_of))?
         })
@@ -285,9 +268,6 @@ impl PreparedVector {
         let gpu = planned.gpu().clone();
         let job = planned.made(make_ready)?;
         let noise = counts.take(job, options, rows, Some(last.scale), true)?;
-        if let Some((light, _)) = &last.beyond {
-            beyond::take(&mut job.model, light, 1.0);
-        }
         if noise.is_none() {
             job.upload_counts()?;
         }
@@ -337,39 +317,15 @@ impl PreparedVector {
         let done = driven.trace.last().map_or(0, |p| p.iteration);
         let iterations = [volume.iterations - 1, done - volume.iterations];
         pace.learn_warm(iterations, begun.elapsed().as_secs_f64());
-        let told = last.beyond.as_ref().map(|(_, told)| *told);
         *next = Some(Last { left: volume.left, maps: driven.maps.clone(), volume: volume.maps, ..last });
         Ok(Some(Reconstruction {
             volume_iterations: volume.iterations,
             surface_left,
             has_mask: false,
-            beyond: told,
             is_warm: true,
             noise,
             ..finish(job, driven, with_volume.then_some(albedo_of))?
         }))
-    }
-
-    /// The light from beyond the box. If everything was allocated before, the search keeps what it has.
-    fn light_beyond(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Option<Arc<Beyond>>> {
-        if let Some(member) = &self.member {
-            return Ok(member.beyond.clone());
-        }
-        let Some(search) = &mut self.search else { return Ok(None) };
-        let _span = self.planned.gpu().span("beyond");
-        let found = search.find(capture, watch);
-        if !self.planned.is_made() {
-            search.release();
-        }
-        going_on(found.map(|found| found.map(Arc::new)))
-    }
-}
-
-/// If the search fails for a reason of its own, the solve goes on without it.
-pub(super) fn going_on<T>(found: Result<Option<T>>) -> Result<Option<T>> {
-    match found {
-        Err(Error { kind, .. }) if !matches!(kind, Kind::Device | Kind::Cancelled) => Ok(None),
-        found => found,
     }
 }
 

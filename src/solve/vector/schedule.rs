@@ -7,7 +7,7 @@ use crate::solve::over_pairs::{
     arguments, compare, forward, gather, groups, instrument_back, over_parts, pair_chunks, scene_of_sums,
     work_of,
 };
-use crate::solve::passes::{FINISH, FORWARD, RESIDUAL, RESIDUAL_BOUND};
+use crate::solve::passes::{FINISH, FORWARD, RESIDUAL_BOUND, objective};
 use crate::solve::plan::PairPart;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan, domain, together};
@@ -84,7 +84,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
         .with(push);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
-        compare(s, plan, level, part, &RESIDUAL, push, None);
+        compare(s, plan, level, part, objective(plan), push, None);
         // The sums begin with the roughness, once.
         let begun = if plan.begins_sums() { BACKWARD_CONTINUE } else { 0 };
         gather(s, plan, level, part, &STEP, begun, plan.residual());

@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use super::left::{Left, Unseen};
 use super::passes::EXTRAPOLATE;
 use super::{VectorOptions, due, make_ready, model, solve_volume, steps, stop_below};
 use crate::Result;
@@ -21,9 +22,6 @@ use crate::transport::{Grid, Model};
 
 /// Pairs that a trial fits; as many others judge it.
 pub const PAIRS: usize = 256;
-
-/// Standard errors beyond which a difference is no chance.
-const BEYOND_CHANCE: f64 = 2.0;
 
 /// Trials of one capture on one grid.
 pub struct Trial {
@@ -68,6 +66,34 @@ impl Trial {
         Trial { gpu: gpu.clone(), sides, grid, options, memory, own: None }
     }
 
+    /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.
+    pub fn set_high_pass(&mut self, [length, floor]: [f64; 2]) {
+        (self.options.high_pass, self.options.high_pass_floor) = (Some(length), floor);
+        let filter = self.options.filter();
+        [&mut self.sides.seen, &mut self.sides.held].into_iter().for_each(|side| side.high_pass = filter);
+        self.own = None;
+    }
+
+    /// Fits its own volume, and tells the mean squares of what it leaves of pairs that it has not seen: of what changes over
+    /// more than `length` along time, and of what changes faster ([`crate::transport::HighPass::bands`]).
+    ///
+    /// # Errors
+    /// Those of [`super::reconstruct`], and a pulse without taps.
+    pub fn bands(&mut self, length: f64, pulse: Option<&Pulse>, watch: &mut Watch<'_>) -> Result<[f64; 2]> {
+        self.sides.spread_by(pulse)?;
+        let options = self.options.clone().with(|o| {
+            o.surface.blur = 0.0;
+            o.cosine_volume = false;
+        });
+        let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
+        let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
+        make_ready(&mut job)?;
+        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
+        let unseen = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?;
+        self.own = Some(Own { maps: driven.maps, left: unseen.left(1) });
+        Ok(unseen.bands(length))
+    }
+
     /// Its own volume, once there is one.
     pub fn own(&self) -> Option<&Own> {
         self.own.as_ref()
@@ -110,7 +136,7 @@ impl Trial {
             None => {
                 make_ready(&mut job)?;
                 let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
-                let left = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?;
+                let left = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?.left(1);
                 job.put(self.sides.seen.clone(), plan)?;
                 self.own = Some(Own { maps: driven.maps.clone(), left });
                 driven
@@ -124,7 +150,7 @@ impl Trial {
         let s = Schedule::of(|s| surface::render(s, &plan_of_held, &last, refined.pixels, &RESIDUAL, None));
         // In the bins of a volume too ([`Trial::fit_volume`]).
         let sum = if self.options.general { 1 } else { sum_of(&self.sides.held, &self.grid) };
-        self.sides.judge(&mut job, plan_of_held, &last, s, sum).map(Some)
+        Ok(Some(self.sides.judge(&mut job, plan_of_held, &last, s)?.left(sum)))
     }
 
     /// Fits a volume and no surface, with paths spread by `pulse`. After each number of `iterations`, which rise, `go_on` hears
@@ -164,7 +190,7 @@ impl Trial {
             let left = if is_empty {
                 None
             } else {
-                Some(self.sides.judge_volume(&mut job, &plan_of_held, &level)?)
+                Some(self.sides.judge_volume(&mut job, &plan_of_held, &level)?.left(1))
             };
             if !go_on(left) || is_empty {
                 break;
@@ -194,7 +220,7 @@ fn steps_after<'o>(plan: &Plan, options: &'o VectorOptions, driven: &Driven) -> 
 }
 
 /// Renders the volume of `level` for all pairs of `plan`, and compares.
-pub(super) fn render_volume(s: &mut Schedule, plan: &Plan, level: &Level) {
+fn render_volume(s: &mut Schedule, plan: &Plan, level: &Level) {
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
         .bind(buffer::SCENE, level.scene)
         .with(Push::default());
@@ -206,7 +232,7 @@ pub(super) fn render_volume(s: &mut Schedule, plan: &Plan, level: &Level) {
 
 /// The pairs of a capture in two halves.
 #[derive(Clone)]
-pub(super) struct Sides {
+struct Sides {
     /// The pairs that are fitted.
     pub seen: Model,
     /// The pairs that judge.
@@ -255,119 +281,30 @@ impl Sides {
     ///
     /// # Errors
     /// The device fails.
-    fn judge_volume(&self, job: &mut OnDevice, plan_of_held: &Arc<Plan>, level: &Level) -> Result<Left> {
+    fn judge_volume(&self, job: &mut OnDevice, plan_of_held: &Arc<Plan>, level: &Level) -> Result<Unseen> {
         let same = |of: &&Level| of.grid == level.grid;
         let level = *plan_of_held.levels.iter().find(same).unwrap_or(plan_of_held.finest());
         let s = Schedule::of(|s| render_volume(s, plan_of_held, &level));
-        self.judge(job, plan_of_held.clone(), &level, s, 1)
+        self.judge(job, plan_of_held.clone(), &level, s)
     }
 
-    /// Puts the pairs that judge in the place of those that were fitted, renders and compares by `compared`, and tells
-    /// what is left at `level` of the pairs' plan, also with every `sum` of its bins as one.
+    /// Puts the pairs that judge in the place of those that were fitted, renders and compares by `compared` at `level` of the
+    /// pairs' plan.
     ///
     /// # Errors
     /// The device fails.
-    pub fn judge(
+    fn judge(
         &self,
         job: &mut OnDevice,
         plan_of_held: Arc<Plan>,
         level: &Level,
         mut compared: Schedule,
-        sum: usize,
-    ) -> Result<Left> {
+    ) -> Result<Unseen> {
         job.put(self.held.clone(), plan_of_held)?;
         let cells = job.plan.cells_at(level);
         compared.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
         job.executor.run(&compared)?;
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-        Ok(Left::of(job.model_of(level), &residual, &level.grid, sum))
-    }
-}
-
-/// What a trial's surface leaves of the pairs that it has not seen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Left {
-    /// For each pair: squared differences, and squared values, summed over bins.
-    pub pairs: Vec<[f64; 2]>,
-    /// The same in the wider bins of a volume.
-    pub wide: Vec<[f64; 2]>,
-}
-
-impl Left {
-    /// From the residual: the derivative of the weighted squares by what is accumulated.
-    fn of(held: &Model, residual: &[f32], grid: &Grid, sum: usize) -> Left {
-        let elements = held.elements.max(1) as f64;
-        let weight: Vec<f64> = (0..held.bins).map(|b| held.bin_weight(b)).collect();
-        let unit = elements / (2.0 * f64::from(held.scene(grid).render_scale));
-        let rows = held.bins_of(residual);
-        let squares = |sum: usize| {
-            let mut bins: Vec<[f64; 2]> = Vec::with_capacity(held.bins);
-            let of_pair = |(r, m): (&[f32], &[f32])| {
-                bins.clear();
-                let weighted = r.iter().zip(m).zip(&weight).filter(|(_, w)| **w > 0.0);
-                bins.extend(weighted.map(|((r, m), w)| [f64::from(*r) * unit / w, f64::from(*m)]));
-                let of_sum = |k: usize| -> f64 {
-                    bins.chunks_exact(sum).map(|bins| bins.iter().map(|b| b[k]).sum::<f64>().powi(2)).sum()
-                };
-                [of_sum(0), of_sum(1)]
-            };
-            rows.chunks(held.bins).zip(held.measured.chunks(held.bins)).map(of_pair).collect()
-        };
-        Left { pairs: squares(1), wide: squares(sum) }
-    }
-
-    /// The same in the wider bins of a volume.
-    pub fn in_wide_bins(&self) -> Left {
-        Left { pairs: self.wide.clone(), wide: self.wide.clone() }
-    }
-
-    /// The share of the squares that is left.
-    pub fn share(&self) -> f64 {
-        let sum = |k: usize| self.pairs.iter().map(|p| p[k]).sum::<f64>();
-        sum(0) / sum(1)
-    }
-
-    /// Whether this is less than what another trial leaves of the same pairs, beyond chance: the mean difference over
-    /// pairs is more than two of its standard errors.
-    pub fn is_less(&self, other: &Left) -> bool {
-        let differences = || self.pairs.iter().zip(&other.pairs).map(|(own, other)| other[0] - own[0]);
-        let count = self.pairs.len().max(2) as f64;
-        let mean = differences().sum::<f64>() / count;
-        let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        mean > BEYOND_CHANCE * (variance / count).sqrt()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What is left of each pair, of squares of 100.
-    fn left(pairs: impl IntoIterator<Item = f64>) -> Left {
-        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), wide: vec![] }
-    }
-
-    #[test]
-    fn the_share_is_that_of_all_squares() {
-        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]], wide: vec![] };
-        assert_eq!(of.share(), 0.04);
-    }
-
-    #[test]
-    fn less_is_less_only_beyond_chance() {
-        // Differences with mean 1 and variance 1 (n - 1 of n): 16 pairs have a standard error of about 1/4.
-        let other = left([10.0; 16]);
-        let by = |mean: f64| left((0..16).map(|i| 10.0 - mean + if i % 2 == 0 { 1.0 } else { -1.0 }));
-        let error = (16.0f64 / 15.0 / 16.0).sqrt();
-        assert!(by(2.05 * error).is_less(&other));
-        assert!(!by(1.95 * error).is_less(&other), "within two standard errors");
-        assert!(!by(-2.05 * error).is_less(&other), "more is not less");
-        assert!(other.is_less(&by(-2.05 * error)));
-        // The same from every pair is no chance; nothing is.
-        assert!(left([9.9; 16]).is_less(&other) && !other.is_less(&other));
-        // One pair that says otherwise: the mean is less, but hangs on it.
-        let mut one = [10.0; 16];
-        one[3] = 2.0;
-        assert!(left(one).share() < other.share() && !left(one).is_less(&other));
+        Ok(Unseen::of(job.model_of(level), &residual, &level.grid))
     }
 }

@@ -90,16 +90,20 @@ pub fn forward_bound(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
 pub fn residual_weighted(twin: &Twin, accumulated: &[f64], measure: bool) -> (Vec<f64>, [f64; 2]) {
     let m = twin.model;
     let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
-    let mut loss = [0.0; 2];
-    let of_bin = |(i, sum): (usize, &f64)| {
-        let difference = sum * render - if measure { f64::from(m.measured[i]) } else { 0.0 };
-        let weight = m.bin_weight(i % m.bins);
-        loss[0] += weight * difference * difference / elements;
-        loss[1] += difference * difference / elements;
-        2.0 / elements * render * weight * difference
+    let seen = instrument(twin, accumulated, Way::Spread);
+    let measured = |i: usize| if measure { f64::from(m.measured[i]) } else { 0.0 };
+    let plain: Vec<f64> = seen.iter().enumerate().map(|(i, sum)| sum * render - measured(i)).collect();
+    let filter = |rows: &mut [f64]| {
+        m.high_pass.iter().for_each(|f| rows.chunks_mut(m.bins).for_each(|row| f.apply(row, m.bin_width)));
     };
+    let weigh = |i: usize| m.bin_weight(i % m.bins).sqrt();
+    let mut rows: Vec<f64> = plain.iter().enumerate().map(|(i, d)| weigh(i) * d).collect();
+    filter(&mut rows);
+    let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>() / elements;
+    let loss = [squares(&rows), squares(&plain)];
+    filter(&mut rows);
     let gradient: Vec<f64> =
-        instrument(twin, accumulated, Way::Spread).iter().enumerate().map(of_bin).collect();
+        rows.iter().enumerate().map(|(i, v)| 2.0 / elements * render * weigh(i) * v).collect();
     (instrument(twin, &gradient, Way::Back), loss)
 }
 

@@ -18,7 +18,7 @@ use super::schedule::{backproject, bounds, settle};
 use super::{VectorOptions, iteration};
 use crate::gpu::Schedule;
 use crate::solve::over_pairs::{arguments, compare, forward, groups, over_parts, scene_of_sums};
-use crate::solve::passes::{FINISH, FORWARD, RESIDUAL};
+use crate::solve::passes::{FINISH, FORWARD, objective};
 use crate::solve::plan::{Level, SEEN};
 use crate::solve::{Plan, domain};
 use crate::transport::Model;
@@ -101,7 +101,7 @@ pub fn look(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOption
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE)).bind(buffer::SCENE, level.scene);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
-        compare(s, plan, level, part, &RESIDUAL, Push::default(), None);
+        compare(s, plan, level, part, objective(plan), Push::default(), None);
     });
     s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level));
 }

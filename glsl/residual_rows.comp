@@ -1,0 +1,138 @@
+// Compares as residual.comp does, and takes down what changes slowly along time: light that the model does not explain is
+// smooth there. With S the roots of the bins' weights, d the difference of a row from its measurement, and
+//   F = 1 - slow_share (1 + k L)^-1,   k = a / (1 - a)^2, a = slow_decay, L the second difference with free ends,
+// the loss is |F S d|^2, and the residual S F F S d times what residual.comp multiplies by (transport/high_pass.rs).
+// F is symmetric and its eigenvalues lie between 1 - slow_share and 1, so bounds of S S bound this one too.
+// One invocation owns a row. It solves the three-term equations of L by elimination: forward along the bins, back with
+// the answer and at once forward again from the other end, and back once more. In between, the row of `residual` holds
+// what goes into a solve, and the row that was compared holds what comes out of its elimination.
+// Two bins a turn: lavapipe stops after 65,535 turns.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "grid.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 13) const uint SEEN = 0u;    // 1: compare the output of pulse.comp or spot.comp
+layout(constant_id = 14) const uint SPOT = 0u;    // 1: rendered pairs are others than measured ones: clear nothing
+layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
+layout(std430, set = 0, binding = 3) buffer Residual { float residual[]; };
+#ifdef ACCUMULATE_FIXED
+layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
+#else
+layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
+#endif
+layout(std430, set = 0, binding = 5) buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
+layout(std430, set = 0, binding = 7) buffer Spread { float spread[]; };
+
+#include "weight.glsl"
+#include "faults.glsl"
+#include "accumulated.glsl"
+
+// The row that was compared keeps numbers between two walks.
+#ifdef ACCUMULATE_FIXED
+#define KEPT(cell) (SEEN != 0u ? spread[cell] : uintBitsToFloat(histograms[cell].x))
+#define KEEP(cell, value) if (SEEN != 0u) spread[cell] = value; else histograms[cell] = uvec2(floatBitsToUint(value), 0u)
+#else
+#define KEPT(cell) (SEEN != 0u ? spread[cell] : histograms[cell])
+#define KEEP(cell, value) if (SEEN != 0u) spread[cell] = value; else histograms[cell] = value
+#endif
+
+uint bins;
+float decay;
+float along_decay; // log2
+float inverse;     // 1 / k
+float last_along;
+
+// The factor of the elimination's step at its bin number `at`: by hyperbolic cosines, as the row is free at its start.
+float along(uint at) {
+    float p = exp2(along_decay * float(2u * at + 1u));
+    return decay * (1.0 + p) / (1.0 + p * decay * decay);
+}
+
+float eliminated(uint at, float value, float before) {
+    return (at == bins - 1u ? last_along : along(at)) * (value * inverse + before);
+}
+
+float root_weight(uint bin) {
+    float scaled = max((scene.t_start + (float(bin) + 0.5) / scene.bins_per_metre) * (0.5 / scene.reference), 0.0);
+    return REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
+}
+
+uint row;
+uint data;
+vec3 sums = vec3(0.0); // squared differences, filtered and plain, and the magnitude of rendered values
+float before = 0.0;
+float answer = 0.0;
+
+void compare(uint bin) {
+    uint cell = row + bin;
+    float rendered = (SEEN != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale;
+    float difference = rendered - measured[data + bin];
+    sums.yz += vec2(difference * difference, abs(rendered));
+    float value = root_weight(bin) * difference;
+    before = eliminated(bin, value, before);
+    residual[cell] = value;
+    KEEP(cell, before);
+}
+
+void turn(uint bin) {
+    uint cell = row + bin;
+    answer = KEPT(cell) + along(bin) * answer;
+    float value = residual[cell] - scene.slow_share * answer;
+    sums.x += value * value;
+    before = eliminated(bins - 1u - bin, value, before);
+    residual[cell] = value;
+    KEEP(cell, before);
+}
+
+void close(uint bin) {
+    uint cell = row + bin;
+    answer = KEPT(cell) + along(bins - 1u - bin) * answer;
+    float value = residual[cell] - scene.slow_share * answer;
+    residual[cell] = 2.0 * scene.loss_scale * scene.render_scale * root_weight(bin) * value;
+    if (SPOT == 0u) histograms[cell] = ZERO;
+}
+
+void main() {
+    uint pair = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (pair >= scene.pairs) return;
+    bins = scene.bins;
+    decay = scene.slow_decay;
+    along_decay = log2(decay);
+    inverse = (1.0 - decay) * (1.0 - decay) / decay;
+    last_along = 1.0 / (inverse + (bins > 1u ? 1.0 - along(bins - 2u) : 0.0));
+    row = pair * scene.stride + PADDING;
+    data = pair * bins;
+    uint end = bins & ~1u;
+    for (uint bin = 0u; bin < end; bin += 2u) {
+        compare(bin);
+        compare(bin + 1u);
+    }
+    if (end < bins) compare(end);
+    before = 0.0;
+    if (end < bins) turn(end);
+    for (uint bin = end; bin > 0u; bin -= 2u) {
+        turn(bin - 1u);
+        turn(bin - 2u);
+    }
+    answer = 0.0;
+    for (uint bin = 0u; bin < end; bin += 2u) {
+        close(bin);
+        close(bin + 1u);
+    }
+    if (end < bins) close(end);
+    // Padding before each row, and behind the last.
+    for (uint k = 0u; k < (pair == scene.pairs - 1u ? 2u : 1u); ++k) {
+        for (uint i = 0u; i < PADDING; ++i) {
+            uint cell = row - PADDING + i + k * scene.stride;
+            residual[cell] = 0.0;
+            if (SPOT == 0u) histograms[cell] = ZERO;
+        }
+    }
+    bool more = (push.flags & BACKWARD_CONTINUE) != 0u;
+    loss_partials[pair] = sums.xy + (more ? loss_partials[pair] : vec2(0.0));
+    bool rendered = finite(sums.z);
+    watch(rendered, FAULT_FORWARD);
+    watch(!rendered || finite(sums.x + sums.y), FAULT_RESIDUAL);
+}

@@ -1,0 +1,128 @@
+//! Takes down what changes slowly along time, in the measurement and in what is rendered alike.
+//!
+//! Ambient light, tails, later bounces and surfaces beyond the box are smooth over time, and often larger than the light
+//! of the hidden object. Least squares on raw histograms bend the volume to them. So the vector solver may minimise
+//! |F S (A v - h)|², where S are the roots of the bins' weights and
+//!
+//!     F = 1 - (1 - floor) (1 + κ L)⁻¹,
+//!
+//! with L the second difference of a histogram with free ends and κ = σ² / 2 for a length σ in bins. (1 + κ L)⁻¹ is the
+//! smoother of Whittaker (1923) with first differences: a two-sided exponential of standard deviation σ. F is symmetric
+//! and its eigenvalues lie between the floor and 1. So whatever bounds the curvature of |S (A v - h)|² bounds that of
+//! the filtered objective, and F loses nothing but weight.
+
+/// A high-pass filter along time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HighPass {
+    /// Standard deviation of the smoother whose output is taken off, metres of path.
+    pub length: f64,
+    /// What is left of light that does not change along time, as a share of its amplitude.
+    pub floor: f64,
+}
+
+impl HighPass {
+    /// Decay of the smoother from one bin to the next.
+    pub fn decay(&self, bin_width: f64) -> f64 {
+        let half = (bin_width / self.length).powi(2);
+        1.0 + half - (half * (half + 2.0)).sqrt()
+    }
+
+    /// Filters a row in place.
+    pub fn apply(&self, row: &mut [f64], bin_width: f64) {
+        let smoothed = self.smoothed(row, bin_width);
+        row.iter_mut().zip(smoothed).for_each(|(v, slow)| *v -= (1.0 - self.floor) * slow);
+    }
+
+    /// (1 + κ L)⁻¹ of a row, by elimination.
+    fn smoothed(&self, row: &[f64], bin_width: f64) -> Vec<f64> {
+        let kappa = 0.5 * (self.length / bin_width).powi(2);
+        let count = row.len();
+        let neighbours = |i: usize| f64::from(u8::from(i > 0) + u8::from(i + 1 < count));
+        let mut factors = Vec::with_capacity(count);
+        let mut answer: Vec<f64> = Vec::with_capacity(count);
+        for (i, value) in row.iter().enumerate() {
+            let (factor, before) = i.checked_sub(1).map_or((0.0, 0.0), |b| (factors[b], answer[b]));
+            let inverse = 1.0 / (1.0 + kappa * (neighbours(i) - factor));
+            factors.push(kappa * inverse);
+            answer.push(inverse * (value + kappa * before));
+        }
+        for i in (1..count).rev() {
+            answer[i - 1] += factors[i - 1] * answer[i];
+        }
+        answer
+    }
+
+    /// Mean squares per bin of what changes slowly in `rows` of so many bins, and of what changes fast, each divided by what
+    /// white noise of unit variance has there.
+    pub fn bands(&self, rows: &[f64], bins: usize, bin_width: f64) -> [f64; 2] {
+        let of_row = |row: &[f64]| {
+            let slow = self.smoothed(row, bin_width);
+            let squares = row.iter().zip(slow).map(|(v, s)| [s * s, (v - s) * (v - s)]);
+            squares.fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+        };
+        let sums = rows.chunks_exact(bins).map(of_row).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        let of_noise = |gain: &dyn Fn(f64) -> f64| {
+            (0..bins).map(|k| gain(self.slow_gain(k, bins, bin_width)).powi(2)).sum::<f64>() / bins as f64
+        };
+        let count = rows.len().max(1) as f64;
+        [sums[0] / of_noise(&|slow| slow) / count, sums[1] / of_noise(&|slow| 1.0 - slow) / count]
+    }
+
+    /// The smoother's gain at frequency number `k` of so many bins.
+    fn slow_gain(&self, k: usize, bins: usize, bin_width: f64) -> f64 {
+        let half = (bin_width / self.length).powi(2);
+        // Eigenvalues of L: 2 - 2 cos.
+        half / (half + 1.0 - (std::f64::consts::PI * k as f64 / bins as f64).cos())
+    }
+
+    /// What is left of white noise over `bins` bins, as a share of its squares: the mean of F².
+    pub fn of_noise(&self, bins: usize, bin_width: f64) -> f64 {
+        let gain = |k: usize| 1.0 - (1.0 - self.floor) * self.slow_gain(k, bins, bin_width);
+        (0..bins).map(|k| gain(k).powi(2)).sum::<f64>() / bins.max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILTER: HighPass = HighPass { length: 0.07, floor: 0.1 };
+
+    fn through(of: impl Fn(usize) -> f64, count: usize) -> Vec<f64> {
+        let mut row: Vec<f64> = (0..count).map(of).collect();
+        FILTER.apply(&mut row, 0.01);
+        row
+    }
+
+    #[test]
+    fn what_does_not_change_keeps_the_floor() {
+        assert!(through(|_| 3.0, 40).iter().all(|v| (v - 0.3).abs() < 1e-12));
+        assert!((through(|_| 5.0, 1)[0] - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_of_light_loses_an_exponential_of_this_length() {
+        let row = through(|i| if i == 200 { 1.0 } else { 0.0 }, 401);
+        let slow: Vec<f64> = (0..401).map(|i| f64::from(u8::from(i == 200)) - row[i]).collect();
+        let sum: f64 = slow.iter().sum();
+        let squares: f64 = slow.iter().enumerate().map(|(i, v)| v * (i as f64 - 200.0).powi(2)).sum();
+        assert!((sum - 0.9).abs() < 1e-9 && ((squares / sum).sqrt() / 7.0 - 1.0).abs() < 1e-6);
+        let decay = FILTER.decay(0.01);
+        assert!((slow[230] / slow[229] - decay).abs() < 1e-9, "{decay}");
+    }
+
+    #[test]
+    fn the_filter_is_symmetric_and_its_squares_have_the_share_of_noise() {
+        let count = 23;
+        let columns: Vec<Vec<f64>> =
+            (0..count).map(|k| through(|i| f64::from(u8::from(i == k)), count)).collect();
+        let mut squares = 0.0;
+        for i in 0..count {
+            for k in 0..count {
+                assert!((columns[i][k] - columns[k][i]).abs() < 1e-12);
+                squares += columns[i][k].powi(2);
+            }
+        }
+        assert!((FILTER.of_noise(count, 0.01) / (squares / count as f64) - 1.0).abs() < 1e-9);
+    }
+}
