@@ -27,7 +27,7 @@ fn main() {
     let capture = simulate(&scene, &options).expect("it renders").capture;
     let options = VectorOptions::default().with(|o| {
         (o.lateral, o.iterations, o.surface.iterations) = (64, 30, 15);
-        (o.beyond, o.stop) = (false, false);
+        o.stop = false;
     });
     let solver: SolverOptions = options.into();
     let grid = Request::new(solver.clone(), "").grid(&capture).expect("a grid");

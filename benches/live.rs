@@ -124,7 +124,7 @@ fn table(gpu: &Gpu, side: usize, step: f64) {
         "| | warm | iterations | 10^6 evaluations | depth error, mm | normal error, deg | IoU | frames/s | \
          processor, s |\n|---|---|---|---|---|---|---|---|---|"
     );
-    let options = VectorOptions::default().with(|o| (o.lateral, o.beyond) = (LATERAL, false));
+    let options = VectorOptions::default().with(|o| o.lateral = LATERAL);
     let make = |options: &VectorOptions, follow| {
         let solver: SolverOptions = options.clone().into();
         Session::new(gpu, scan, None, &solver, SessionOptions { follow, ..SessionOptions::default() })

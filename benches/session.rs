@@ -32,8 +32,8 @@ fn main() {
     println!("{}, {SIDE} x {SIDE} points, {BINS} bins", gpu.info.name.trim());
     println!("| frame | whole, ms | host before the first dispatch, ms | allocations on the host | MB |");
     println!("|---|---|---|---|---|");
-    for beyond in [false, true] {
-        let options = VectorOptions::default().with(|o| (o.lateral, o.beyond) = (32, beyond));
+    for high_pass in [0.0, 0.1] {
+        let options = VectorOptions::default().with(|o| (o.lateral, o.high_pass) = (32, Some(high_pass)));
         let solver: SolverOptions = options.into();
         let make =
             |gpu| Session::new(gpu, &scan, None, &solver, SessionOptions::default()).expect("a session");
@@ -41,7 +41,7 @@ fn main() {
         let mut session = make(&gpu);
         println!(
             "| session{} | {:.0} | | | |",
-            if beyond { " that looks beyond the box" } else { "" },
+            if high_pass > 0.0 { " with a high-pass" } else { "" },
             1e3 * begun.elapsed().as_secs_f64()
         );
         let mut of_timeline = make(&timed);

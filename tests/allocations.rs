@@ -68,7 +68,7 @@ fn a_later_frame_allocates_nothing_for_an_iteration() {
     let with_pulse = changed(&plain, |c| c.pulse = Pulse::gaussian(0.06).ok());
     let vector = |iterations: usize| -> SolverOptions {
         let options = VectorOptions::default().with(|o| {
-            (o.lateral, o.beyond, o.stop, o.iterations) = (16, false, false, iterations);
+            (o.lateral, o.stop, o.iterations) = (16, false, iterations);
             (o.growth_iterations, o.domain.coarse_iterations) = (10, 10);
             o.surface.iterations = iterations / 2;
         });

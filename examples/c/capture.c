@@ -104,7 +104,7 @@ int main(int count, char **arguments) {
     expose(camera, camera->newest, 0);
     scan.counts = camera->newest;
     tb_settings settings = {.size = sizeof settings, .lateral = 32, .hear = hear, .user = &heard};
-    settings.options = "iterations=20 beyond=false", settings.follow = 1;
+    settings.options = "iterations=20", settings.follow = 1;
     must(tb_session_new(device, &scan, &settings, &session), "making a session");
 
     pthread_t thread;

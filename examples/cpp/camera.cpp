@@ -28,7 +28,7 @@ int main() {
     scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser = wall.data();
     scan.bins = bins, scan.bin_width = bin_width, scan.photon_counts = 1;
     tb_settings settings{};
-    settings.size = sizeof settings, settings.lateral = 16, settings.options = "beyond=false iterations=20";
+    settings.size = sizeof settings, settings.lateral = 16, settings.options = "iterations=20";
     settings.feed = TB_NEWEST;
     Session session(device, scan, settings);
 

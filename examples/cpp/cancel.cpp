@@ -45,7 +45,7 @@ int main() {
     // The first report of a frame lets the main thread go on.
     std::atomic<int> reports{0};
     tb_settings settings{};
-    settings.size = sizeof settings, settings.lateral = 16, settings.options = "beyond=false";
+    settings.size = sizeof settings, settings.lateral = 16;
     settings.user = &reports;
     settings.hear = [](void *user, const tb_progress *) -> int32_t {
         static_cast<std::atomic<int> *>(user)->fetch_add(1);

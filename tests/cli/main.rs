@@ -12,7 +12,6 @@ mod live;
 mod model;
 mod originals;
 mod page;
-mod place;
 mod preview;
 mod profile;
 mod pulse;

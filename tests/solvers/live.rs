@@ -19,7 +19,7 @@ use thirdbounce::solve::{PaperOptions, Preset, Reconstruction, SolverOptions, Ve
 
 /// A letter of 16 x 16 points, 32 pixels.
 fn options() -> VectorOptions {
-    VectorOptions::default().with(|o| (o.lateral, o.beyond) = (32, false))
+    VectorOptions::default().with(|o| o.lateral = 32)
 }
 
 fn letter(x: f64) -> Scene {

@@ -1,6 +1,5 @@
 //! Whole solves: what they find, what they leave out, what stays the same.
 
-mod beyond;
 mod closed_form;
 mod confidence;
 mod devices;
