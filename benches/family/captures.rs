@@ -39,10 +39,10 @@ pub fn all(arguments: &Arguments, data: &Path, sheet: &mut Sheet) {
         "\nAgreement: IoU of the own mask with the consensus of the closed forms, for each of those with the others'."
     );
     println!(
-        "| capture | chosen model | agreement | light beside | seconds (trials) | {} |",
+        "| capture | chosen model | agreement | light beside | seconds (trials) | CPU s | {} |",
         CLOSED_FORMS.join(" | ")
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     let mut judged = vec![];
     for (name, file, options, counts) in ALL.iter().chain(&OTHERS) {
         let path = data.join(file);
@@ -66,12 +66,13 @@ pub fn all(arguments: &Arguments, data: &Path, sheet: &mut Sheet) {
             })
             .collect();
         println!(
-            "| {name} | {} | {:.2} | {:.2} | {:.1} ({:.1}) | {} |",
+            "| {name} | {} | {:.2} | {:.2} | {:.1} ({:.1}) | {:.1} | {} |",
             run.as_ref().map_or("failed", Run::model),
             ours[0],
             ours[1],
             run.as_ref().map_or(0.0, Run::seconds),
             run.as_ref().map_or(0.0, Run::trials),
+            run.as_ref().map_or(0.0, |run| run.cpu),
             cells.join(" | ")
         );
         theirs.sort_by(|a, b| b.total_cmp(a));
