@@ -274,8 +274,8 @@ fn meshes(arguments: &Arguments, data: &Path, sheet: &mut Sheet) {
             let mesh = data.join(format!("meshes/{name}.obj"));
             let files = ["simulate", text(&mesh), "--out", text(&capture), "--truth", text(&truth)];
             let options = ["--model", "lambertian", "--scan", "32", "--noise", "0.02", "-q"];
-            let done = Command::new(&arguments.program).args(files).args(options).status();
-            assert!(done.is_ok_and(|status| status.success()), "{} is not simulated", mesh.display());
+            let done = Command::new(&arguments.program).args(files).args(options).output();
+            assert!(done.is_ok_and(|done| done.status.success()), "{} is not simulated", mesh.display());
         }
         let run = arguments.reconstruct(&capture, &[]);
         let words = "confocal 32², 1 m, exact".into();
