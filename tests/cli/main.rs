@@ -8,6 +8,7 @@ mod commands;
 mod compare;
 mod devices;
 mod examples;
+mod family;
 mod live;
 mod model;
 mod originals;
