@@ -380,6 +380,11 @@ impl Tags {
         Ok(passed)
     }
 
+    /// Bytes of the file.
+    fn length(&self) -> Result<u64> {
+        Ok(std::fs::metadata(&self.path).map_err(unreadable)?.len())
+    }
+
     /// The file, at its first record.
     fn begin(&self) -> Result<File> {
         let mut file = open(&self.path)?;

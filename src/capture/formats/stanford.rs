@@ -21,6 +21,7 @@ use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::{Capture, PairKind};
 use crate::error::{Error, Result};
 use crate::files::atomic;
+use crate::host;
 
 const PICOSECONDS: f64 = 32.0;
 const WALL: f64 = 2.0;
@@ -80,7 +81,7 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &Given, notes: &mut Vec<String>)
 fn shifted<'s>(unread: Unread<'s>, tof: &[f64]) -> Result<Unread<'s>> {
     let bins = unread.bins;
     let ps = unread.outline.bin_width / METRES_PER_PICOSECOND;
-    let mut of_place = vec![None; tof.len()];
+    let mut of_place = host::filled("tofgrid", tof.len(), None)?;
     for (pair, &place) in unread.from.iter().enumerate() {
         // A NaN time marks a pair that was not measured.
         let time = tof[place];
