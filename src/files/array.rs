@@ -212,7 +212,7 @@ impl Array {
         for axis in 1..self.shape.len() {
             strides[axis] = strides[axis - 1] * self.shape[axis - 1];
         }
-        let mut index = vec![0usize; self.shape.len()];
+        let mut index = vec![0usize; self.shape.len()]; // bounded: axes
         let mut at = 0usize;
         (0..self.count()).map(move |_| {
             let here = at;
@@ -256,7 +256,7 @@ impl Array {
         );
         let padding = 63 - (10 + dict.len()) % 64;
         let header = format!("{dict}{}\n", " ".repeat(padding));
-        let mut npy = Vec::with_capacity(10 + header.len() + self.bytes.len());
+        let mut npy = Vec::with_capacity(10 + header.len() + self.bytes.len()); // bounded: as the array that is written
         npy.extend_from_slice(b"\x93NUMPY\x01\x00");
         npy.extend_from_slice(&(header.len() as u16).to_le_bytes());
         npy.extend_from_slice(header.as_bytes());

@@ -166,7 +166,7 @@ fn column(file: &mut File, name: &str) -> Result<Column> {
             (head.shape.clone(), Some((head, elements)))
         }
         // An empty dataset has no shape.
-        File::Hdf5(file) => (file.shape(name)?.unwrap_or_else(|| vec![0]), None),
+        File::Hdf5(file) => (file.shape(name)?.unwrap_or_else(|| vec![0]), None), // bounded: one element
     };
     let &[left] = &shape[..] else {
         return Err(Error::input(

@@ -172,7 +172,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     };
     let shaped = asked.seen_from.is_some();
     let in_pairs = |zeros: &[f64]| {
-        let mut all = vec![0.0; zeros.len()];
+        let mut all = vec![0.0; zeros.len()]; // bounded: the points of the scan
         pair_of.iter().zip(zeros).for_each(|(pair, zero)| all[*pair] = zero * cells.width * LIGHT);
         all
     };
@@ -363,7 +363,7 @@ pub(super) fn bins(
     }
     let count = (end - first) as usize;
     let mut histograms = host::filled("the counts", cells.points().saturating_mul(count), 0.0f32)?;
-    let mut point_of = vec![0; pair_of.len()];
+    let mut point_of = vec![0; pair_of.len()]; // bounded: the points of the scan
     pair_of.iter().enumerate().for_each(|(point, pair)| point_of[*pair] = point);
     histograms.par_chunks_mut(count).zip(&point_of).for_each(|(histogram, point)| {
         let zero = zeros[*point];

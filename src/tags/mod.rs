@@ -459,7 +459,7 @@ fn cut_record(rest: usize) -> String {
 
 /// Calls `each` with every N bytes of a file, and returns how many were left at its end.
 fn blocks<const N: usize>(file: &mut impl Read, mut each: impl FnMut(&[u8; N])) -> Result<usize> {
-    let mut block = vec![0; BLOCK];
+    let mut block = vec![0; BLOCK]; // bounded: a block
     let mut held = 0;
     loop {
         let read = match file.read(&mut block[held..]) {

@@ -167,7 +167,7 @@ impl Cut {
 
     /// The places of a cell, in the order of its values.
     fn places(&self, cell: usize) -> Vec<usize> {
-        let mut places = vec![0];
+        let mut places = vec![0]; // bounded: one element
         for (range, length) in self.ranges(cell).into_iter().zip(&self.shape[1..]) {
             places = places.into_iter().flat_map(|p| range.clone().map(move |i| p * length + i)).collect();
         }

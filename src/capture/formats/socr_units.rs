@@ -163,7 +163,8 @@ impl Script {
             return Ok(None);
         };
         let small = std::fs::metadata(&path).is_ok_and(|about| about.len() <= MOST_BYTES);
-        let bytes = std::fs::read(&path).ok().filter(|_| small).ok_or_else(|| {
+        let bytes = small.then(|| std::fs::read(&path).ok()).flatten().ok_or_else(|| {
+            // bounded: by MOST_BYTES
             Error::input("cannot be read as a script", "move it away, or make it readable").at(path.display())
         })?;
         Ok(Some(Script::of(&String::from_utf8_lossy(&bytes))))

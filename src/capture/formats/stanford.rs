@@ -149,7 +149,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
             "write it as .npz or .hdf5, which hold any capture",
         ));
     }
-    let (mut meas, bins) = (vec![0.0f32; capture.histograms.len()], capture.bins);
+    let (mut meas, bins) = (vec![0.0f32; capture.histograms.len()], capture.bins); // bounded: as the counts that are written
     for (place, pair) in AXES.pairs([ny, nx]).into_iter().enumerate() {
         for (bin, value) in capture.histograms[pair * bins..(pair + 1) * bins].iter().enumerate() {
             meas[bin * nx * ny + place] = *value;
@@ -175,7 +175,7 @@ fn write_file(path: &Path, [bins, nx, ny]: [usize; 3], meas: &[f32]) -> std::res
     counts.write_raw(meas)?;
     matlab_class(&counts, "single")?;
     let tof = file.new_dataset::<f64>().shape([nx, ny]).create("tofgrid")?;
-    tof.write_raw(&vec![0.0f64; nx * ny])?;
+    tof.write_raw(&vec![0.0f64; nx * ny])?; // bounded: as the points that are written
     matlab_class(&tof, "double")?;
     file.close()?;
     // MATLAB recognises the file by this text and the version after it.

@@ -82,7 +82,7 @@ pub fn read(source: &Variables) -> Result<Capture> {
         (false, _) => per_pair(what, given, pairs),
         (true, Side::Laser) => {
             let given = per_pair(what, given, l)?;
-            let all = given.iter().flat_map(|&p| std::iter::repeat_n(p, s));
+            let all = given.iter().flat_map(|&p| std::iter::repeat_n(p, s)); // bounded: an iterator
             host::collected(what, pairs, all)
         }
         (true, Side::Sensor) => {
@@ -180,7 +180,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
 fn facing(capture: &Capture) -> Option<Capture> {
     let missing = capture.laser_normal.is_none() || capture.sensor_normal.is_none();
     (missing && capture.is_planar()).then(|| {
-        let all = || Some(vec![DVec3::Z; capture.pair_count()]);
+        let all = || Some(vec![DVec3::Z; capture.pair_count()]); // bounded: as the points that are written
         let mut faced = capture.clone();
         faced.laser_normal = faced.laser_normal.or_else(all);
         faced.sensor_normal = faced.sensor_normal.or_else(all);
