@@ -8,6 +8,7 @@ mod commands;
 mod compare;
 mod devices;
 mod examples;
+mod hostile;
 mod live;
 mod model;
 mod originals;
