@@ -504,7 +504,8 @@ uint64_t tb_session_maps_bytes(const struct tb_session *session);
 
 // Imports memory of another program or interface (CUDA, another device of the same GPU) into `buffer`: the first `bytes` bytes
 // of the memory behind the opaque file descriptor `fd`, which has `memory_bytes` in all. The descriptor belongs to the library
-// afterwards, if this succeeds. Any thread.
+// afterwards, if this succeeds. The memory's type is taken to be the lowest that fits: where the exporter had a choice, use
+// `tb_buffer_import_fd_of_type`. Any thread.
 //
 // # Safety
 // `device` is open. `fd` is one of memory of this GPU, of so many bytes. `buffer` points to a pointer.
@@ -513,6 +514,18 @@ enum tb_status tb_buffer_import_fd(const struct tb_device *device,
                                    uint64_t memory_bytes,
                                    uint64_t bytes,
                                    struct tb_buffer **buffer);
+
+// As `tb_buffer_import_fd`, for memory that was allocated with this VkMemoryAllocateInfo::memoryTypeIndex, which Vulkan asks to
+// be the same. Any thread.
+//
+// # Safety
+// As `tb_buffer_import_fd`.
+enum tb_status tb_buffer_import_fd_of_type(const struct tb_device *device,
+                                           int32_t fd,
+                                           uint64_t memory_bytes,
+                                           uint32_t memory_type,
+                                           uint64_t bytes,
+                                           struct tb_buffer **buffer);
 
 // Gives imported memory back; NULL does nothing. Frames that use it keep it. Any thread, once.
 //

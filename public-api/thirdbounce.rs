@@ -155,6 +155,7 @@ pub mod capture {
             }
         }
         pub mod legs {
+            pub fn check_measured(capture: &Capture) -> Result<()> {}
             pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {}
         }
         pub mod matlab5 {
@@ -897,13 +898,13 @@ pub mod files {
             pub fn open(path: &Path) -> Result<Npz> {}
             pub fn names(&self) -> Vec<String> {}
             pub fn get(&mut self, name: &str) -> Result<Option<Array>> {}
-            pub fn stream(
-                &mut self,
-                name: &str,
-            ) -> Result<Option<(Head, Box<dyn Read>)>> {}
+            pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {}
             pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {}
             pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {}
         }
+        #[private_fields]
+        pub struct Elements {}
+        impl Read for Elements {}
         pub fn npz_bytes(arrays: &[(&str, Array)]) -> Result<Vec<u8>> {}
     }
     pub mod array {
@@ -956,7 +957,11 @@ pub mod files {
         impl Head {
             pub fn read(npy: &mut impl Read) -> Result<Head> {}
         }
-        pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {}
+        pub fn transpose(
+            values: &[f32],
+            rows: usize,
+            columns: usize,
+        ) -> Result<Vec<f32>> {}
     }
     pub mod atomic {
         pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {}
@@ -1030,8 +1035,10 @@ pub mod gpu {
                 pub unsafe fn by_fd(
                     gpu: &Gpu,
                     fd: i32,
-                    memory_bytes: u64,
-                    bytes: u64,
+                    [memory_bytes,
+                    bytes,
+                    ]: [u64; 2],
+                    memory_type: Option<u32>,
                 ) -> Result<Imported> {}
                 pub fn buffer(&self) -> vk::Buffer {}
                 pub fn lend(&self) -> Result<Lent> {}
@@ -1661,6 +1668,10 @@ pub mod gpu {
         pub writes: bool,
     }
 }
+pub mod host {
+    pub fn set_limit(bytes: Option<u64>) {}
+    pub fn free() -> u64 {}
+}
 #[cfg(feature = "formats")]
 pub mod job {
     mod advice {
@@ -1710,6 +1721,7 @@ pub mod job {
         pub(super) mod record {
             impl Record {
                 pub fn of(capture: &Path, options: &[String]) -> Record {}
+                pub fn beside(mut self, looked: &[Looked]) -> Record {}
                 pub fn with(mut self, file: &Path) -> Record {}
                 pub fn is_done(&self, folder: &Path, whole: &str) -> bool {}
                 pub fn write(&self, folder: &Path) -> Result<()> {}
@@ -1932,6 +1944,14 @@ pub mod job {
     }
     mod places {
         pub const PREVIEW: &str = "preview.png";
+        pub fn check_inputs<'p>(
+            inputs: impl IntoIterator<Item = &'p Path>,
+            folder: &Path,
+        ) -> Result<()> {}
+        pub fn check_not_input<'p>(
+            file: &Path,
+            inputs: impl IntoIterator<Item = &'p Path>,
+        ) -> Result<()> {}
         pub fn check_file(file: &Path) -> Result<()> {}
     }
     pub mod profile {
@@ -2332,7 +2352,7 @@ pub mod job {
     pub use evaluate::{Evaluation, evaluate};
     pub use histogram::{Histogramming, histogram};
     pub use inspect::{Inspection, inspect, schedule};
-    pub use places::{PREVIEW, check_file};
+    pub use places::{PREVIEW, check_file, check_inputs, check_not_input};
     pub use request::{Request, memory_bytes};
     pub use run::{Outcome, Solved, run, solve};
     pub use simulated::{Simulated, Simulation, simulate};
@@ -2388,6 +2408,9 @@ pub mod job {
 }
 #[cfg(feature = "formats")]
 pub mod live {
+    mod listen {
+        pub fn token_bytes(token: &str) -> Vec<u8> {}
+    }
     mod page {
         #[private_fields]
         pub struct Page {}
@@ -2451,6 +2474,7 @@ pub mod live {
             ) -> Result<Option<Capture>> {}
         }
     }
+    pub use listen::token_bytes;
     pub use page::Page;
     pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
     pub use tags::Tags;
@@ -2459,7 +2483,7 @@ pub mod live {
         Folder(PathBuf),
         Stream(PathBuf),
         Stdin,
-        Listen(std::net::SocketAddr),
+        Listen { address: std::net::SocketAddr, token: Option<String> },
         Tags(Box<Tags>),
     }
     pub enum News<'n> {

@@ -48,6 +48,7 @@ settings! {
     DepthPitch "depth_pitch" "Depth of a voxel."
     Device "device" "The device, by its index or a part of its name."
     Gate "gate" "The interval of paths that is used."
+    HostMemory "host_memory" "Most memory of the host that the process may hold, in bytes."
     InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
     L1 "l1" "Weight of the L1 term."
     Lateral "lateral" "Voxels along x and along y."

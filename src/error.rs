@@ -64,6 +64,11 @@ impl Error {
         Error::new(Kind::Output, what, mend)
     }
 
+    /// The same error with other advice.
+    pub(crate) fn advised(self, mend: impl Into<Advice>) -> Self {
+        Error { mend: mend.into(), ..self }
+    }
+
     /// The same error with its place (a file, a dataset) in front of what is wrong.
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {
         self.what = format!("{place}: {}", self.what);

@@ -45,7 +45,7 @@ pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use histogram::{Histogramming, histogram};
 pub use inspect::{Inspection, inspect, schedule};
-pub use places::{PREVIEW, check_file};
+pub use places::{PREVIEW, check_file, check_inputs, check_not_input};
 pub use request::{Request, memory_bytes};
 pub use run::{Outcome, Solved, run, solve};
 pub use simulated::{Simulated, Simulation, simulate};

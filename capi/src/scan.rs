@@ -71,10 +71,18 @@ impl TbScan {
             false => points(unsafe { std::slice::from_raw_parts(self.sensor, 3 * pairs) }),
         };
         let scan = [self.points_x, self.points_y];
-        let counts = match pairs.checked_mul(self.bins).filter(|_| !self.counts.is_null()) {
+        let count =
+            pairs.checked_mul(self.bins).filter(|count| *count <= isize::MAX as usize / size_of::<f32>());
+        let counts = match (self.counts.is_null(), count) {
+            (true, _) => vec![],
             // SAFETY: as above.
-            Some(count) => unsafe { std::slice::from_raw_parts(self.counts, count) }.to_vec(),
-            None => vec![],
+            (false, Some(count)) => unsafe { std::slice::from_raw_parts(self.counts, count) }.to_vec(),
+            (false, None) => {
+                return Err(options_error(
+                    format!("counts of {pairs} pairs of {} bins do not fit any memory", self.bins),
+                    "set `bins` to the bins of a histogram",
+                ));
+            }
         };
         let mut capture = Capture::new(scan, laser, sensor, self.bins, self.bin_width, counts);
         capture.t_start = self.t_start;
@@ -88,4 +96,21 @@ impl TbScan {
 
 fn points(numbers: &[f64]) -> Vec<DVec3> {
     numbers.as_chunks::<3>().0.iter().map(|p| DVec3::from_array(*p)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bins_beyond_all_memory_are_refused() {
+        let (point, count) = ([0.0f64; 6], 1.0f32);
+        // SAFETY: zero is valid for all fields.
+        let mut scan: TbScan = unsafe { std::mem::zeroed() };
+        (scan.points_x, scan.points_y, scan.bins) = (2, 1, usize::MAX / 2 + 2);
+        (scan.laser, scan.counts) = (point.as_ptr(), &raw const count);
+        // SAFETY: the laser has two points; the counts are refused before they are read.
+        let error = unsafe { scan.capture() }.unwrap_err();
+        assert!(error.what.contains("do not fit any memory"), "{error}");
+    }
 }

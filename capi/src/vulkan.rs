@@ -283,7 +283,8 @@ pub unsafe extern "C" fn tb_session_maps_bytes(session: *const TbSession) -> u64
 
 /// Imports memory of another program or interface (CUDA, another device of the same GPU) into `buffer`: the first `bytes` bytes
 /// of the memory behind the opaque file descriptor `fd`, which has `memory_bytes` in all. The descriptor belongs to the library
-/// afterwards, if this succeeds. Any thread.
+/// afterwards, if this succeeds. The memory's type is taken to be the lowest that fits: where the exporter had a choice, use
+/// `tb_buffer_import_fd_of_type`. Any thread.
 ///
 /// # Safety
 /// `device` is open. `fd` is one of memory of this GPU, of so many bytes. `buffer` points to a pointer.
@@ -295,11 +296,44 @@ pub unsafe extern "C" fn tb_buffer_import_fd(
     bytes: u64,
     buffer: *mut *mut TbBuffer,
 ) -> TbStatus {
+    // SAFETY: as the caller states.
+    unsafe { import(device, fd, memory_bytes, None, bytes, buffer) }
+}
+
+/// As `tb_buffer_import_fd`, for memory that was allocated with this VkMemoryAllocateInfo::memoryTypeIndex, which Vulkan asks to
+/// be the same. Any thread.
+///
+/// # Safety
+/// As `tb_buffer_import_fd`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_buffer_import_fd_of_type(
+    device: *const TbDevice,
+    fd: i32,
+    memory_bytes: u64,
+    memory_type: u32,
+    bytes: u64,
+    buffer: *mut *mut TbBuffer,
+) -> TbStatus {
+    // SAFETY: as the caller states.
+    unsafe { import(device, fd, memory_bytes, Some(memory_type), bytes, buffer) }
+}
+
+unsafe fn import(
+    device: *const TbDevice,
+    fd: i32,
+    memory_bytes: u64,
+    memory_type: Option<u32>,
+    bytes: u64,
+    buffer: *mut *mut TbBuffer,
+) -> TbStatus {
     guarded(|| {
+        if buffer.is_null() {
+            return Err(options_error("`buffer` is NULL", "give a pointer to write to"));
+        }
         // SAFETY: the caller gives an open device, or NULL.
         let device = unsafe { device.as_ref() }.ok_or_else(|| no_handle("device"))?;
         // SAFETY: as the caller states.
-        let made = unsafe { Imported::by_fd(&device.gpu, fd, memory_bytes, bytes)? };
+        let made = unsafe { Imported::by_fd(&device.gpu, fd, [memory_bytes, bytes], memory_type)? };
         // SAFETY: the caller gives a pointer to write to.
         unsafe { sized::give_handle(buffer, TbBuffer(made), "buffer") }
     })

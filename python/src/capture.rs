@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::guarded;
+use crate::tell::heard;
 
 /// A capture, as the Python part gives it: every array is flat and in C order, lengths are metres. What may be missing is an
 /// `Option`.
@@ -119,7 +120,7 @@ pub fn read<'py>(
     rotate: Option<u32>,
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     let place = path.display().to_string();
-    let opened = py.detach(|| {
+    let opened = heard(py, Some(&place), move || {
         let given = Given::default()
             .with_wall(wall)
             .with_bin_width(bin_width)
@@ -128,8 +129,7 @@ pub fn read<'py>(
             .with_time_of_flight(tof)
             .with_turn(Turn::parse(flip.as_deref(), rotate)?);
         capture::read_given(&path, &given)
-    });
-    let opened = guarded(py, Some(&place), || opened)?;
+    })?;
     Ok((dictionary(py, opened.capture)?, opened.notes))
 }
 

@@ -17,7 +17,7 @@ use crate::devices;
 use crate::error::guarded;
 use crate::maps;
 use crate::settings::Settings;
-use crate::tell::{Raised, Teller};
+use crate::tell::{Raised, Teller, heard};
 
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);
@@ -94,26 +94,19 @@ impl Session {
         // The session's own thread calls it: signals come to the thread that waits.
         let teller = Teller::new(progress, false);
         let raised = teller.raised();
-        let session = guarded(py, None, || {
-            py.detach(|| {
-                let limit = time_limit.map(Duration::try_from_secs_f64).transpose();
-                let time_limit =
-                    limit.map_err(|e| Error::options(format!("time_limit: {e}"), "give seconds, or None"))?;
-                let choice = settings.choice()?;
-                scan.check_scan()?;
-                let memory = settings.memory()?;
-                let gpu = devices::open(&settings.device)?;
-                let tuned = choice.resolve(&scan).tune(&gpu, &scan, memory, &mut |p| teller.hear(p))?;
-                let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
-                let options = SessionOptions {
-                    memory,
-                    time_limit,
-                    hear: Some(hear),
-                    feed,
-                    ..SessionOptions::default()
-                };
-                engine_session::Session::new(&gpu, &tuned.scan, None, &tuned.solver, options)
-            })
+        let session = heard(py, None, move || {
+            let limit = time_limit.map(Duration::try_from_secs_f64).transpose();
+            let time_limit =
+                limit.map_err(|e| Error::options(format!("time_limit: {e}"), "give seconds, or None"))?;
+            let choice = settings.choice()?;
+            scan.check_scan()?;
+            let memory = settings.memory()?;
+            let gpu = devices::open(&settings.device)?;
+            let tuned = choice.resolve(&scan).tune(&gpu, &scan, memory, &mut |p| teller.hear(p))?;
+            let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
+            let options =
+                SessionOptions { memory, time_limit, hear: Some(hear), feed, ..SessionOptions::default() };
+            engine_session::Session::new(&gpu, &tuned.scan, None, &tuned.solver, options)
         })?;
         let (submitter, canceller) = (session.submitter(), session.canceller());
         let (session, is_pending) = (Mutex::new(Some(session)), AtomicBool::new(false));

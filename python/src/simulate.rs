@@ -7,7 +7,7 @@ use engine::{Error, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::guarded;
+use crate::tell::heard;
 use crate::{capture, maps};
 
 /// What to simulate.
@@ -72,17 +72,13 @@ pub fn scenes() -> Vec<(&'static str, &'static str)> {
 /// Renders a scene: the capture, and its truth as maps.
 #[pyfunction]
 pub fn simulate(py: Python<'_>, wanted: Wanted) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
-    let made = guarded(py, None, || {
-        py.detach(|| {
-            let scene = wanted.scene()?;
-            let truth = engine_simulate::truth(&scene, wanted.truth_pixels)?;
-            let options =
-                RenderOptions { noise: wanted.noise, seed: wanted.seed, ..RenderOptions::default() };
-            let rendering = engine_simulate::simulate(&scene, &options)?;
-            rendering.capture.check()?;
-            Ok((rendering.capture, truth))
-        })
-    });
-    let (rendered, truth) = made?;
+    let (rendered, truth) = heard(py, None, move || {
+        let scene = wanted.scene()?;
+        let truth = engine_simulate::truth(&scene, wanted.truth_pixels)?;
+        let options = RenderOptions { noise: wanted.noise, seed: wanted.seed, ..RenderOptions::default() };
+        let rendering = engine_simulate::simulate(&scene, &options)?;
+        rendering.capture.check()?;
+        Ok((rendering.capture, truth))
+    })?;
     Ok((capture::dictionary(py, rendered)?, maps::truth(py, truth)?))
 }

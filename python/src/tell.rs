@@ -1,10 +1,16 @@
 //! Progress to a Python function, and signals from Python to a solve.
 
 use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use engine::solve::{Doing, Progress};
+use engine::{Error, Result};
 use pyo3::prelude::*;
+
+use crate::error::guarded;
 
 /// Tells a Python function of the progress, and asks Python whether a signal came.
 pub struct Teller {
@@ -12,6 +18,38 @@ pub struct Teller {
     /// Only the main thread hears signals.
     hears_signals: bool,
     raised: Raised,
+}
+
+/// How often a thread that waits for work looks for signals.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Does work in a thread of its own, while this one hears signals. After a signal the work ends on its own, and nobody takes what
+/// it gives.
+pub fn heard<T: Send + 'static>(
+    py: Python<'_>,
+    place: Option<&str>,
+    work: impl FnOnce() -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let (give, take) = sync_channel(1);
+    let work = move || {
+        // Nobody takes it after a signal.
+        let _ = give.send(catch_unwind(AssertUnwindSafe(work)));
+    };
+    let thread = std::thread::Builder::new().name("thirdbounce".into()).spawn(work);
+    guarded(py, None, || {
+        thread
+            .map(drop)
+            .map_err(|e| Error::memory(format!("a thread does not start ({e})"), "close other programs"))
+    })?;
+    // A receiver alone may not be lent to code without the interpreter.
+    let take = Mutex::new(take);
+    let wait = || take.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK);
+    loop {
+        match py.detach(wait) {
+            Ok(done) => return guarded(py, place, || done.unwrap_or_else(|panic| resume_unwind(panic))),
+            Err(_) => py.check_signals()?,
+        }
+    }
 }
 
 /// What the function or a signal raised. Its lock is never held while a thread waits for the interpreter.

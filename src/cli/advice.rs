@@ -30,7 +30,8 @@ mod tests {
         let command = super::super::command();
         let verbs: Vec<_> = command.get_subcommands().collect();
         let has = |long: &str| {
-            verbs.iter().any(|verb| verb.get_arguments().any(|arg| arg.get_long() == Some(long)))
+            let all = verbs.iter().copied().chain([&command]);
+            all.flat_map(|verb| verb.get_arguments()).any(|arg| arg.get_long() == Some(long))
         };
         assert!(has("lateral") && !has("lateral-voxels"));
         for setting in Setting::ALL {

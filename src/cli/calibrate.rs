@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use thirdbounce::capture::calibrate::time_zero;
-use thirdbounce::{Result, capture, export};
+use thirdbounce::{Result, capture, export, job};
 
 use super::input::{UnsaidArgs, gate};
 use super::progress::say;
@@ -33,6 +33,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    let inputs = || std::iter::once(args.capture.as_path()).chain(args.apply_to.as_deref());
+    let files = std::iter::once(&args.out).chain(&args.png);
+    files.into_iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
     let given = args.unsaid.given()?;
     let read = |path: &PathBuf| -> Result<capture::Capture> {
         let opened = capture::read_given(path, &given)?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use thirdbounce::{Result, capture};
+use thirdbounce::{Result, capture, job};
 
 use super::input::UnsaidArgs;
 use super::progress::say;
@@ -30,6 +30,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    job::check_not_input(&args.to, [args.from.as_path()])?;
     let opened = capture::read_given(&args.from, &args.unsaid.given()?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let mut capture = opened.capture;

@@ -1,5 +1,6 @@
 //! Ctrl-C cancels the solver between two steps. A second Ctrl-C ends the process at once. So does the first if nothing
-//! is being solved or written.
+//! is being solved or written. SIGTERM and SIGHUP do the same: a cluster's time limit, a container that is stopped, a terminal
+//! that is closed.
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +16,7 @@ pub fn listen() -> Result<()> {
         if ASKED.swap(true, Ordering::Relaxed) || !CARE.load(Ordering::Relaxed) {
             std::process::exit(130);
         }
-        super::progress::say("stopping (press Ctrl-C again to stop at once)");
+        super::progress::say("stopping (Ctrl-C again stops at once)");
     })
     .map_err(|e| Error::device(format!("Ctrl-C cannot be handled: {e}"), "run it in another terminal"))
 }

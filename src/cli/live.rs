@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use thirdbounce::capture::{Capture, Turn, auto_gate};
@@ -59,6 +59,10 @@ pub struct Args {
     /// machine let others on the network send frames
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "source")]
     listen: Option<SocketAddr>,
+    /// File with the token that programs send before their frames, in its first line; needed where others on the network can
+    /// connect (docs/live.md)
+    #[arg(long, value_name = "FILE", requires = "listen")]
+    token: Option<PathBuf>,
     /// Serve a page with the newest maps on this port, for a browser on this machine; 0: a free port
     #[arg(long, value_name = "PORT")]
     page: Option<u16>,
@@ -143,13 +147,26 @@ pub fn run(args: &Args) -> Result<()> {
 fn source(args: &Args) -> Result<Option<(Source, Capture)>> {
     let Some(capture) = &args.capture else { return growing(args) };
     let source = match (&args.source, args.listen) {
-        (_, Some(address)) => Source::Listen(address),
+        (_, Some(address)) => {
+            Source::Listen { address, token: args.token.as_deref().map(token).transpose()? }
+        }
         (Some(path), _) if path.as_os_str() == "-" => Source::Stdin,
         (Some(path), _) if path.is_dir() => Source::Folder(path.clone()),
         (Some(path), _) => Source::Stream(path.clone()),
         (None, None) => unreachable!("one of them is given"),
     };
     Ok(Some((source, capture::read(capture)?)))
+}
+
+/// The token in a file.
+fn token(file: &Path) -> Result<String> {
+    let text = std::fs::read_to_string(file).map_err(|e| {
+        Error::options(
+            format!("{}: the token cannot be read: {e}", file.display()),
+            "give a text file with one line",
+        )
+    })?;
+    Ok(text.lines().next().unwrap_or_default().trim().to_string())
 }
 
 /// A file of time tags, and the capture of its first pass.

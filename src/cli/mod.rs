@@ -55,6 +55,9 @@ Lengths are metres, times are metres of path (seconds times 299792458), unless a
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
+    /// Most memory of the host to hold: a number in MiB, or with K, M or G after it [default: all that is free]
+    #[arg(long, value_name = "SIZE", global = true)]
+    host_memory: Option<String>,
 }
 
 #[derive(Subcommand)]
@@ -129,6 +132,7 @@ fn run() -> Result<ExitCode> {
         Err(e) => e.exit(),
     };
     interrupt::listen()?;
+    thirdbounce::host::set_limit(cli.host_memory.as_deref().map(thirdbounce::job::memory_bytes).transpose()?);
     match cli.verb {
         Verb::Batch(args) => return batch::run(&args),
         Verb::Benchmark(args) => return benchmark::run(&args),

@@ -97,11 +97,15 @@ impl Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
+    let inputs = || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref());
+    job::check_inputs(inputs(), &args.out)?;
     let (loaded, request) = args.load(&args.capture.capture)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     let request = args.over(request);
+    let mut files = [&request.checkpoint, &request.volume_file].into_iter().flatten();
+    files.try_for_each(|file| job::check_not_input(file, inputs()))?;
     interrupt::take_care();
     let mut meter = Meter::new(args.quiet);
     let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::report::{Device, TraceEntry};
 use crate::capture::Summary;
@@ -20,8 +20,10 @@ pub struct Comparison {
     /// The capture that all methods took.
     pub capture: Summary,
     /// Its file.
+    #[serde(serialize_with = "as_text")]
     pub capture_file: PathBuf,
     /// The truth's file, if there is truth.
+    #[serde(serialize_with = "as_text_if_any")]
     pub truth: Option<PathBuf>,
     /// Share of the brightest albedo above which a pixel is surface, if it is the same for all methods; else each has its
     /// usual mask.
@@ -252,6 +254,15 @@ fn spread(median: f64, all: &[f64]) -> String {
 fn short(s: f64) -> String {
     let digits = (2.0 - s.abs().max(1e-6).log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{s:.digits$}")
+}
+
+/// A path may be no text; JSON is.
+fn as_text<S: Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.serialize_str(&path.to_string_lossy())
+}
+
+fn as_text_if_any<S: Serializer>(path: &Option<PathBuf>, to: S) -> std::result::Result<S::Ok, S::Error> {
+    path.as_ref().map(|path| path.to_string_lossy()).serialize(to)
 }
 
 fn file_name(path: &Path) -> String {

@@ -1,20 +1,24 @@
 //! npz archives: named npy arrays in a zip file.
 
 use std::fs::File;
-use std::io::{BufReader, Cursor, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use flate2::Crc;
 use flate2::read::DeflateDecoder;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::array::{Array, Head};
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
 const MOST_DEFLATED: u64 = 1100;
 /// Largest array, bytes. Arrays of captures and maps are far smaller.
 const LARGEST: u64 = 32 << 30;
+/// Arrays that are large and packed more than so many times as tightly hold hardly anything.
+const HARDLY_ANYTHING: u64 = 500;
 
 /// An npz file opened for reading; arrays are decoded on request.
 pub struct Npz {
@@ -55,24 +59,33 @@ impl Npz {
     /// # Errors
     /// `Kind::Input` if the entry is damaged, is not an array of numbers, or claims an absurd size.
     pub fn get(&mut self, name: &str) -> Result<Option<Array>> {
-        let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
-        let entry = self.zip.by_index(index).map_err(damaged)?;
-        let size = entry.size();
-        if size > LARGEST || size / MOST_DEFLATED > self.bytes {
+        let Some([size, packed]) = self.sizes(name) else { return Ok(None) };
+        if host::swells(size, packed, HARDLY_ANYTHING) {
             return Err(Error::input(
-                format!("array {name} claims {size} bytes, but the file has {}", self.bytes),
+                format!("array {name} unpacks to {} MiB of hardly more than one value", size >> 20),
                 "the file is damaged or malicious: download or write it again",
             ));
         }
-        let mut npy = Vec::new();
-        npy.try_reserve_exact(size as usize).map_err(|_| {
-            Error::memory(
-                format!("array {name} needs {size} bytes"),
-                "close other programs or crop the capture",
-            )
-        })?;
-        entry.take(size).read_to_end(&mut npy).map_err(|e| damaged(e).at(format!("array {name}")))?;
-        Array::parse(&npy).map(Some).map_err(|e| e.at(format!("array {name}")))
+        self.whole(name)
+    }
+
+    /// Bytes of an array, unpacked and as they are in the file; `None` if there is no array of this name.
+    pub(crate) fn sizes(&mut self, name: &str) -> Option<[u64; 2]> {
+        let index = self.zip.index_for_name(&format!("{name}.npy"))?;
+        let entry = self.zip.by_index_raw(index).ok()?;
+        Some([entry.size(), entry.compressed_size()])
+    }
+
+    /// Reads an array, however much it unpacks to; `None` if there is none of this name. The memory that its numbers take as
+    /// float64 is asked for, too.
+    ///
+    /// # Errors
+    /// As [`Npz::get`].
+    pub(crate) fn whole(&mut self, name: &str) -> Result<Option<Array>> {
+        let Some((head, mut elements)) = self.stream(name)? else { return Ok(None) };
+        let place = format!("array {name}");
+        let left = elements.left;
+        head.whole(&mut elements, left).map(Some).map_err(|e| e.at(place))
     }
 
     /// The header of an array, and its elements as they follow; `None` if there is no array of this name. Several may be read
@@ -80,20 +93,28 @@ impl Npz {
     ///
     /// # Errors
     /// `Kind::Input` if the entry is damaged, or is not an array of numbers.
-    pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Box<dyn Read>)>> {
+    pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {
         let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
         let entry = self.zip.by_index(index).map_err(damaged)?;
         let (size, stored, method) = (entry.size(), entry.compressed_size(), entry.compression());
+        if size > LARGEST || size / MOST_DEFLATED > self.bytes {
+            return Err(Error::input(
+                format!("array {name} claims {size} bytes, but the file has {}", self.bytes),
+                "the file is damaged or malicious: download or write it again",
+            ));
+        }
+        let sum = entry.crc32();
         let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no place")))?;
         drop(entry);
         let mut file = File::open(&self.path).map_err(damaged)?;
         file.seek(SeekFrom::Start(start)).map_err(damaged)?;
         let stored = BufReader::with_capacity(1 << 16, file.take(stored));
-        let mut elements: Box<dyn Read> = match method {
-            CompressionMethod::Stored => Box::new(stored.take(size)),
-            CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored).take(size)),
+        let bytes: Box<dyn Read> = match method {
+            CompressionMethod::Stored => Box::new(stored),
+            CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored)),
             other => return Err(damaged(format!("array {name} is packed by {other}, not deflated"))),
         };
+        let mut elements = Elements { bytes, left: size, sum, summed: Crc::new() };
         let head = Head::read(&mut elements).map_err(|e| e.at(format!("array {name}")))?;
         Ok(Some((head, elements)))
     }
@@ -103,11 +124,14 @@ impl Npz {
     /// # Errors
     /// As [`Npz::get`]. If the array is missing, the error lists the arrays of the file and `wanted`.
     pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {
+        self.get(name)?.ok_or_else(|| self.missing(name, wanted))
+    }
+
+    /// The error of an array that is missing.
+    pub(crate) fn missing(&self, name: &str, wanted: &str) -> Error {
         let there = self.names();
-        self.get(name)?.ok_or_else(|| {
-            let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
-            Error::input(format!("there is no array {name} (it holds {there})"), format!("wanted: {wanted}"))
-        })
+        let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
+        Error::input(format!("there is no array {name} (it holds {there})"), format!("wanted: {wanted}"))
     }
 
     /// Reads a scalar: an array of exactly one number.
@@ -123,6 +147,29 @@ impl Npz {
                 format!("store {name} as a scalar"),
             )),
         }
+    }
+}
+
+/// The rest of an entry of an archive. The sum of all its bytes is compared with that in the archive when the last one is read.
+pub struct Elements {
+    bytes: Box<dyn Read>,
+    /// Bytes that are left.
+    left: u64,
+    /// The sum in the archive, and that of the bytes so far.
+    sum: u32,
+    summed: Crc,
+}
+
+impl Read for Elements {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let most = to.len().min(usize::try_from(self.left).unwrap_or(usize::MAX));
+        let count = self.bytes.read(&mut to[..most])?;
+        self.summed.update(&to[..count]);
+        self.left -= count as u64;
+        if count == 0 || self.left > 0 || self.summed.sum() == self.sum {
+            return Ok(count);
+        }
+        Err(io::Error::new(io::ErrorKind::InvalidData, "its bytes are not those that were written (CRC-32)"))
     }
 }
 

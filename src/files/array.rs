@@ -4,6 +4,7 @@ use std::fmt;
 use std::io::Read;
 
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Element types of numbers and booleans in npy files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -211,7 +212,7 @@ impl Array {
         for axis in 1..self.shape.len() {
             strides[axis] = strides[axis - 1] * self.shape[axis - 1];
         }
-        let mut index = vec![0usize; self.shape.len()];
+        let mut index = vec![0usize; self.shape.len()]; // bounded: axes
         let mut at = 0usize;
         (0..self.count()).map(move |_| {
             let here = at;
@@ -234,12 +235,9 @@ impl Array {
     /// `Kind::Input` if it is not an npy file, does not hold numbers, or is not as long as its header says.
     pub fn parse(npy: &[u8]) -> Result<Array> {
         let mut bytes = npy;
-        let Head { shape, element, big_endian, fortran } = Head::read(&mut bytes)?;
-        let wanted = shape.iter().try_fold(element.size(), |n, &d| n.checked_mul(d));
-        if wanted != Some(bytes.len()) {
-            return Err(wrong(format!("shape {shape:?} does not fit {} bytes of data", bytes.len())));
-        }
-        Ok(Array { shape, element, big_endian, fortran, bytes: bytes.to_vec() })
+        let head = Head::read(&mut bytes)?;
+        let left = bytes.len() as u64;
+        head.whole(&mut bytes, left)
     }
 
     /// The contents of an npy file (version 1).
@@ -258,13 +256,17 @@ impl Array {
         );
         let padding = 63 - (10 + dict.len()) % 64;
         let header = format!("{dict}{}\n", " ".repeat(padding));
-        let mut npy = Vec::with_capacity(10 + header.len() + self.bytes.len());
+        let mut npy = Vec::with_capacity(10 + header.len() + self.bytes.len()); // bounded: as the array that is written
         npy.extend_from_slice(b"\x93NUMPY\x01\x00");
         npy.extend_from_slice(&(header.len() as u16).to_le_bytes());
         npy.extend_from_slice(header.as_bytes());
         npy.extend_from_slice(&self.bytes);
         npy
     }
+}
+
+fn unread(e: std::io::Error) -> Error {
+    Error::input(format!("cannot be read: {e}"), "the file is damaged or cut short: copy or write it again")
 }
 
 fn wrong(what: String) -> Error {
@@ -288,6 +290,41 @@ pub struct Head {
 }
 
 impl Head {
+    /// Bytes of the elements; `None` if they are too many to count.
+    fn size(&self) -> Option<usize> {
+        self.shape.iter().try_fold(self.element.size(), |n, &d| n.checked_mul(d))
+    }
+
+    /// Reads all elements, of which there are so many bytes. The memory that their numbers take as float64 is asked for, too.
+    ///
+    /// # Errors
+    /// `Kind::Input` if they cannot be read or are not as many as the header says, `Kind::Memory` if they do not fit.
+    pub(crate) fn whole(self, elements: &mut impl Read, left: u64) -> Result<Array> {
+        let Some(size) = self.size().filter(|size| *size as u64 == left) else {
+            return Err(wrong(format!("shape {:?} does not fit {left} bytes of data", self.shape)));
+        };
+        let count = size / self.element.size();
+        host::ask("the array", host::bytes(count, self.element.size() + size_of::<f64>()))?;
+        let mut bytes = host::filled("the array", size, 0)?;
+        elements.read_exact(&mut bytes).map_err(unread)?;
+        Ok(self.array(bytes))
+    }
+
+    fn array(self, bytes: Vec<u8>) -> Array {
+        let Head { shape, element, big_endian, fortran } = self;
+        Array { shape, element, big_endian, fortran, bytes }
+    }
+
+    /// The next `count` elements as a list.
+    ///
+    /// # Errors
+    /// `Kind::Input` if they cannot be read.
+    pub(crate) fn part(&self, elements: &mut impl Read, count: usize) -> Result<Array> {
+        let mut bytes = host::filled("a part of an array", count * self.element.size(), 0)?;
+        elements.read_exact(&mut bytes).map_err(unread)?;
+        Ok(Head { shape: vec![count], fortran: false, ..self.clone() }.array(bytes))
+    }
+
     /// Reads the header of an npy file (versions 1 to 3); the elements follow.
     ///
     /// # Errors
@@ -352,9 +389,12 @@ fn layout(header: &str) -> Option<(bool, Vec<usize>)> {
 }
 
 /// Transposes `rows` x `columns` values, in tiles that fit the cache.
-pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+///
+/// # Errors
+/// `Kind::Memory` if they do not fit.
+pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Result<Vec<f32>> {
     const TILE: usize = 32;
-    let mut out = vec![0.0; values.len()];
+    let mut out = host::filled("the counts", values.len(), 0.0)?;
     for r0 in (0..rows).step_by(TILE) {
         for c0 in (0..columns).step_by(TILE) {
             for r in r0..(r0 + TILE).min(rows) {
@@ -364,5 +404,5 @@ pub fn transpose(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
             }
         }
     }
-    out
+    Ok(out)
 }

@@ -3,4 +3,5 @@
 pub mod archive;
 pub mod array;
 pub mod atomic;
+pub(crate) mod opened;
 pub mod staging;

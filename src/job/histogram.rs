@@ -37,6 +37,9 @@ pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Resu
     if what.picture.as_ref() == Some(&what.out) {
         return Err(Error::options("capture and picture go to the same file", "give two files"));
     }
+    for file in [Some(&what.out), what.picture.as_ref()].into_iter().flatten() {
+        places::check_not_input(file, [what.tags.as_path()])?;
+    }
     let start = Instant::now();
     let mut made = tags::histogram(&what.tags, &what.scan, &what.asked)?;
     let seconds = start.elapsed().as_secs_f64();

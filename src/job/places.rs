@@ -40,6 +40,32 @@ pub fn check_results(folder: &Path) -> Result<()> {
     }
 }
 
+/// Checks that a run with results in `folder` does not write over one of the files that it reads.
+///
+/// # Errors
+/// `Kind::Options`, naming the file.
+pub fn check_inputs<'p>(inputs: impl IntoIterator<Item = &'p Path>, folder: &Path) -> Result<()> {
+    inputs.into_iter().try_for_each(|input| {
+        RESULTS.iter().try_for_each(|name| check_not_input(&folder.join(name), [input]))
+    })
+}
+
+/// Checks that `file` is none of the inputs, whatever their paths look like.
+///
+/// # Errors
+/// `Kind::Options`, naming the file.
+pub fn check_not_input<'p>(file: &Path, inputs: impl IntoIterator<Item = &'p Path>) -> Result<()> {
+    let whole = |path: &Path| fs::canonicalize(path).ok().filter(|path| path.is_file());
+    let Some(place) = whole(file) else { return Ok(()) };
+    match inputs.into_iter().any(|input| whole(input).as_ref() == Some(&place)) {
+        true => Err(Error::options(
+            format!("{}: is read, and would be written over", file.display()),
+            "give another name or folder for what is written",
+        )),
+        false => Ok(()),
+    }
+}
+
 /// Checks that `file` can take a volume.
 pub fn check_volume(file: &Path) -> Result<()> {
     let ending = file.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());

@@ -17,10 +17,12 @@ use crate::solve::SolverOptions;
 use crate::{Error, Kind, Result};
 
 mod folder;
+mod listen;
 mod page;
 mod stream;
 mod tags;
 
+pub use listen::token_bytes;
 pub use page::Page;
 pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
 pub use tags::Tags;
@@ -34,8 +36,14 @@ pub enum Source {
     Stream(PathBuf),
     /// A stream on the standard input.
     Stdin,
-    /// Streams of programs that connect to this address, one after the other. It never ends.
-    Listen(std::net::SocketAddr),
+    /// Streams of programs that connect to this address, one after the other. It never ends. A program that connects takes the
+    /// place of one that is slow. Where others on the network can connect, they send the token first ([`token_bytes`]).
+    Listen {
+        /// Where programs connect.
+        address: std::net::SocketAddr,
+        /// What they send first; `None` only on the loopback.
+        token: Option<String>,
+    },
     /// Passes of a scan in a file of time tags that is still written. It never ends.
     Tags(Box<Tags>),
 }
@@ -93,7 +101,9 @@ pub fn run(
         Source::Stream(file) => stream::begin_file(file.clone(), [pairs, bins], give)?,
         Source::Tags(file) => tags::begin((**file).clone(), [pairs, bins], give)?,
         Source::Stdin => stream::begin_stdin([pairs, bins], give)?,
-        Source::Listen(address) => stream::begin_listening(*address, [pairs, bins], give)?,
+        Source::Listen { address, token } => {
+            listen::begin(*address, token.as_deref(), [pairs, bins], give)?;
+        }
     }
     let mut summary = Summary { latency: session.latency(), arrived: 0, wrong: 0 };
     let (mut ended, mut broken, mut held) = (false, None, None);

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+use super::listen::{Slot, connections};
 use crate::export::png;
 use crate::maps::Maps;
 use crate::session::{Frame, Latency};
@@ -69,20 +70,19 @@ impl Page {
         let newest: Arc<Mutex<Option<Shown>>> = Arc::default();
         let (shown, open) = (newest.clone(), Arc::new(AtomicUsize::new(0)));
         super::stream::begin(move || {
-            for stream in listener.incoming().flatten() {
-                if open.fetch_add(1, Relaxed) >= MOST_CONNECTIONS {
-                    open.fetch_sub(1, Relaxed);
+            for stream in connections(&listener) {
+                let slot = Slot::of(&open);
+                if open.load(Relaxed) > MOST_CONNECTIONS {
                     continue;
                 }
-                let (shown, mine) = (shown.clone(), open.clone());
+                let shown = shown.clone();
                 let answer = move || {
+                    let _slot = slot;
                     // A browser that goes away is no error.
                     let _ = answer(stream, address, &shown);
-                    mine.fetch_sub(1, Relaxed);
                 };
-                if std::thread::Builder::new().name("thirdbounce page".into()).spawn(answer).is_err() {
-                    open.fetch_sub(1, Relaxed);
-                }
+                // Without a thread the connection closes.
+                let _ = std::thread::Builder::new().name("thirdbounce page".into()).spawn(answer);
             }
         })?;
         Ok(Page { address, newest })
@@ -108,6 +108,8 @@ fn answer(mut stream: TcpStream, address: SocketAddr, newest: &Mutex<Option<Show
     let head = format!(
         "HTTP/1.1 {code}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-store\r\n\
          X-Content-Type-Options: nosniff\r\nContent-Security-Policy: default-src 'self' 'unsafe-inline'\r\n\
+         Cross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n\
+         Referrer-Policy: no-referrer\r\n\
          Connection: close\r\n\r\n",
         body.len()
     );

@@ -2,10 +2,8 @@
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Write};
-use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::mpsc::SyncSender;
-use std::time::Duration;
 
 use super::Arrived;
 use crate::{Error, Result};
@@ -59,7 +57,7 @@ pub struct Counts {
     pub measured: Option<Vec<bool>>,
 }
 
-fn wrong(what: impl Into<String>) -> Error {
+pub(super) fn wrong(what: impl Into<String>) -> Error {
     Error::input(
         what,
         "send frames as docs/live.md says, with the pairs and bins of the scan; the stream is closed",
@@ -116,7 +114,7 @@ pub fn write(to: &mut impl Write, frame: u64, bins: usize, values: &[f32]) -> st
 }
 
 /// Reads until `bytes` are full or the stream ends; how many were there.
-fn fill(from: &mut impl Read, bytes: &mut [u8]) -> Result<usize> {
+pub(super) fn fill(from: &mut impl Read, bytes: &mut [u8]) -> Result<usize> {
     let mut got = 0;
     while got < bytes.len() {
         match from.read(&mut bytes[got..]) {
@@ -224,20 +222,6 @@ pub fn begin_file(path: PathBuf, size: [usize; 2], give: SyncSender<Arrived>) ->
 pub fn begin_stdin(size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
     begin(move || {
         give_all(&mut std::io::stdin().lock(), size, &give);
-    })
-}
-
-/// Begins to take connections, one after the other. One that sends nothing for ten seconds is closed.
-pub fn begin_listening(address: SocketAddr, size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
-    let listener = TcpListener::bind(address)
-        .map_err(|e| Error::options(format!("{address}: {e}"), "give another address or port"))?;
-    begin(move || {
-        for stream in listener.incoming().flatten() {
-            let _ = stream.set_read_timeout(Some(Duration::from_secs(10)));
-            if !give_all(&mut BufReader::new(stream), size, &give) {
-                return;
-            }
-        }
     })
 }
 

@@ -159,7 +159,7 @@ impl Scan {
         let (scan, order) = match lattice.full().filter(|_| !moved_apart) {
             Some(places) => {
                 let [_, rows] = lattice.counts;
-                let mut order = vec![0; count];
+                let mut order = vec![0; count]; // bounded: the points of the scan
                 places.iter().enumerate().for_each(|(point, [x, y])| order[x * rows + y] = point);
                 (lattice.counts, order)
             }
@@ -170,7 +170,7 @@ impl Scan {
         let numbers = order.iter().map(|p| *p as f32).collect();
         let [laser, sensor] = [&self.laser[..], &self.sensor].map(|side| pick(points.unwrap_or(side)));
         let capture = Capture::new(scan, laser, sensor, 1, 1.0, numbers).turned(turn);
-        let mut pair_of = vec![0; count];
+        let mut pair_of = vec![0; count]; // bounded: the points of the scan
         capture.histograms.iter().enumerate().for_each(|(pair, point)| pair_of[*point as usize] = pair);
         (capture.outline(), pair_of)
     }

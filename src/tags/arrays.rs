@@ -5,15 +5,14 @@
 //! (`getEventTypes`, `getMissedEvents`) may stand beside them, with the meaning that they have in a dump ([`super::dump`]). They are
 //! read part by part.
 
-use std::io::Read;
 use std::path::Path;
 
 use super::dump::Kinds;
 use super::{Inputs, Passed, Record};
 use crate::capture::formats::{self, hdf5::Hdf5};
 use crate::error::{Error, Result};
-use crate::files::archive::Npz;
-use crate::files::array::{Array, Head};
+use crate::files::archive::{Elements, Npz};
+use crate::files::array::Head;
 
 /// Names of the arrays, the first is what Swabian calls it. Case does not matter, and groups before them do not.
 const TIMES: [&str; 8] =
@@ -156,7 +155,7 @@ struct Column {
     left: usize,
     at: usize,
     /// In an npz: how elements are stored, and where they come from.
-    npy: Option<(Head, Box<dyn Read>)>,
+    npy: Option<(Head, Elements)>,
 }
 
 fn column(file: &mut File, name: &str) -> Result<Column> {
@@ -167,7 +166,7 @@ fn column(file: &mut File, name: &str) -> Result<Column> {
             (head.shape.clone(), Some((head, elements)))
         }
         // An empty dataset has no shape.
-        File::Hdf5(file) => (file.shape(name)?.unwrap_or_else(|| vec![0]), None),
+        File::Hdf5(file) => (file.shape(name)?.unwrap_or_else(|| vec![0]), None), // bounded: one element
     };
     let &[left] = &shape[..] else {
         return Err(Error::input(
@@ -184,15 +183,7 @@ impl Column {
         let count = self.left.min(most);
         let values = match (&mut self.npy, file) {
             (Some((head, elements)), _) => {
-                let mut bytes = vec![0; count * head.element.size()];
-                elements.read_exact(&mut bytes).map_err(|e| {
-                    Error::input(
-                        format!("{} cannot be read: {e}", self.name),
-                        "the file is damaged or cut short: copy or write it again",
-                    )
-                })?;
-                let Head { element, big_endian, .. } = *head;
-                let part = Array { shape: vec![count], element, big_endian, fortran: false, bytes };
+                let part = head.part(elements, count).map_err(|e| e.at(&self.name))?;
                 part.to_i64().map_err(|wrong| {
                     Error::input(
                         format!("{} holds {wrong}, which is no whole number of 64 bits", self.name),

@@ -3,6 +3,7 @@
 use super::cuts::{Cuts, NONE, Span};
 use super::{Curves, Event, Tags};
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Counts of each point by delay.
 #[derive(Debug, Default)]
@@ -21,19 +22,20 @@ pub(super) struct Cells {
     pub late: u64,
 }
 
-/// No counts, with room for them.
-fn room(points: usize, cells: usize) -> Result<Vec<u32>> {
-    let too_large = || {
-        Error::memory(
-            format!("the histograms of {points} points and {cells} cells of delay do not fit in memory"),
-            "choose wider bins, or an earlier last delay",
-        )
-    };
-    let all = points.checked_mul(cells).filter(|n| *n <= isize::MAX as usize / 8).ok_or_else(too_large)?;
-    let mut counts = vec![];
-    counts.try_reserve_exact(all).map_err(|_| too_large())?;
-    counts.resize(all, 0);
-    Ok(counts)
+/// Histograms that are large take at most so many times the bytes of the file. Those of a few photons with late delays take more.
+const OF_FILE: u64 = 256;
+
+/// No counts, with room for them, from a file of so many bytes.
+fn room(points: usize, cells: usize, file: u64) -> Result<Vec<u32>> {
+    let what = format!("the histograms of {points} points and {cells} cells of delay");
+    let all = points.saturating_mul(cells);
+    if host::swells(host::bytes(all, size_of::<u32>()), file, OF_FILE) {
+        return Err(Error::memory(
+            format!("{what} are far larger than the file: a photon came very late after its laser pulse"),
+            "choose an earlier last delay (until), or wider bins",
+        ));
+    }
+    host::filled(&what, all, 0).map_err(|e| e.advised("choose an earlier last delay (until), or wider bins"))
 }
 
 /// Cells that take photons.
@@ -47,10 +49,10 @@ pub(super) struct Filling {
 }
 
 impl Filling {
-    /// No photons of these points. `ticks` ticks are a cell.
-    pub(super) fn new(spans: &[Span], points: usize, ticks: i64, cells: usize) -> Result<Filling> {
+    /// No photons of these points, from a file of so many bytes. `ticks` ticks are a cell.
+    pub(super) fn new(spans: &[Span], points: usize, ticks: i64, cells: usize, file: u64) -> Result<Filling> {
         let (cuts, pulses) = Cuts::of(spans, points);
-        let counts = room(points, cells)?;
+        let counts = room(points, cells, file)?;
         let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
         let cells = Cells { counts, cells, pulses: Some(pulses), ..Cells::default() };
         Ok(Filling { cells, cuts, at: 0, ticks, shift })
@@ -89,7 +91,7 @@ impl Cells {
         ticks: i64,
         cells: usize,
     ) -> Result<Cells> {
-        let mut filling = Filling::new(spans, points, ticks, cells)?;
+        let mut filling = Filling::new(spans, points, ticks, cells, tags.length()?)?;
         tags.events(|event| {
             if let Event::Photon { channel, sync, delay } = event
                 && channel == detector
@@ -125,7 +127,7 @@ impl Cells {
         let whole = all[0].counts.len();
         let used = last.map_or(whole, |last| ((last / tick).ceil().max(1.0) as usize).min(whole));
         let cells = used.div_ceil(ticks);
-        let mut counts = room(points, cells)?;
+        let mut counts = room(points, cells, u64::MAX)?;
         let mut late = 0;
         for (curve, counts) in all.iter().zip(counts.chunks_exact_mut(cells)) {
             for (from, to) in curve.counts[..used].chunks(ticks).zip(counts) {

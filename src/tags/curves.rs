@@ -9,6 +9,7 @@ use std::path::Path;
 use super::header::{Header, damaged};
 use super::{open, unreadable};
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Most bins of all curves together: 4 GiB of counts.
 const MOST: u64 = 1 << 30;
@@ -63,16 +64,18 @@ impl Curves {
         let curve = |index: i32| {
             let whole = |name| Ok::<_, Error>(header.required(name, index)?.max(0) as u64);
             let (from, bins) = (whole("HistResDscr_DataOffset")?, whole("HistResDscr_HistogramBins")?);
-            held += bins;
-            let fits =
-                bins > 0 && held <= MOST && from.checked_add(4 * bins).is_some_and(|end| end <= length);
+            held += 4 * bins.min(MOST);
+            let fits = bins > 0
+                && bins < MOST
+                && held <= length
+                && from.checked_add(4 * bins).is_some_and(|end| end <= length);
             if !fits {
                 return Err(Error::input(
                     format!("the {bins} bins of curve {index} are not all in the file"),
                     "the file is cut: copy it again",
                 ));
             }
-            let mut bytes = vec![0; 4 * bins as usize];
+            let mut bytes = host::filled("a curve", 4 * bins as usize, 0)?;
             file.seek(SeekFrom::Start(from)).map_err(unreadable)?;
             file.read_exact(&mut bytes).map_err(unreadable)?;
             let counts = bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect();

@@ -19,7 +19,7 @@ impl Cuts {
     /// The cuts of spans in order, and how many laser pulses each of `points` has. A span ends where the next begins.
     pub(super) fn of(spans: &[Span], points: usize) -> (Cuts, Vec<u64>) {
         let mut cuts = vec![(i64::MIN, NONE)];
-        let mut pulses = vec![0; points];
+        let mut pulses = vec![0; points]; // bounded: the points of the scan
         for (i, span) in spans.iter().enumerate() {
             let to = spans.get(i + 1).map_or(span.to, |next| span.to.min(next.from));
             if to <= span.from {

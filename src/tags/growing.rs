@@ -239,7 +239,7 @@ impl<'a> Passes<'a> {
             None => self.detector(fine)?,
         };
         let points = self.scan.points();
-        let mut filling = Filling::new(spans, points, fine, cells)?;
+        let mut filling = Filling::new(spans, points, fine, cells, self.tags.length()?)?;
         let of_detector = self.photons.iter().filter(|photon| photon.0 == detector);
         of_detector.for_each(|&(_, sync, delay)| filling.add(sync, delay));
         let cells = filling.done(self.tags.tick);

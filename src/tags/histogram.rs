@@ -9,6 +9,7 @@ use super::collect::Cells;
 use super::{Afterpulsing, Curves, Division, Inputs, Scan, Survey, Tags, Zero, of_file, shape, stored, zero};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Metres of path in a second.
 const LIGHT: f64 = METRES_PER_PICOSECOND * 1e12;
@@ -164,14 +165,14 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     let pulses = cells.pulses.as_ref().and_then(|all| Some([*all.iter().min()?, *all.iter().max()?]));
     capture.direct = direct.then_some(0.0);
     capture.cycles = cycles(&cells, asked.pile_up, share, &mut notes)?;
-    let dark = dark(&cells, per_bin);
+    let dark = dark(&cells, per_bin)?;
     let afterpulsing = match (&survey, pulses) {
         (Some(survey), Some([least, _])) => survey.channel(asked.channel)?.pairs.afterpulsing(least),
         _ => None,
     };
     let shaped = asked.seen_from.is_some();
     let in_pairs = |zeros: &[f64]| {
-        let mut all = vec![0.0; zeros.len()];
+        let mut all = vec![0.0; zeros.len()]; // bounded: the points of the scan
         pair_of.iter().zip(zeros).for_each(|(pair, zero)| all[*pair] = zero * cells.width * LIGHT);
         all
     };
@@ -361,8 +362,8 @@ pub(super) fn bins(
         ));
     }
     let count = (end - first) as usize;
-    let mut histograms = vec![0.0f32; cells.points() * count];
-    let mut point_of = vec![0; pair_of.len()];
+    let mut histograms = host::filled("the counts", cells.points().saturating_mul(count), 0.0f32)?;
+    let mut point_of = vec![0; pair_of.len()]; // bounded: the points of the scan
     pair_of.iter().enumerate().for_each(|(point, pair)| point_of[*pair] = point);
     histograms.par_chunks_mut(count).zip(&point_of).for_each(|(histogram, point)| {
         let zero = zeros[*point];
@@ -422,8 +423,8 @@ fn cycles(cells: &Cells, asked: PileUp, share: f64, notes: &mut Vec<String>) -> 
 }
 
 /// Counts without light: those of the quietest eighth of all delays.
-fn dark(cells: &Cells, per_bin: usize) -> Dark {
-    let mut sums = vec![0u64; cells.cells + 1];
+fn dark(cells: &Cells, per_bin: usize) -> Result<Dark> {
+    let mut sums = host::filled("the sums of the counts", cells.cells + 1, 0u64)?;
     for row in cells.counts.chunks_exact(cells.cells) {
         row.iter().zip(&mut sums[1..]).for_each(|(n, sum)| *sum += u64::from(*n));
     }
@@ -435,5 +436,5 @@ fn dark(cells: &Cells, per_bin: usize) -> Dark {
     let per_bin = least / (width * cells.points()) as f64 * per_bin as f64;
     let pulses = cells.pulses.as_ref().map(|all| all.iter().sum::<u64>() as f64);
     let seconds = pulses.map(|pulses| pulses * width as f64 * cells.width);
-    Dark { per_bin, per_second: seconds.filter(|s| *s > 0.0).map(|s| least / s) }
+    Ok(Dark { per_bin, per_second: seconds.filter(|s| *s > 0.0).map(|s| least / s) })
 }

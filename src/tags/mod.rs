@@ -380,6 +380,11 @@ impl Tags {
         Ok(passed)
     }
 
+    /// Bytes of the file.
+    fn length(&self) -> Result<u64> {
+        Ok(std::fs::metadata(&self.path).map_err(unreadable)?.len())
+    }
+
     /// The file, at its first record.
     fn begin(&self) -> Result<File> {
         let mut file = open(&self.path)?;
@@ -454,7 +459,7 @@ fn cut_record(rest: usize) -> String {
 
 /// Calls `each` with every N bytes of a file, and returns how many were left at its end.
 fn blocks<const N: usize>(file: &mut impl Read, mut each: impl FnMut(&[u8; N])) -> Result<usize> {
-    let mut block = vec![0; BLOCK];
+    let mut block = vec![0; BLOCK]; // bounded: a block
     let mut held = 0;
     loop {
         let read = match file.read(&mut block[held..]) {

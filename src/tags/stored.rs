@@ -4,7 +4,7 @@
 //! The last axis are the bins. The axes before it are the points in their order, (points, t) or (rows, columns, t). One more axis in
 //! front of these are readings, which are added up. Counts are whole; the width of a bin is not in the file.
 
-use std::io::Read;
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use super::arrays::Holder;
@@ -12,7 +12,8 @@ use super::{Curve, Curves, open, unreadable};
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::files::array::Array;
+use crate::files::array::{Array, Head};
+use crate::host;
 
 const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
 /// Most bins of all histograms together, and the longest npy file.
@@ -41,7 +42,7 @@ pub(super) fn curves(path: &Path, points: usize, bin_width: Option<f64>) -> Resu
     if !fits || points == 0 {
         return Err(misfit(&name, &array.shape, points));
     }
-    let mut counts = vec![0u32; points * bins];
+    let mut counts = host::filled(&name, points.saturating_mul(bins), 0u32)?;
     for (at, value) in array.to_f64().into_iter().enumerate() {
         if !(value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX)) {
             return Err(Error::input(
@@ -53,9 +54,7 @@ pub(super) fn curves(path: &Path, points: usize, bin_width: Option<f64>) -> Resu
         *sum = sum.saturating_add(value as u32);
     }
     let tick = width / (1e12 * METRES_PER_PICOSECOND);
-    Ok(Some(Curves {
-        curves: counts.chunks_exact(bins).map(|c| Curve { tick, counts: c.to_vec() }).collect(),
-    }))
+    Ok(Some(Curves { curves: counts.chunks_exact(bins).map(|c| Curve { tick, counts: c.into() }).collect() }))
 }
 
 fn misfit(name: &str, shape: &[usize], points: usize) -> Error {
@@ -80,8 +79,10 @@ fn array(path: &Path) -> Result<Option<(String, Array)>> {
                 "store one scan",
             ));
         }
-        let bytes = std::fs::read(path).map_err(unreadable)?;
-        return Array::parse(&bytes).map(|array| Some(("the array".into(), array)));
+        let mut file = BufReader::new(open(path)?);
+        let head = Head::read(&mut file)?;
+        let begin = file.stream_position().map_err(unreadable)?;
+        return head.whole(&mut file, length - begin).map(|array| Some(("the array".into(), array)));
     }
     if Holder::of(&magic) != Some(Holder::Npz) {
         return Ok(None);

@@ -6,6 +6,10 @@ use crate::error::{Error, Result};
 
 /// Most markers that are kept: 128 MiB. Scans have thousands.
 const MOST_MARKERS: usize = 1 << 23;
+/// Most detectors. Instruments have up to 64; a file with more has its columns in another order.
+const MOST_CHANNELS: usize = 1024;
+/// Detectors that a message names.
+const NAMED: usize = 16;
 
 /// The photons of a detector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,11 +55,16 @@ impl Survey {
         let mut at = 0;
         let mut newest = i64::MIN;
         let mut last = -1;
+        let mut too_many = false;
         let channels = &mut survey.channels;
         let passed = tags.events(|event| match event {
             Event::Photon { channel, sync, delay } => {
                 if channels.get(at).is_none_or(|seen: &Channel| seen.channel != channel) {
                     at = channels.iter().position(|seen| seen.channel == channel).unwrap_or(channels.len());
+                    if at == MOST_CHANNELS {
+                        too_many = true;
+                        at = 0;
+                    }
                     if at == channels.len() {
                         let pairs = Pairs::default();
                         channels.push(Channel {
@@ -85,6 +94,12 @@ impl Survey {
                 }
             }
         })?;
+        if too_many {
+            return Err(Error::input(
+                format!("photons came on more than {MOST_CHANNELS} channels"),
+                "check the order of the columns: text is channel, then time in picoseconds",
+            ));
+        }
         if survey.markers.len() > MOST_MARKERS {
             return Err(Error::input(
                 format!("there are more than {MOST_MARKERS} markers"),
@@ -116,8 +131,10 @@ impl Survey {
             (None, _) => None,
         };
         found.copied().ok_or_else(|| {
-            let all: Vec<_> =
-                self.channels.iter().map(|c| format!("{} ({} photons)", c.channel, c.photons)).collect();
+            let named = self.channels.iter().take(NAMED);
+            let mut all: Vec<_> = named.map(|c| format!("{} ({} photons)", c.channel, c.photons)).collect();
+            let more = self.channels.len().saturating_sub(NAMED);
+            all.extend((more > 0).then(|| format!("{more} more")));
             let what = match wanted {
                 Some(number) => format!("channel {number} has no photon"),
                 None => "photons came on several channels, and none was chosen".into(),

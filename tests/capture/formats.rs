@@ -242,7 +242,7 @@ fn wrong_npz_captures() {
         |name, array, words: &[&str]| assert_error(read_arrays(&with(name, array)), Kind::Input, words);
     wrong("H", Array::from_f32(&[5, 6], &[1.0; 30]), &["[5, 6]", "[T, X, Y]", "[T, Lx, Ly, Sx, Sy]"]);
     wrong("H", Array::from_f32(&[0, 3, 2], &[]), &["no bin"]);
-    wrong("H", Array::from_f32(&[5, 0, 2], &[]), &["0 scan positions"]);
+    wrong("H", Array::from_f32(&[5, 0, 2], &[]), &["no bin, or no pair"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[0.0; 30]), &["no signal"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[f32::NAN; 30]), &["no pair", "6"]);
     wrong("H", Array::from_f32(&[5, 3, 2], &[-1.0; 30]), &["negative counts outweigh", "-30"]);

@@ -252,3 +252,67 @@ fn values_in_other_files_are_not_followed() {
     file.close().unwrap();
     assert_error(read(&path), Kind::Input, &["meas", "other files"]);
 }
+
+/// An entry of a zip archive: name, the first bytes, and how many zeros follow.
+type Entry<'e> = (&'e str, Vec<u8>, usize);
+
+fn npy(shape: &str, kind: &str) -> Vec<u8> {
+    let text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+    let text = format!("{text:<117}\n");
+    [b"\x93NUMPY\x01\0", &(text.len() as u16).to_le_bytes()[..], text.as_bytes()].concat()
+}
+
+fn zip_of(entries: &[Entry]) -> Vec<u8> {
+    let mut zip = zip::ZipWriter::new(std::io::Cursor::new(vec![]));
+    for (name, start, zeros) in entries {
+        let options = zip::write::SimpleFileOptions::default();
+        zip.start_file(*name, options).unwrap();
+        zip.write_all(start).unwrap();
+        std::io::copy(&mut std::io::Read::take(std::io::repeat(0), *zeros as u64), &mut zip).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+fn plain_capture(h: Entry<'static>) -> Vec<u8> {
+    let point = || [npy("(1, 3)", "<f8"), vec![0; 24]].concat();
+    let delta = [npy("()", "<f8"), 0.01f64.to_le_bytes().to_vec()].concat();
+    zip_of(&[h, ("laser_xyz.npy", point(), 0), ("sensor_xyz.npy", point(), 0), ("delta_t.npy", delta, 0)])
+}
+
+#[test]
+fn counts_of_no_bin_ask_for_no_memory() {
+    let (_folder, path) = place("huge.npz");
+    std::fs::write(&path, plain_capture(("H.npy", npy("(0, 1, 1000000000000)", "<f4"), 0))).unwrap();
+    assert_error(read(&path), Kind::Input, &["H has shape [0, 1, 1000000000000]", "no bin"]);
+}
+
+#[test]
+fn a_flipped_bit_is_found_by_its_sum() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("made.npz");
+    thirdbounce::capture::write(&fixtures::captures::ramp(), &path).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let mut npz = zip::ZipArchive::new(std::io::Cursor::new(&whole)).unwrap();
+    for index in 0..npz.len() {
+        // The sum in the directory, which the bytes then do not have.
+        let sum = npz.by_index(index).unwrap().crc32().to_le_bytes();
+        let at = whole.windows(4).rposition(|w| w == sum).unwrap();
+        let mut bad = whole.clone();
+        bad[at] ^= 1;
+        std::fs::write(&path, bad).unwrap();
+        assert_error(read(&path), Kind::Input, &["array", "CRC-32", "damaged"]);
+    }
+    // A bit of the counts themselves, as a disk loses it.
+    let h = [npy("(1, 2, 2)", "<f4"), [1.0f32, 2.0, 3.0, 4.0].map(f32::to_le_bytes).concat()].concat();
+    let point = || [npy("(1, 3)", "<f8"), vec![0; 24]].concat();
+    let delta = [npy("()", "<f8"), 0.01f64.to_le_bytes().to_vec()].concat();
+    let files =
+        [("H.npy", h), ("laser_xyz.npy", point()), ("sensor_xyz.npy", point()), ("delta_t.npy", delta)];
+    let mut stored = fixtures::files::stored_zip(&files);
+    std::fs::write(&path, &stored).unwrap();
+    assert_eq!(read(&path).unwrap().histograms, [1.0, 2.0, 3.0, 4.0]);
+    let at = stored.windows(4).position(|w| w == 3.0f32.to_le_bytes()).unwrap();
+    stored[at + 2] ^= 1;
+    std::fs::write(&path, &stored).unwrap();
+    assert_error(read(&path), Kind::Input, &["array H", "CRC-32"]);
+}

@@ -9,6 +9,7 @@ mod compare;
 mod devices;
 mod examples;
 mod family;
+mod hostile;
 mod live;
 mod model;
 mod originals;

@@ -224,7 +224,8 @@ fn memory_of_another_device_is_imported() {
     // The library's own device.
     let gpu = Gpu::open(&Default::default()).unwrap();
     // SAFETY: the descriptor is of so much memory.
-    let imported = unsafe { Imported::by_fd(&gpu, shared.fd(), shared.memory_bytes, shared.bytes) }.unwrap();
+    let imported =
+        unsafe { Imported::by_fd(&gpu, shared.fd(), [shared.memory_bytes, shared.bytes], None) }.unwrap();
     let mut session = Session::new(&gpu, &scan, None, &vector(|_| ()), lending()).unwrap();
     let want = of_host(&mut session, &counts);
     let lent = LentCounts { counts: imported.lend().unwrap(), format: Format::F32, after: None, taken: None };

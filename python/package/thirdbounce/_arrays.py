@@ -48,6 +48,11 @@ def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
     return np.ascontiguousarray(array, dtype=np.float32).reshape(scan + (array.shape[-1],))
 
 
+def as_bools(value: Any) -> np.ndarray:
+    """Truth values in a row, each of them 0 or 1. A view of other bytes as bool may hold any, which the native part must not see."""
+    return np.not_equal(np.ascontiguousarray(value, dtype=np.bool_).reshape(-1).view(np.uint8), 0)
+
+
 def as_points(value: Any, name: str) -> np.ndarray:
     """Points as float64, (X, Y, 3). A list of points (P, 3) becomes (P, 1, 3)."""
     array = as_array(value, np.float64, name)

@@ -10,6 +10,7 @@ from typing import Any, Dict, List, Optional, Tuple, Union
 import numpy as np
 
 from . import _native
+from ._arrays import as_bools
 
 Path = Union[str, "os.PathLike[str]"]
 
@@ -149,7 +150,7 @@ class Maps:
 
             floats = ["albedo", "depth", "normals", "confidence"]
             made = {key: array(getattr(layer, key), np.float32) for key in floats}
-            made["mask"] = array(layer.mask, np.bool_)
+            made["mask"] = as_bools(layer.mask)
             return made
 
         made = flat(self)

@@ -8,7 +8,7 @@ from typing import Any, Dict, NamedTuple, Optional, Type, Union
 import numpy as np
 
 from . import _native
-from ._arrays import as_counts, as_points, like_points
+from ._arrays import as_bools, as_counts, as_points, like_points
 from ._capture import Capture
 from ._maps import Maps
 from ._solve import Hear, _hear, _settings
@@ -98,7 +98,7 @@ class Session:
         Raises OptionsError while another frame is being solved, unless `feed` lets it wait, and InputError for counts that cannot
         be used.
         """
-        part = None if measured is None else np.ascontiguousarray(measured, dtype=bool).reshape(-1)
+        part = None if measured is None else as_bools(measured)
         return self._native.submit(as_counts(H, self._scan, bins_axis).reshape(-1), part)
 
     @property

@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
+use super::glance::{self, Glance};
 use super::hdf5::{Array, Hdf5, guarded};
 use super::scatter::{Filled, Part, Scattered, Wanted};
 use crate::error::Result;
@@ -81,6 +82,23 @@ fn read_with(
     })
 }
 
+/// Looks at all counts of an array, of which only a block is in memory at a time.
+///
+/// # Errors
+/// `Kind::Input` if a part of the array is damaged, or if there is no signal.
+pub(super) fn look(file: &Hdf5, array: &Array) -> Result<()> {
+    let cut = Cut::of(array, glance::AT_ONCE);
+    let wide: usize = (1..cut.shape.len()).map(|axis| cut.cells(axis)).product();
+    let mut glance = Glance::default();
+    for cell in 0..wide {
+        let ranges = cut.ranges(cell);
+        for bins in (0..cut.cells(0)).map(|cell| cut.range(0, cell)) {
+            glance.take(&cut.block(file, array, &bins, &ranges)?);
+        }
+    }
+    glance.finish(&array.name)
+}
+
 impl Cut {
     /// Blocks of whole chunks with about `most` values, at least one chunk.
     fn of(array: &Array, most: usize) -> Cut {
@@ -149,7 +167,7 @@ impl Cut {
 
     /// The places of a cell, in the order of its values.
     fn places(&self, cell: usize) -> Vec<usize> {
-        let mut places = vec![0];
+        let mut places = vec![0]; // bounded: one element
         for (range, length) in self.ranges(cell).into_iter().zip(&self.shape[1..]) {
             places = places.into_iter().flat_map(|p| range.clone().map(move |i| p * length + i)).collect();
         }
@@ -161,11 +179,22 @@ impl Cut {
         let ranges = self.ranges(part.index / self.cuts());
         for first in part.bins.clone().step_by(self.block[0]) {
             let bins = first..(first + self.block[0]).min(part.bins.end);
-            let (starts, counts): (Vec<usize>, Vec<usize>) =
-                std::iter::once(&bins).chain(&ranges).map(|r| (r.start, r.len())).unzip();
-            part.take(first, &file.block(array, &starts, &counts)?);
+            part.take(first, &self.block(file, array, &bins, &ranges)?);
         }
         Ok(part.finish())
+    }
+
+    /// Reads these bins of a cell.
+    fn block(
+        &self,
+        file: &Hdf5,
+        array: &Array,
+        bins: &Range<usize>,
+        ranges: &[Range<usize>],
+    ) -> Result<Vec<f32>> {
+        let (starts, counts): (Vec<usize>, Vec<usize>) =
+            std::iter::once(bins).chain(ranges).map(|r| (r.start, r.len())).unzip();
+        file.block(array, &starts, &counts)
     }
 }
 

@@ -27,6 +27,7 @@ use super::frame;
 use super::given::Given;
 use crate::capture::{Capture, seen};
 use crate::error::{Error, Result};
+use crate::host;
 
 const HEADER: usize = 28;
 const PLACES: usize = 68;
@@ -59,15 +60,17 @@ pub(super) fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Resul
     if values.checked_add((HEADER + PLACES) as u64).is_none_or(|wanted| wanted > length) {
         return Err(cut(length));
     }
-    let mut bytes = vec![];
-    bytes
-        .try_reserve_exact(values as usize)
-        .map_err(|_| Error::memory(format!("the counts need {values} bytes"), "close other programs"))?;
-    (&mut file).take(values).read_to_end(&mut bytes).map_err(unreadable)?;
+    let mut histograms = host::room("the counts", counts as usize)?;
+    let mut block = [0; 1 << 14];
+    let mut left = values as usize;
+    while left > 0 {
+        let block = &mut block[..left.min(1 << 14)];
+        file.read_exact(block).map_err(unreadable)?;
+        histograms.extend(block.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
+        left -= block.len();
+    }
     let mut places = [0; PLACES];
     file.read_exact(&mut places).map_err(|_| cut(length))?;
-    let histograms: Vec<f32> = bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-    drop(bytes);
     let capture = placed(&head, &places, pixels, bins as usize, histograms, notes)?;
     Ok(frame::in_order(frame::facing_z(capture, None, notes)))
 }
@@ -150,20 +153,20 @@ fn placed(
         let (a, b) = (share(u, nu), share(v, nv));
         top_left.lerp(top_right, a).lerp(bottom_left.lerp(bottom_right, a), b)
     };
-    let sensor: Vec<DVec3> =
-        (0..nv).flat_map(|v| (0..nu).map(move |u| (u, v))).map(|(u, v)| at(u, v)).collect();
+    let places = (0..nv).flat_map(|v| (0..nu).map(move |u| (u, v)));
+    let sensor = host::collected("the wall points", nu * nv, places.map(|(u, v)| at(u, v)))?;
     notes.push(format!(
         "times are taken as path lengths in metres, {first} as the middle of the first bin, and the corners as the middles of the \
          outermost pixels: if they are the reflector's edges, the wall is a pixel \
          smaller, and its size has to be given"
     ));
-    let count = sensor.len();
+    let alike = |vector| host::filled("the wall points", nu * nv, vector);
     let capture = Capture {
         integer_counts: seen::whole(&histograms),
-        laser_normal: Some(vec![normal; count]),
-        sensor_normal: Some(vec![normal; count]),
+        laser_normal: Some(alike(normal)?),
+        sensor_normal: Some(alike(normal)?),
         t_start: first - 0.5 * width,
-        ..Capture::new([nv, nu], vec![laser; count], sensor, bins, width, histograms)
+        ..Capture::new([nv, nu], alike(laser)?, sensor, bins, width, histograms)
     };
     Ok(capture)
 }

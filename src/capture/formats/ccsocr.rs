@@ -43,12 +43,11 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     };
     let (mut laser, mut sensor) = (points("C_i")?, points("C_d")?);
     let file = set.holding("sub_Sig")?.ok_or_else(|| missing("sub_Sig"))?;
-    let mut counts = file.counts("sub_Sig")?;
-    square(&mut counts, notes);
-    let (pairs, integer_counts) = (laser.len(), counts.whole());
-    let [bins, rows] = counts.shape[..] else {
+    let shape = file.counts_shape("sub_Sig")?;
+    let pairs = laser.len();
+    let [bins, rows] = shape[..] else {
         return Err(Error::input(
-            format!("sub_Sig has {} axes, not two", counts.shape.len()),
+            format!("sub_Sig has {} axes, not two", shape.len()),
             "sub_Sig is (P, T): bins of each pair",
         ));
     };
@@ -58,6 +57,9 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
             "all three hold one row per pair: give the files of one capture",
         ));
     }
+    let mut counts = file.counts("sub_Sig")?;
+    square(&mut counts, notes);
+    let integer_counts = counts.whole();
     let units = Units::of(set, given, [&laser, &sensor], notes)?;
     let all = || laser.iter().chain(&sensor).map(|p| *p * units.step);
     let (low, high) = all().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
@@ -72,7 +74,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
         && pairs % row == 0
         && laser.chunks(row).all(|r| r.iter().zip(&laser).all(|(p, first)| p.y == first.y && p.x == r[0].x));
     let scan = if lattice { [pairs / row, row] } else { [pairs, 1] };
-    let histograms = crate::files::array::transpose(&counts.values, bins, pairs);
+    let histograms = crate::files::array::transpose(&counts.values, bins, pairs)?;
     let capture =
         Capture { integer_counts, ..Capture::new(scan, laser, sensor, bins, bin_width, histograms) };
     Ok(if lattice { frame::in_order(capture) } else { capture })

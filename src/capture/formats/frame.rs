@@ -8,6 +8,7 @@ use super::variables::Variables;
 use crate::capture::Capture;
 use crate::capture::choose::Order;
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
 const STRAIGHT: f64 = 1e-3;
@@ -78,7 +79,9 @@ pub fn scanned<'f>(
             format!("store {name} in MATLAB as an array with two scan axes, then the bins"),
         ));
     };
-    let mut from = vec![0; n1 * n2];
+    // The points of both sides, and their order.
+    host::ask("the wall points", host::bytes(n1 * n2, 2 * size_of::<DVec3>() + 4 * size_of::<usize>()))?;
+    let mut from = host::filled("the wall points", n1 * n2, 0)?;
     axes.pairs([n1, n2]).into_iter().enumerate().for_each(|(place, pair)| from[pair] = place);
     let scan = axes.scan([n1, n2]);
     let points = lattice(scan, wall);

@@ -19,6 +19,7 @@ use super::set::Set;
 use super::variables::Counts;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
+use crate::host;
 
 const PICOSECONDS: f64 = 32.0;
 
@@ -38,14 +39,20 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     }
     set.add_beside(&["setup.mat".into()])?;
     let name = counts_name(set).ok_or_else(|| missing("data"))?;
-    let counts = set.holding(name)?.ok_or_else(|| missing(name))?.counts(name)?;
+    let shape = set.holding(name)?.ok_or_else(|| missing(name))?.counts_shape(name)?;
     let stored = ["laserpoints", "detectpoints"].map(|name| {
         let file = set.holding(name)?.ok_or_else(|| missing(name))?;
         file.numbers(name)?.ok_or_else(|| file.missing(name))
     });
     let [lasers, sensors] = stored;
     let (lasers, sensors) = (lasers?, sensors?);
-    let counts = if counts.shape.len() == 2 { in_order(set, counts, &lasers.0, notes)? } else { counts };
+    let agree = || {
+        let axes = shape.len() == 2 || lasers.0.iter().product::<usize>() / 3 <= shape.iter().product();
+        (axes && lasers.0 == sensors.0).then_some(())
+    };
+    agree().ok_or_else(|| misfit(name, &shape, [&lasers.0, &sensors.0]))?;
+    let counts = set.holding(name)?.ok_or_else(|| missing(name))?.counts(name)?;
+    let counts = if shape.len() == 2 { in_order(set, counts, &lasers.0, notes)? } else { counts };
     let integer_counts = counts.whole();
     // An axis of three points may look like x, y, z: then the shape of the data decides.
     let fits = |matlab: bool| match (&lasers.0[..], &counts.shape[..]) {
@@ -55,18 +62,13 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     };
     let matlab = fits(true).is_some();
     let Some(([n, m], bins)) = fits(matlab).filter(|_| lasers.0 == sensors.0) else {
-        return Err(Error::input(
-            format!(
-                "{name} has shape {:?}, laserpoints {:?} and detectpoints {:?}, which do not agree",
-                counts.shape, lasers.0, sensors.0
-            ),
-            "data is (N, M, T), laserpoints and detectpoints are (N, M, 3), all in the same axis order",
-        ));
+        return Err(misfit(name, &counts.shape, [&lasers.0, &sensors.0]));
     };
     let bin_width = given.bin_width("a General-NLOS capture", Some(PICOSECONDS), notes)?;
     let pairs = n * m;
-    let mut histograms = vec![0.0; counts.values.len()];
+    let mut histograms = vec![];
     if matlab {
+        histograms = host::filled("the counts", counts.values.len(), 0.0)?;
         for (at, value) in counts.values.iter().enumerate() {
             let (bin, j, i) = (at / pairs, at % pairs / n, at % n);
             histograms[(i * m + j) * bins + bin] = *value;
@@ -77,6 +79,15 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     let [laser, sensor] = [&lasers.1, &sensors.1].map(|values| points([n, m], matlab, values));
     let capture = Capture::new([n, m], laser, sensor, bins, bin_width, histograms);
     Ok(frame::in_order(Capture { integer_counts, ..capture }))
+}
+
+fn misfit(name: &str, shape: &[usize], [lasers, sensors]: [&[usize]; 2]) -> Error {
+    Error::input(
+        format!(
+            "{name} has shape {shape:?}, laserpoints {lasers:?} and detectpoints {sensors:?}, which do not agree"
+        ),
+        "data is (N, M, T), laserpoints and detectpoints are (N, M, 3), all in the same axis order",
+    )
 }
 
 /// Counts (rows, T) of the instrument as `data` has them: point by point, with path 0 at bin 0.
@@ -120,7 +131,7 @@ fn in_order(set: &mut Set, counts: Counts, points: &[usize], notes: &mut Vec<Str
     let places = || (0..m).flat_map(|j| (0..n).map(move |i| (i, j)));
     let latest = places().map(|(i, j)| zero(i, j)).max().unwrap_or(0).min(bins - 1);
     let kept = bins - latest;
-    let mut values = vec![0.0; kept * pairs];
+    let mut values = host::filled("the counts", kept * pairs, 0.0)?;
     for (place, (i, j)) in places().enumerate() {
         let row = i * m + if i % 2 == 1 { m - 1 - j } else { j };
         let zero = zero(i, j).min(latest);

@@ -9,13 +9,19 @@ use std::path::{Path, PathBuf};
 
 use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
 
+use super::glance;
 use super::variables::Counts;
 use crate::error::{Error, Result};
+use crate::host;
 
 /// No HDF5 filter in use shrinks data more than this.
 const MOST_DEFLATED: u64 = 1100;
 /// Largest array of numbers that are not counts (points, normals, settings).
 const MOST_NUMBERS: usize = 1 << 28;
+/// Datasets of points or settings that are large and packed more than so many times as tightly hold hardly anything.
+const HARDLY_ANYTHING: u64 = 500;
+/// A chunk, which is unpacked whole, is small or no more than so many times as large as the file.
+const OF_CHUNK: u64 = 64;
 
 /// An open file, with its length in bytes to check the sizes that its datasets claim.
 pub struct Hdf5 {
@@ -136,7 +142,33 @@ impl Hdf5 {
                 "the file is damaged or malicious: download or write it again",
             ));
         }
+        let chunk = dataset.chunk_dims().map_or(0, |c| c.iter().fold(1, |n: usize, d| n.saturating_mul(*d)));
+        if host::swells(host::bytes(chunk, dataset.element_size()), self.bytes, OF_CHUNK) {
+            return Err(Error::input(
+                format!(
+                    "dataset {name} has chunks of shape {:?} in a file of {} bytes",
+                    dataset.chunk_dims(),
+                    self.bytes
+                ),
+                "write it with smaller chunks (h5repack does it)",
+            ));
+        }
         Ok(Some(dataset))
+    }
+
+    /// Asks for the memory of a part of a dataset: as it is stored, as the reader gives it, and as it is kept.
+    fn ask(&self, name: &str, dataset: &H5Dataset, counts: &[usize]) -> Result<()> {
+        let count = counts.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        host::ask(
+            &format!("dataset {name}"),
+            host::bytes(count, dataset.element_size() + size_of::<f64>() + size_of::<f32>()),
+        )
+    }
+
+    /// Whether an array unpacks to so much that it is looked at before it is kept.
+    pub(super) fn is_looked_at(&self, array: &Array) -> bool {
+        let count = array.shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        glance::is_wanted(host::bytes(count, size_of::<f32>()), self.bytes)
     }
 
     /// A dataset as float32 in C order; `None` if it is missing or empty.
@@ -146,6 +178,7 @@ impl Hdf5 {
     pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            self.ask(name, &dataset, &dataset.shape())?;
             let values = match stored(name, &dataset)? {
                 Stored::Double => dataset.read_numeric_as().map(narrowed),
                 Stored::Float => dataset.read_numeric_as(),
@@ -185,6 +218,7 @@ impl Hdf5 {
             let name = &array.name;
             let changed = || damaged(format!("dataset {name} is gone"));
             let dataset = self.dataset(name)?.ok_or_else(changed)?;
+            self.ask(name, &dataset, counts)?;
             let values = match array.stored {
                 Stored::Double => dataset.read_numeric_slice_as(starts, counts).map(narrowed),
                 Stored::Float => dataset.read_numeric_slice_as(starts, counts),
@@ -212,6 +246,7 @@ impl Hdf5 {
         guarded(|| {
             let gone = || damaged(format!("dataset {name} is gone"));
             let dataset = self.dataset(name)?.ok_or_else(gone)?;
+            self.ask(name, &dataset, &[count])?;
             let (from, to) = ([start], [count]);
             let rounded = |values: Vec<f64>| values.into_iter().map(|v| v.round() as i64).collect();
             let values: std::result::Result<Vec<i64>, _> = match stored(name, &dataset)? {
@@ -241,6 +276,17 @@ impl Hdf5 {
                     "check that the right file was given",
                 ));
             }
+            if host::swells(
+                host::bytes(shape.iter().product(), dataset.element_size()),
+                self.bytes,
+                HARDLY_ANYTHING,
+            ) {
+                return Err(Error::input(
+                    format!("dataset {name} of shape {shape:?} holds hardly more than one value"),
+                    "the file is damaged or malicious: download or write it again",
+                ));
+            }
+            self.ask(name, &dataset, &shape)?;
             let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
             let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
                 DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,

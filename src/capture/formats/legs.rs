@@ -2,6 +2,16 @@
 
 use crate::capture::Capture;
 use crate::error::{Error, Result};
+use crate::host;
+
+/// Checks a capture without the pairs that were not measured, which are left out later.
+///
+/// # Errors
+/// Those of [`Capture::check`]; `Kind::Memory` if there is none for a copy.
+pub fn check_measured(capture: &Capture) -> Result<()> {
+    host::ask("a copy of the counts", host::bytes(capture.histograms.len(), size_of::<f32>()))?;
+    capture.clone().without_missing()?.0.check()
+}
 
 /// Shifts every histogram of `capture` down by its own leg (`legs`, metres, one per pair), so that only the inner path
 /// is left. A shift by a part of a bin splits each count linearly between two bins, which keeps the sum. Paths below
@@ -10,7 +20,7 @@ use crate::error::{Error, Result};
 /// wall point) or whose histogram is NaN in every bin is NaN in every bin afterwards.
 ///
 /// # Errors
-/// `Kind::Input` if a leg is infinite, all legs are NaN, or nothing is left.
+/// `Kind::Input` if a leg is infinite, all legs are NaN, or nothing is left; `Kind::Memory` if the counts do not fit.
 pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
     let (shortest, longest) =
         legs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b): (f64, f64), &l| (a.min(l), b.max(l)));
@@ -37,7 +47,7 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
         ));
     }
     let bins = bins as usize;
-    let mut histograms = vec![0.0f32; capture.pair_count() * bins];
+    let mut histograms = host::filled("the counts", capture.pair_count().saturating_mul(bins), 0.0f32)?;
     for ((from, to), leg) in
         capture.histograms.chunks_exact(capture.bins).zip(histograms.chunks_exact_mut(bins)).zip(legs)
     {
@@ -67,7 +77,8 @@ pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {
         .filter_map(|h| h.iter().rposition(|&v| v > 0.0))
         .max()
         .map_or(common, |b| common.max(b + 1));
-    let histograms: Vec<f32> = histograms.chunks_exact(bins).flat_map(|h| &h[..last]).copied().collect();
+    let kept = histograms.chunks_exact(bins).flat_map(|h| &h[..last]).copied();
+    let histograms = host::collected("the counts", capture.pair_count() * last, kept)?;
     let whole = histograms.iter().all(|v| v.is_nan() || v.fract() == 0.0);
     Ok(Capture {
         bins: last,

@@ -10,10 +10,12 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
+use super::glance::{self, Glance};
 use super::numbers::Numbers;
 use super::scatter::{Scattered, Wanted};
 use super::variables::Counts;
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
 const MOST_DEFLATED: usize = 1100;
@@ -24,6 +26,8 @@ const MOST_ARRAYS: usize = 4096;
 const DEEPEST: usize = 4;
 /// Largest array of numbers that are not counts (points, settings).
 const MOST_NUMBERS: usize = 1 << 28;
+/// Arrays of points or settings that are large and packed more than so many times as tightly hold hardly anything.
+const HARDLY_ANYTHING: u64 = 500;
 
 /// Values that [`Matlab5::scatter`] takes at a time.
 const AT_ONCE: usize = 4 << 20;
@@ -74,8 +78,12 @@ impl Matlab5 {
     /// # Errors
     /// `Kind::Input` for a damaged file. The error does not name the path (see [`Error::at`]).
     pub fn open(path: &Path) -> Result<Matlab5> {
-        let bytes = std::fs::read(path)
-            .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path and the disk"))?;
+        let unreadable =
+            |e: std::io::Error| Error::input(format!("cannot be read: {e}"), "check the path and the disk");
+        let file = std::fs::File::open(path).map_err(unreadable)?;
+        let length = file.metadata().map_err(unreadable)?.len();
+        let mut bytes = host::room("the file", usize::try_from(length).unwrap_or(usize::MAX))?;
+        file.take(length).read_to_end(&mut bytes).map_err(unreadable)?;
         Matlab5::parse(bytes)
     }
 
@@ -125,7 +133,7 @@ impl Matlab5 {
     /// `Kind::Input` if it is damaged, complex or does not hold numbers.
     pub(super) fn counts_shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
         let Some(found) = self.find(name) else { return Ok(None) };
-        self.numbers_of(found).map_err(|e| e.at(format!("array {name}")))?;
+        self.numbers_of(found).and_then(|_| self.look(found)).map_err(|e| e.at(format!("array {name}")))?;
         Ok(Some(found.shape.clone()))
     }
 
@@ -138,6 +146,22 @@ impl Matlab5 {
         let values = self.numbers_of(found).and_then(|mut n| n.next(usize::MAX, |v| v as f32));
         let values = values.map_err(|e| e.at(format!("array {name}")))?;
         Ok(Some(Counts { shape: found.shape.clone(), values }))
+    }
+
+    /// Looks at counts that unpack to far more than the file, a part at a time.
+    fn look(&self, found: &Found) -> Result<()> {
+        let size = found.shape.iter().fold(size_of::<f32>() as u64, |n, d| n.saturating_mul(*d as u64));
+        if !glance::is_wanted(size, found.at.len() as u64) {
+            return Ok(());
+        }
+        let (mut numbers, mut glance) = (self.numbers_of(found)?, Glance::default());
+        loop {
+            let values = numbers.next(glance::AT_ONCE, |v| v as f32)?;
+            if values.is_empty() {
+                return glance.finish(&found.name);
+            }
+            glance.take(&values);
+        }
     }
 
     /// The wanted pairs and bins of an array [T, ...]; `None` if it is missing or empty. A few bins are decoded at a
@@ -173,7 +197,9 @@ impl Matlab5 {
     pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
         let Some(found) = self.find(name) else { return Ok(None) };
         let count = found.shape.iter().try_fold(1usize, |n, d| n.checked_mul(*d));
-        if count.is_none_or(|n| n > MOST_NUMBERS) {
+        let swells =
+            |n| host::swells(host::bytes(n, size_of::<f64>()), found.at.len() as u64, HARDLY_ANYTHING);
+        if count.is_none_or(|n| n > MOST_NUMBERS || swells(n)) {
             return Err(Error::input(
                 format!("array {name} has shape {:?}, too large for points or settings", found.shape),
                 "check that the right file was given",
@@ -346,10 +372,7 @@ impl Matlab5 {
     /// Inflates a whole compressed element.
     fn inflate(&self, at: &Range<usize>) -> Result<Vec<u8>> {
         let (mut bytes, size) = self.inflated(at.clone())?;
-        let mut whole = Vec::new();
-        whole.try_reserve_exact(size).map_err(|_| {
-            Error::memory(format!("an array needs {size} bytes"), "close other programs or crop the capture")
-        })?;
+        let mut whole = host::room("a struct", size)?;
         bytes.read_to_end(&mut whole).map_err(damaged)?;
         if whole.len() < size {
             return Err(damaged(format!("a compressed array ends after {} of {size} bytes", whole.len())));

@@ -10,6 +10,7 @@ mod exhaustive;
 mod frame;
 pub mod general;
 mod given;
+mod glance;
 pub mod hdf5;
 mod kilometre;
 mod lct;
@@ -45,6 +46,7 @@ use glam::DVec3;
 
 use super::{Capture, Keep, Turn};
 use crate::error::{Error, Result};
+use crate::host;
 
 /// The first bytes of an HDF5 file.
 pub(crate) const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
@@ -415,7 +417,7 @@ fn hdf5_end(superblock: &[u8]) -> Option<u64> {
 fn per_pair(what: &str, given: Vec<DVec3>, pairs: usize) -> Result<Vec<DVec3>> {
     match given.len() {
         n if n == pairs => Ok(given),
-        1 => Ok(vec![given[0]; pairs]),
+        1 => host::filled(what, pairs, given[0]),
         n => Err(Error::input(
             format!("{what} holds {n} points for {pairs} scan positions"),
             "give one point per scan position, in the order of H, or a single one",

@@ -15,6 +15,7 @@ use super::{frame, per_pair, znlos};
 use crate::capture::Capture;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
+use crate::host;
 
 /// A bin width below this is in seconds: no bin is so short in metres, and none is so long in seconds.
 const LONGEST_SECONDS: f64 = 1e-6;
@@ -26,12 +27,11 @@ const LONGEST_SECONDS: f64 = 1e-6;
 pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let sensors = znlos::Grid::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
     let lasers = znlos::Grid::read(file, "laser")?;
-    let counts = file.counts("data")?;
-    let integer_counts = counts.whole();
+    let shape = file.counts_shape("data")?;
     // MATLAB's (t, i, j) is read as [j, i, t].
-    let [nj, ni, bins] = counts.shape[..] else {
+    let [nj, ni, bins] = shape[..] else {
         return Err(Error::input(
-            format!("data has {} axes, not three", counts.shape.len()),
+            format!("data has {} axes, not three", shape.len()),
             "data is (t, i, j) in MATLAB",
         ));
     };
@@ -53,7 +53,10 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     }
     let bin_width = if confocal { 2.0 * metres } else { metres };
     let place = |p: usize| (p % nj * ni + p / nj) * bins;
-    let histograms = (0..pairs).flat_map(|p| &counts.values[place(p)..place(p) + bins]).copied().collect();
+    let counts = file.counts("data")?;
+    let integer_counts = counts.whole();
+    let all = (0..pairs).flat_map(|p| &counts.values[place(p)..place(p) + bins]).copied();
+    let histograms = host::collected("the counts", counts.values.len(), all)?;
     let capture =
         Capture { integer_counts, ..Capture::new([ni, nj], laser, points, bins, bin_width, histograms) };
     let towards = file.point("hiddenVolumePosition")?;

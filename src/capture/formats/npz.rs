@@ -22,12 +22,14 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::given::Given;
+use super::glance::{self, Glance};
 use super::{compact, exhaustive, largest_count, per_pair, triples, unit, zones};
 use crate::capture::{Capture, Pulse, seen};
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
 use crate::files::atomic;
+use crate::host;
 
 const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, cycles, direct; other arrays are ignored";
 
@@ -40,27 +42,26 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
     if zones::is_one(&npz) {
         return zones::read(&mut npz, given, notes);
     }
-    let h = npz.require("H", WANTED)?;
+    let shape = counts_shape(&mut npz, "H", WANTED)?;
     let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
     let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;
-    let bins = h.shape.first().copied().unwrap_or(0);
-    let (scan, laser, sensor) = if h.shape.len() > 2
-        && h.shape[1..] == [laser.places(), sensor.places()].concat()
+    let bins = shape.first().copied().unwrap_or(0);
+    let (scan, laser, sensor) = if shape.len() > 2 && shape[1..] == [laser.places(), sensor.places()].concat()
     {
         let (lasers, sensors) = (laser.points.len(), sensor.points.len());
         let pairs = lasers * sensors;
         ([lasers, sensors], laser.spread(pairs, |p| p / sensors)?, sensor.spread(pairs, |p| p % sensors)?)
-    } else if let [_, nx, ny] = h.shape[..] {
+    } else if let [_, nx, ny] = shape[..] {
         ([nx, ny], laser.per_pair(nx * ny)?, sensor.per_pair(nx * ny)?)
-    } else if let [_, pairs] = h.shape[..]
+    } else if let [_, pairs] = shape[..]
         && [&laser, &sensor].iter().all(|side| side.points.len() == 1 || side.places() == [pairs])
     {
         ([pairs, 1], laser.per_pair(pairs)?, sensor.per_pair(pairs)?)
     } else {
         return Err(Error::input(
             format!(
-                "H has shape {:?} with laser_xyz {:?} and sensor_xyz {:?}, which do not agree",
-                h.shape, laser.shape, sensor.shape
+                "H has shape {shape:?} with laser_xyz {:?} and sensor_xyz {:?}, which do not agree",
+                laser.shape, sensor.shape
             ),
             "store H as [T, X, Y] (bins, then the scan along x and y), or, with every combination of laser and \
              sensor points, as [T, Lx, Ly, Sx, Sy] with laser_xyz [Lx, Ly, 3] and sensor_xyz [Sx, Sy, 3]",
@@ -72,21 +73,52 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
         return Err(Error::input("delta_t is missing", WANTED));
     };
     let t_start = npz.scalar("t_start")?.unwrap_or(0.0);
-    let histograms = transpose(&h.to_f32(), bins, pairs);
     let laser_spot = spot(&mut npz, ["laser_spot", "laser_fov"], &laser.0, notes)?;
     let sensor_spot = spot(&mut npz, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;
+    let pulse = Pulse::read_from(&mut npz)?;
+    let histograms = transpose(&counts(&mut npz, "H", WANTED)?, bins, pairs)?;
     Ok(Capture {
         laser_normal: laser.1,
         sensor_normal: sensor.1,
         t_start,
         integer_counts: seen::whole(&histograms),
-        pulse: Pulse::read_from(&mut npz)?,
+        pulse,
         laser_spot,
         sensor_spot,
         cycles: npz.scalar("cycles")?,
         direct: npz.scalar("direct")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
+}
+
+/// The shape of an array of counts, which are not read.
+pub(super) fn counts_shape(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<usize>> {
+    let (head, _) = npz.stream(name)?.ok_or_else(|| npz.missing(name, wanted))?;
+    if head.shape.contains(&0) {
+        return Err(Error::input(
+            format!("{name} has shape {:?}: it holds no bin, or no pair", head.shape),
+            "write the capture again: it has to hold at least one bin of one pair",
+        ));
+    }
+    Ok(head.shape)
+}
+
+/// An array of counts. What unpacks to far more than the file is looked at first.
+pub(super) fn counts(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> {
+    if npz.sizes(name).is_some_and(|[size, packed]| glance::is_wanted(size, packed))
+        && let Some((head, mut elements)) = npz.stream(name)?
+    {
+        let mut glance = Glance::default();
+        let mut left = head.shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        while left > 0 {
+            let part = left.min(glance::AT_ONCE);
+            glance.take(&head.part(&mut elements, part).map_err(|e| e.at(format!("array {name}")))?.to_f32());
+            left -= part;
+        }
+        glance.finish(name)?;
+    }
+    let array = npz.whole(name)?.ok_or_else(|| npz.missing(name, wanted))?;
+    Ok(array.to_f32())
 }
 
 /// The spot of one side: as the file stores it, or that of a field of view.
@@ -150,9 +182,10 @@ impl Points {
     /// The points of a list as each pair uses them.
     fn spread(self, pairs: usize, place: impl Fn(usize) -> usize) -> Result<PerPair> {
         let count = self.points.len();
-        let all = |list: &[DVec3]| (0..pairs).map(|p| list[place(p)]).collect::<Vec<_>>();
+        let all =
+            |list: &[DVec3]| host::collected("the wall points", pairs, (0..pairs).map(|p| list[place(p)]));
         let normals = self.normals.map(|n| per_pair(self.names[1], n, count)).transpose()?;
-        Ok((all(&self.points), normals.as_deref().map(all)))
+        Ok((all(&self.points)?, normals.as_deref().map(all).transpose()?))
     }
 }
 
@@ -190,7 +223,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
             capture.scan.to_vec()
         }
     };
-    arrays.push(("H", counts(capture, &places)));
+    arrays.push(("H", stored_counts(capture, &places)?));
     arrays.push(("delta_t", Array::from_f64(&[], &[capture.bin_width])));
     arrays.push(("t_start", Array::from_f64(&[], &[capture.t_start])));
     if let Some(pulse) = &capture.pulse {
@@ -210,10 +243,10 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     atomic::write(path, &npz_bytes(&arrays)?)
 }
 
-fn counts(capture: &Capture, places: &[usize]) -> Array {
+fn stored_counts(capture: &Capture, places: &[usize]) -> Result<Array> {
     let shape = [&[capture.bins], places].concat();
-    let h = transpose(&capture.histograms, capture.pair_count(), capture.bins);
-    match largest_count(&h).filter(|_| capture.integer_counts) {
+    let h = transpose(&capture.histograms, capture.pair_count(), capture.bins)?;
+    Ok(match largest_count(&h).filter(|_| capture.integer_counts) {
         Some(largest) if largest <= f32::from(u16::MAX) => {
             Array::from_u16(&shape, &h.iter().map(|&v| v as u16).collect::<Vec<_>>())
         }
@@ -222,5 +255,5 @@ fn counts(capture: &Capture, places: &[usize]) -> Array {
             Array::from_u32(&shape, &h.iter().map(|&v| v as u32).collect::<Vec<_>>())
         }
         _ => Array::from_f32(&shape, &h),
-    }
+    })
 }

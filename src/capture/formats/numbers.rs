@@ -3,7 +3,8 @@
 use std::io::Read;
 
 use super::matlab5::damaged;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::host;
 
 /// Numbers that are decoded at a time.
 const AT_ONCE: usize = 1 << 20;
@@ -53,14 +54,8 @@ impl<'f> Numbers<'f> {
     /// `Kind::Input` if the file ends before, `Kind::Memory` if they do not fit.
     pub(super) fn next<T>(&mut self, count: usize, to: impl Fn(f64) -> T) -> Result<Vec<T>> {
         let count = count.min(self.left);
-        let mut values = Vec::new();
-        values.try_reserve_exact(count).map_err(|_| {
-            Error::memory(
-                format!("an array needs {count} values"),
-                "close other programs or crop the capture",
-            )
-        })?;
-        let mut bytes = vec![0; count.min(AT_ONCE) * self.size()?];
+        let mut values = host::room("an array", count)?;
+        let mut bytes = host::filled("a part of an array", count.min(AT_ONCE) * self.size()?, 0)?;
         while values.len() < count {
             let bytes = &mut bytes[..(count - values.len()).min(AT_ONCE) * self.size()?];
             self.bytes.read_exact(bytes).map_err(|e| match e.kind() {

@@ -22,6 +22,7 @@ use crate::capture::Capture;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
+use crate::host;
 
 /// Rows from the top, columns from the right.
 const AXES: Axes = Axes { d1: Run::Down, d2: Run::Left };
@@ -55,31 +56,29 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         vectors(name)?.ok_or_else(|| file.missing(&format!("dataset/{name}")))
     };
     let (laser, camera) = (required("laserPos")?, required("cameraPos")?);
+    let shape = file.counts_shape("dataset/data")?;
+    let (l, s) = (laser.len(), camera.len());
+    let [first, second, third] = shape[..] else { return Err(misfit(&shape, l, s)) };
+    if [second, third] != [s, l] && [first, second] != [l, s] {
+        return Err(misfit(&shape, l, s));
+    }
+    let pairs = l * s;
     let counts = file.counts("dataset/data")?;
     let integer_counts = counts.whole();
-    let (l, s) = (laser.len(), camera.len());
-    let pairs = l * s;
     let (bins, histograms) = match counts.shape[..] {
         [bins, a, b] if [a, b] == [s, l] => {
-            let by_camera = transpose(&counts.values, bins, pairs);
+            let by_camera = transpose(&counts.values, bins, pairs)?;
             let place = |p: usize| (p % s * l + p / s) * bins;
-            (bins, (0..pairs).flat_map(|p| &by_camera[place(p)..place(p) + bins]).copied().collect())
+            let all = (0..pairs).flat_map(|p| &by_camera[place(p)..place(p) + bins]).copied();
+            (bins, host::collected("the counts", by_camera.len(), all)?)
         }
         [a, b, bins] if [a, b] == [l, s] => (bins, counts.values),
-        _ => {
-            return Err(Error::input(
-                format!(
-                    "dataset/data has shape {:?} (MATLAB order reversed) for {l} laser and {s} camera points",
-                    counts.shape
-                ),
-                "data is (laser points, camera points, t) in MATLAB",
-            ));
-        }
+        _ => return Err(misfit(&shape, l, s)),
     };
     let spread = |what: &str, given: Option<Vec<DVec3>>, count: usize, of: Place| {
         let Some(given) = given else { return Ok(None) };
         let list = per_pair(&format!("dataset/{what}"), given, count)?;
-        Ok::<_, Error>(Some((0..pairs).map(|p| list[of(p, s)]).collect::<Vec<_>>()))
+        host::collected("the wall points", pairs, (0..pairs).map(|p| list[of(p, s)])).map(Some)
     };
     let (of_laser, of_camera): (Place, Place) = (|p, s| p / s, |p, s| p % s);
     let normals = |given: Option<Vec<DVec3>>| given.map(|n| n.into_iter().map(unit).collect());
@@ -98,12 +97,21 @@ pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         file.point(&name)?.ok_or_else(|| file.missing(&name))
     };
     let (laser_at, camera_at) = (device("laserOrigin")?, device("cameraOrigin")?);
-    capture.clone().without_missing()?.0.check()?;
+    legs::check_measured(&capture)?;
     let outer: Vec<f64> = (capture.laser.iter().zip(&capture.sensor))
         .map(|(l, s)| laser_at.distance(*l) + camera_at.distance(*s))
         .collect();
     notes.push("the legs from the laser to the wall and from the wall to the camera are removed".into());
     Ok(frame::facing_z(legs::remove(&capture, &outer)?, None, notes))
+}
+
+fn misfit(shape: &[usize], lasers: usize, sensors: usize) -> Error {
+    Error::input(
+        format!(
+            "dataset/data has shape {shape:?} (MATLAB order reversed) for {lasers} laser and {sensors} camera points"
+        ),
+        "data is (laser points, camera points, t) in MATLAB",
+    )
 }
 
 /// Finds a capture of the 2020 layout without reading its counts; see [`super::read`].
@@ -139,6 +147,6 @@ pub(super) fn read_2020<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Res
     let wall = spacing * (n1.max(n2).max(2) - 1) as f64;
     let bin_width = seconds * 1e12 * METRES_PER_PICOSECOND;
     let mut scanned = frame::scanned(file, "rect_data", AXES, wall, bin_width)?;
-    scanned.outline.sensor = vec![scanned.outline.sensor[spad]; n1 * n2];
+    scanned.outline.sensor = host::filled("the wall points", n1 * n2, scanned.outline.sensor[spad])?;
     Ok(scanned)
 }

@@ -4,7 +4,11 @@
 use std::ops::Range;
 
 use crate::capture::seen::{self, Seen};
+use crate::error::Result;
+use crate::host;
 
+/// Bytes that every place takes while its counts are read, beside them.
+const OF_PLACE: usize = size_of::<Column>() + 2 * size_of::<(Seen, f64)>() + 2 * size_of::<usize>();
 /// Bins and places that are transposed together: a part of both arrays that stays in the nearest cache.
 const TILE: [usize; 2] = [128, 16];
 
@@ -90,13 +94,17 @@ impl Wanted<'_> {
     /// Fills the histograms. `areas` are the parts of the array: bins, and places in the order of the values. Every
     /// place and bin is in one part; parts of the same places follow in the order of their bins. `fill` fills all parts
     /// in any order.
-    pub(super) fn scatter<E>(
+    ///
+    /// # Errors
+    /// Those of `fill`; `Kind::Memory` if the histograms do not fit.
+    pub(super) fn scatter(
         &self,
         areas: Vec<(Range<usize>, Vec<usize>)>,
-        fill: impl FnOnce(Vec<Part>) -> Result<Vec<Filled>, E>,
-    ) -> Result<Scattered, E> {
+        fill: impl FnOnce(Vec<Part>) -> Result<Vec<Filled>>,
+    ) -> Result<Scattered> {
         let kept = self.bins.len();
-        let mut histograms = vec![0.0f32; self.from.len() * kept];
+        host::ask("what is seen of the pairs", host::bytes(self.stored[1], OF_PLACE))?;
+        let mut histograms = host::filled("the counts", self.from.len().saturating_mul(kept), 0.0f32)?;
         let mut rows: Vec<&mut [f32]> = (0..self.stored[1]).map(|_| Default::default()).collect();
         for (place, row) in self.from.iter().zip(histograms.chunks_exact_mut(kept.max(1))) {
             // A pair without a shift was not measured.

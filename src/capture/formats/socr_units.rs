@@ -12,6 +12,7 @@ use super::given::Given;
 use super::set::Set;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
+use crate::files::opened;
 
 const PICOSECONDS: f64 = 32.0;
 const SCRIPT: &str = "experimental_setup.m";
@@ -157,11 +158,13 @@ impl Script {
     fn beside(set: &Set) -> Result<Option<Script>> {
         let here = set.beside(SCRIPT);
         let above = here.parent().and_then(Path::parent).map(|folder| folder.join(SCRIPT));
+        above.iter().for_each(|path| opened::note(path));
         let Some(path) = [Some(here), above].into_iter().flatten().find(|path| path.is_file()) else {
             return Ok(None);
         };
         let small = std::fs::metadata(&path).is_ok_and(|about| about.len() <= MOST_BYTES);
-        let bytes = std::fs::read(&path).ok().filter(|_| small).ok_or_else(|| {
+        let bytes = small.then(|| std::fs::read(&path).ok()).flatten().ok_or_else(|| {
+            // bounded: by MOST_BYTES
             Error::input("cannot be read as a script", "move it away, or make it readable").at(path.display())
         })?;
         Ok(Some(Script::of(&String::from_utf8_lossy(&bytes))))

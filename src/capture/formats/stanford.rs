@@ -21,6 +21,7 @@ use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::{Capture, PairKind};
 use crate::error::{Error, Result};
 use crate::files::atomic;
+use crate::host;
 
 const PICOSECONDS: f64 = 32.0;
 const WALL: f64 = 2.0;
@@ -80,7 +81,7 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &Given, notes: &mut Vec<String>)
 fn shifted<'s>(unread: Unread<'s>, tof: &[f64]) -> Result<Unread<'s>> {
     let bins = unread.bins;
     let ps = unread.outline.bin_width / METRES_PER_PICOSECOND;
-    let mut of_place = vec![None; tof.len()];
+    let mut of_place = host::filled("tofgrid", tof.len(), None)?;
     for (pair, &place) in unread.from.iter().enumerate() {
         // A NaN time marks a pair that was not measured.
         let time = tof[place];
@@ -148,7 +149,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
             "write it as .npz or .hdf5, which hold any capture",
         ));
     }
-    let (mut meas, bins) = (vec![0.0f32; capture.histograms.len()], capture.bins);
+    let (mut meas, bins) = (vec![0.0f32; capture.histograms.len()], capture.bins); // bounded: as the counts that are written
     for (place, pair) in AXES.pairs([ny, nx]).into_iter().enumerate() {
         for (bin, value) in capture.histograms[pair * bins..(pair + 1) * bins].iter().enumerate() {
             meas[bin * nx * ny + place] = *value;
@@ -174,7 +175,7 @@ fn write_file(path: &Path, [bins, nx, ny]: [usize; 3], meas: &[f32]) -> std::res
     counts.write_raw(meas)?;
     matlab_class(&counts, "single")?;
     let tof = file.new_dataset::<f64>().shape([nx, ny]).create("tofgrid")?;
-    tof.write_raw(&vec![0.0f64; nx * ny])?;
+    tof.write_raw(&vec![0.0f64; nx * ny])?; // bounded: as the points that are written
     matlab_class(&tof, "double")?;
     file.close()?;
     // MATLAB recognises the file by this text and the version after it.

@@ -87,14 +87,22 @@ impl Variables {
         counts.ok_or_else(|| self.missing(name))
     }
 
-    /// The shape of a required array of counts, which is not read. So many values are in the file, or a file of its size
-    /// may hold them.
+    /// The shape of a required array of counts, which is not kept. So many values are in the file, or a file of its size
+    /// may hold them. Counts that unpack to far more than the file are looked at: they hold a signal.
     ///
     /// # Errors
     /// As [`Variables::counts`], as far as the values do not matter.
     pub(super) fn counts_shape(&self, name: &str) -> Result<Vec<usize>> {
         let shape = match self {
-            Variables::Hdf5(file) => file.array(name)?.map(|array| array.shape),
+            Variables::Hdf5(file) => match file.array(name)? {
+                Some(array) => {
+                    if file.is_looked_at(&array) {
+                        blocks::look(file, &array)?;
+                    }
+                    Some(array.shape)
+                }
+                None => None,
+            },
             Variables::Matlab5(file) => file.counts_shape(name)?,
         };
         shape.ok_or_else(|| self.missing(name))

@@ -27,6 +27,7 @@ use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
 use crate::files::atomic;
+use crate::host;
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -34,8 +35,7 @@ use crate::files::atomic;
 /// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths that
 /// include the outer legs if the file does not hold the positions of the devices.
 pub fn read(source: &Variables) -> Result<Capture> {
-    let h = source.counts("H")?;
-    let (integer_counts, shape) = (h.whole(), h.shape);
+    let shape = source.counts_shape("H")?;
     let (laser_shape, laser) =
         vectors(source, "laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
     let (sensor_shape, sensor) =
@@ -82,11 +82,12 @@ pub fn read(source: &Variables) -> Result<Capture> {
         (false, _) => per_pair(what, given, pairs),
         (true, Side::Laser) => {
             let given = per_pair(what, given, l)?;
-            Ok(given.iter().flat_map(|&p| std::iter::repeat_n(p, s)).collect())
+            let all = given.iter().flat_map(|&p| std::iter::repeat_n(p, s)); // bounded: an iterator
+            host::collected(what, pairs, all)
         }
         (true, Side::Sensor) => {
             let given = per_pair(what, given, s)?;
-            Ok((0..l).flat_map(|_| given.iter().copied()).collect())
+            host::collected(what, pairs, (0..l).flat_map(|_| given.iter().copied()))
         }
     };
     let normals = |what: &str, side| -> Result<Option<Vec<DVec3>>> {
@@ -96,7 +97,9 @@ pub fn read(source: &Variables) -> Result<Capture> {
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
     let sensor = spread("sensor_grid_xyz", Side::Sensor, sensor)?;
     let bin_width = source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?;
-    let histograms = transpose(&h.values, shape[0], pairs);
+    let h = source.counts("H")?;
+    let integer_counts = h.whole();
+    let histograms = transpose(&h.values, shape[0], pairs)?;
     let capture = Capture {
         laser_normal: normals("laser_grid_normals", Side::Laser)?,
         sensor_normal: normals("sensor_grid_normals", Side::Sensor)?,
@@ -108,7 +111,7 @@ pub fn read(source: &Variables) -> Result<Capture> {
         return Ok(capture);
     }
     // Pairs that were not measured are left out later; the rest must be valid.
-    capture.clone().without_missing()?.0.check()?;
+    legs::check_measured(&capture)?;
     let legs = outer_legs(source, &capture)?;
     legs::remove(&capture, &legs)
 }
@@ -165,8 +168,9 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
     capture.check()?;
     let faced = facing(capture);
     let capture = faced.as_ref().unwrap_or(capture);
+    let h = transpose(&capture.histograms, capture.pair_count(), capture.bins)?;
     atomic::replace(path, |temporary| {
-        write_file(capture, temporary).map_err(|e| {
+        write_file(capture, &h, temporary).map_err(|e| {
             Error::output(format!("{}: cannot be written: {e}", path.display()), "check path and disk")
         })
     })
@@ -176,7 +180,7 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
 fn facing(capture: &Capture) -> Option<Capture> {
     let missing = capture.laser_normal.is_none() || capture.sensor_normal.is_none();
     (missing && capture.is_planar()).then(|| {
-        let all = || Some(vec![DVec3::Z; capture.pair_count()]);
+        let all = || Some(vec![DVec3::Z; capture.pair_count()]); // bounded: as the points that are written
         let mut faced = capture.clone();
         faced.laser_normal = faced.laser_normal.or_else(all);
         faced.sensor_normal = faced.sensor_normal.or_else(all);
@@ -219,14 +223,13 @@ fn stored(capture: &Capture) -> ([Option<Vectors>; 4], Vec<usize>) {
     ([Some(laser), Some(sensor), laser_normal, sensor_normal], places)
 }
 
-fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Error> {
+fn write_file(capture: &Capture, h: &[f32], path: &Path) -> std::result::Result<(), Hdf5Error> {
     let file = H5File::create(path)?;
     let (vectors, places) = stored(capture);
     let shape = [&[capture.bins], &places[..]].concat();
     let chunk: Vec<usize> =
         std::iter::once(capture.bins.min(64)).chain(places.iter().map(|n| *n.min(&16))).collect();
-    let h = transpose(&capture.histograms, capture.pair_count(), capture.bins);
-    match largest_count(&h).filter(|&largest| capture.integer_counts && largest < 4_294_967_296.0) {
+    match largest_count(h).filter(|&largest| capture.integer_counts && largest < 4_294_967_296.0) {
         Some(_) => {
             let counts: Vec<u32> = h.iter().map(|&v| v as u32).collect();
             file.new_dataset::<u32>()
@@ -242,7 +245,7 @@ fn write_file(capture: &Capture, path: &Path) -> std::result::Result<(), Hdf5Err
                 .chunk(&chunk)
                 .shuffle_deflate(6)
                 .create("H")?
-                .write_raw(&h)?;
+                .write_raw(h)?;
         }
     }
     let names = ["laser_grid_xyz", "sensor_grid_xyz", "laser_grid_normals", "sensor_grid_normals"];

@@ -19,6 +19,7 @@ use super::variables::{Counts, Variables};
 use super::{frame, legs, unit};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
+use crate::host;
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
@@ -26,15 +27,17 @@ use crate::error::{Error, Result};
 /// `Kind::Input` for missing arrays, shapes that do not agree, or an axis order that cannot be determined.
 pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
     let number = |name: &str| -> Result<f64> { file.number(name)?.ok_or_else(|| file.missing(name)) };
-    let counts = file.counts("data")?;
+    let shape = file.counts_shape("data")?;
     let sensors = Grid::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
     let lasers = Grid::read(file, "laser")?;
     let bins = file.number("t")?.map(|t| t as usize);
-    let axes = Axes::of(&counts.shape, [&sensors, lasers.as_ref().unwrap_or(&sensors)], bins)?;
+    let axes = Axes::of(&shape, [&sensors, lasers.as_ref().unwrap_or(&sensors)], bins)?;
     let confocal = axes.size.len() == 5;
-    let integer_counts = counts.whole();
     let kept = kept_bounces(given.bounce, axes.size[2], notes)?;
-    let histograms = axes.gather(&counts, kept);
+    let counts = file.counts("data")?;
+    let integer_counts = counts.whole();
+    let histograms = axes.gather(&counts, kept)?;
+    drop(counts);
     let sensor_places = sensors.ordered(axes.reversed);
     let (laser_places, scan, laser, sensor);
     if confocal {
@@ -60,8 +63,9 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
             (_, 1) => [axes.size[5], axes.size[6]],
             _ => [l, s],
         };
-        laser = (0..l * s).map(|p| laser_places.points[p / s]).collect();
-        sensor = (0..l * s).map(|p| sensor_places.points[p % s]).collect();
+        let all = |of: &dyn Fn(usize) -> DVec3| host::collected("the wall points", l * s, (0..l * s).map(of));
+        laser = all(&|p| laser_places.points[p / s])?;
+        sensor = all(&|p| sensor_places.points[p % s])?;
     }
     let s = sensor_places.points.len();
     let pairs = scan[0] * scan[1];
@@ -76,7 +80,7 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         ..Capture::new(scan, laser, sensor, axes.size[1], number("deltaT")?, histograms)
     };
     // Pairs that were not measured are left out later; the rest must be valid.
-    capture.clone().without_missing()?.0.check()?;
+    legs::check_measured(&capture)?;
     let device = |name: &str| -> Result<DVec3> { file.point(name)?.ok_or_else(|| file.missing(name)) };
     let camera_at = device("cameraPosition")?;
     let laser_at =
@@ -155,7 +159,9 @@ impl Grid {
         let name = format!("{side}GridNormals");
         let normals = match vectors(&name)? {
             Some((_, _, normals)) if normals.len() == points.len() => Some(normals),
-            Some((_, _, normals)) if normals.len() == 1 => Some(vec![normals[0]; points.len()]),
+            Some((_, _, normals)) if normals.len() == 1 => {
+                Some(host::filled(&name, points.len(), normals[0])?)
+            }
             Some((_, _, normals)) => {
                 return Err(Error::input(
                     format!("{name} holds {} normals for {} points", normals.len(), points.len()),
@@ -237,7 +243,10 @@ impl Axes {
     }
 
     /// Histograms pair by pair, laser points slowest, summed over colours and the kept bounces.
-    fn gather(&self, counts: &Counts, kept: Range<usize>) -> Vec<f32> {
+    ///
+    /// # Errors
+    /// `Kind::Memory` if they do not fit.
+    fn gather(&self, counts: &Counts, kept: Range<usize>) -> Result<Vec<f32>> {
         let axes = self.size.len();
         // Stride in the file of each axis of the format.
         let mut step = vec![1usize; axes];
@@ -248,7 +257,7 @@ impl Axes {
         }
         let (bins, sensors) = (self.size[1], self.size[3] * self.size[4]);
         let lasers: usize = self.size[5..].iter().product();
-        let mut histograms = Vec::with_capacity(lasers * sensors * bins);
+        let mut histograms = host::room("the counts", lasers * sensors * bins)?;
         for laser in 0..lasers {
             for sensor in 0..sensors {
                 let mut at = sensor / self.size[4] * step[3] + sensor % self.size[4] * step[4];
@@ -264,6 +273,6 @@ impl Axes {
                 }
             }
         }
-        histograms
+        Ok(histograms)
     }
 }

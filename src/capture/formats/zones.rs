@@ -11,7 +11,7 @@
 use glam::DVec3;
 
 use super::given::Given;
-use super::{frame, triples};
+use super::{frame, npz, triples};
 use crate::capture::{Capture, seen};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
@@ -35,16 +35,16 @@ pub(super) fn is_one(npz: &Npz) -> bool {
 /// `Kind::Input` for arrays that do not agree.
 pub(super) fn read(npz: &mut Npz, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
     const WANTED: &str = "hists (zones, t) and pt_cloud (zones, 3)";
-    let (hists, cloud) = (npz.require("hists", WANTED)?, npz.require("pt_cloud", WANTED)?);
+    let (hists, cloud) = (npz::counts_shape(npz, "hists", WANTED)?, npz.require("pt_cloud", WANTED)?);
     let points = triples("pt_cloud", &cloud.shape, &cloud.to_f64())?;
-    let (zones, bins) = match hists.shape[..] {
+    let (zones, bins) = match hists[..] {
         [zones, bins] => (zones, bins),
         [rows, columns, bins] => (rows.saturating_mul(columns), bins),
         _ => (0, 0),
     };
     if zones != points.len() {
         return Err(Error::input(
-            format!("hists has shape {:?} and pt_cloud {:?}, which do not agree", hists.shape, cloud.shape),
+            format!("hists has shape {hists:?} and pt_cloud {:?}, which do not agree", cloud.shape),
             "hists is (zones, t) and pt_cloud (zones, 3), of the same zones",
         ));
     }
@@ -56,7 +56,7 @@ pub(super) fn read(npz: &mut Npz, given: &Given, notes: &mut Vec<String>) -> Res
             "zones are as wide as they are apart on the wall: laser and sensor have spots of {spot:.3} m"
         ));
     }
-    let histograms = hists.to_f32();
+    let histograms = npz::counts(npz, "hists", WANTED)?;
     let capture = Capture {
         integer_counts: seen::whole(&histograms),
         laser_spot: spot,

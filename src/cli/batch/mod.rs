@@ -4,6 +4,7 @@ mod args;
 mod list;
 
 use std::ops::ControlFlow;
+use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
@@ -69,7 +70,7 @@ impl Caller for Args {
         let (loaded, request) = each.load(&capture.path)?;
         let mut request = each.over(request);
         for file in [&mut request.truth, &mut request.volume_file].into_iter().flatten() {
-            *file = file.to_string_lossy().replace(NAME, &capture.name).into();
+            *file = with_name(file, &capture.name);
         }
         Ok((loaded, request))
     }
@@ -79,16 +80,25 @@ impl Caller for Args {
     }
 }
 
+/// The path with the name in place of `{}`. Paths without it stay as they are: they may be no text.
+fn with_name(path: &Path, name: &str) -> PathBuf {
+    let part = |part: Component<'_>| match part.as_os_str().to_string_lossy() {
+        text if text.contains(NAME) => text.replace(NAME, name).into(),
+        _ => part.as_os_str().to_owned(),
+    };
+    path.components().map(part).collect()
+}
+
 /// What happened to a capture, as one line of JSON.
 fn line(told: &Told) -> serde_json::Value {
     json!({
-        "capture": told.capture.path,
+        "capture": told.capture.path.to_string_lossy(),
         "name": told.capture.name,
         "status": told.status,
         "seconds": told.seconds,
         "error": told.error.as_ref().map(|e| &e.what),
         "remedy": told.error.as_ref().map(|e| advice::text(&e.mend)),
-        "folder": told.folder,
+        "folder": told.folder.as_ref().map(|path| path.to_string_lossy()),
         "figures": told.figures,
     })
 }

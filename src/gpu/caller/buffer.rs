@@ -1,5 +1,6 @@
 //! A caller's buffers and semaphores, and memory that other programs and interfaces share.
 
+use std::os::fd::{AsRawFd, BorrowedFd, FromRawFd, IntoRawFd, OwnedFd, RawFd};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -86,15 +87,21 @@ struct Memory {
 
 impl Imported {
     /// Imports `bytes` bytes of the memory behind an opaque file descriptor (VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT).
-    /// `memory_bytes` is the size of the whole memory as it was allocated. The descriptor belongs to Vulkan afterwards, if
-    /// this succeeds.
+    /// `memory_bytes` is the size of the whole memory as it was allocated, and `memory_type` the index of its type, which
+    /// Vulkan asks to be the same; `None` takes the lowest that fits. The descriptor belongs to this afterwards, if this
+    /// succeeds; else it is as before.
     ///
     /// # Errors
     /// The device does not import memory, or not this memory.
     ///
     /// # Safety
     /// The descriptor is one of memory of this GPU, of so many bytes.
-    pub unsafe fn by_fd(gpu: &Gpu, fd: i32, memory_bytes: u64, bytes: u64) -> Result<Imported> {
+    pub unsafe fn by_fd(
+        gpu: &Gpu,
+        fd: i32,
+        [memory_bytes, bytes]: [u64; 2],
+        memory_type: Option<u32>,
+    ) -> Result<Imported> {
         let refused = |e: vk::Result| {
             Error::memory(
                 format!("{} does not import {bytes} bytes of memory ({e})", gpu.info.name),
@@ -126,18 +133,32 @@ impl Imported {
         // SAFETY: the device is alive; every object is destroyed on failure, or by `drop`.
         unsafe {
             let buffer = device.create_buffer(&info, None).map_err(refused)?;
+            // The buffer goes on every failure from here on, and the memory with it once there is some.
+            let mut made = Memory { gpu: gpu.clone(), buffer, memory: vk::DeviceMemory::null(), bytes };
             let needs = device.get_buffer_memory_requirements(buffer);
-            let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(kind).fd(fd);
+            let lowest = needs.memory_type_bits.trailing_zeros();
+            let memory_type = memory_type.unwrap_or(lowest);
+            let fits = needs.memory_type_bits.checked_shr(memory_type).is_some_and(|bits| bits & 1 == 1);
+            if !fits || needs.size > memory_bytes {
+                return Err(Error::options(
+                    format!(
+                        "memory of type {memory_type} with {memory_bytes} bytes does not take a buffer of {bytes} bytes, which needs {}",
+                        needs.size
+                    ),
+                    "give the whole size and the type with which the memory was allocated, or fewer bytes",
+                ));
+            }
+            // Vulkan takes the descriptor when it imports, but the binding may still fail: it gets a copy.
+            let copy = copied(fd)?;
+            let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(kind).fd(copy.as_raw_fd());
             let allocate = vk::MemoryAllocateInfo::default()
                 .allocation_size(memory_bytes)
-                .memory_type_index(needs.memory_type_bits.trailing_zeros())
+                .memory_type_index(memory_type)
                 .push_next(&mut import);
-            let memory = device
-                .allocate_memory(&allocate, None)
-                .inspect_err(|_| device.destroy_buffer(buffer, None))
-                .map_err(refused)?;
-            let made = Memory { gpu: gpu.clone(), buffer, memory, bytes };
-            device.bind_buffer_memory(buffer, memory, 0).map_err(refused)?;
+            made.memory = device.allocate_memory(&allocate, None).map_err(refused)?;
+            let _ = copy.into_raw_fd();
+            device.bind_buffer_memory(buffer, made.memory, 0).map_err(refused)?;
+            drop(OwnedFd::from_raw_fd(fd));
             gpu.name(buffer, "imported");
             Ok(Imported(Arc::new(made)))
         }
@@ -157,6 +178,21 @@ impl Imported {
         let lent = unsafe { Lent::new(self.0.buffer, 0, self.0.bytes)? };
         Ok(Lent { imported: Some(self.clone()), ..lent })
     }
+}
+
+/// Another descriptor of the same file.
+fn copied(fd: RawFd) -> Result<OwnedFd> {
+    let none = |e: std::io::Error| {
+        Error::options(
+            format!("{fd} is no file descriptor ({e})"),
+            "give the one that the memory was exported to",
+        )
+    };
+    if fd < 0 {
+        return Err(none(std::io::ErrorKind::InvalidInput.into()));
+    }
+    // SAFETY: it is borrowed for this call only; the system refuses one that is not open.
+    unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned().map_err(none)
 }
 
 impl Drop for Memory {

@@ -10,6 +10,7 @@ use std::time::Instant;
 use super::super::run::{self, Solved};
 use super::record::{Record, check_place};
 use super::{Batch, Caller, Figures, Listed, Status, Told};
+use crate::files::opened::{self, Stamp};
 use crate::files::staging::Staging;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions};
 use crate::job::{Loaded, Request};
@@ -129,11 +130,14 @@ impl<'b> Lines<'b> {
                 });
                 continue;
             }
-            let loaded = guarded(|| check_place(&folder).and_then(|()| self.caller.load(capture)));
+            let (loaded, mut looked) =
+                opened::during(|| guarded(|| check_place(&folder).and_then(|()| self.caller.load(capture))));
             let seconds = start.elapsed().as_secs_f64();
             match loaded {
                 Ok((loaded, request)) => {
                     let request = Request { preview: false, ..request };
+                    looked.extend(request.truth.iter().map(|truth| (truth.clone(), Stamp::of(truth))));
+                    let record = record.beside(&looked);
                     let notes = loaded.notes.clone();
                     let capture = capture.clone();
                     // It waits until a solver takes it. No solver left is the end.

@@ -1,19 +1,16 @@
 //! What a result folder was made from: it tells whether the result is done.
 
-use std::fs::{self, Metadata};
+use std::fs;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
 use super::super::words::write_json;
+use crate::files::opened::{Looked, Stamp};
 use crate::{Error, Result};
 
 /// The record's file in a result folder.
 pub const RECORD: &str = "made_from.json";
-
-/// A file with the times of flight that some captures have beside them.
-const BESIDE: &str = "tof.mat";
 
 /// Refuses a folder that no batch made: the result would take its place.
 ///
@@ -42,15 +39,15 @@ pub struct Record {
     options: Vec<String>,
     /// The capture's files.
     files: Vec<Made>,
+    /// Other files that were looked for, in the order of their paths: whether they are there, and how, may change the result.
+    beside: Vec<(String, Option<Stamp>)>,
 }
 
 /// A file, as it was when it was read.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 struct Made {
     name: String,
-    bytes: u64,
-    /// Nanoseconds since 1970.
-    changed: u64,
+    stamp: Stamp,
 }
 
 impl Record {
@@ -62,10 +59,19 @@ impl Record {
             files.extend(entries.filter_map(|e| Made::of(&e.path())));
         } else {
             files.extend(Made::of(capture));
-            files.extend(Made::of(&capture.with_file_name(BESIDE)).filter(|_| !capture.ends_with(BESIDE)));
         }
         files.sort();
-        Record { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files }
+        Record { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files, beside: vec![] }
+    }
+
+    /// The record with other files that were looked for when the capture was read. Paths are kept from the folder in which the
+    /// program runs, as they were given.
+    pub fn beside(mut self, looked: &[Looked]) -> Record {
+        let text = |(path, stamp): &Looked| (path.to_string_lossy().into_owned(), *stamp);
+        self.beside = looked.iter().map(text).collect();
+        self.beside.sort();
+        self.beside.dedup();
+        self
     }
 
     /// The record of a capture and another file that its result depends on.
@@ -77,8 +83,12 @@ impl Record {
     /// Whether `folder` holds a whole result that was made from the same. Its file `whole` comes last.
     pub fn is_done(&self, folder: &Path, whole: &str) -> bool {
         let text = fs::read_to_string(folder.join(RECORD)).ok();
-        let found = text.and_then(|text| serde_json::from_str::<Record>(&text).ok());
-        found.as_ref() == Some(self) && !self.files.is_empty() && folder.join(whole).is_file()
+        let Some(mut found) = text.and_then(|text| serde_json::from_str::<Record>(&text).ok()) else {
+            return false;
+        };
+        let beside = std::mem::take(&mut found.beside);
+        let same = beside.iter().all(|(path, stamp)| Stamp::of(Path::new(path)) == *stamp);
+        same && found == *self && !self.files.is_empty() && folder.join(whole).is_file()
     }
 
     /// Writes the record into `folder`.
@@ -92,12 +102,7 @@ impl Record {
 
 impl Made {
     fn of(path: &Path) -> Option<Made> {
-        let meta = fs::metadata(path).ok().filter(Metadata::is_file)?;
-        let changed = meta.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
-        Some(Made {
-            name: path.file_name()?.to_string_lossy().into_owned(),
-            bytes: meta.len(),
-            changed: changed.map_or(0, |t| t.as_nanos() as u64),
-        })
+        let stamp = Stamp::of(path)?;
+        Some(Made { name: path.file_name()?.to_string_lossy().into_owned(), stamp })
     }
 }
