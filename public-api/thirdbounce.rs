@@ -1668,6 +1668,7 @@ pub mod gpu {
         pub writes: bool,
     }
 }
+#[cfg(feature = "formats")]
 pub mod host {
     pub fn set_limit(bytes: Option<u64>) {}
     pub fn free() -> u64 {}
@@ -3687,6 +3688,7 @@ pub mod solve {
         pub mod passes {
             pub fn forward(plan: &Plan) -> &'static KernelCode {}
             pub fn residual(plan: &Plan) -> &'static KernelCode {}
+            pub fn objective(plan: &Plan) -> &'static Pass {}
         }
         mod share {
             #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -3796,6 +3798,7 @@ pub mod solve {
             pub touching: bool,
             pub pulse: usize,
             pub pulse_deviation: f64,
+            pub high_pass: bool,
             pub tap_sets: usize,
             pub tap_room: usize,
             pub lent: Option<LentRows>,
@@ -3875,7 +3878,6 @@ pub mod solve {
             ) -> Planned {}
             pub fn gpu(&self) -> &Gpu {}
             pub fn plan(&self) -> &Arc<Plan> {}
-            pub fn is_made(&self) -> bool {}
             pub fn give(
                 &mut self,
                 content: &[u8],
@@ -3889,12 +3891,6 @@ pub mod solve {
         }
     }
     mod result {
-        #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-        pub struct TakenOff {
-            pub left: f64,
-            pub left_without: f64,
-            pub strength: f64,
-        }
         #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
         pub struct Sharpness {
             pub setting: &'static str,
@@ -3925,7 +3921,6 @@ pub mod solve {
             pub is_warm: bool,
             pub filled: usize,
             pub sharpness: Option<Sharpness>,
-            pub beyond: Option<TakenOff>,
             pub noise: Option<f64>,
             pub exchanged: Exchanged,
             pub kernels: Vec<(&'static str, KernelTime)>,
@@ -4107,24 +4102,6 @@ pub mod solve {
         }
     }
     pub mod vector {
-        mod beyond {
-            mod aside {
-                #[derive(Debug, Clone, Copy, PartialEq)]
-                pub struct Aside {
-                    pub volume: Volume,
-                    pub beyond: f64,
-                    pub left: [f64; 2],
-                }
-                pub fn aside(
-                    gpu: &Gpu,
-                    capture: &Capture,
-                    inner: &Grid,
-                    options: &VectorOptions,
-                    memory: Option<u64>,
-                    watch: &mut Watch<'_>,
-                ) -> Result<Option<Aside>> {}
-            }
-        }
         mod devices {
             pub fn reconstruct_on<'b, 'w: 'b>(
                 gpus: &[Gpu],
@@ -4171,6 +4148,21 @@ pub mod solve {
         }
         mod hat {
             pub fn hat(sigma: f64, bins: usize) -> Vec<f32> {}
+        }
+        mod left {
+            #[derive(Debug, Clone, PartialEq)]
+            pub struct Left {
+                pub pairs: Vec<[f64; 2]>,
+                pub wide: Vec<[f64; 2]>,
+            }
+            impl Left {
+                pub fn in_wide_bins(&self) -> Left {}
+                pub fn share(&self) -> f64 {}
+                pub fn is_less(&self, other: &Left) -> bool {}
+            }
+        }
+        mod options {
+            pub const LEAST_FLOOR: f64 = 0.1;
         }
         mod prepared {
             pub fn prepare(
@@ -4234,6 +4226,13 @@ pub mod solve {
                     options: VectorOptions,
                     memory: Option<u64>,
                 ) -> Trial {}
+                pub fn set_high_pass(&mut self, [length, floor]: [f64; 2]) {}
+                pub fn bands(
+                    &mut self,
+                    length: f64,
+                    pulse: Option<&Pulse>,
+                    watch: &mut Watch<'_>,
+                ) -> Result<[f64; 2]> {}
                 pub fn own(&self) -> Option<&Own> {}
                 pub fn fit(
                     &mut self,
@@ -4249,26 +4248,17 @@ pub mod solve {
                     go_on: &mut dyn FnMut(Option<Left>) -> bool,
                 ) -> Result<()> {}
             }
-            #[derive(Debug, Clone, PartialEq)]
-            pub struct Left {
-                pub pairs: Vec<[f64; 2]>,
-                pub wide: Vec<[f64; 2]>,
-            }
-            impl Left {
-                pub fn in_wide_bins(&self) -> Left {}
-                pub fn share(&self) -> f64 {}
-                pub fn is_less(&self, other: &Left) -> bool {}
-            }
         }
-        pub use beyond::{Aside, aside};
         pub use devices::reconstruct_on;
         pub use follow::Follow;
         pub use frames::{ForFrames, Frames};
         pub use hat::hat;
-        pub use options::{Domain, VectorOptions};
+        pub use left::Left;
+        pub use options::{Domain, LEAST_FLOOR, VectorOptions};
         pub use prepared::{prepare, prepare_for_frames};
         pub use schedule::{due, iteration, start};
-        pub use trial::{Left, Own, PAIRS, Start, Trial};
+        pub use trial::{Own, PAIRS, Start, Trial};
+        pub fn usual_high_pass(capture: &Capture) -> f64 {}
         pub const HAT_SIGMA: f64 = 1.5;
         pub fn reconstruct<'b, 'w: 'b>(
             gpu: &Gpu,
@@ -4302,7 +4292,7 @@ pub mod solve {
         passes,
     };
     pub use prepared::Prepared;
-    pub use result::{ImageNoise, Reconstruction, Sharpness, TakenOff};
+    pub use result::{ImageNoise, Reconstruction, Sharpness};
     pub use solver::{Common, RunsOn, Solver};
     pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
     pub use surface::SurfaceOptions;
@@ -4580,6 +4570,19 @@ pub mod transport {
             pub fn depth_range(&self) -> [f64; 2] {}
         }
     }
+    mod high_pass {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct HighPass {
+            pub length: f64,
+            pub floor: f64,
+        }
+        impl HighPass {
+            pub fn decay(&self, bin_width: f64) -> f64 {}
+            pub fn apply(&self, row: &mut [f64], bin_width: f64) {}
+            pub fn bands(&self, rows: &[f64], bins: usize, bin_width: f64) -> [f64; 2] {}
+            pub fn of_noise(&self, bins: usize, bin_width: f64) -> f64 {}
+        }
+    }
     mod model {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
         pub enum Sampling {
@@ -4610,6 +4613,7 @@ pub mod transport {
             pub elements: usize,
             pub pulse: Option<PulseTaps>,
             pub pulse_shape: Option<Pulse>,
+            pub high_pass: Option<HighPass>,
             pub peak: f64,
             pub counts_per_unit: f64,
             pub reference: f64,
@@ -5201,6 +5205,7 @@ pub mod transport {
         }
     }
     pub use grid::{BRICK_VOXELS, Grid, Volume};
+    pub use high_pass::HighPass;
     pub use model::{Binning, Gradient, Model, Sampling, cells};
     pub use moments::Moments;
     pub use reflectance::Reflectance;
@@ -5251,6 +5256,17 @@ pub mod trials {
         }
         pub fn preset_for(capture: &Capture) -> Preset {}
     }
+    mod high_pass {
+        #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+        pub struct FoundHighPass {
+            pub length: f64,
+            pub floor: f64,
+            pub left: [f64; 2],
+        }
+        impl FoundHighPass {
+            pub fn note(&self) -> String {}
+        }
+    }
     mod model {
         pub const MODELS: [Reflectance; 3] = [
             Reflectance::Cosine,
@@ -5274,18 +5290,6 @@ pub mod trials {
             pub fn note(&self) -> String {}
         }
     }
-    mod place {
-        #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-        pub struct FoundPlace {
-            pub extent: [f64; 6],
-            pub beyond: f64,
-            pub left: [f64; 2],
-        }
-        impl FoundPlace {
-            pub fn volume(&self) -> Volume {}
-            pub fn note(&self) -> String {}
-        }
-    }
     mod pulse {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct FoundPulse {
@@ -5300,8 +5304,8 @@ pub mod trials {
         }
     }
     pub use choice::{Choice, Resolved, Tuned, preset_for};
+    pub use high_pass::FoundHighPass;
     pub use model::{FoundModel, MODELS, Refuted};
-    pub use place::FoundPlace;
     pub use pulse::FoundPulse;
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub enum FindPulse {
@@ -5318,18 +5322,18 @@ pub mod trials {
         pub memory: Option<u64>,
     }
     impl Ask<'_> {
+        pub fn finds_high_pass(&self) -> bool {}
         pub fn find_pulse(&self, capture: &Capture) -> FindPulse {}
     }
     #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
     pub struct Found {
-        pub place: Option<FoundPlace>,
         pub model: Option<FoundModel>,
+        pub high_pass: Option<FoundHighPass>,
         pub pulse: Option<FoundPulse>,
         pub seconds: f64,
     }
     impl Found {
         pub fn notes(&self) -> Vec<String> {}
-        pub fn volume(&self, given: Option<Volume>) -> Option<Volume> {}
         pub fn settle<'c>(
             &self,
             solver: &SolverOptions,

@@ -42,6 +42,7 @@ pub mod export;
 #[cfg(feature = "formats")]
 pub mod files;
 pub mod gpu;
+#[cfg(feature = "formats")]
 pub mod host;
 #[cfg(feature = "formats")]
 pub mod job;

@@ -4,7 +4,9 @@
 //! of the hidden object. Least squares on raw histograms bend the volume to them. So the vector solver may minimise
 //! |F S (A v - h)|², where S are the roots of the bins' weights and
 //!
-//!     F = 1 - (1 - floor) (1 + κ L)⁻¹,
+//! ```text
+//! F = 1 - (1 - floor) (1 + κ L)⁻¹,
+//! ```
 //!
 //! with L the second difference of a histogram with free ends and κ = σ² / 2 for a length σ in bins. (1 + κ L)⁻¹ is the
 //! smoother of Whittaker (1923) with first differences: a two-sided exponential of standard deviation σ. F is symmetric
@@ -117,10 +119,10 @@ mod tests {
         let columns: Vec<Vec<f64>> =
             (0..count).map(|k| through(|i| f64::from(u8::from(i == k)), count)).collect();
         let mut squares = 0.0;
-        for i in 0..count {
-            for k in 0..count {
-                assert!((columns[i][k] - columns[k][i]).abs() < 1e-12);
-                squares += columns[i][k].powi(2);
+        for (i, column) in columns.iter().enumerate() {
+            for (k, value) in column.iter().enumerate() {
+                assert!((value - columns[k][i]).abs() < 1e-12);
+                squares += value * value;
             }
         }
         assert!((FILTER.of_noise(count, 0.01) / (squares / count as f64) - 1.0).abs() < 1e-9);

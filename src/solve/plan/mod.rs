@@ -173,9 +173,8 @@ impl Plan {
         let fixed = matches!(accumulation, Accumulation::Fixed | Accumulation::Fixed32);
         let crowded = |l: &Level| capacity.min(l.grid.storage()) / l.bins > VOXELS_PER_BIN;
         let runs = !fixed && tuning.window == 0 && levels.iter().any(crowded);
-        let touches = |l: &Level| model.touches(&l.grid);
         let mut plan = Plan {
-            touching: demand.general || levels.iter().chain(&pixel_levels).any(touches),
+            touching: demand.general || levels.iter().chain(&pixel_levels).any(|l| model.touches(&l.grid)),
             reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
             levels,
             pixel_levels,
