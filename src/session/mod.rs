@@ -75,7 +75,6 @@ pub struct SessionOptions {
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the vector solver.
     pub follow: Option<Follow>,
     /// Frames may lie in buffers of the caller's ([`Session::submit_lent`]). For the vector solver, and for photon counts.
-    /// Light from beyond the box is not searched for: that needs the counts on the host.
     pub lent: bool,
 }
 

@@ -15,8 +15,7 @@ pub trait Prepared: Send {
     /// Levels, passes and buffers.
     fn plan(&self) -> &Arc<Plan>;
 
-    /// Makes all kernels and buffers now, and keeps all of them from capture to capture. Without it, they are made for
-    /// the first capture, and the search for light from beyond the box gives its own back.
+    /// Makes all kernels and buffers now. Without it, they are made for the first capture.
     ///
     /// # Errors
     /// Memory or device do not allow it.

@@ -11,8 +11,7 @@ use crate::solve::{Demand, LeftOut, LentRows, Level, Needs, Plan};
 pub struct Frames {
     /// They begin with the frame before.
     pub follow: Option<Follow>,
-    /// Their counts may lie in a caller's buffer, in these rows. The search for light from beyond the box needs them on
-    /// the host, and is left out.
+    /// Their counts may lie in a caller's buffer, in these rows.
     pub lent: Option<LentRows>,
 }
 
