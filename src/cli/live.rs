@@ -9,6 +9,7 @@ use thirdbounce::capture::{Capture, Turn, auto_gate};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
+use thirdbounce::solve::option::Value;
 use thirdbounce::solve::vector::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
@@ -102,7 +103,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     interrupt::take_care();
     let Some((source, scan)) = source(args)? else { return Ok(()) };
-    let resolved = args.solver.choice().resolve(&scan);
+    // Frames follow each other by all of their light: fast light is new wherever something moves.
+    let resolved = args.solver.choice().with_usual("high_pass", &Value::Number(0.0)).resolve(&scan);
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {

@@ -48,6 +48,15 @@ impl Choice {
         }
     }
 
+    /// This choice with the value of an option, if it leaves that open.
+    #[must_use]
+    pub fn with_usual(mut self, key: &'static str, value: &Value) -> Choice {
+        if self.options.iter().all(|(known, _)| *known != key) {
+            self.options.push((key, value.clone()));
+        }
+        self
+    }
+
     /// Refuses unknown names and values out of range. The ranges do not depend on the capture.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStringExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fixtures::command::{fail, program, stderr, stdout, succeed};
 
@@ -133,12 +133,15 @@ fn a_signal_to_end_keeps_the_checkpoint() {
             "--iterations",
             "100000",
         ]);
-        command
-            .args(["--stop", "never", "--checkpoint-every", "1000000", "--quiet", "--checkpoint"])
-            .arg(&state);
+        command.args(["--stop", "never", "--checkpoint-every", "50", "--quiet", "--checkpoint"]).arg(&state);
         command.arg("--out").arg(folder.path().join("out")).stdout(Stdio::null()).stderr(Stdio::piped());
         let child = command.spawn().unwrap();
-        std::thread::sleep(Duration::from_secs(4));
+        // The solve is under way once there is a checkpoint; the signal must leave another.
+        let begun = Instant::now();
+        while !state.is_file() && begun.elapsed() < Duration::from_secs(120) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        std::fs::remove_file(&state).expect("a checkpoint on the way");
         assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));

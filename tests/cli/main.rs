@@ -9,6 +9,7 @@ mod compare;
 mod devices;
 mod examples;
 mod family;
+mod high_pass;
 mod hostile;
 mod live;
 mod model;

@@ -210,7 +210,7 @@ fn trials_are_heard_and_may_be_broken_off() {
     let request = Request { volume: Some(volume), find_pulse: FindPulse::Always, ..Request::new(far, &out) };
     let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     assert!(
-        done.notes[0].contains("pulse is not known") && done.notes[0].contains("no surface"),
+        done.notes.iter().any(|note| note.contains("pulse is not known") && note.contains("no surface")),
         "{:?}",
         done.notes
     );
@@ -225,7 +225,9 @@ fn its_width_is_found_and_told() {
         write(&changed(&capture(pulse), |c| c.pulse = None), &file).unwrap();
         file.display().to_string()
     });
-    let short = ["--model", "cosine", "--lateral", "32", "--iterations", "15", "--surface-iterations", "10"];
+    // Of so few pairs, fast light alone shows a pulse of a bin where there is none.
+    let plain = ["--model", "cosine", "--lateral", "32", "--iterations", "15", "--surface-iterations", "10"];
+    let short = [&plain[..], &["--high-pass", "0"]].concat();
     let solve = |from: &str, name: &str, more: &[&str]| {
         let out = place(name);
         let said = command::thirdbounce(&[&["reconstruct", from, "--out", &out], &short[..], more].concat());

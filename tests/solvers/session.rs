@@ -187,7 +187,8 @@ fn a_session_gives_the_maps_of_the_command() {
     let loaded = thirdbounce::job::load(&input).unwrap();
     let solver = vector(|o| {
         (o.lateral, o.iterations, o.surface.pixels_per_voxel) = (32, 40, Some(1));
-        o.domain.coarse_iterations = 15;
+        // A session looks for nothing that is not given.
+        (o.domain.coarse_iterations, o.high_pass) = (15, Some(0.1));
     });
     let request = Request { bins: Bins::Sum(1), ..Request::new(solver.clone(), folder.path().join("out")) };
     let mut hear = |_: &Progress| ControlFlow::Continue(());

@@ -43,6 +43,9 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics 
     options.set("iterations", &Value::Count(if solver == "paper" { 20 } else { 40 }));
     options.set("double_every", &Value::Count(10));
     options.set("surface_iterations", &Value::Count(40));
+    // As a run finds it for such counts.
+    options.set("high_pass", &Value::Number(0.1));
+    options.set("high_pass_floor", &Value::Number(0.3));
     options.set("accumulation", &Value::Word("repeatable".into()));
     let done = reconstructed(gpu, &options, capture);
     assert!(done.trace.iter().all(|p| p.loss.is_finite()));

@@ -49,10 +49,11 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
     let (scan, laser, sensor) = if shape.len() > 2 && shape[1..] == [laser.places(), sensor.places()].concat()
     {
         let (lasers, sensors) = (laser.points.len(), sensor.points.len());
-        let pairs = lasers * sensors;
+        let pairs = lasers.saturating_mul(sensors);
         ([lasers, sensors], laser.spread(pairs, |p| p / sensors)?, sensor.spread(pairs, |p| p % sensors)?)
     } else if let [_, nx, ny] = shape[..] {
-        ([nx, ny], laser.per_pair(nx * ny)?, sensor.per_pair(nx * ny)?)
+        let pairs = nx.saturating_mul(ny);
+        ([nx, ny], laser.per_pair(pairs)?, sensor.per_pair(pairs)?)
     } else if let [_, pairs] = shape[..]
         && [&laser, &sensor].iter().all(|side| side.points.len() == 1 || side.places() == [pairs])
     {

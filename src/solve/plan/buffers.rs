@@ -99,7 +99,7 @@ impl Plan {
         let lent = (self.pairs * self.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
-        let losses = losses.max(self.own(self.pairs) as u64);
+        let losses = if self.high_pass { losses.max(self.rows_held() as u64) } else { losses };
         let mut all = vec![
             (buffer::WALL, self.whole_wall()),
             (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.bins)),
@@ -152,6 +152,14 @@ impl Plan {
         }
         let all = self.levels.iter().chain(&self.pixel_levels);
         all.map(|l| super::cells(self.held(l), l.bins) as u64).max().unwrap_or(whole)
+    }
+
+    /// The most histograms that are on the device at once.
+    fn rows_held(&self) -> usize {
+        if self.cut.is_none() {
+            return self.own(self.pairs);
+        }
+        self.levels.iter().chain(&self.pixel_levels).map(|l| self.held(l)).max().unwrap_or(0)
     }
 
     /// Bytes of a buffer of measured histograms: of all pairs, or of those levels that are not cut into parts.
