@@ -5232,6 +5232,7 @@ pub mod trials {
         }
         impl Choice {
             pub fn over(self, base: &Choice) -> Choice {}
+            pub fn with_usual(mut self, key: &'static str, value: &Value) -> Choice {}
             pub fn check(&self) -> Result<()> {}
             pub fn seed(&self) -> u64 {}
             pub fn solver_name(&self) -> &str {}

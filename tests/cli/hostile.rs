@@ -133,7 +133,7 @@ fn a_signal_to_end_keeps_the_checkpoint() {
             "--iterations",
             "100000",
         ]);
-        command.args(["--stop", "never", "--checkpoint-every", "50", "--quiet", "--checkpoint"]).arg(&state);
+        command.args(["--stop", "never", "--checkpoint-every", "200", "--quiet", "--checkpoint"]).arg(&state);
         command.arg("--out").arg(folder.path().join("out")).stdout(Stdio::null()).stderr(Stdio::piped());
         let child = command.spawn().unwrap();
         // The solve is under way once there is a checkpoint; the signal must leave another.

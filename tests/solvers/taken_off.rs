@@ -38,16 +38,21 @@ fn captures() -> ([Capture; 2], Truth) {
 }
 
 fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics {
+    solved_with(gpu, &options_of(solver, capture), capture, truth)
+}
+
+fn options_of(solver: &str, capture: &Capture) -> SolverOptions {
     let suit = Suit { preset: preset_for(capture), ..Suit::of(capture) };
     let mut options = SolverOptions::suited_to(solver, &suit).unwrap().with_lateral(LATERAL);
     options.set("iterations", &Value::Count(if solver == "paper" { 20 } else { 40 }));
     options.set("double_every", &Value::Count(10));
     options.set("surface_iterations", &Value::Count(40));
-    // As a run finds it for such counts.
-    options.set("high_pass", &Value::Number(0.1));
-    options.set("high_pass_floor", &Value::Number(0.3));
     options.set("accumulation", &Value::Word("repeatable".into()));
-    let done = reconstructed(gpu, &options, capture);
+    options
+}
+
+fn solved_with(gpu: &Gpu, options: &SolverOptions, capture: &Capture, truth: &Truth) -> Metrics {
+    let done = reconstructed(gpu, options, capture);
     assert!(done.trace.iter().all(|p| p.loss.is_finite()));
     metrics(&done.maps, truth, 0.3).unwrap()
 }
@@ -125,7 +130,11 @@ fn results_are_no_worse_than_with_the_background() {
     // The paper's solver has no background of its own: it explains dark counts by its noise term, and starts anew here.
     for (solver, most) in [("vector", 0.05), ("paper", 0.25)] {
         let [with, without] = [&counts, &taken_off].map(|c| {
-            let m = solved(&gpu, solver, c, &truth);
+            let mut options = options_of(solver, c);
+            // As a run finds it for such counts.
+            options.set("high_pass", &Value::Number(0.1));
+            options.set("high_pass_floor", &Value::Number(0.3));
+            let m = solved_with(&gpu, &options, c, &truth);
             let best = m.at_best.unwrap();
             [m.best_iou.unwrap(), best.depth_mae.unwrap(), best.normal_error_deg.unwrap()]
         });

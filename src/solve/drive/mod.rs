@@ -109,12 +109,20 @@ pub(super) fn drive(
     run.reader.trace.reserve(iterations.saturating_sub(run.first));
     for i in run.first..iterations {
         run.keep_state(i)?;
+        if run.cancelled.is_some() {
+            break;
+        }
         run.add(i);
         if run.block_ends(i + 1) && run.submit(i + 1)? {
             break;
         }
     }
-    run.end()
+    match run.cancelled {
+        Some(after) => {
+            Err(Error::new(Kind::Cancelled, format!("cancelled after {after} iterations"), "run it again"))
+        }
+        None => run.end(),
+    }
 }
 
 /// A solve that is running.
@@ -145,6 +153,8 @@ struct Run<'r, 'w, 'k> {
     ahead: Option<Ahead>,
     /// See [`Steps::stop_below`].
     stop_below: OnceCell<f64>,
+    /// The iterations that the watch had heard of when it cancelled.
+    cancelled: Option<usize>,
 }
 
 /// A submitted block: its iterations, and the level that all of them run at.
@@ -174,6 +184,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             steps,
             watch,
             keeper,
+            cancelled: None,
             iterations: 0,
             reader: Reader::default(),
             flights: VecDeque::new(),
@@ -236,10 +247,13 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         Ok(())
     }
 
-    /// Saves the state before iteration `i`, if that is due. The block continues after it, so the trace is read at the
+    /// Saves the state before iteration `i`, if that is due, or if the watch cancelled. The block continues after it, so the trace is read at the
     /// same points as without a checkpoint.
     fn keep_state(&mut self, i: usize) -> Result<()> {
-        let Some(keeper) = self.keeper.as_mut().filter(|k| i > self.first && k.is_due(i)) else {
+        let ends = self.cancelled.is_some();
+        let Some(keeper) =
+            self.keeper.as_mut().filter(|k| i > self.first && (k.is_due(i) || ends && k.keep.every > 0))
+        else {
             return Ok(());
         };
         let ticket = self.device.lists.submit(&mut self.device.executor)?;
@@ -318,7 +332,11 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let mut fitted = false;
         let mut back = std::mem::take(&mut self.back);
         for (flight, seconds) in back.drain(..) {
-            fitted |= self.hear(flight, seconds, measured.then_some(done))?;
+            match self.cancelled {
+                None => fitted |= self.hear(flight, seconds, measured.then_some(done))?,
+                // A state that is saved has its points.
+                Some(_) => drop(self.read(&flight, seconds)?),
+            }
         }
         self.back = back;
         if self.flights.is_empty() {
@@ -343,9 +361,10 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let ahead = self.ahead.get_or_insert_with(|| Ahead::new(&self.steps, plan, run, unused));
         let remaining = ahead.seconds(&point, self.reader.pairs);
         let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of, remaining, maps };
+        let told = progress.point.iteration;
         if (self.watch.hear)(&progress).is_break() {
-            let what = format!("cancelled after {} iterations", point.iteration);
-            return Err(Error::new(Kind::Cancelled, what, "run it again"));
+            self.cancelled = Some(told);
+            return Ok(false);
         }
         let at_end = Some(&flight.level) == self.steps.levels.last();
         let below = |of: fn(&OnDevice) -> f64| objective <= *self.stop_below.get_or_init(|| of(self.device));
