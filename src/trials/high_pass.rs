@@ -12,6 +12,9 @@ use crate::solve::vector::LEAST_FLOOR;
 /// With a floor above this the high-pass changes too little to be worth its kernel.
 const HIGHEST: f64 = 0.7;
 
+/// Exact values have no noise, and files of state no infinite numbers.
+const MOST: f64 = 1e6;
+
 /// The result of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FoundHighPass {
@@ -27,7 +30,7 @@ pub struct FoundHighPass {
 impl FoundHighPass {
     /// Of what a volume leaves, over photon noise: mean squares of slow light, and of fast light.
     pub(super) fn of(length: f64, bands: [f64; 2]) -> FoundHighPass {
-        let left = bands.map(f64::sqrt);
+        let left = bands.map(|band| band.sqrt().min(MOST));
         let floor = (1.0 / left[0]).max(LEAST_FLOOR);
         match floor <= HIGHEST {
             true => FoundHighPass { length, floor, left },
@@ -49,5 +52,24 @@ impl FoundHighPass {
             "{what}: a fit leaves {slow:.1} times as much of it in pairs that it has not seen as of noise (give the length of the \
              high-pass to skip the trial)"
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_floor_follows_what_is_left_over_noise() {
+        let of = |slow: f64| FoundHighPass::of(0.1, [slow * slow, 1.0]);
+        assert_eq!((of(1.0).length, of(1.3).length), (0.0, 0.0), "noise alone");
+        assert!((of(4.0).floor - 0.25).abs() < 1e-12 && of(4.0).length == 0.1);
+        assert_eq!(of(1e3).floor, LEAST_FLOOR);
+        // Without noise, and without light: what is kept can be read again.
+        for bands in [[f64::INFINITY; 2], [f64::NAN; 2]] {
+            let found = FoundHighPass::of(0.1, bands);
+            let text = serde_json::to_string(&found).unwrap();
+            assert_eq!(serde_json::from_str::<FoundHighPass>(&text).unwrap(), found);
+        }
     }
 }

@@ -1,5 +1,6 @@
-//! What a run finds out by quick solves before the one that was asked for: how surfaces reflect, how wide the
-//! instrument's pulse is, and how much slow light counts. The trials share their pairs, their grid and, for each model, the volume that they begin with.
+//! What a run finds out by quick solves before the one that was asked for: how much slow light counts, how surfaces reflect,
+//! and how wide the instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they
+//! begin with.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
