@@ -178,7 +178,10 @@ mod tests {
     fn a_program_that_is_slow_gives_way() {
         let (address, take) = listening(None);
         let mut slow = TcpStream::connect(address).unwrap();
-        slow.write_all(&frame(1)[..5]).unwrap();
+        // It has its turn once a frame of it is there.
+        slow.write_all(&frame(1)).unwrap();
+        assert_eq!(next(&take).unwrap(), 1);
+        slow.write_all(&frame(4)[..5]).unwrap();
         let mut fast = TcpStream::connect(address).unwrap();
         fast.write_all(&frame(2)).unwrap();
         assert!(next(&take).unwrap_err().what.contains("ends after 5 bytes"));
