@@ -12,7 +12,7 @@ use thirdbounce::solve::surface::{self, Placed};
 use thirdbounce::solve::vector::follow::{self, passes::*};
 use thirdbounce::solve::{Accumulation, Format, NoiseTerm, OnDevice, intake, paper, sum_bins, vector};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::{Geometry, Model, Reflectance};
+use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
 
 use crate::intake::{ROWS, counts, lending, write_rows_of};
 
@@ -145,7 +145,10 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let grid = oblong();
     let field = field(&grid, 61);
     let model = variant(&scene(5, 48, 9), Geometry::TwoPoints, Reflectance::Lambertian, true, 62);
-    let model = spotted(&model, spots_for(Geometry::TwoPoints));
+    let model = Model {
+        high_pass: Some(HighPass { length: 0.05, floor: 0.1 }),
+        ..spotted(&model, spots_for(Geometry::TwoPoints))
+    };
     let o = surface_options(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let mut job = job(gpu, &model, &grid, &o);
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };
