@@ -1,7 +1,8 @@
 // How a pixel's slopes follow from its neighbours' depths. The slopes are those of the plane that fits the neighbours
 // best, each weighted by its bond (heights.glsl) to the pixel; written as coefficients of their depths minus the
 // pixel's own. Bonds come from the present depths and stay until this runs again, so slopes are linear in the depths in
-// between. One invocation owns one pixel.
+// between. One invocation owns one pixel. The first also renews the weights of the prior, once push.iteration iterations
+// are done: neighbours are weighed against what the surface leaves of the data.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,12 +12,19 @@ layout(std430, set = 0, binding = 1) buffer Pixels { uvec4 pixels[]; }; // colum
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, albedo
 layout(std430, set = 0, binding = 4) writeonly buffer Stencils { vec2 stencils[]; };
+layout(std430, set = 0, binding = 5) buffer SurfaceWeights { float surface_weights[]; };
+layout(std430, set = 0, binding = 6) readonly buffer Trace { uint trace[]; };
 
 #include "heights.glsl"
 
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (pixel >= push.last) return;
+    if (pixel == 0u && push.iteration > 0u) {
+        float left = uintBitsToFloat(trace[(push.iteration - 1u) * TRACE_ROW + TRACE_OBJECTIVE]);
+        surface_weights[SURFACE_BEND] = surface_weights[SURFACE_BEND_SHARE] * left;
+        surface_weights[SURFACE_JUMP] = surface_weights[SURFACE_JUMP_SHARE] * left;
+    }
     float depth = heights[pixel].x;
     float weights[8];
     float all = 1.0; // the pixel's own

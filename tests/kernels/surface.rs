@@ -72,6 +72,21 @@ pub fn bonds_and_points() {
         let pixels: Vec<[u32; 4]> = read(&mut job, buffer::PIXELS, field.len());
         assert!(pixels.iter().zip(&field.heights).all(|(p, h)| f64::from(f32::from_bits(p[2])) == h.depth));
 
+        // The weights of the prior follow what the second of these iterations left.
+        let mut weights =
+            SurfaceWeights { bend: 1.0, jump: 2.0, bend_share: 3.0, jump_share: 5.0, ..Default::default() };
+        write_weights(&mut job, &weights);
+        let mut rows = [0.125f32; 2 * TRACE_ROW as usize];
+        rows[(TRACE_ROW + TRACE_OBJECTIVE) as usize] = 0.5;
+        write(&mut job, buffer::TRACE, &rows);
+        for (done, left) in [(0, None), (2, Some(0.5))] {
+            let s = Schedule::of(|s| surface::bonds(s, job.plan.finest(), field.len(), done));
+            job.perform(&s);
+            left.into_iter().for_each(|left| weights.renew(left));
+            let got = read_floats(&mut job, buffer::SURFACE_WEIGHTS, SURFACE_WEIGHTS as usize);
+            assert_eq!([0, 1].map(|i| got[i]), [weights.bend, weights.jump], "after {done}");
+        }
+
         write(&mut job, buffer::COUNTS, &[(each * field.len()) as u32, 0, 0, 0, 0, 0]);
         let s = Schedule::of(|s| surface::points(s, job.plan.finest(), field.len()));
         job.perform(&s);
@@ -341,7 +356,7 @@ fn check_iterations(
     let mut job = job(gpu, &model, &grid, &o);
     let own = job.plan.passes.contains(&&surface::passes::SURFACE_FORWARD);
     assert_eq!(own, reflectance == Reflectance::Lambertian);
-    let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };
+    let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
     let mut words = surface::weights(&model, &grid, job.plan.finest(), placed, &o.surface);
     words[SURFACE_SPREAD as usize] = 1.25;
     let mut weights = SurfaceWeights::from(words);

@@ -17,6 +17,8 @@ const NO_PRIOR: SurfaceWeights = SurfaceWeights {
     spread: 0.0,
     sparse: 0.0,
     faint: 1.0,
+    bend_share: 0.0,
+    jump_share: 0.0,
 };
 const NOTHING: Height = Height { depth: 0.0, albedo: 0.0 };
 

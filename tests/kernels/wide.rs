@@ -151,7 +151,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     };
     let o = surface_options(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let mut job = job(gpu, &model, &grid, &o);
-    let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0 };
+    let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
     let words = surface::weights(&model, &grid, job.plan.finest(), placed, &o.surface);
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
     field.write(&mut job);

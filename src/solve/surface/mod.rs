@@ -42,15 +42,15 @@ pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, p
 pub use options::SurfaceOptions;
 use pixels::support;
 pub use pixels::{Pixels, SUPPORT};
-use schedule::{bonds, widen};
-pub use schedule::{extract, extract_behind, iteration, points, render, start};
+use schedule::widen;
+pub use schedule::{bonds, extract, extract_behind, iteration, points, render, start};
 use weights::coarser;
 pub use weights::{Placed, weights};
 
 /// The surface is rejected if its objective exceeds the volume's by this ratio.
 const WORSE: f64 = 2.0;
 
-/// The bonds are found again after every Nth iteration.
+/// The bonds and the weights of the prior are found again after every Nth iteration.
 const RENEW: usize = 10;
 
 /// A volume's maps after the surface.
@@ -223,9 +223,9 @@ fn steps(
             if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
                 *level = next;
                 widen(s, &all[*level], &weights[*level]);
-            }
-            if (done - begin).is_multiple_of(RENEW) {
-                bonds(s, &all[*level], count);
+                bonds(s, &all[*level], count, done);
+            } else if (done - begin).is_multiple_of(RENEW) {
+                bonds(s, &all[*level], count, done);
             }
         }),
         extract: Box::new(move |s, level| extract(s, level, of_layers, 0)),
@@ -338,7 +338,8 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
     }
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(scale)))?;
     let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    Ok(Some(Placed { pixels: pixels.len(), most, explained: scale * scale * rendered }))
+    let explained = scale * scale * rendered;
+    Ok(Some(Placed { pixels: pixels.len(), most, explained, left: measured - explained }))
 }
 
 /// Renders so many pixels, and leaves the objective in row `row` of the trace.

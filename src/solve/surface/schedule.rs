@@ -22,12 +22,14 @@ pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
     s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
-    bonds(s, level, count);
+    bonds(s, level, count, 0);
 }
 
-/// Finds the bonds of every pixel.
-pub fn bonds(s: &mut Schedule, level: &Level, count: usize) {
-    s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
+/// Finds the bonds of every pixel, and the weights of the prior by what was left after so many iterations as are `done`,
+/// if any are.
+pub fn bonds(s: &mut Schedule, level: &Level, count: usize, done: usize) {
+    let push = Push { iteration: done as u32, ..push(count) };
+    s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push);
 }
 
 /// Computes slopes and samples of the current surface.
@@ -113,9 +115,9 @@ fn columns(s: &mut Schedule, level: &Level) {
     s.copy(buffer::COLUMNS, COLUMNS_HOST, (level.grid.n[0] * level.grid.n[1]) as u64 * 32);
 }
 
-/// Continues with more pairs: new weights and dispatch sizes.
+/// Continues with more pairs: new shares and dispatch sizes. [`bonds`] must follow.
 pub fn widen(s: &mut Schedule, level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) {
-    for index in [SURFACE_BEND, SURFACE_JUMP] {
+    for index in [SURFACE_BEND_SHARE, SURFACE_JUMP_SHARE] {
         s.set(buffer::SURFACE_WEIGHTS, index, weights[index as usize].to_bits());
     }
     s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);

@@ -2,7 +2,6 @@
 
 use super::SurfaceOptions;
 use crate::solve::Level;
-use crate::solve::estimate::expected_noise;
 use crate::solve::plan::AMPLE;
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model, Reflectance};
@@ -11,9 +10,6 @@ use crate::transport::{Grid, Model, Reflectance};
 /// largest.
 const BEND: f64 = 0.1;
 const JUMP: f64 = 0.2;
-
-/// Amplitude that no model explains, as a share of the data's. It gives the prior a weight where there is no noise.
-const MISFIT: f64 = 0.05;
 
 /// First steps: of depths in bins of path and in pixels, whichever is less; of albedos as a share of the largest.
 const DEPTH_BINS: f64 = 1.0 / 3.0;
@@ -45,12 +41,8 @@ pub struct Placed {
     pub most: f64,
     /// The part of the data that its light explains: weighted squares, mean over bins.
     pub explained: f64,
-}
-
-/// The part of the data term that no surface need explain: photon noise, and the misfit of the model to the
-/// `explained` part.
-fn unexplained(model: &Model, explained: f64) -> f64 {
-    expected_noise(model).max(0.0) + MISFIT * MISFIT * explained
+    /// The part that it leaves.
+    pub left: f64,
 }
 
 /// The buffer `surface_weights`. `first` is the grid of the first level.
@@ -61,9 +53,10 @@ pub fn weights(
     placed: Placed,
     options: &SurfaceOptions,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
-    // Half of chi² is the objective divided by this.
-    let unit = 2.0 * unexplained(model, placed.explained) / model.elements_of(level.pairs).max(1) as f64;
+    // Half of chi² is the objective over this and over what is left: noise, and what the model does not explain.
+    let share = 2.0 / model.elements_of(level.pairs).max(1) as f64;
     let most = placed.most;
+    let [bend, jump] = [share / (BEND * BEND), share / (JUMP * most).powi(2)];
     let sparse = options.sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
     let coarser = coarser(first, &level.grid);
@@ -71,8 +64,10 @@ pub fn weights(
     let smooth = if lambertian { SMOOTH_LAMBERTIAN } else { SMOOTH };
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
     for (index, value) in [
-        (SURFACE_BEND, unit / (BEND * BEND)),
-        (SURFACE_JUMP, unit / (JUMP * most).powi(2)),
+        (SURFACE_BEND, bend * placed.left),
+        (SURFACE_JUMP, jump * placed.left),
+        (SURFACE_BEND_SHARE, bend),
+        (SURFACE_JUMP_SHARE, jump),
         (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
         (SURFACE_ALBEDO_RATE, ALBEDO * most),
         (SURFACE_ITERATIONS, options.iterations as f64),

@@ -52,6 +52,10 @@ pub struct SurfaceWeights {
     pub sparse: f64,
     /// Albedo above which more albedo adds little to that term.
     pub faint: f64,
+    /// `bend` over the objective.
+    pub bend_share: f64,
+    /// `jump` over the objective.
+    pub jump_share: f64,
 }
 
 impl SurfaceWeights {
@@ -61,6 +65,11 @@ impl SurfaceWeights {
             self.largest.depth = self.largest.depth.max(c.height.depth.abs());
             self.largest.albedo = self.largest.albedo.max(c.height.albedo.abs());
         }
+    }
+
+    /// Weighs the prior against what the surface leaves of the objective; [`surface_bonds`]' kernel does so, too.
+    pub fn renew(&mut self, left: f64) {
+        (self.bend, self.jump) = (self.bend_share * left, self.jump_share * left);
     }
 
     /// The term that keeps few pixels lit, for one pixel with this albedo, and its derivative by the albedo.
@@ -88,6 +97,8 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
             spread: at(SURFACE_SPREAD),
             sparse: at(SURFACE_SPARSE),
             faint: at(SURFACE_FAINT),
+            bend_share: at(SURFACE_BEND_SHARE),
+            jump_share: at(SURFACE_JUMP_SHARE),
         }
     }
 }

@@ -44,7 +44,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(LATERAL * LATERAL)))?;
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&words))?;
     let weights = {
-        let placed = Placed { pixels: pixels.len(), most: 2.0, explained: 1.0 };
+        let placed = Placed { pixels: pixels.len(), most: 2.0, explained: 1.0, left: 0.01 };
         surface::weights(&model, &grid, &level, placed, &options.surface)
     };
     upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
