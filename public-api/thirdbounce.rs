@@ -4023,6 +4023,7 @@ pub mod solve {
         }
         mod schedule {
             pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {}
+            pub fn bonds(s: &mut Schedule, level: &Level, count: usize, done: usize) {}
             pub fn points(s: &mut Schedule, level: &Level, count: usize) {}
             pub fn render(
                 s: &mut Schedule,
@@ -4057,6 +4058,7 @@ pub mod solve {
                 pub pixels: usize,
                 pub most: f64,
                 pub explained: f64,
+                pub left: f64,
             }
             pub fn weights(
                 model: &Model,
@@ -4072,7 +4074,9 @@ pub mod solve {
         };
         pub use options::SurfaceOptions;
         pub use pixels::{Pixels, SUPPORT};
-        pub use schedule::{extract, extract_behind, iteration, points, render, start};
+        pub use schedule::{
+            bonds, extract, extract_behind, iteration, points, render, start,
+        };
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
     }
@@ -4947,9 +4951,12 @@ pub mod transport {
                 pub spread: f64,
                 pub sparse: f64,
                 pub faint: f64,
+                pub bend_share: f64,
+                pub jump_share: f64,
             }
             impl SurfaceWeights {
                 pub fn see(&mut self, combined: &[Combined]) {}
+                pub fn renew(&mut self, left: f64) {}
             }
             impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {}
             pub fn surface_bonds(
