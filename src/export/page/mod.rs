@@ -154,11 +154,20 @@ pub fn write(path: &Path, title: &str, maps: &Maps, light: &Light, report: &Repo
     let json = serde_json::to_string(&data).map_err(|e| {
         Error::output(format!("{}: the page has no JSON ({e})", path.display()), "report this as a defect")
     })?;
-    // No text ends the element that holds it. The library goes last, as it is the longest.
-    let page = PAGE.replace("TITLE", &escaped(title)).replace("DATA", &json.replace('<', "\\u003c"));
-    let (before, after) = page.split_once("<script>LIBRARY</script>").unwrap_or((&page, ""));
-    let rest = after.replacen("SCRIPT", SCRIPT, 1);
-    atomic::write(path, format!("{before}<script>{LIBRARY}</script>{rest}").as_bytes())
+    atomic::write(path, page(title, &json).as_bytes())
+}
+
+/// The page with its gaps filled, in their order: what fills one is not searched for the next.
+fn page(title: &str, json: &str) -> String {
+    let (mut page, mut rest) = (String::new(), PAGE);
+    // No text ends the element that holds it.
+    let (title, json) = (escaped(title), json.replace('<', "\\u003c"));
+    for (gap, text) in [("TITLE", &*title), ("DATA", &json), ("LIBRARY", LIBRARY), ("SCRIPT", SCRIPT)] {
+        let (before, after) = rest.split_once(gap).unwrap_or((rest, ""));
+        page.extend([before, text]);
+        rest = after;
+    }
+    page + rest
 }
 
 /// Text as HTML.
@@ -171,6 +180,16 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+
+    #[test]
+    fn a_title_is_no_gap() {
+        let page = page("DATA.npz of LIBRARY", r#"{"title":"</script>"}"#);
+        assert!(page.contains("<title>thirdbounce: DATA.npz of LIBRARY</title>"));
+        assert!(
+            page.contains(r#"<script id="data" type="application/json">{"title":"\u003c/script>"}</script>"#)
+        );
+        assert!(page.ends_with(&format!("{SCRIPT}</script>\n</html>\n")));
+    }
 
     #[test]
     fn numbers_are_words_over_their_range() {
