@@ -117,9 +117,9 @@ fn a_pulse_that_shows_is_found_and_the_model_with_it() {
     assert!(report["settings"]["pulse_found"].is_null() && !tried(&report).is_empty());
 }
 
-/// Spheres that send light back to where it came from: no slope explains how bright they are. The surface of the cosine
-/// model bends until it predicts other pairs a little better than the true model's surface; its own volume predicts them
-/// better still, which ends the test at once.
+/// Plates that send light back to where it came from: no slope explains how bright they are. The surface of a wrong model
+/// bends until it predicts other pairs a little better than the true model's surface; its own volume predicts them better
+/// still, which ends the test at once.
 #[test]
 fn a_surface_that_is_worse_than_its_volume_refutes_its_model() {
     let figures = Figures::new();
