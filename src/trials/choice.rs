@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use super::{Ask, FindPulse, Found, MODELS};
+use super::model::possible_models;
+use super::{Ask, FindPulse, Found};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
@@ -103,7 +104,8 @@ impl Choice {
         let solver = of_model(named.unwrap_or(Reflectance::Cosine));
         // The paper's solver has the paper's model, and closed-form methods take the reflectance as given.
         let usual = self.model.is_none() && !solver.has_trials();
-        let models = if named.is_some() || usual { vec![] } else { MODELS.map(of_model).to_vec() };
+        let all = possible_models(capture.is_confocal()).map(of_model);
+        let models = if named.is_some() || usual { vec![] } else { all.collect() };
         Resolved { preset, why, solver, models }
     }
 

@@ -1,5 +1,5 @@
 //! What a run finds out by quick solves before the one that was asked for: how much slow light counts, how surfaces reflect,
-//! and how wide the instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they
+//! and what the instrument's pulse is. The trials share their pairs, their grid and, for each model, the volume that they
 //! begin with.
 
 use std::borrow::Cow;
@@ -27,6 +27,7 @@ pub use high_pass::FoundHighPass;
 use model::WITHOUT_NORMALS;
 pub use model::{FoundModel, MODELS, Refuted};
 pub use pulse::FoundPulse;
+use pulse::Shape;
 
 /// Fewer pairs that judge cannot tell a difference from chance.
 const LEAST_PAIRS: usize = 16;
@@ -182,14 +183,14 @@ pub fn find(
         Ok(answer) => (answer, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
         Err(e) => {
-            let width = (find_pulse == FindPulse::Always).then_some(0.0);
-            (Answer { reflectance: usual, width, refuted: None }, Some(e.what))
+            let pulse = (find_pulse == FindPulse::Always).then_some(Shape::SHARP);
+            (Answer { reflectance: usual, pulse, refuted: None }, Some(e.what))
         }
     };
-    let Answer { reflectance, width, refuted } = answer;
+    let Answer { reflectance, pulse, refuted } = answer;
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, refuted, failed.clone()));
-    let pulse = width.map(|width| FoundPulse::of(width, reflectance, &tried, seconds, failed));
+    let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, seconds, failed));
     Ok(Found { model, high_pass, pulse, seconds })
 }
 
@@ -197,8 +198,7 @@ pub fn find(
 #[derive(Debug, Clone, PartialEq)]
 struct Tried {
     reflectance: Reflectance,
-    /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths.
-    fwhm: f64,
+    pulse: Shape,
     begun: Begun,
     left: Option<Left>,
 }
@@ -216,8 +216,8 @@ enum Begun {
 /// What the trials say.
 struct Answer {
     reflectance: Reflectance,
-    /// Full width of the pulse at half maximum, metres of path; 0 for sharp paths. `None` if it was not looked for.
-    width: Option<f64>,
+    /// `None` if it was not looked for.
+    pulse: Option<Shape>,
     /// The model that would have been chosen, if its normals do not explain the light.
     refuted: Option<Refuted>,
 }
@@ -231,36 +231,37 @@ fn search(
     finds_model: bool,
     find_pulse: FindPulse,
 ) -> Result<Answer> {
-    let choose = |trials: &mut Trials<'_>, width: f64| match finds_model {
-        true => trials.best_model(width),
+    let choose = |trials: &mut Trials<'_>, pulse: Shape| match finds_model {
+        true => trials.best_model(pulse),
         false => Ok(usual),
     };
-    let mut reflectance = choose(trials, 0.0)?;
+    let mut reflectance = choose(trials, Shape::SHARP)?;
     let finds_pulse = match find_pulse {
         FindPulse::Never => false,
         FindPulse::IfItShows => trials.shows_pulse(reflectance)?,
         FindPulse::Always => true,
     };
-    let mut width = None;
+    let mut pulse = None;
     if finds_pulse {
-        let mut best = trials.best_width(reflectance)?;
-        if best > 0.0 {
+        let mut best = trials.best_pulse(reflectance)?;
+        if best != Shape::SHARP {
             let again = choose(trials, best)?;
             if again != reflectance {
                 reflectance = again;
-                best = trials.best_width(reflectance)?;
+                best = trials.best_pulse(reflectance)?;
             }
         }
-        width = Some(best);
+        pulse = Some(best);
     }
-    let refuted = if finds_model { trials.refuted(reflectance, width.unwrap_or(0.0))? } else { None };
+    let refuted =
+        if finds_model { trials.refuted(reflectance, pulse.unwrap_or(Shape::SHARP))? } else { None };
     if refuted.is_some() {
         reflectance = WITHOUT_NORMALS;
         if finds_pulse {
-            width = Some(trials.best_width(reflectance)?);
+            pulse = Some(trials.best_pulse(reflectance)?);
         }
     }
-    Ok(Answer { reflectance, width, refuted })
+    Ok(Answer { reflectance, pulse, refuted })
 }
 
 /// The trials of a capture.
@@ -320,7 +321,8 @@ impl<'t> Trials<'t> {
     /// Finds the high-pass by a volume of the first model. All trials have what is found, and are judged by it.
     fn find_high_pass(&mut self, capture: &Capture) -> Result<FoundHighPass> {
         let (first, length) = (self.models[0].0, usual_high_pass(capture));
-        let bands = self.with_trial(first, 0.0, |trial, pulse, watch| trial.bands(length, pulse, watch))?;
+        let bands =
+            self.with_trial(first, Shape::SHARP, |trial, pulse, watch| trial.bands(length, pulse, watch))?;
         let found = FoundHighPass::of(length, bands);
         if found.length > 0.0 {
             self.models.iter_mut().for_each(|(_, trial)| trial.set_high_pass([found.length, found.floor]));
@@ -328,32 +330,32 @@ impl<'t> Trials<'t> {
         Ok(found)
     }
 
-    /// What a surface with this model and this width of the pulse leaves.
-    fn left(&mut self, reflectance: Reflectance, fwhm: f64, begun: Begun) -> Result<Option<Left>> {
+    /// What a surface with this model and this pulse leaves.
+    fn left(&mut self, reflectance: Reflectance, pulse: Shape, begun: Begun) -> Result<Option<Left>> {
         let (first, _) = &self.models[0];
         let begun = if *first == reflectance { Begun::Alike } else { begun };
-        let of = (reflectance, fwhm, begun);
-        if let Some(same) = self.tried.iter().find(|t| (t.reflectance, t.fwhm, t.begun) == of) {
+        let of = (reflectance, pulse, begun);
+        if let Some(same) = self.tried.iter().find(|t| (t.reflectance, t.pulse, t.begun) == of) {
             return Ok(same.left.clone());
         }
         let shared = self.models[0].1.own().filter(|_| *first != reflectance && begun == Begun::Alike);
         let start = shared.map_or(Start::Own, |own| Start::Of(Box::new(own.maps.clone())));
         let left =
-            self.with_trial(reflectance, fwhm, |trial, pulse, watch| trial.fit(start, pulse, watch))?;
-        self.tried.push(Tried { reflectance, fwhm, begun, left: left.clone() });
+            self.with_trial(reflectance, pulse, |trial, pulse, watch| trial.fit(start, pulse, watch))?;
+        self.tried.push(Tried { reflectance, pulse, begun, left: left.clone() });
         Ok(left)
     }
 
     /// Whether the normals of this model's surface fail to explain how light depends on the angle: a volume, whose
     /// voxels have normals of their own, predicts other pairs better.
-    fn refuted(&mut self, reflectance: Reflectance, fwhm: f64) -> Result<Option<Refuted>> {
+    fn refuted(&mut self, reflectance: Reflectance, pulse: Shape) -> Result<Option<Refuted>> {
         let knows_another = self.models.iter().any(|m| m.0 == WITHOUT_NORMALS);
         let known = self.known.as_ref().map_or(0.0, Pulse::fwhm);
-        let hides = fwhm.max(known) > HIDES * self.wall;
+        let hides = pulse.length().max(known) > HIDES * self.wall;
         if !reflectance.has_normals() || !knows_another || hides {
             return Ok(None);
         }
-        let Some(surface) = self.left(reflectance, fwhm, Begun::Alike)? else { return Ok(None) };
+        let Some(surface) = self.left(reflectance, pulse, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
         if self.models[0].1.own().is_some_and(|own| own.left.share() > FAR * surface.share()) {
             return Ok(None);
@@ -368,28 +370,28 @@ impl<'t> Trials<'t> {
             volume.share() <= most
         };
         let iterations = VOLUMES.map(|(iterations, _)| iterations);
-        self.with_trial(reflectance, fwhm, |trial, pulse, watch| {
+        self.with_trial(reflectance, pulse, |trial, pulse, watch| {
             trial.fit_volume(pulse, &iterations, watch, &mut compare)
         })?;
         let Some(volume) = better else { return Ok(None) };
         // It gives way to a model that finds a surface.
         let another = self.tried.iter().any(|t| t.reflectance == WITHOUT_NORMALS && t.left.is_some())
-            || self.left(WITHOUT_NORMALS, fwhm, Begun::Alike)?.is_some();
+            || self.left(WITHOUT_NORMALS, pulse, Begun::Alike)?.is_some();
         Ok(another.then(|| Refuted { reflectance, surface: surface.share(), volume: volume.share() }))
     }
 
-    /// Runs the trial of a model with this width of the pulse.
+    /// Runs the trial of a model with this pulse.
     fn with_trial<T>(
         &mut self,
         reflectance: Reflectance,
-        fwhm: f64,
+        shape: Shape,
         run: impl FnOnce(&mut Trial, Option<&Pulse>, &mut Watch<'_>) -> Result<T>,
     ) -> Result<T> {
         let Trials { models, hear, known, .. } = self;
         let (_, trial) = models.iter_mut().find(|m| m.0 == reflectance).expect("a trial for every model");
         let mut told = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
         let mut watch = Watch { hear: &mut told, maps_every: None, maps_at: &[] };
-        let pulse = pulse::of_width(fwhm)?.or(known.clone());
+        let pulse = shape.centred()?.or(known.clone());
         run(trial, pulse.as_ref(), &mut watch)
     }
 
@@ -399,42 +401,53 @@ impl<'t> Trials<'t> {
         if reflectance == WITHOUT_NORMALS {
             return Ok(false);
         }
-        let [sharp, wide] = [0.0, pulse::FIRST * self.bin_width];
+        let [sharp, wide] = [0.0, pulse::FIRST * self.bin_width].map(|fwhm| Shape { fwhm, tail: 0.0 });
         let sharp = self.left(reflectance, sharp, Begun::Alike)?;
         let wide = self.left(reflectance, wide, Begun::Alike)?;
         Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
     }
 
-    /// The width of the pulse, metres, with this model.
-    fn best_width(&mut self, reflectance: Reflectance) -> Result<f64> {
+    /// The pulse with this model: the best Gaussian, then the best tail of a pulse that is as long.
+    fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
         let bin_width = self.bin_width;
-        let mut least: Option<Left> = None;
-        let bins = pulse::best_width(self.narrowest, &mut |bins| {
-            let left = self.left(reflectance, bins * bin_width, Begun::OnItsOwn)?;
-            least = left.iter().chain(&least).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
+        let of = |trials: &mut Self, pulse: Shape, least: &mut Option<Left>| {
+            let left = trials.left(reflectance, pulse, Begun::OnItsOwn)?;
+            *least = left.iter().chain(&*least).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
             Ok(left.map(|left| left.share()))
+        };
+        let (mut gaussian, mut tailed) = (None, None);
+        let bins = pulse::best_width(self.narrowest, &mut |bins| {
+            of(self, Shape { fwhm: bins * bin_width, tail: 0.0 }, &mut gaussian)
         })?;
-        let sharp = self.left(reflectance, 0.0, Begun::OnItsOwn)?;
-        let is_worth = sharp.zip(least).is_some_and(|(sharp, least)| least.is_less(&sharp));
-        Ok(if is_worth { pulse::three_digits(bins * bin_width) } else { 0.0 })
+        let is_worth = |better: &Option<Left>, than: &Option<Left>| {
+            better.as_ref().zip(than.as_ref()).is_some_and(|(better, than)| better.is_less(than))
+        };
+        let sharp = self.left(reflectance, Shape::SHARP, Begun::OnItsOwn)?;
+        if bins == 0.0 || !is_worth(&gaussian, &sharp) {
+            return Ok(Shape::SHARP);
+        }
+        let length = bins * bin_width;
+        let without = gaussian.as_ref().map_or(f64::INFINITY, Left::share);
+        let share = pulse::best_tail(without, &mut |share| of(self, Shape::of(length, share), &mut tailed))?;
+        Ok(Shape::of(length, if is_worth(&tailed, &gaussian) { share } else { 0.0 }))
     }
 
     /// What each model's surface left with sharp paths, of those that found one.
     fn sharp(&self) -> impl Iterator<Item = (Reflectance, f64)> {
-        let alike = self.tried.iter().filter(|t| t.fwhm == 0.0 && t.begun == Begun::Alike);
+        let alike = self.tried.iter().filter(|t| t.pulse == Shape::SHARP && t.begun == Begun::Alike);
         alike.filter_map(|t| Some((t.reflectance, t.left.as_ref()?.share())))
     }
 
-    /// The model that is right, with this width of the pulse.
-    fn best_model(&mut self, width: f64) -> Result<Reflectance> {
+    /// The model that is right, with this pulse.
+    fn best_model(&mut self, pulse: Shape) -> Result<Reflectance> {
         let mut all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
-        if width > 0.0 {
+        if pulse != Shape::SHARP {
             let most = HOPELESS * self.sharp().map(|of| of.1).fold(f64::INFINITY, f64::min);
             all.retain(|model| !self.sharp().any(|(of, left)| of == *model && left > most));
         }
         let mut left = vec![];
         for reflectance in all {
-            left.push((reflectance, self.left(reflectance, width, Begun::Alike)?));
+            left.push((reflectance, self.left(reflectance, pulse, Begun::Alike)?));
         }
         model::choose(&left)
             .ok_or_else(|| Error::input("no trial found a surface", "name the model and the pulse if known"))

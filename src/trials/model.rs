@@ -10,6 +10,12 @@ use crate::transport::Reflectance;
 pub const MODELS: [Reflectance; 3] =
     [Reflectance::Cosine, Reflectance::Lambertian, Reflectance::Retroreflective];
 
+/// The models that can be true of a capture. What sends light back to where it came from sends none to other points of the
+/// wall.
+pub fn possible_models(confocal: bool) -> impl Iterator<Item = Reflectance> {
+    MODELS.into_iter().filter(move |model| confocal || *model != Reflectance::Retroreflective)
+}
+
 /// The model of surfaces whose brightness does not follow their slope.
 pub(super) const WITHOUT_NORMALS: Reflectance = Reflectance::Retroreflective;
 
@@ -50,7 +56,7 @@ impl FoundModel {
         failed: Option<String>,
     ) -> FoundModel {
         let alike = tried.iter().filter(|t| t.begun == Begun::Alike);
-        let trials = alike.map(|t| (t.reflectance, t.fwhm, t.left.as_ref().map(Left::share))).collect();
+        let trials = alike.map(|t| (t.reflectance, t.pulse.fwhm, t.left.as_ref().map(Left::share))).collect();
         FoundModel { reflectance, trials, refuted, failed }
     }
 

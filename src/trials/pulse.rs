@@ -1,5 +1,6 @@
-//! Finds the width of the instrument's pulse. A trial fits a surface with a Gaussian pulse. The width that predicts other
-//! pairs best is taken. Trials end with a surface: unlike the haze of a volume, it cannot compensate for a wrong width.
+//! Finds the instrument's pulse: a Gaussian's width, then the tail of its detector. A trial fits a surface with a pulse. The
+//! one that predicts other pairs best is taken. Trials end with a surface: unlike the haze of a volume, it cannot compensate
+//! for a wrong pulse.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,10 +12,13 @@ use crate::{Error, Result};
 /// The result of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoundPulse {
-    /// Full width at half maximum, metres of path; 0: no width is better than sharp paths.
+    /// Full width at half maximum of its Gaussian, metres of path; 0: no width is better than sharp paths.
     pub fwhm: f64,
-    /// Widths that were tried, metres, and the share of other pairs' squares that each leaves.
-    pub trials: Vec<[f64; 2]>,
+    /// Length over which its tail falls to 1/e, metres of path; 0: none.
+    #[serde(default)]
+    pub tail: f64,
+    /// What was tried: width and tail, metres, and the share of other pairs' squares that was left.
+    pub trials: Vec<[f64; 3]>,
     /// Seconds that the trials took.
     pub seconds: f64,
     /// Why the trials failed, if they did; paths are then taken as sharp.
@@ -32,9 +36,54 @@ const WIDEST: f64 = 32.0;
 /// The narrowest pulse that is worth its kernels, in bins of the solve.
 pub(super) const NARROWEST: f64 = 1.0;
 
+/// Shares of a pulse's length that a tail takes in the first trial and in the next, if that one is better.
+const TAILS: [f64; 2] = [0.3, 0.6];
+
+/// A pulse of a trial: a Gaussian, convolved with an exponential.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shape {
+    /// Full width at half maximum of the Gaussian, metres of path; 0 for sharp paths.
+    pub fwhm: f64,
+    /// Length over which the exponential falls to 1/e, metres of path; 0 for none.
+    pub tail: f64,
+}
+
+impl Shape {
+    pub const SHARP: Shape = Shape { fwhm: 0.0, tail: 0.0 };
+
+    /// A pulse that is `length` long and has this share of it in its tail. Pulses of one length are about as wide at half of
+    /// their maximum (benches/NOTES.md).
+    pub fn of(length: f64, share: f64) -> Shape {
+        let [fwhm, tail] = [1.0 - share, share].map(|part| three_digits(part * length));
+        Shape { fwhm, tail }
+    }
+
+    /// Width and tail together, metres.
+    pub fn length(&self) -> f64 {
+        self.fwhm + self.tail
+    }
+
+    /// The pulse; `None` if paths are sharp.
+    ///
+    /// # Errors
+    /// It makes no pulse. This does not happen with one that was found.
+    pub fn pulse(&self) -> Result<Option<Pulse>> {
+        let gaussian = (self.fwhm > 0.0).then(|| Pulse::gaussian(self.fwhm)).transpose()?;
+        let tailed = |pulse: Pulse| if self.tail > 0.0 { pulse.with_tail(self.tail) } else { Ok(pulse) };
+        gaussian.map(tailed).transpose()
+    }
+
+    /// The same, with its mean at the path. The surfaces of trials begin with the volume of another pulse: they judge its
+    /// shape, not where the path is.
+    pub fn centred(&self) -> Result<Option<Pulse>> {
+        let pulse = self.pulse()?;
+        Ok(pulse.map(|pulse| Pulse { start: pulse.start - self.tail, ..pulse }))
+    }
+}
+
 impl FoundPulse {
     pub(super) fn of(
-        fwhm: f64,
+        Shape { fwhm, tail }: Shape,
         reflectance: Reflectance,
         tried: &[Tried],
         seconds: f64,
@@ -44,8 +93,8 @@ impl FoundPulse {
         // The first model has no others.
         let own = of_model().any(|t| t.begun == Begun::OnItsOwn);
         let trials = of_model().filter(|t| !own || t.begun == Begun::OnItsOwn);
-        let trials = trials.filter_map(|t| Some([t.fwhm, t.left.as_ref()?.share()])).collect();
-        FoundPulse { fwhm, trials, seconds, failed }
+        let of_trial = |t: &Tried| Some([t.pulse.fwhm, t.pulse.tail, t.left.as_ref()?.share()]);
+        FoundPulse { fwhm, tail, trials: trials.filter_map(of_trial).collect(), seconds, failed }
     }
 
     /// The pulse; `None` if paths are sharp.
@@ -53,7 +102,7 @@ impl FoundPulse {
     /// # Errors
     /// The width makes no pulse. This does not happen with a width that was found.
     pub fn pulse(&self) -> Result<Option<Pulse>> {
-        of_width(self.fwhm)
+        Shape { fwhm: self.fwhm, tail: self.tail }.pulse()
     }
 
     /// The result as a sentence.
@@ -63,22 +112,21 @@ impl FoundPulse {
                 "the instrument's pulse is not known, paths are taken as sharp: {why} (give it if known)"
             );
         }
-        let how = format!("of {} widths tried in {:.1} s,", self.trials.len(), self.seconds);
+        let how = format!("of {} shapes tried in {:.1} s,", self.trials.len(), self.seconds);
         if self.fwhm == 0.0 {
             return format!("the instrument's pulse: {how} none explains the data better than sharp paths");
         }
-        let ps = three_digits(self.fwhm / METRES_PER_PICOSECOND);
-        let fwhm = self.fwhm;
+        let of = |metres: f64| format!("{metres} m ({} ps)", three_digits(metres / METRES_PER_PICOSECOND));
+        let tail = match self.tail {
+            0.0 => String::new(),
+            tail => format!(" and a tail of {}", of(tail)),
+        };
         format!(
-            "the instrument's pulse: {how} {fwhm} m ({ps} ps) full width at half maximum explains the data best \
-             (give this width, or no pulse, to skip the trials)"
+            "the instrument's pulse: {how} {} full width at half maximum{tail} explains the data best \
+             (give this pulse, or none, to skip the trials)",
+            of(self.fwhm)
         )
     }
-}
-
-/// A Gaussian of this width; `None` for width 0.
-pub(super) fn of_width(fwhm: f64) -> Result<Option<Pulse>> {
-    (fwhm > 0.0).then(|| Pulse::gaussian(fwhm)).transpose()
 }
 
 /// Rounds as the note does, so that a width copied from the note gives the same result.
@@ -127,6 +175,31 @@ pub(super) fn best_width(narrowest: f64, misfit: &mut dyn FnMut(f64) -> Result<O
     Ok(width.unwrap_or(0.0))
 }
 
+/// The share of a pulse's length in its tail with the least `misfit`. 0 if no tail is enough better than none, which leaves
+/// `without`.
+pub(super) fn best_tail(without: f64, misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
+    // A pulse without a surface is no better one.
+    let mut at = |share: f64| Ok::<_, Error>([share, misfit(share)?.unwrap_or(f64::INFINITY)]);
+    let mut known = vec![[0.0, without], at(TAILS[0])?];
+    if known[1][1] < without {
+        known.push(at(TAILS[1])?);
+        let [_, [middle, _], [last, left]] = known[..] else { unreachable!("three were tried") };
+        if left < known[1][1] {
+            known.push(at(0.5 * (last + 1.0))?);
+        }
+        if least_of(&known) == 2 {
+            known.insert(2, at(0.5 * (middle + last))?);
+        }
+    } else {
+        known.insert(1, at(0.5 * TAILS[0])?);
+    }
+    let [share, left] = known[least_of(&known)];
+    if left >= (1.0 - WORTH) * without {
+        return Ok(0.0);
+    }
+    Ok(vertex(&known).unwrap_or(share))
+}
+
 /// The vertex of the parabola through the least of `known` and its two neighbours. `known` is in order of width.
 fn vertex(known: &[[f64; 2]]) -> Option<f64> {
     let least = least_of(known);
@@ -165,6 +238,43 @@ mod tests {
             let (width, _) = found(|w| 1.0 + steep(w) * ((w - true_width) / (3.0 + true_width)).powi(2));
             assert!((width / true_width - 1.0).abs() < 0.2, "{true_width}: {width}");
         }
+    }
+
+    #[test]
+    fn a_tail_is_found_only_where_it_is_worth_it() {
+        let found = |left: &dyn Fn(f64) -> f64| {
+            let mut calls = 0;
+            let share = best_tail(left(0.0), &mut |share| {
+                calls += 1;
+                Ok(Some(left(share)))
+            });
+            (share.unwrap(), calls)
+        };
+        for share in [0.15, 0.2, 0.3, 0.45, 0.6] {
+            let (tail, calls) = found(&|s| 1.0 + 10.0 * (s - share) * (s - share));
+            assert!((tail - share).abs() < 1e-9 && calls <= 4, "{share}: {tail}, {calls}");
+        }
+        assert_eq!(found(&|s| 1.0 - s), (0.8, 3), "the longest tail");
+        assert_eq!(found(&|s| 1.0 + (s - 0.78) * (s - 0.78)), (0.8, 3), "nothing longer is tried");
+        assert_eq!(found(&|s| 1.0 + s), (0.0, 2), "none");
+        assert_eq!(found(&|s| 1.0 - 0.002 * s), (0.0, 3), "too little is gained");
+        let without_surface = |s: f64| if s > 0.0 { None } else { Some(1.0) };
+        assert_eq!(best_tail(1.0, &mut |s| Ok(without_surface(s))).unwrap(), 0.0);
+        assert_eq!(Shape::of(0.04, 0.25), Shape { fwhm: 0.03, tail: 0.01 });
+    }
+
+    #[test]
+    fn trials_put_the_mean_of_a_pulse_at_the_path() {
+        let mean = |pulse: Pulse| {
+            let at = |i: usize| pulse.start + (i as f64 + 0.5) * pulse.width;
+            let sum: f64 = pulse.samples.iter().sum();
+            pulse.samples.iter().enumerate().map(|(i, s)| s * at(i)).sum::<f64>() / sum
+        };
+        for shape in [Shape { fwhm: 0.03, tail: 0.0 }, Shape { fwhm: 0.01, tail: 0.03 }] {
+            assert!(mean(shape.centred().unwrap().unwrap()).abs() < 1e-4, "{shape:?}");
+            assert!((mean(shape.pulse().unwrap().unwrap()) - shape.tail).abs() < 1e-4, "{shape:?}");
+        }
+        assert!(Shape::SHARP.centred().unwrap().is_none());
     }
 
     #[test]

@@ -217,6 +217,31 @@ fn trials_are_heard_and_may_be_broken_off() {
 }
 
 #[test]
+fn the_tail_of_a_detector_is_found_and_told() {
+    let (_folder, path) = fixtures::captures::place("c.npz");
+    let file = path.display().to_string();
+    for (tail, apart) in [(0.03, 0.3), (0.0, 1.0)] {
+        let gaussian = Pulse::gaussian(0.03).unwrap();
+        let pulse = if tail > 0.0 { gaussian.with_tail(tail).unwrap() } else { gaussian };
+        let scene =
+            Scene { scan: 24, bin_width: 0.008, pulse: Some(pulse), ..Scene::named("figure").unwrap() };
+        let spread = simulate(&scene, &RenderOptions { noise: 0.02, ..RenderOptions::default() }).unwrap();
+        write(&changed(&spread.capture, |c| c.pulse = None), &path).unwrap();
+        let out = path.with_file_name("tailed").display().to_string();
+        let short = ["--model", "lambertian", "--lateral", "48", "--iterations", "2", "--no-preview"];
+        let ask = ["reconstruct", &file, "--out", &out, "--pulse", "auto", "--surface-iterations", "2"];
+        let said = command::thirdbounce(&[&ask[..], &short[..]].concat());
+        assert_eq!(said.status.code(), Some(0), "{}", command::stderr(&said));
+        let said = command::stderr(&said);
+        let found = json(&Path::new(&out).join("report.json"))["settings"]["pulse_found"].clone();
+        let [width, of_tail] = ["fwhm", "tail"].map(|key| found[key].as_f64().unwrap());
+        assert!((width / 0.03 - 1.0).abs() < 0.3, "{found}");
+        assert!((of_tail - tail).abs() <= apart * tail, "{found}");
+        assert_eq!(said.contains(&format!(" and a tail of {of_tail} m ")), tail > 0.0, "{said}");
+    }
+}
+
+#[test]
 fn its_width_is_found_and_told() {
     let (_folder, path) = fixtures::captures::place("c.npz");
     let place = |name: &str| path.with_file_name(name).display().to_string();
