@@ -227,7 +227,7 @@ fn is_old(folder: &Path) -> bool {
 }
 
 /// Whether a process with this number may be running; true where this is unknown.
-pub(super) fn is_alive(process: u32) -> bool {
+fn is_alive(process: u32) -> bool {
     !Path::new("/proc/self").exists() || Path::new(&format!("/proc/{process}")).exists()
 }
 
