@@ -27,8 +27,8 @@ pub fn say_error(place: &str, what: &str, mend: &str) {
     say(&format!("  {mend}"));
 }
 
-/// The text without what moves a terminal's cursor, sets its colours or turns the direction of writing: names of files and in files
-/// may hold such characters. They are shown as in JSON, which so stays whole. The ends of `lines` stay.
+/// The text without what moves a terminal's cursor, sets its colours or turns the direction of writing: any name may hold such
+/// characters. They are shown as in JSON, which so stays whole. The ends of `lines` stay.
 pub fn harmless(text: &str, lines: bool) -> String {
     let harms = |c: char| {
         (c.is_control() && !(lines && c == '\n'))

@@ -1,5 +1,5 @@
 //! Claims: who works on what, so that two programs do not do the same. A claim is a hidden file that names its process, which
-//! holds a lock on it. Hosts may not see each other's locks: there, the file's time says that the process still works.
+//! holds a lock on it. Hosts may not see each other's locks, so the file's time is kept fresh, too.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};

@@ -92,7 +92,7 @@ impl Hdf5 {
         &self.path
     }
 
-    /// Names of the datasets, sorted. Links to other files are among them: who asks for one learns that it is not followed.
+    /// Names of the datasets, sorted. Links to other files are among them, so that an error tells of them.
     pub fn names(&self) -> Vec<String> {
         let root = self.file.root_group();
         let leaves = |name: &String| matches!(root.link_class(name), Ok(LinkClass::External { .. }));
@@ -112,7 +112,7 @@ impl Hdf5 {
 
     /// The dataset, `None` if it is missing or has an empty dataspace.
     fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
-        // The reader says so of a group before it opens the other file, and of a dataset it does not say so.
+        // Asked for a group, the reader tells of a link on the way before it opens the other file. For a dataset, it opens it.
         if let Err(Hdf5Error::Unsupported(_)) = self.file.root_group().group(name) {
             return Err(elsewhere(name, "is a link to other files"));
         }

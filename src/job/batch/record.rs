@@ -151,11 +151,7 @@ fn make_room(place: &Path, files: &[PathBuf], whole: &str) -> Result<()> {
     for file in old.iter().filter(inside).filter(|file| !files.contains(file)) {
         remove(&place.join(file))?;
         // Folders that are empty now go, too.
-        file.ancestors()
-            .skip(1)
-            .filter(|f| *f != Path::new(""))
-            .try_for_each(|f| fs::remove_dir(place.join(f)))
-            .ok();
+        file.ancestors().skip(1).try_for_each(|folder| fs::remove_dir(place.join(folder))).ok();
     }
     Ok(())
 }
