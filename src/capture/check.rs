@@ -131,6 +131,21 @@ impl Capture {
         check_normals("sensor", self.sensor_normal.as_deref())
     }
 
+    /// Refuses pairs that are all the same: they tell how far the light went, not from where it came.
+    ///
+    /// # Errors
+    /// `Kind::Input`.
+    pub(crate) fn check_aperture(&self) -> Result<()> {
+        let is_one = |points: &[DVec3]| points.iter().all(|p| *p == points[0]);
+        if self.pair_count() == 1 || !(is_one(&self.laser) && is_one(&self.sensor)) {
+            return Ok(());
+        }
+        Err(Error::input(
+            format!("the scan has no aperture: all {} pairs are at {}", self.pair_count(), self.laser[0]),
+            "give the wall points of each pair (laser and sensor, in metres), or the size of the wall",
+        ))
+    }
+
     /// Trailing edge of the last bin, in metres of path.
     pub fn t_end(&self) -> f64 {
         self.t_start + self.bins as f64 * self.bin_width

@@ -11,7 +11,7 @@ use thirdbounce::job::{self, Benchmark, Comparison, Input, Loaded, Turn};
 use thirdbounce::solve::Progress;
 
 use super::compare::{HowArgs, METHODS, Turns};
-use super::progress::say;
+use super::progress::{say, say_error};
 use super::{advice, interrupt, methods, print};
 
 /// Exit code after Ctrl-C, as for the other verbs.
@@ -115,7 +115,7 @@ impl Caller for Running<'_> {
         match &case.why {
             Some(why) if case.failed => {
                 let mend = case.remedy.as_ref().map_or_else(String::new, advice::text);
-                say(&format!("error: {}: {why}\n  {mend}", case.folder));
+                say_error(&format!("{}: ", case.folder), why, &mend);
             }
             Some(why) if !quiet => say(&format!("note: {} is left out: {why}", case.folder)),
             None if !quiet && case.was_there => say(&format!("{} is done already", case.folder)),

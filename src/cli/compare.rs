@@ -12,7 +12,7 @@ use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
 use super::methods;
 use super::progress::{Meter, say};
 use super::solver::SolverArgs;
-use super::{interrupt, print};
+use super::{interrupt, print, units};
 
 pub const METHODS: &str = "\
 Methods:
@@ -58,7 +58,7 @@ pub struct HowArgs {
     #[arg(long, value_name = "N", default_value_t = 10)]
     trace_every: usize,
     /// A pixel is surface above this share of the brightest albedo [default: the usual mask of each method]
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,
     /// Let the truth choose the mask of every method: the share of the brightest albedo with the best IoU. Tables say so
     #[arg(long, conflicts_with = "mask_fraction")]
@@ -255,7 +255,7 @@ fn foreign(text: &str) -> Result<Foreign> {
     let (mut seconds, mut hardware) = (None, None);
     for part in parts {
         match part.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
-            Some(("seconds", value)) => seconds = value.parse::<f64>().ok(),
+            Some(("seconds", value)) => seconds = value.parse::<f64>().ok().filter(|s| s.is_finite()),
             Some(("hardware", value)) => hardware = Some(value.to_string()),
             _ => return Err(wrong(&format!("has the part {part:?}"))),
         }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, job};
 
-use super::{json, print, tables};
+use super::{json, print, tables, units};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -14,7 +14,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
     /// A pixel is surface above this share of the brightest albedo [default: that of the reconstruction]
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,
     /// Do not draw depth_error.png into the folder
     #[arg(long)]

@@ -14,7 +14,7 @@ use thirdbounce::solve::vector::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
 use super::histogram::FromTags;
-use super::progress::say;
+use super::progress::{say, say_error};
 use super::solver::SolverArgs;
 use super::units::{length, milliseconds, path};
 use super::{advice, input, interrupt, print};
@@ -130,8 +130,7 @@ pub fn run(args: &Args) -> Result<()> {
                 }
             }
             News::Wrong(error) => {
-                say(&format!("error: {}", error.what));
-                say(&format!("  {}", advice::text(&error.mend)));
+                say_error("", &error.what, &advice::text(&error.mend));
             }
             News::Idle => {}
         }

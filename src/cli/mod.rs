@@ -117,8 +117,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(130)
         }
         Ok(Err(e)) => {
-            progress::say(&format!("error: {}", e.what));
-            progress::say(&format!("  {}", advice::text(&e.mend)));
+            progress::say_error("", &e.what, &advice::text(&e.mend));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),
@@ -128,7 +127,12 @@ pub fn main() -> ExitCode {
 fn run() -> Result<ExitCode> {
     let cli = match command().try_get_matches().and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,
-        // Prints help, version or what is wrong, and ends with 0 or 2.
+        // It shows values as they were given.
+        Err(e) if e.use_stderr() => {
+            e.to_string().trim_end().lines().for_each(progress::say);
+            return Ok(ExitCode::from(2));
+        }
+        // Prints help or version, and ends with 0.
         Err(e) => e.exit(),
     };
     interrupt::listen()?;
@@ -167,10 +171,10 @@ pub fn command() -> clap::Command {
     })
 }
 
-/// Prints lines to stdout. A closed stdout (`| head`) is not an error: the work itself is done.
+/// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.
 fn print(text: &str) {
     use std::io::Write;
-    let _ = writeln!(std::io::stdout().lock(), "{}", text.trim_end());
+    let _ = writeln!(std::io::stdout().lock(), "{}", progress::harmless(text.trim_end(), true));
 }
 
 /// The value as indented JSON.

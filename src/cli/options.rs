@@ -59,7 +59,7 @@ impl clap::Args for Given {
                 Range::Count(..) | Range::OneOf(_) => arg.value_name("N").value_parser(value_parser!(usize)),
                 Range::Seed => arg.value_name("N").value_parser(value_parser!(u32)),
                 Range::Positive | Range::NotNegative | Range::Share | Range::Fraction => {
-                    arg.value_name("X").value_parser(value_parser!(f64))
+                    arg.value_name("X").value_parser(units::number)
                 }
                 Range::Length => arg.value_name("LENGTH").value_parser(units::length),
                 Range::Words(words) => arg.value_name("WORD").value_parser(PossibleValuesParser::new(words)),

@@ -9,7 +9,7 @@ use super::histogram::FromTags;
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file, load_with};
 use super::progress::{Meter, say};
 use super::solver::SolverArgs;
-use super::{interrupt, print, tables};
+use super::{interrupt, print, tables, units};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo [default: the albedo's edges tell; paper 0.3]
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,
     /// Add a point to the report's trace after every Nth iteration, with the figures if there is truth; 0: figures only
     /// at the end. Measuring does not count as solving [default: 10 with --truth, else 0]

@@ -12,7 +12,7 @@ use thirdbounce::{Error, Result};
 use super::input::{pulse, spots};
 use super::options::word;
 use super::progress::say;
-use super::units::{length, path};
+use super::units::{length, number, path};
 use super::{interrupt, print, tables};
 
 #[derive(clap::Args)]
@@ -73,7 +73,7 @@ pub struct Args {
         value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
     occlusion: bool,
     /// Albedo of all surfaces [default: 1, except the floor of beyond]
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", value_parser = number)]
     albedo: Option<f64>,
     /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, as a time (60ps) or
     /// a path (metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
@@ -85,23 +85,23 @@ pub struct Args {
     hide_pulse: bool,
     /// Record only the first photon of every laser pulse, as detectors with a long dead time do. Of the pair with the
     /// most light, MEAN photons of a laser pulse are detected on average, usually 0.01 to 0.1
-    #[arg(long, value_name = "MEAN")]
+    #[arg(long, value_name = "MEAN", value_parser = number)]
     pile_up: Option<f64>,
     /// Let laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the
     /// wall; one number is both. The capture then holds the spots
     #[arg(long, value_name = "M|LASER,SENSOR")]
     spot: Option<String>,
     /// Draw photon counts at random, with P expected in the strongest bin
-    #[arg(long, value_name = "P")]
+    #[arg(long, value_name = "P", value_parser = number)]
     photons: Option<f64>,
     /// Mean dark counts of every bin; needs --photons
-    #[arg(long, value_name = "D", default_value_t = 0.0)]
+    #[arg(long, value_name = "D", default_value_t = 0.0, value_parser = number)]
     dark: f64,
     /// Seed of the samples and of the photon counts
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
     /// Sample until the rendering's noise (RMS error over RMS value) is below this
-    #[arg(long, value_name = "BOUND", default_value_t = 0.01)]
+    #[arg(long, value_name = "BOUND", default_value_t = 0.01, value_parser = number)]
     noise: f64,
     /// Errors only
     #[arg(long, short)]

@@ -14,11 +14,20 @@ fn with_unit(text: &str, units: &[(&str, f64)]) -> Option<(f64, f64)> {
     let text = text.trim();
     let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let (_, size) = units.iter().find(|(name, _)| *name == &text[number.len()..])?;
-    Some((number.trim().parse().ok()?, *size))
+    Some((plain(number)?, *size))
 }
 
 fn plain(text: &str) -> Option<f64> {
-    text.trim().parse().ok()
+    number(text).ok()
+}
+
+/// A number. One of too many digits is refused: it would become infinite.
+pub fn number(text: &str) -> Result<f64, String> {
+    let is_beyond = |value: &f64| value.is_infinite() && text.contains(|c: char| c.is_ascii_digit());
+    match text.trim().parse() {
+        Ok(value) if is_beyond(&value) => Err("it is beyond all numbers: give one below 1.7e308".into()),
+        parsed => parsed.map_err(|_| "it is no number".into()),
+    }
 }
 
 /// A length: `2m`, `50cm`, `4mm`, or metres as a plain number.
@@ -74,6 +83,9 @@ mod tests {
             assert!(length(wrong).is_err() && path(wrong).is_err() && time(wrong).is_err(), "{wrong}");
         }
         assert!(length("32ps").is_err(), "a wall is no time");
+        let digits = "9".repeat(400);
+        assert!(number(&digits).is_err() && length(&digits).is_err() && time(&(digits + "s")).is_err());
+        assert!(number("-inf").is_ok_and(f64::is_infinite) && number("1e308").is_ok());
         assert!(length("NaN").is_ok_and(f64::is_nan), "checks of values explain better");
     }
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::staging::Hidden;
+use super::staging::{Hidden, is_hidden};
 use crate::error::{Error, Result};
 
 /// Writes `bytes` to `path`: first to a file in a hidden folder beside it, which is then renamed to `path`. Missing
@@ -54,7 +54,32 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
         return Err(cannot(path, &ErrorKind::PermissionDenied.into()));
     }
     let moved = if stream { pour(&temporary, path) } else { fs::rename(&temporary, &target) };
-    moved.map_err(|e| cannot(path, &e))
+    moved.map_err(|e| cannot(path, &e))?;
+    // Who moves a hidden folder's files to their places syncs these.
+    if stream || is_hidden(&folder) { Ok(()) } else { sync_folder(&folder) }
+}
+
+/// Waits until the disk knows the names in a folder. File systems that cannot do so are left alone.
+pub(super) fn sync_folder(folder: &Path) -> Result<()> {
+    #[cfg(test)]
+    SYNCED.with_borrow_mut(|all| all.push(folder.into()));
+    match fs::File::open(folder).map(|f| f.sync_all()) {
+        Ok(Err(e)) if !matches!(e.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
+            Err(cannot(folder, &e))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+thread_local! {
+    static SYNCED: std::cell::RefCell<Vec<PathBuf>> = const { std::cell::RefCell::new(vec![]) };
+}
+
+/// The folders that this thread synced since the last call.
+#[cfg(test)]
+pub(super) fn synced() -> Vec<PathBuf> {
+    SYNCED.take()
 }
 
 /// Whether `path` takes bytes but is no file that another may replace: a device, a pipe, or an open file of a process.
@@ -113,11 +138,22 @@ fn begin(fault: DiskFault, temporary: &Path) -> std::io::Result<()> {
 
 /// Libraries pass the system's error on as text. A full disk is recognised by that text and gets its own advice.
 fn if_full(mut error: Error) -> Error {
-    let full = std::io::Error::from_raw_os_error(28);
-    if full.kind() == ErrorKind::StorageFull && error.what.contains(&full.to_string()) {
+    // ENOSPC, EDQUOT.
+    let full = [28, 122].map(std::io::Error::from_raw_os_error);
+    if full.iter().any(|e| is_of_full(e.kind()) && error.what.contains(&e.to_string())) {
         error.mend = FULL.into();
     }
     error
+}
+
+fn is_of_full(kind: ErrorKind) -> bool {
+    matches!(kind, ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+}
+
+/// Whether an error says that the disk, or this user's share of it, is full.
+#[cfg(feature = "formats")]
+pub(crate) fn is_full(error: &Error) -> bool {
+    error.mend == FULL.into()
 }
 
 /// Creates a folder and its parents, if missing.
@@ -142,7 +178,7 @@ pub(crate) fn cannot(path: &Path, e: &std::io::Error) -> Error {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "choose a folder that you may write to"
         }
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => FULL,
+        kind if is_of_full(kind) => FULL,
         ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
             "a part of the path is a file: choose another path"
         }

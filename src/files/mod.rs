@@ -3,5 +3,7 @@
 pub mod archive;
 pub mod array;
 pub mod atomic;
+#[cfg(feature = "formats")]
+pub(crate) mod claim;
 pub(crate) mod opened;
 pub mod staging;

@@ -1,6 +1,7 @@
 //! Files are written to a hidden folder, then moved to their places: results of several files replace older ones
 //! together.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind};
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use super::atomic::{cannot, create_dir};
+use super::atomic::{cannot, create_dir, sync_folder};
 use crate::error::{Error, Result};
 
 const PREFIX: &str = ".thirdbounce.";
@@ -81,6 +82,12 @@ impl Staging {
         Ok(Staging { target: target.into(), hidden })
     }
 
+    /// The folder of the results.
+    #[cfg(feature = "formats")]
+    pub(crate) fn target(&self) -> &Path {
+        &self.target
+    }
+
     /// The hidden folder: write the files here.
     pub fn path(&self) -> &Path {
         self.hidden.path()
@@ -106,24 +113,31 @@ impl Staging {
             to.parent().map(create_dir).transpose()?;
             fs::rename(from, to).map_err(|e| cannot(to, &e))?;
         }
+        let folders: BTreeSet<&Path> = places.iter().filter_map(|place| place.parent()).collect();
+        folders.into_iter().chain([&*self.target]).try_for_each(sync_folder)?;
         Ok(places)
     }
 
-    /// Moves the folder `name` (inside [`Staging::path`]) to its place in the target, whole. An older folder of that name
-    /// goes. A process that is killed in between leaves the old folder, the new one, or none, never a part.
+    /// Moves the folder `name` (inside [`Staging::path`]) to its place in the target, whole. No folder of that name may be
+    /// there, unless it is empty.
     ///
     /// # Errors
-    /// `Kind::Output` if a folder cannot be moved, or if another process keeps the target locked for too long.
+    /// `Kind::Output` if the folder cannot be moved, or if another process keeps the target locked for too long.
     pub fn commit_folder(self, name: &str) -> Result<PathBuf> {
         let _lock = alone_in(&self.target)?;
-        let (place, old) = (self.target.join(name), self.path().join(".old"));
-        match fs::rename(&place, &old) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(cannot(&place, &e)),
-            _ => {}
-        }
+        let place = self.target.join(name);
         fs::rename(self.path().join(name), &place).map_err(|e| cannot(&place, &e))?;
+        sync_folder(&self.target)?;
         Ok(place)
     }
+}
+
+/// Whether a folder is hidden or inside a hidden one.
+pub(super) fn is_hidden(folder: &Path) -> bool {
+    folder.components().any(|part| {
+        let name = part.as_os_str().to_string_lossy();
+        name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+    })
 }
 
 /// Checks that files can be created in `folder`, which must exist.
@@ -168,7 +182,7 @@ fn alone_in(folder: &Path) -> Result<Option<File>> {
 }
 
 /// Where process numbers mean one process: the host's name, and its space of process numbers, of which containers have their own.
-fn host() -> &'static str {
+pub(super) fn host() -> &'static str {
     static HOST: OnceLock<String> = OnceLock::new();
     HOST.get_or_init(|| {
         let name = fs::read_to_string("/proc/sys/kernel/hostname").ok();
@@ -232,6 +246,27 @@ mod tests {
         }
         let [one, other] = [(); 2].map(|()| Hidden::new(folder.path()).unwrap());
         assert_ne!(one.path(), other.path());
+    }
+
+    /// What is renamed outlasts a loss of power when its folder is synced: once for a result, not for each file of it.
+    #[test]
+    fn folders_are_synced_once_for_a_result() {
+        use super::super::atomic::{synced, write};
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        synced();
+        write(&folder.path().join("alone"), b"1").unwrap();
+        assert_eq!(synced(), [folder.path()]);
+        let staging = Staging::new(&out).unwrap();
+        let files = ["a", "b", "below/c"].map(|name| staging.path().join(name));
+        files.iter().for_each(|file| write(file, b"1").unwrap());
+        assert!(synced().is_empty(), "nobody misses a hidden folder");
+        staging.commit(&files).unwrap();
+        assert_eq!(synced(), [out.clone(), out.join("below"), out.clone()]);
+        let staging = Staging::new(&out).unwrap();
+        fs::create_dir(staging.path().join("whole")).unwrap();
+        assert_eq!(staging.commit_folder("whole").unwrap(), out.join("whole"));
+        assert_eq!(synced(), [out]);
     }
 
     #[test]

@@ -3,17 +3,37 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::SyncSender;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::Arrived;
 use super::stream::{Counts, begin as begin_thread};
+use crate::files::opened::Stamp;
 use crate::{Error, Result, capture};
 
 /// Time between two looks at the folder.
 const BETWEEN: Duration = Duration::from_millis(20);
 
-/// A file that cannot be read may still be written: it is looked at so often.
-const PATIENCE: usize = 25;
+/// A file that cannot be read may still be written: it is given up when it has not changed for so long.
+const STILL: Duration = Duration::from_secs(2);
+/// A file that changes for so long is given up, too: others wait behind it.
+const LONGEST: Duration = Duration::from_secs(60);
+
+/// A file that could not be read: since when, and since when it is as it is.
+struct Unfinished {
+    begun: Instant,
+    stamp: Option<Stamp>,
+    still: Instant,
+}
+
+impl Unfinished {
+    /// Whether the file, tried again, is worth waiting for.
+    fn goes_on(&mut self, stamp: Option<Stamp>) -> bool {
+        if stamp != self.stamp {
+            (self.stamp, self.still) = (stamp, Instant::now());
+        }
+        self.still.elapsed() < STILL && self.begun.elapsed() < LONGEST
+    }
+}
 
 /// Begins to look at a folder. Files that are there already are frames, too.
 pub(super) fn begin(folder: PathBuf, size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
@@ -22,22 +42,27 @@ pub(super) fn begin(folder: PathBuf, size: [usize; 2], give: SyncSender<Arrived>
         return Err(Error::input(format!("{} is no folder", folder.display()), mend));
     }
     begin_thread(move || {
-        let (mut seen, mut number, mut tried) = (BTreeSet::new(), 0, 0);
+        let (mut seen, mut number, mut unfinished) = (BTreeSet::new(), 0, None);
         loop {
             let Some(next) = first_unseen(&folder, &seen) else {
                 std::thread::sleep(BETWEEN);
                 continue;
             };
+            // Before it is read: what comes meanwhile is a change.
+            let stamp = Stamp::of(&next);
             let arrived = match counts_of(&next, size, number) {
-                Err(_) if tried < PATIENCE => {
-                    tried += 1;
-                    std::thread::sleep(BETWEEN);
-                    continue;
-                }
-                Err(error) => Arrived::Wrong(error.at(next.display())),
                 Ok(counts) => Arrived::Counts(counts),
+                Err(error) => {
+                    let now = Instant::now();
+                    let one = unfinished.get_or_insert(Unfinished { begun: now, stamp, still: now });
+                    if one.goes_on(stamp) {
+                        std::thread::sleep(BETWEEN);
+                        continue;
+                    }
+                    Arrived::Wrong(error.at(next.display()))
+                }
             };
-            (number, tried) = (number + 1, 0);
+            (number, unfinished) = (number + 1, None);
             seen.insert(next);
             if give.send(arrived).is_err() {
                 return;

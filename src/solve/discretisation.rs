@@ -63,8 +63,9 @@ impl Discretisation {
     /// The grid for a capture whose bins are those of the solver.
     ///
     /// # Errors
-    /// A box without voxels, a box nearer than the least depth, or more voxels than can be counted.
+    /// A scan without aperture, a box without voxels, a box nearer than the least depth, or more voxels than can be counted.
     pub fn grid(&self, solver: &SolverOptions, capture: &Capture) -> Result<Grid> {
+        capture.check_aperture()?;
         let least = solver.common().min_depth;
         let volume = self.volume.map_or_else(|| default_volume(capture, least), Ok)?;
         let usual = || match self.bins {

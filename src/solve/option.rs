@@ -195,15 +195,21 @@ impl Range {
             Range::Fraction => ((0.0..1.0).contains(&number), "a number from 0 to below 1".into()),
             Range::Seed | Range::Words(_) | Range::Flag | Range::Sizes | Range::Internal => return None,
         };
+        if good && number > LARGEST {
+            return Some(format!("{want}, below {LARGEST:e}"));
+        }
         (!good).then_some(want)
     }
 }
+
+/// Kernels know no larger number.
+const LARGEST: f64 = 3e38;
 
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Value::Count(n) => n.fmt(f),
-            Value::Number(v) if *v != 0.0 && v.abs() < 1e-4 => write!(f, "{v:e}"),
+            Value::Number(v) if *v != 0.0 && !(1e-4..1e16).contains(&v.abs()) => write!(f, "{v:e}"),
             Value::Number(v) => v.fmt(f),
             Value::Flag(on) => on.fmt(f),
             Value::Word(word) => word.fmt(f),

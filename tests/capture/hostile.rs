@@ -6,12 +6,13 @@ use std::time::Instant;
 
 use fixtures::captures::{assert_error, place};
 use fixtures::files::{
-    Matrix, Stored, matlab_file, matlab_matrix, matlab_struct, matlab5, matrix, noise, scalar, vector,
+    Matrix, Stored, hdf5, matlab_file, matlab_matrix, matlab_struct, matlab5, matrix, noise, scalar, vector,
 };
 use fixtures::readers::{counts, every_reader};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use thirdbounce::Kind;
+use thirdbounce::capture::formats::hdf5::Hdf5;
 use thirdbounce::capture::formats::matlab5::Matlab5;
 use thirdbounce::capture::{Given, read, read_given};
 
@@ -251,6 +252,36 @@ fn values_in_other_files_are_not_followed() {
     file.new_dataset::<f64>().shape([3, 2]).create("tofgrid").unwrap().write_raw(&[0.0f64; 6]).unwrap();
     file.close().unwrap();
     assert_error(read(&path), Kind::Input, &["meas", "other files"]);
+}
+
+/// The counts of a whole capture in another file are not read through a link, whether it is direct, behind a soft link or of a
+/// group.
+#[test]
+fn links_to_other_files_are_not_followed() {
+    let (folder, path) = place("links.h5");
+    let arrays = |group: &str| {
+        let name = |name: &str| format!("{group}{name}");
+        [counts(&name("meas"), &[2, 3, 10]), matrix(&name("tofgrid"), &[2, 3], |_| 0.0)]
+    };
+    let other = folder.path().join("other.h5");
+    hdf5(&other, &arrays("g/"));
+    let other = other.to_str().unwrap();
+    let linked = |link: &dyn Fn(&rust_hdf5::H5File)| {
+        hdf5(&path, &arrays("")[1..]);
+        let file = rust_hdf5::H5File::open_rw(&path).unwrap();
+        link(&file);
+        file.close().unwrap();
+    };
+    linked(&|file| file.create_external_link("meas", other, "/g/meas").unwrap());
+    assert_error(read(&path), Kind::Input, &["links.h5", "meas", "link to other files"]);
+    linked(&|file| {
+        file.create_external_link("x", other, "/g").unwrap();
+        file.create_soft_link("meas", "/x/meas").unwrap();
+    });
+    let file = Hdf5::open(&path).unwrap();
+    assert_error(file.counts("meas"), Kind::Input, &["meas", "link to other files"]);
+    assert_error(file.counts("x/meas"), Kind::Input, &["x/meas", "link to other files"]);
+    assert!(file.numbers("tofgrid").unwrap().is_some() && file.shape("none").unwrap().is_none());
 }
 
 /// An entry of a zip archive: name, the first bytes, and how many zeros follow.

@@ -246,6 +246,92 @@ fn a_folder_that_no_batch_made_stays() {
 }
 
 #[test]
+fn files_of_others_stay_when_a_result_is_made_anew() {
+    let out = tempfile::tempdir().unwrap();
+    let place = |name: &str| out.path().join("two").join(name);
+    assert_eq!(batch(&["a/two.npz"], out.path(), &["--snapshots", "4"]).counts(), [1, 1, 0, 0]);
+    let before = std::fs::read(place("maps.npz")).unwrap();
+    assert!(place("snapshots").is_dir());
+    std::fs::create_dir(place("mine")).unwrap();
+    for name in ["notes.txt", "mine/figure.svg", "report.html~"] {
+        std::fs::write(place(name), name).unwrap();
+    }
+    // Nothing outside goes, whatever the record says.
+    let outside = out.path().join("outside");
+    std::fs::write(&outside, "1").unwrap();
+    let record = std::fs::read_to_string(place("made_from.json")).unwrap();
+    std::fs::write(
+        place("made_from.json"),
+        record.replace("\"albedo.png\"", "\"albedo.png\", \"../outside\""),
+    )
+    .unwrap();
+    assert_eq!(batch(&["a/two.npz"], out.path(), &["--peak", "9"]).counts(), [1, 1, 0, 0]);
+    assert!(std::fs::read(place("maps.npz")).unwrap() != before && outside.exists());
+    assert!(!place("snapshots").exists(), "the result has none any more");
+    for name in ["notes.txt", "mine/figure.svg", "report.html~"] {
+        assert_eq!(std::fs::read_to_string(place(name)).unwrap(), name);
+    }
+    // A file of somebody else whose name the result needs.
+    let path = std::fs::read_dir(out.path().join("two")).unwrap();
+    let files = path.filter(|e| e.as_ref().unwrap().path().is_file()).count();
+    std::fs::create_dir_all(place("snapshots/000004")).unwrap();
+    std::fs::write(place("snapshots/000004/maps.npz"), "mine").unwrap();
+    let said = batch(&["a/two.npz"], out.path(), &["--snapshots", "4"]);
+    assert_eq!(said.counts(), [1, 0, 0, 1], "{}", said.errors);
+    assert!(said.errors.contains("000004/maps.npz: is there, but no batch wrote it"), "{}", said.errors);
+    assert_eq!(std::fs::read_to_string(place("snapshots/000004/maps.npz")).unwrap(), "mine");
+    let path = std::fs::read_dir(out.path().join("two")).unwrap();
+    assert_eq!(
+        path.filter(|e| e.as_ref().unwrap().path().is_file()).count(),
+        files,
+        "the old result is whole"
+    );
+}
+
+#[test]
+#[cfg(unix)]
+fn a_full_disk_ends_the_batch() {
+    let folder = tempfile::tempdir().unwrap();
+    let volume = folder.path().join("v.npz");
+    std::os::unix::fs::symlink("/dev/full", &volume).unwrap();
+    let out = folder.path().join("out");
+    let said = batch(&["a/*.npz", "b/one.npz"], &out, &["--volume", volume.to_str().unwrap()]);
+    assert_eq!((said.code, said.summary["stopped"].as_bool()), (Some(1), Some(true)), "{}", said.errors);
+    assert_eq!(said.counts(), [3, 0, 0, 1]);
+    assert!(said.errors.contains("the disk is full") && said.errors.contains("2 left"), "{}", said.errors);
+    assert!(said.errors.contains("start the batch again"), "{}", said.errors);
+    assert!(results(&out).is_empty());
+}
+
+#[test]
+fn two_batches_share_the_captures_of_one_folder() {
+    let out = tempfile::tempdir().unwrap();
+    let mut slow = Command::new(program());
+    slow.args(["batch", "a/one.npz", "--model", "cosine", "--lateral", "16", "--iterations", "1000000"]);
+    slow.args(["--stop", "never", "--out"]).arg(out.path()).current_dir(captures());
+    let mut slow = slow.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let claimed = || {
+        std::fs::read_dir(out.path())
+            .unwrap()
+            .any(|e| e.unwrap().path().extension().is_some_and(|e| e == "claim"))
+    };
+    let begun = std::time::Instant::now();
+    while !claimed() && begun.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let said = batch(&["a/*.npz"], out.path(), &[]);
+    assert_eq!((said.code, said.counts()), (Some(0), [2, 1, 1, 0]), "{}", said.errors);
+    assert!(said.status("a/one.npz") == "skipped" && said.lines["a/one.npz"]["folder"].is_null());
+    let note = format!("note: one: another batch is at it: process {} on", slow.id());
+    assert!(said.errors.contains(&note), "{}", said.errors);
+    // What a killed batch was at is anybody's.
+    slow.kill().unwrap();
+    slow.wait().unwrap();
+    assert_eq!(batch(&["a/*.npz"], out.path(), &[]).counts(), [2, 1, 1, 0]);
+    assert_eq!(results(out.path()).len(), 2);
+}
+
+#[test]
 fn truth_and_volume_go_by_the_name_of_the_capture() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, truth) = (folder.path().join("z.npz"), folder.path().join("z_truth.npz"));

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use fixtures::command::{fail, program, stderr, stdout, succeed};
+use fixtures::command::{fail, program, stderr, stdout, succeed, thirdbounce};
 
 /// Options that make a run short.
 const SHORT: [&str; 8] =
@@ -146,6 +146,102 @@ fn a_signal_to_end_keeps_the_checkpoint() {
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
         assert!(state.is_file(), "{signal} leaves no checkpoint");
+    }
+}
+
+/// Names of files and in files, and values of options, as a terminal would obey them.
+#[test]
+fn names_do_nothing_to_a_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, _) = small(folder.path());
+    let odd = folder.path().join("\u{1b}]0;title\u{7}\u{1b}[31m\r\nerror: red\u{9b}.npz");
+    std::fs::copy(&capture, &odd).unwrap();
+    let odd = odd.to_str().unwrap();
+    let member = folder.path().join("member.npz").display().to_string();
+    let point = [0u8; 24].to_vec();
+    std::fs::write(
+        &member,
+        fixtures::files::stored_zip(&[("\u{1b}[2J.npy", point.clone()), ("x.npy", point)]),
+    )
+    .unwrap();
+    let out = folder.path().join("out").display().to_string();
+    let missing = format!("{odd}.npz");
+    for (arguments, code) in [
+        (vec!["info", odd, "--lateral", "8"], 0),
+        (vec!["info", &missing], 1),
+        (vec!["info", &member], 1),
+        (vec!["info", odd, "--lateral", "\u{1b}[31m8"], 2),
+        (vec!["info", odd, "--\u{1b}[31m"], 2),
+        (vec!["reconstruct", &capture, "--gate", "\u{1b}[31m", "--out", &out], 1),
+        ([&["batch", odd, &missing, "--out", &out][..], &SHORT].concat(), 1),
+        (vec!["convert", odd, odd], 1),
+    ] {
+        let output = thirdbounce(&arguments);
+        let text = stdout(&output) + &stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+        assert!(!text.contains(|c: char| c.is_control() && c != '\n'), "{arguments:?}: {text:?}");
+        assert!(stderr(&output).lines().all(|line| !line.starts_with("error: red")), "{text}");
+        for line in stdout(&output).lines().filter(|line| line.starts_with('{')) {
+            serde_json::from_str::<serde_json::Value>(line).expect("JSON stays JSON");
+        }
+    }
+}
+
+/// Wall points that are all the same, as a file whose points were never filled in has them.
+#[test]
+fn points_without_aperture_are_not_solved() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, _) = small(folder.path());
+    let [same, out] = ["same.npz", "out"].map(|name| folder.path().join(name).display().to_string());
+    let whole = thirdbounce::capture::read(Path::new(&capture)).unwrap();
+    let written = |one: &mut dyn FnMut(&mut thirdbounce::capture::Capture)| {
+        thirdbounce::capture::write(&fixtures::captures::changed(&whole, |c| one(c)), Path::new(&same))
+            .unwrap();
+        [&["reconstruct", &same, "--out", &out][..], &SHORT].concat()
+    };
+    let first = vec![whole.laser[0]; whole.pair_count()];
+    let none = written(&mut |c| (c.laser, c.sensor) = (first.clone(), first.clone()));
+    fail(&none, 1, "the scan has no aperture: all 64 pairs are at");
+    fail(
+        &[&none[..], &["--volume=-0.5:0.5,-0.5:0.5,0.3:1"]].concat(),
+        1,
+        "give the wall points of each pair",
+    );
+    // One laser point and many of the sensor are an aperture.
+    succeed(&written(&mut |c| c.laser = first.clone()));
+}
+
+/// Hundreds of digits are refused as such, and not shown again.
+#[test]
+fn numbers_of_many_digits_are_one_short_error() {
+    let folder = tempfile::tempdir().unwrap();
+    small(folder.path());
+    let [large, beyond] = [300, 400].map(|count| "1".repeat(count));
+    std::fs::write(folder.path().join("points.csv"), format!("0,0,0\n0.1,{beyond},0\n")).unwrap();
+    std::fs::write(folder.path().join("tags.csv"), format!("channel,time\n0,1\n1,{large}\n")).unwrap();
+    let tags = "histogram tags.csv --out o.npz --pulses-per-point 1 --zero 0 --scan";
+    let compare = "compare z.npz --truth truth.npz --out o --foreign maps=m,hardware=h,seconds";
+    for (line, code, words) in [
+        (format!("reconstruct z.npz --out o --peak {large}"), 1, "below 3e38"),
+        (format!("reconstruct z.npz --out o --peak {beyond}"), 2, "beyond all numbers"),
+        (format!("reconstruct z.npz --out o --lateral {beyond}"), 2, "(400 digits)"),
+        (format!("reconstruct z.npz --out o --depth-pitch {beyond}"), 2, "give a length"),
+        (format!("reconstruct z.npz --out o --gate :{beyond}"), 1, "(400 digits)\" is not a length"),
+        (format!("reconstruct z.npz --out o --memory {beyond}"), 1, "(400 digits)"),
+        (format!("simulate plane --out o.npz --wall {large}"), 1, "need"),
+        (format!("simulate plane --out o.npz --photons {large}"), 1, "(300 digits)"),
+        (format!("simulate plane --out o.npz --photons {beyond}"), 2, "beyond all numbers"),
+        (format!("{compare}={beyond}"), 1, "(400 digits)"),
+        (format!("{tags} points.csv"), 1, "line 2"),
+        (format!("{tags} 2x1 --wall 1m"), 1, "line 3"),
+    ] {
+        let mut command = Command::new(program());
+        let output = command.args(line.split(' ')).current_dir(folder.path()).output().unwrap();
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{line}: {text}");
+        assert!(text.contains(words) && text.matches("error:").count() == 1, "{line}: {text}");
+        assert!(!text.contains(&"1".repeat(50)), "{line}: {text}");
+        assert!(text.split_whitespace().all(|word| word != "inf"), "{line}: {text}");
     }
 }
 

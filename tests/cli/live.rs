@@ -84,6 +84,31 @@ fn frames_of_a_folder_are_solved_in_order() {
     assert!(Path::new(&out).join("maps.npz").exists());
 }
 
+/// A writer that pauses, as one over a network does.
+#[test]
+fn a_frame_that_is_written_for_seconds_is_waited_for() {
+    let (folder, frames) = frames();
+    let [source, scan] =
+        [folder.path().join("slow"), frames.join("frame-0000.npz")].map(|p| p.to_string_lossy().into_owned());
+    std::fs::create_dir(&source).unwrap();
+    let options =
+        ["live", &source, "--capture", &scan, "--model", "cosine", "--feed", "every", "--frames", "2"];
+    let mut command = Command::new(program());
+    command.args(options).args(QUICK).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let place = |name: &str| Path::new(&source).join(name);
+    let bytes = std::fs::read(frames.join("frame-0001.npz")).unwrap();
+    let mut file = std::fs::File::create(place("frame-0001.npz")).unwrap();
+    for part in bytes.chunks(bytes.len().div_ceil(4)) {
+        std::thread::sleep(Duration::from_millis(800));
+        file.write_all(part).unwrap();
+    }
+    std::fs::copy(frames.join("frame-0002.npz"), place("frame-0002.npz")).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = stdout(&output);
+    assert!(text.contains("2 frames of 2 solved, 0 dropped, 0 wrong"), "{text}{}", stderr(&output));
+}
+
 #[test]
 fn a_stream_that_breaks_off_is_one_error_and_its_frames_are_solved() {
     let (folder, frames) = frames();

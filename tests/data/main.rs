@@ -6,6 +6,7 @@
 mod batch;
 mod native;
 mod opened;
+mod others;
 mod real;
 mod tags;
 mod ytal;
@@ -47,6 +48,11 @@ fn main() -> ExitCode {
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
+    all.extend(trials![
+        "needs Python with h5py and scipy",
+        with("h5py, numpy, scipy.io"),
+        others::what_h5py_and_scipy_write_is_read
+    ]);
     all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
     all.extend(trials![

@@ -79,7 +79,7 @@ fn state(out: &Path) -> String {
     out.with_extension("state").display().to_string()
 }
 
-fn end(mut child: Child, signal: &str) -> Option<i32> {
+pub fn end(mut child: Child, signal: &str) -> Option<i32> {
     let _ = Command::new("kill").args([signal, &child.id().to_string()]).status();
     child.wait().ok().and_then(|s| s.code())
 }

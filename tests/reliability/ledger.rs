@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::process::Command;
 use std::sync::Mutex;
 
 use thirdbounce::Error;
@@ -67,7 +68,14 @@ const HEAD: &str = "# Reliability\n\n\
     cases.\n\n\
     A case holds if it ends within its time limit, in success or in one clear error that says how to fix it. No file \
     may be half-written, no memory may stay allocated, and the next solve in the same process must work as before. \
-    *Errors* is the number of different errors; the most frequent one follows with its fix.\n";
+    *Errors* is the number of different errors; the most frequent one follows with its fix. Each area says of which \
+    commit it tells, and when it was written.\n";
+
+/// What a program prints, as a line.
+fn said(program: &str, arguments: &[&str]) -> String {
+    let output = Command::new(program).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    output.map_or("unknown".into(), |output| String::from_utf8_lossy(&output.stdout).trim().to_string())
+}
 
 /// Replaces the section of an area in docs/reliability.md.
 pub fn write(area: &str, rows: &[Row]) {
@@ -89,8 +97,14 @@ pub fn write(area: &str, rows: &[Row]) {
 }
 
 fn section(rows: &[Row]) -> String {
-    let mut text =
-        String::from("| case | tried | held | errors | most frequent | fix |\n|---|---|---|---|---|---|\n");
+    let changed = said("git", &["status", "--porcelain", "--", ":!docs"]);
+    let mut text = format!(
+        "Commit {}{}, {}.\n\n",
+        said("git", &["rev-parse", "--short=8", "HEAD"]),
+        if changed.is_empty() { "" } else { " with changes" },
+        said("date", &["-u", "+%F"])
+    );
+    text += "| case | tried | held | errors | most frequent | fix |\n|---|---|---|---|---|---|\n";
     for row in rows {
         let most = row.errors.iter().max_by_key(|(_, n)| **n).map(|(said, _)| said);
         let (what, mend) = most.map_or(("–".into(), "–".into()), |(w, m)| (plain(w), plain(m)));

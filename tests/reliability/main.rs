@@ -15,6 +15,8 @@ mod resumed;
 mod small;
 mod stability;
 mod valid;
+#[cfg(unix)]
+mod verbs;
 mod watch;
 
 use ledger::{Row, assert_held};
@@ -75,6 +77,12 @@ fn nothing_is_written_past_an_end_and_two_solve_at_once() {
     assert_held(&canaries::rows(Share(5)));
 }
 
+#[test]
+#[cfg(unix)]
+fn every_verb_ends_well_whatever_happens() {
+    assert_held(&verbs::rows(Share(11)));
+}
+
 /// Asserts that all cases of an area held, and writes them to the page.
 fn all_of(area: &str, rows: &[Row]) {
     ledger::write(area, rows);
@@ -109,6 +117,13 @@ fn all_checkpoints() {
 #[ignore = "long: make soak"]
 fn all_options() {
     all_of("Options", &options::rows(Share(1)));
+}
+
+#[test]
+#[cfg(unix)]
+#[ignore = "long: make soak"]
+fn all_verbs() {
+    all_of("Every verb, and containers", &verbs::rows(Share(1)));
 }
 
 #[test]

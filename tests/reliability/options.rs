@@ -2,11 +2,11 @@
 
 #[allow(dead_code, unused_imports)]
 #[path = "../../src/cli/mod.rs"]
-mod cli;
+pub mod cli;
 use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -33,7 +33,7 @@ enum Takes {
 }
 
 /// Arguments that make a run of the verb short and complete, positional ones first. `{}` is the case's own folder.
-fn base(verb: &str) -> Vec<String> {
+pub fn base(verb: &str) -> Vec<String> {
     let (capture, truth) = (files().capture().display().to_string(), files().truth().display().to_string());
     let result = result().display().to_string();
     let text = match verb {
@@ -273,14 +273,19 @@ fn run(case: &Case) -> Held {
     let text = String::from_utf8_lossy(&std::fs::read(folder.path().join(".stderr")).unwrap_or_default())
         .into_owned();
     let _ = std::fs::remove_file(folder.path().join(".stderr"));
-    holds(!text.contains("internal error") && !text.contains("panicked"), || text.clone())?;
-    let left = leftovers(folder.path());
+    judge(folder.path(), status, &text)
+}
+
+/// A run in a folder of its own held if it ended well, or in one clear error and wrote nothing.
+pub fn judge(folder: &Path, status: ExitStatus, text: &str) -> Held {
+    holds(!text.contains("internal error") && !text.contains("panicked"), || text.into())?;
+    let left = leftovers(folder);
     holds(left.is_empty(), || format!("left behind: {left:?}"))?;
     match status.code() {
         Some(0) => Ok(None),
         Some(1 | 2) => {
             holds(text.matches("error:").count() == 1, || format!("not one error: {text}"))?;
-            let written: Vec<_> = tree(folder.path()).into_keys().collect();
+            let written: Vec<_> = tree(folder).into_keys().collect();
             holds(written.is_empty(), || format!("an error, but written: {written:?}"))?;
             let mut lines = text.lines().filter(|l| !l.starts_with("note:")).map(|l| l.trim().to_string());
             let what = lines.next().unwrap_or_default().trim_start_matches("error: ").to_string();

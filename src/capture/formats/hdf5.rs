@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error};
+use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass};
 
 use super::glance;
 use super::variables::Counts;
@@ -92,9 +92,12 @@ impl Hdf5 {
         &self.path
     }
 
-    /// Names of the datasets, sorted.
+    /// Names of the datasets, sorted. Links to other files are among them, so that an error tells of them.
     pub fn names(&self) -> Vec<String> {
+        let root = self.file.root_group();
+        let leaves = |name: &String| matches!(root.link_class(name), Ok(LinkClass::External { .. }));
         let mut names = self.file.dataset_names();
+        names.extend(root.link_names().unwrap_or_default().into_iter().filter(leaves));
         names.sort();
         names
     }
@@ -109,6 +112,10 @@ impl Hdf5 {
 
     /// The dataset, `None` if it is missing or has an empty dataspace.
     fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
+        // Asked for a group, the reader tells of a link on the way before it opens the other file. For a dataset, it opens it.
+        if let Err(Hdf5Error::Unsupported(_)) = self.file.root_group().group(name) {
+            return Err(elsewhere(name, "is a link to other files"));
+        }
         let dataset = match self.file.dataset(name) {
             Ok(dataset) => dataset,
             Err(Hdf5Error::NotFound(_)) => return Ok(None),
@@ -117,13 +124,10 @@ impl Hdf5 {
         if dataset.is_null() || dataset.shape().contains(&0) {
             return Ok(None);
         }
-        let elsewhere = dataset.external_files().is_ok_and(|files| !files.is_empty())
-            || dataset.virtual_mappings().is_ok_and(|maps| !maps.is_empty());
-        if elsewhere {
-            return Err(Error::input(
-                format!("dataset {name} keeps its values in other files"),
-                "rewrite the file with the values inside (h5repack does it)",
-            ));
+        if dataset.external_files().is_ok_and(|files| !files.is_empty())
+            || dataset.virtual_mappings().is_ok_and(|maps| !maps.is_empty())
+        {
+            return Err(elsewhere(name, "keeps its values in other files"));
         }
         // The HDF5 reader allocates the sizes that a file claims, and a failed allocation ends the program. So the
         // sizes are checked first, those of chunks too.
@@ -301,6 +305,14 @@ impl Hdf5 {
             Ok((!values.is_empty()).then_some((shape, values)))
         })
     }
+}
+
+/// The error of a dataset that is not in this file.
+fn elsewhere(name: &str, how: &str) -> Error {
+    Error::input(
+        format!("dataset {name} {how}, which are not opened"),
+        "write the values into this file (h5repack, or a copy with h5py, does it)",
+    )
 }
 
 /// How the numbers of a dataset are stored.

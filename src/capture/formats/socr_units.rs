@@ -208,7 +208,8 @@ impl Script {
 fn value(expression: &str, known: &[(String, f64)]) -> Option<f64> {
     let number = |word: &str| {
         let word = word.trim();
-        word.parse().ok().or_else(|| known.iter().find(|(name, _)| name == word).map(|(_, value)| *value))
+        let value = word.parse().ok().filter(|v: &f64| v.is_finite());
+        value.or_else(|| known.iter().find(|(name, _)| name == word).map(|(_, value)| *value))
     };
     expression.split('*').try_fold(1.0, |product, factor| {
         let mut parts = factor.split('/').map(number);

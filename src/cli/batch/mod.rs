@@ -13,7 +13,7 @@ use thirdbounce::job::{self, Batch, Loaded, Request};
 use thirdbounce::solve::Progress;
 use thirdbounce::{Result, gpu};
 
-use super::progress::say;
+use super::progress::{say, say_error};
 use super::{advice, interrupt, print};
 pub use args::Args;
 
@@ -39,15 +39,17 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         if !args.each.quiet {
             told.notes.iter().for_each(|note| say(&format!("note: {}: {note}", told.capture.name)));
         }
-        if !args.each.quiet || told.error.is_some() {
-            say(&sentence(told));
+        match &told.error {
+            Some(e) => say_error(&format!("{}: ", told.capture.name), &e.what, &advice::text(&e.mend)),
+            None if !args.each.quiet => say(&sentence(told)),
+            None => {}
         }
     })?;
     let mut summary = json!(tally);
     summary["summary"] = true.into();
     print(&summary.to_string());
     say(&text(&tally));
-    Ok(match (tally.stopped, tally.failed) {
+    Ok(match (interrupt::asked().is_break() && tally.stopped, tally.failed) {
         (true, _) => ExitCode::from(STOPPED),
         (false, 0) => ExitCode::SUCCESS,
         (false, _) => ExitCode::from(1),
@@ -106,10 +108,10 @@ fn line(told: &Told) -> serde_json::Value {
 /// The same as a sentence.
 fn sentence(told: &Told) -> String {
     let name = &told.capture.name;
-    match (&told.error, told.status) {
-        (Some(e), _) => format!("error: {name}: {}\n  {}", e.what, advice::text(&e.mend)),
-        (None, Status::Skipped) => format!("{name} is done already"),
-        (None, _) => format!("{name} is done after {:.1} s", told.seconds),
+    match (told.status, &told.folder) {
+        (Status::Skipped, None) => format!("{name} is skipped"),
+        (Status::Skipped, _) => format!("{name} is done already"),
+        _ => format!("{name} is done after {:.1} s", told.seconds),
     }
 }
 

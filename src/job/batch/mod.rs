@@ -14,6 +14,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{Loaded, Request, places};
+use crate::files::claim;
 use crate::files::staging::Staging;
 use crate::gpu::GpuOptions;
 use crate::solve::Progress;
@@ -46,7 +47,7 @@ pub struct Batch {
 pub enum Status {
     /// It is reconstructed.
     Done,
-    /// Its result was there.
+    /// Its result was there, or another batch is at it: then a note says which, and there is no folder.
     Skipped,
     /// It has no result.
     Failed,
@@ -78,11 +79,11 @@ pub struct Tally {
     pub captures: usize,
     /// Those that were reconstructed.
     pub done: usize,
-    /// Those whose results were there.
+    /// Those whose results were there, and those that another batch is at.
     pub skipped: usize,
     /// Those without a result.
     pub failed: usize,
-    /// Whether the caller stopped the batch. Captures that are not counted are left.
+    /// Whether the caller or a full disk stopped the batch. Captures that are not counted are left.
     pub stopped: bool,
     /// Seconds of the whole batch.
     pub seconds: f64,
@@ -104,7 +105,7 @@ pub trait Caller: Sync {
 ///
 /// # Errors
 /// Before anything is computed: two captures of one name, no device, or a folder that cannot be written. What goes wrong
-/// with a capture is told, and the batch goes on.
+/// with a capture is told, and the batch goes on, unless the disk is full.
 pub fn batch(what: &Batch, caller: &dyn Caller, tell: &mut dyn FnMut(&Told)) -> Result<Tally> {
     let start = Instant::now();
     let mut names = BTreeSet::new();
@@ -121,6 +122,7 @@ pub fn batch(what: &Batch, caller: &dyn Caller, tell: &mut dyn FnMut(&Told)) -> 
     let lines = Lines::new(what, caller)?;
     // It removes what a killed process left.
     drop(Staging::new(&what.out)?);
+    claim::sweep(&what.out);
     let mut tally = Tally { captures: lines.captures.len(), ..Tally::default() };
     lines.run(&mut |told| {
         match told.status {

@@ -85,7 +85,7 @@ fn stem(path: &Path) -> String {
 }
 
 /// FNV-1a, with its high bits mixed into the low ones.
-fn hash(bytes: &[u8]) -> u64 {
+pub(super) fn hash(bytes: &[u8]) -> u64 {
     let all = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
     });

@@ -2,19 +2,26 @@
 //! `jobs` captures are read ahead and `jobs` results wait to be written.
 
 use std::any::Any;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use super::super::run::{self, Solved};
 use super::record::{Record, check_place};
-use super::{Batch, Caller, Figures, Listed, Status, Told};
+use super::{Batch, Caller, Figures, Listed, Status, Told, names};
+use crate::files::atomic::is_full;
+use crate::files::claim::{self, Claim};
 use crate::files::opened::{self, Stamp};
 use crate::files::staging::Staging;
 use crate::gpu::{DeviceKind, Gpu, GpuOptions};
 use crate::job::{Loaded, Request};
 use crate::{Error, Kind, Result, panic_message};
+
+/// The file of a result that is written last.
+const WHOLE: &str = "report.json";
 
 /// A device that is opened anew after it was lost.
 struct Device {
@@ -64,6 +71,8 @@ struct Work<T> {
     seconds: f64,
     request: Request,
     notes: Vec<String>,
+    /// Held until the result is there.
+    claim: Claim,
     /// What the last stage made of it.
     made: T,
 }
@@ -76,6 +85,8 @@ pub(super) struct Lines<'b> {
     devices: Vec<Arc<Device>>,
     /// The captures of the shard.
     pub captures: Vec<Listed>,
+    /// Whether there is no room for another result.
+    full: AtomicBool,
 }
 
 impl<'b> Lines<'b> {
@@ -87,7 +98,7 @@ impl<'b> Lines<'b> {
         let held = batch.captures.iter().filter(|c| batch.shard.holds(&c.name));
         let captures: Vec<Listed> = held.cloned().collect();
         let devices = Device::of_jobs(&batch.devices, batch.jobs.min(captures.len().max(1)))?;
-        Ok(Lines { batch, caller, devices, captures })
+        Ok(Lines { batch, caller, devices, captures, full: AtomicBool::new(false) })
     }
 
     /// Runs until all captures are through, or the caller stops.
@@ -105,13 +116,49 @@ impl<'b> Lines<'b> {
                 scope.spawn(move || self.solve(device, to_solve, &solved, &told));
             }
             scope.spawn(move || self.write(&to_write, &of_writer));
+            let (end, ended) = channel::<()>();
+            scope.spawn(move || {
+                while ended.recv_timeout(claim::EVERY) == Err(RecvTimeoutError::Timeout) {
+                    claim::keep(&self.batch.out);
+                }
+            });
             drop((solved, told));
             all_told.iter().for_each(|one| tell(&one));
+            drop(end);
         });
     }
 
     fn is_stopped(&self) -> bool {
-        self.caller.go_on(None).is_break()
+        self.full.load(Ordering::Relaxed) || self.caller.go_on(None).is_break()
+    }
+
+    /// Tells of a capture that failed. For want of room, all others would fail, too: the batch ends.
+    fn fail(&self, told: &Sender<Told>, capture: &Listed, seconds: f64, mut error: Error) {
+        if is_full(&error) {
+            self.full.store(true, Ordering::Relaxed);
+            error.mend = error.mend.and(", then start the batch again: it ends here, and goes on from here");
+        }
+        // The receiver lives as long as the threads.
+        let _ = told.send(Told { status: Status::Failed, error: Some(error), ..of(capture, seconds) });
+    }
+
+    /// Claims a capture that is not done. What is told instead of one that is, or that another batch is at.
+    fn claim(&self, capture: &Listed, record: &Record) -> Result<std::result::Result<Claim, Told>> {
+        let folder = self.batch.out.join(&capture.name);
+        let skipped = || Told { status: Status::Skipped, ..of(capture, 0.0) };
+        let done =
+            || record.is_done(&folder, WHOLE).then(|| Told { folder: Some(folder.clone()), ..skipped() });
+        if let Some(done) = done() {
+            return Ok(Err(done));
+        }
+        // Names may be as long as a file's, so the claim's has its beginning.
+        let begin: String = capture.name.chars().take(40).collect();
+        let name = format!("{begin}-{:08x}", names::hash(capture.name.as_bytes()));
+        Ok(match Claim::take(&self.batch.out, &name)? {
+            // Another batch may have ended it meanwhile.
+            Ok(claim) => done().map_or(Ok(claim), Err),
+            Err(owner) => Err(Told { notes: vec![format!("another batch is at it: {owner}")], ..skipped() }),
+        })
     }
 
     fn read(&self, next: &SyncSender<Work<Loaded>>, told: &Sender<Told>) {
@@ -122,14 +169,17 @@ impl<'b> Lines<'b> {
             let start = Instant::now();
             let record = Record::of(&capture.path, &self.batch.options);
             let folder = self.batch.out.join(&capture.name);
-            if record.is_done(&folder, "report.json") {
-                let _ = told.send(Told {
-                    status: Status::Skipped,
-                    folder: Some(folder),
-                    ..of(capture, start.elapsed().as_secs_f64())
-                });
-                continue;
-            }
+            let claim = match self.claim(capture, &record) {
+                Ok(Ok(claim)) => claim,
+                Ok(Err(skipped)) => {
+                    let _ = told.send(Told { seconds: start.elapsed().as_secs_f64(), ..skipped });
+                    continue;
+                }
+                Err(error) => {
+                    self.fail(told, capture, start.elapsed().as_secs_f64(), error);
+                    continue;
+                }
+            };
             let (loaded, mut looked) =
                 opened::during(|| guarded(|| check_place(&folder).and_then(|()| self.caller.load(capture))));
             let seconds = start.elapsed().as_secs_f64();
@@ -141,11 +191,12 @@ impl<'b> Lines<'b> {
                     let notes = loaded.notes.clone();
                     let capture = capture.clone();
                     // It waits until a solver takes it. No solver left is the end.
-                    if next.send(Work { capture, record, seconds, request, notes, made: loaded }).is_err() {
+                    let work = Work { capture, record, seconds, request, notes, claim, made: loaded };
+                    if next.send(work).is_err() {
                         return;
                     }
                 }
-                Err(error) => fail(told, capture, seconds, error),
+                Err(error) => self.fail(told, capture, seconds, error),
             }
         }
     }
@@ -159,18 +210,23 @@ impl<'b> Lines<'b> {
     ) {
         loop {
             let work = from.lock().unwrap_or_else(PoisonError::into_inner).recv();
-            let Ok(Work { capture, record, seconds, request, notes, made: loaded }) = work else { return };
+            let Ok(Work { capture, record, seconds, request, notes, claim, made: loaded }) = work else {
+                return;
+            };
             if self.is_stopped() {
                 continue;
             }
             let start = Instant::now();
-            let mut hear = |p: &_| self.caller.go_on(Some((&capture, p)));
+            let mut hear = |p: &_| match self.full.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => self.caller.go_on(Some((&capture, p))),
+            };
             let solved = guarded(|| run::solve(&request, &loaded, &device.gpu()?, &mut hear));
             let seconds = seconds + start.elapsed().as_secs_f64();
             match solved {
                 Ok(made) => {
                     let notes = [&notes[..], &made.outcome.notes, &made.outcome.validation].concat();
-                    if next.send(Work { capture, record, seconds, request, notes, made }).is_err() {
+                    if next.send(Work { capture, record, seconds, request, notes, claim, made }).is_err() {
                         return;
                     }
                 }
@@ -180,23 +236,26 @@ impl<'b> Lines<'b> {
                     if error.kind == Kind::Device {
                         device.forget();
                     }
-                    fail(told, &capture, seconds, error);
+                    self.fail(told, &capture, seconds, error);
                 }
             }
         }
     }
 
     fn write(&self, from: &Receiver<Work<Solved>>, told: &Sender<Told>) {
-        for Work { capture, record, seconds, mut request, notes, made } in from {
+        for Work { capture, record, seconds, mut request, notes, claim, made } in from {
+            if self.full.load(Ordering::Relaxed) {
+                continue;
+            }
             let start = Instant::now();
             let figures = Figures::of(&made.outcome);
             let written = guarded(|| {
                 let staging = Staging::new(&self.batch.out)?;
                 request.out = staging.path().join(&capture.name);
                 made.write(&request)?;
-                record.write(&request.out)?;
-                staging.commit_folder(&capture.name)
+                record.commit(staging, &capture.name, WHOLE)
             });
+            drop(claim);
             let seconds = seconds + start.elapsed().as_secs_f64();
             match written {
                 Ok(folder) => {
@@ -207,7 +266,7 @@ impl<'b> Lines<'b> {
                         ..of(&capture, seconds)
                     });
                 }
-                Err(error) => fail(told, &capture, seconds, error),
+                Err(error) => self.fail(told, &capture, seconds, error),
             }
         }
     }
@@ -224,11 +283,6 @@ fn of(capture: &Listed, seconds: f64) -> Told {
         figures: None,
         notes: vec![],
     }
-}
-
-fn fail(told: &Sender<Told>, capture: &Listed, seconds: f64, error: Error) {
-    // The receiver lives as long as the threads.
-    let _ = told.send(Told { status: Status::Failed, error: Some(error), ..of(capture, seconds) });
 }
 
 /// A panic as an error: one capture must not end the batch.

@@ -1,12 +1,14 @@
 //! What a result folder was made from: it tells whether the result is done.
 
+use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::super::words::write_json;
 use crate::files::opened::{Looked, Stamp};
+use crate::files::staging::{Staging, remove};
 use crate::{Error, Result};
 
 /// The record's file in a result folder.
@@ -41,6 +43,9 @@ pub struct Record {
     files: Vec<Made>,
     /// Other files that were looked for, in the order of their paths: whether they are there, and how, may change the result.
     beside: Vec<(String, Option<Stamp>)>,
+    /// The result's files, by their paths in its folder. Others in there are somebody else's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    wrote: Option<BTreeSet<PathBuf>>,
 }
 
 /// A file, as it was when it was read.
@@ -61,7 +66,13 @@ impl Record {
             files.extend(Made::of(capture));
         }
         files.sort();
-        Record { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files, beside: vec![] }
+        Record {
+            version: env!("CARGO_PKG_VERSION").into(),
+            options: options.to_vec(),
+            files,
+            beside: vec![],
+            wrote: None,
+        }
     }
 
     /// The record with other files that were looked for when the capture was read. Paths are kept from the folder in which the
@@ -82,13 +93,38 @@ impl Record {
 
     /// Whether `folder` holds a whole result that was made from the same. Its file `whole` comes last.
     pub fn is_done(&self, folder: &Path, whole: &str) -> bool {
-        let text = fs::read_to_string(folder.join(RECORD)).ok();
-        let Some(mut found) = text.and_then(|text| serde_json::from_str::<Record>(&text).ok()) else {
-            return false;
-        };
+        let Some(mut found) = Record::read(folder) else { return false };
+        found.wrote = None;
         let beside = std::mem::take(&mut found.beside);
         let same = beside.iter().all(|(path, stamp)| Stamp::of(Path::new(path)) == *stamp);
         same && found == *self && !self.files.is_empty() && folder.join(whole).is_file()
+    }
+
+    fn read(folder: &Path) -> Option<Record> {
+        serde_json::from_str(&fs::read_to_string(folder.join(RECORD)).ok()?).ok()
+    }
+
+    /// Moves a result, which is written to a folder of this name inside `staging`, to its place, with this record. The files of
+    /// an older result make room for it; all others in its folder stay. Returns the folder.
+    ///
+    /// # Errors
+    /// A file that cannot be written, or that is somebody else's.
+    pub fn commit(mut self, staging: Staging, name: &str, whole: &str) -> Result<PathBuf> {
+        let (staged, place) = (staging.path().join(name), staging.target().join(name));
+        let mut files = vec![];
+        list(&staged, Path::new(""), &mut files);
+        // First the record, which says whose the others are; last the file that says that all are there.
+        files.retain(|file| file != Path::new(whole));
+        files.insert(0, RECORD.into());
+        files.push(whole.into());
+        self.wrote = Some(files.iter().cloned().collect());
+        self.write(&staged)?;
+        if fs::symlink_metadata(&place).is_err() {
+            return staging.commit_folder(name);
+        }
+        make_room(&place, &files, whole)?;
+        staging.commit(&files.iter().map(|file| staged.join(file)).collect::<Vec<_>>())?;
+        Ok(place)
     }
 
     /// Writes the record into `folder`.
@@ -97,6 +133,37 @@ impl Record {
     /// A file that cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_json(&folder.join(RECORD), self, true)
+    }
+}
+
+/// Removes what an older result has and the new one does not, its file `whole` first: it is not whole any more.
+fn make_room(place: &Path, files: &[PathBuf], whole: &str) -> Result<()> {
+    let Some(old) = Record::read(place).and_then(|record| record.wrote) else { return Ok(()) };
+    if let Some(file) = files.iter().find(|file| !old.contains(*file) && place.join(file).exists()) {
+        return Err(Error::output(
+            format!("{}: is there, but no batch wrote it", place.join(file).display()),
+            "move it away, or choose another folder for the results",
+        ));
+    }
+    remove(&place.join(whole))?;
+    // Whatever a record says, nothing outside of its folder goes.
+    let inside = |file: &&PathBuf| file.components().all(|part| matches!(part, Component::Normal(_)));
+    for file in old.iter().filter(inside).filter(|file| !files.contains(file)) {
+        remove(&place.join(file))?;
+        // Folders that are empty now go, too.
+        file.ancestors().skip(1).try_for_each(|folder| fs::remove_dir(place.join(folder))).ok();
+    }
+    Ok(())
+}
+
+/// The files in a folder and those below it, as paths from there.
+fn list(folder: &Path, below: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder.join(below)).into_iter().flatten().flatten() {
+        let path = below.join(entry.file_name());
+        match entry.path().is_dir() {
+            true => list(folder, &path, files),
+            false => files.push(path),
+        }
     }
 }
 
