@@ -1725,6 +1725,12 @@ pub mod job {
                 pub fn beside(mut self, looked: &[Looked]) -> Record {}
                 pub fn with(mut self, file: &Path) -> Record {}
                 pub fn is_done(&self, folder: &Path, whole: &str) -> bool {}
+                pub fn commit(
+                    mut self,
+                    staging: Staging,
+                    name: &str,
+                    whole: &str,
+                ) -> Result<PathBuf> {}
                 pub fn write(&self, folder: &Path) -> Result<()> {}
             }
         }
@@ -5302,7 +5308,8 @@ pub mod trials {
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         pub struct FoundPulse {
             pub fwhm: f64,
-            pub trials: Vec<[f64; 2]>,
+            pub tail: f64,
+            pub trials: Vec<[f64; 3]>,
             pub seconds: f64,
             pub failed: Option<String>,
         }
