@@ -331,8 +331,8 @@ fn a_failed_run_keeps_an_older_result_whole() {
     let done = reconstruct(&capture, folder.path(), &["--quiet", "--memory", "1M"]);
     assert_eq!(done.status.code(), Some(1));
     assert_eq!(std::fs::read(folder.path().join("report.json")).unwrap(), before);
-    // A peak beyond single precision gives a loss that is not finite, which is found while solving.
-    let done = reconstruct(&capture, folder.path(), &["--quiet", "--peak", "1e300"]);
+    // A peak whose square is beyond single precision gives a loss that is not finite, which is found while solving.
+    let done = reconstruct(&capture, folder.path(), &["--quiet", "--peak", "1e38"]);
     assert_eq!(done.status.code(), Some(1), "{}", stderr(&done));
     assert!(stderr(&done).contains("the loss is"), "{}", stderr(&done));
     assert_eq!(std::fs::read(folder.path().join("report.json")).unwrap(), before);
