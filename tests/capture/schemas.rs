@@ -128,6 +128,39 @@ fn znlos_confocal_in_both_axis_orders() {
 }
 
 #[test]
+fn znlos_without_colours_with_one_list_of_points() {
+    // The counts of one colour, [t, bounce, x, y], and every position in one list in the order of the histograms.
+    let one_colour = |arrays: &[Matrix], at: &dyn Fn(usize) -> [usize; 2]| -> Vec<Matrix> {
+        let whole = &arrays[0];
+        let data = matrix("data", &whole.dims[1..], |a| whole.at(&[0, a[0], a[1], a[2], a[3]]));
+        let listed = arrays[1..].iter().map(|m| match &m.dims[..] {
+            [3, 3, 2] => matrix(&m.name, &[3, 6, 1], |a| m.at(&[a[0], at(a[1])[0], at(a[1])[1]])),
+            _ => m.clone(),
+        });
+        std::iter::once(data).chain(listed).collect()
+    };
+    // MATLAB stores its first axis fastest, a C program its last.
+    let matlab = one_colour(&znlos(4, true), &|p| [p % 3, p / 3]);
+    let plain = one_colour(&znlos(4, true), &|p| [p / 2, p % 2]);
+    let plain: Vec<Matrix> = plain.iter().map(Matrix::reversed).collect();
+    for (arrays, order) in [(&matlab, "MATLAB"), (&plain, "C")] {
+        every_file(arrays, |path, kind| {
+            let c = read(path).unwrap_or_else(|e| panic!("{kind}, {order}: {e}"));
+            assert_confocal_paths(&c, &format!("{kind}, {order}"));
+            let total: f32 = c.histograms.iter().sum();
+            assert!((total - 6.0 * 100.0).abs() < 1e-2, "{kind}, {order}: {total}");
+        });
+    }
+    // A list of another length is still refused.
+    let mut short = matlab.clone();
+    short[1] = matrix("cameraGridPositions", &[3, 5, 1], |_| 0.1);
+    short.remove(2);
+    let (_folder, path) = place("made.hdf5");
+    hdf5(&path, &short);
+    assert_error(read(&path), Kind::Input, &["[2, 3, 4, 100] for 1 x 5 camera points"]);
+}
+
+#[test]
 fn znlos_with_one_laser_point() {
     let arrays = znlos(4, false);
     let reversed: Vec<Matrix> = arrays.iter().map(Matrix::reversed).collect();

@@ -2,8 +2,9 @@
 //!
 //! `data` has the axes (colour, t, bounce, sx, sy) if confocal, else (colour, t, bounce, sx, sy, lx, ly). All axes may
 //! be reversed, because HDF5 and MATLAB order them differently. Colours are summed, and the given bounce is used.
-//! `{camera,laser}GridPositions` are 3×X×Y or X×Y×3, in the axis order of `data`; `{camera,laser}GridNormals` are
-//! optional. The devices are `cameraPosition` and `laserPosition`. `deltaT` and `t0` are metres of path, `t` is the
+//! `{camera,laser}GridPositions` are 3×X×Y or X×Y×3, in the axis order of `data`, or one list of all points (3×XY,
+//! 3×XY×1, XY×3 or XY×1×3) in the order in which the file stores their histograms. Files without the colour axis are
+//! read, too. `{camera,laser}GridNormals` are optional. The devices are `cameraPosition` and `laserPosition`. `deltaT` and `t0` are metres of path, `t` is the
 //! number of bins. The paths include the legs from the laser and to the camera, which are removed for each point.
 //! `hiddenVolumePosition` tells on which side of the wall the scene is; the wall is rotated to face +z.
 //!
@@ -38,11 +39,12 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
     let integer_counts = counts.whole();
     let histograms = axes.gather(&counts, kept)?;
     drop(counts);
-    let sensor_places = sensors.ordered(axes.reversed);
+    let sensor_places = sensors.ordered(axes.reversed, [axes.size[3], axes.size[4]]);
     let (laser_places, scan, laser, sensor);
     if confocal {
         // Without a laser grid the laser points are the camera points.
-        laser_places = lasers.as_ref().unwrap_or(&sensors).ordered(axes.reversed);
+        laser_places =
+            lasers.as_ref().unwrap_or(&sensors).ordered(axes.reversed, [axes.size[3], axes.size[4]]);
         scan = [axes.size[3], axes.size[4]];
         (laser, sensor) = (laser_places.points.clone(), sensor_places.points.clone());
         if laser.len() != sensor.len() {
@@ -56,7 +58,8 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
             ));
         }
     } else {
-        laser_places = lasers.ok_or_else(|| file.missing("laserGridPositions"))?.ordered(axes.reversed);
+        let lasers = lasers.ok_or_else(|| file.missing("laserGridPositions"))?;
+        laser_places = lasers.ordered(axes.reversed, [axes.size[5], axes.size[6]]);
         let (l, s) = (laser_places.points.len(), sensor_places.points.len());
         scan = match (l, s) {
             (1, _) => [axes.size[3], axes.size[4]],
@@ -180,10 +183,19 @@ impl Grid {
         if reversed && !self.first { [b, a] } else { [a, b] }
     }
 
-    /// The points in the order of the scan, first axis slowest.
-    fn ordered(&self, reversed: bool) -> Grid {
-        let [x, y] = self.scan(reversed);
-        let swapped = reversed && !self.first;
+    /// True if these are the points of a scan of this shape: as a grid, or as one list of all.
+    fn fits(&self, reversed: bool, scan: [usize; 2]) -> bool {
+        let is_list = self.shape.contains(&1) && self.points.len() == scan[0] * scan[1];
+        is_list || self.scan(reversed) == scan
+    }
+
+    /// The points in the order of the scan, first axis slowest. `scan` is the scan's shape by `data`.
+    fn ordered(&self, reversed: bool, scan: [usize; 2]) -> Grid {
+        let own = self.scan(reversed);
+        let is_list = own != scan && self.fits(reversed, scan);
+        let [x, y] = if is_list { scan } else { own };
+        // A list is stored like the histograms: in a reversed file, the first axis of the scan is the fastest.
+        let swapped = reversed && (is_list || !self.first);
         let from = |p: usize| if swapped { (p % y) * x + p / y } else { p };
         let pick = |all: &[DVec3]| (0..all.len()).map(|p| all[from(p)]).collect::<Vec<_>>();
         Grid {
@@ -219,9 +231,9 @@ impl Axes {
             if size.len().is_multiple_of(2) {
                 size.insert(0, 1);
             }
-            let of = |grid: &Grid, at: usize| grid.scan(reversed) == [size[at], size[at + 1]];
-            let lasers = size.len() == 5 || of(lasers, 5);
-            let good = of(sensors, 3) && lasers && bins.is_none_or(|t| t == size[1]);
+            let lasers = size.len() == 5 || lasers.fits(reversed, [size[5], size[6]]);
+            let sensors = sensors.fits(reversed, [size[3], size[4]]);
+            let good = sensors && lasers && bins.is_none_or(|t| t == size[1]);
             good.then_some(Axes { reversed, size })
         };
         match (fits(false), fits(true)) {
