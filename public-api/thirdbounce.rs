@@ -1838,9 +1838,14 @@ pub mod job {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Foreign {
             pub name: String,
-            pub maps: PathBuf,
+            pub result: ForeignResult,
             pub seconds: f64,
             pub hardware: String,
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum ForeignResult {
+            Maps(PathBuf),
+            Figures(PaperMeasure),
         }
         #[derive(Debug, Clone, Default, PartialEq)]
         pub struct Comparison {
@@ -2354,7 +2359,9 @@ pub mod job {
     pub use advice::suggestions;
     pub use batch::{Batch, batch};
     pub use benchmark::{Benchmark, benchmark};
-    pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
+    pub use compare::{
+        Compared, Comparison, Foreign, ForeignResult, Method, Turn, compare,
+    };
     pub use demo::{Demo, demo};
     pub use evaluate::{Evaluation, evaluate};
     pub use histogram::{Histogramming, histogram};
@@ -2626,6 +2633,7 @@ pub mod measure {
             pub depth_rmse_whole: Option<f64>,
             pub normal_error_deg: Option<f64>,
             pub normal_mae: Option<f64>,
+            pub paper: PaperMeasure,
             pub best_iou: Option<f64>,
             pub best_fraction: Option<f64>,
             pub at_best: Option<AtBest>,
@@ -2660,6 +2668,15 @@ pub mod measure {
             fraction: impl Into<Option<f64>>,
         ) -> Result<Metrics> {}
     }
+    pub mod paper {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct PaperMeasure {
+            pub depth_mae: Option<f64>,
+            pub depth_rmse: Option<f64>,
+            pub normal_mae: Option<f64>,
+            pub normal_rmse: Option<f64>,
+        }
+    }
     pub mod reach {
         #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
         pub struct Reach {
@@ -2672,6 +2689,7 @@ pub mod measure {
     }
     pub use calibration::Calibration;
     pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
+    pub use paper::PaperMeasure;
     pub use reach::{Reach, median, reach};
 }
 pub mod session {

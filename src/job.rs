@@ -40,7 +40,7 @@ pub use crate::trials::{Choice, FindPulse, MODELS, Resolved, preset_for};
 pub use advice::suggestions;
 pub use batch::{Batch, batch};
 pub use benchmark::{Benchmark, benchmark};
-pub use compare::{Compared, Comparison, Foreign, Method, Turn, compare};
+pub use compare::{Compared, Comparison, Foreign, ForeignResult, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use histogram::{Histogramming, histogram};

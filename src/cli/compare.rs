@@ -4,7 +4,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use thirdbounce::export::comparison::LeftOut;
-use thirdbounce::job::{self, Comparison, FindPulse, Foreign, Loaded, Method, Request, SolverOptions, Turn};
+use thirdbounce::job::{
+    self, Comparison, FindPulse, Foreign, ForeignResult, Loaded, Method, Request, SolverOptions, Turn,
+};
+use thirdbounce::measure::PaperMeasure;
 use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result};
 
@@ -41,6 +44,8 @@ pub struct Args {
     method: Vec<String>,
     /// Maps that another program made of the same capture: a file (npz, EXR or MATLAB) or a folder with maps.npz,
     /// maps.exr or maps.mat, the seconds that it took and what it ran on. They are measured and drawn beside the methods.
+    /// A row of a published table has figures in place of the folder, as evaluate prints them in the line paper:
+    /// NAME,depth=MAE/RMSE,normals=MAE/RMSE,seconds=S,hardware=WORDS, one of depth and normals or both, RMSE or not.
     /// May be repeated
     #[arg(long, value_name = "NAME=FOLDER,seconds=S,hardware=WORDS")]
     foreign: Vec<String>,
@@ -241,28 +246,46 @@ fn every() -> impl Iterator<Item = &'static str> {
     std::iter::once(SolverOptions::DEFAULT).chain(others)
 }
 
-/// Reads the maps of another program: NAME=FOLDER,seconds=S,hardware=WORDS.
+/// Reads a result of another program: NAME=FOLDER,seconds=S,hardware=WORDS, or figures in place of the folder.
 fn foreign(text: &str) -> Result<Foreign> {
     let wrong = |what: &str| {
         Error::options(
             format!("--foreign {text:?} {what}"),
-            "write NAME=FOLDER,seconds=S,hardware=WORDS: the folder of its maps.npz, and what it took and ran on",
+            "write NAME=FOLDER,seconds=S,hardware=WORDS: the folder of its maps.npz, and what it took and ran on; without \
+             maps NAME,depth=MAE/RMSE,normals=MAE/RMSE,seconds=S,hardware=WORDS",
         )
     };
     let mut parts = text.split(',');
-    let first = parts.next().and_then(|part| part.split_once('='));
-    let (name, maps) = first.ok_or_else(|| wrong("names no folder"))?;
-    let (mut seconds, mut hardware) = (None, None);
+    let first = parts.next().unwrap_or_default();
+    let (name, maps) = first.split_once('=').map_or((first, None), |(name, maps)| (name, Some(maps)));
+    let (mut seconds, mut hardware, mut figures) = (None, None, PaperMeasure::default());
     for part in parts {
+        let both = |value: &str| -> Result<[Option<f64>; 2]> {
+            let known = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+            let all: Option<Vec<f64>> = value.split('/').map(known).collect();
+            match all.as_deref() {
+                Some([mae]) => Ok([Some(*mae), None]),
+                Some([mae, rmse]) => Ok([Some(*mae), Some(*rmse)]),
+                _ => Err(wrong(&format!("has {part:?}, which is not MAE or MAE/RMSE"))),
+            }
+        };
         match part.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
             Some(("seconds", value)) => seconds = value.parse::<f64>().ok().filter(|s| s.is_finite()),
             Some(("hardware", value)) => hardware = Some(value.to_string()),
+            Some(("depth", value)) => [figures.depth_mae, figures.depth_rmse] = both(value)?,
+            Some(("normals", value)) => [figures.normal_mae, figures.normal_rmse] = both(value)?,
             _ => return Err(wrong(&format!("has the part {part:?}"))),
         }
     }
+    let result = match (maps, figures == PaperMeasure::default()) {
+        (Some(maps), true) => ForeignResult::Maps(maps.trim().into()),
+        (None, false) => ForeignResult::Figures(figures),
+        (None, true) => return Err(wrong("names no folder")),
+        (Some(_), false) => return Err(wrong("has both maps and figures")),
+    };
     Ok(Foreign {
         name: name.trim().into(),
-        maps: maps.trim().into(),
+        result,
         seconds: seconds.ok_or_else(|| wrong("gives no seconds"))?,
         hardware: hardware.ok_or_else(|| wrong("gives no hardware"))?,
     })

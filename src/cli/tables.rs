@@ -69,6 +69,7 @@ pub fn stored(stored: u64) -> String {
 /// Figures against truth.
 pub fn metrics(m: &Metrics) -> String {
     let share = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3}"));
+    let four = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.4}"));
     let mm = |v: Option<f64>| match v {
         None => "-".into(),
         Some(v) if v < 1e-4 => format!("{} mm", number(1000.0 * v)),
@@ -108,18 +109,22 @@ pub fn metrics(m: &Metrics) -> String {
     let layers: String = ["first", "behind"].into_iter().zip(&m.layers).map(layer).collect();
     format!(
         "surface   IoU {}, completeness {} {}\n\
-         depth     MAE {}, RMSE {} over {} pixels; paper's convention {}, {}\n\
-         normals   {}, mean absolute error of components {}\n{best}{told}{layers}",
+         depth     MAE {}, RMSE {} over {} pixels\n\
+         normals   {}, mean absolute error of components {}\n\
+         paper     all pixels, 0 where nothing is: depth MAE {} m, RMSE {} m; normals MAE {}, RMSE {}\n\
+         {best}{told}{layers}",
         share(m.iou),
         share(m.completeness),
         m.fraction.map_or("within the mask".into(), |f| format!("at mask fraction {f}")),
         mm(m.depth_mae),
         mm(m.depth_rmse),
         m.hit_pixels,
-        mm(m.depth_mae_whole),
-        mm(m.depth_rmse_whole),
         degrees(m.normal_error_deg),
         share(m.normal_mae),
+        four(m.paper.depth_mae),
+        four(m.paper.depth_rmse),
+        four(m.paper.normal_mae),
+        four(m.paper.normal_rmse),
     )
 }
 

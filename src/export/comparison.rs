@@ -54,9 +54,9 @@ pub struct LeftOut {
 pub struct MethodReport {
     /// Short name, unique in the comparison.
     pub name: String,
-    /// The text that asked for it; of a foreign one, where its maps are.
+    /// The text that asked for it; of a foreign one, where its maps are; empty if there are only figures.
     pub method: String,
-    /// Another program made the maps. Its times are those that its user gave.
+    /// Another program made it. Its times are those that its user gave.
     #[serde(default)]
     pub foreign: bool,
     /// What did the work: the Vulkan device, or the host's cores.
@@ -125,8 +125,9 @@ impl Comparison {
     pub fn table(&self) -> String {
         let mut out = format!(
             "| method | runs on | iterations | time (s) | active | IoU{} | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) \
-             | normals (°) | s to depth | s to normals | s to IoU | s to all three |\n\
-             |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+             | normals (°) | s to depth | s to normals | s to IoU | s to all three | paper: depth MAE, RMSE (m) \
+             | paper: normals MAE, RMSE |\n\
+             |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             if self.oracle { " (oracle)" } else { "" }
         );
         let whole = self.methods.first().map_or(0.0, |m| m.seconds);
@@ -138,7 +139,11 @@ impl Comparison {
                 Some(s) => format!("{} ({:.3})", short(s), s / whole.max(1e-12)),
                 None => "–".to_string(),
             };
-            let best = m.metrics.at_best.unwrap_or_default();
+            let both = |[mae, rmse]: [Option<f64>; 2]| match (mae, rmse) {
+                (None, None) => "–".to_string(),
+                _ => format!("{}, {}", figure(mae, 1.0, 4), figure(rmse, 1.0, 4)),
+            };
+            let (best, paper) = (m.metrics.at_best.unwrap_or_default(), m.metrics.paper);
             let cells = [
                 m.name_and_model().replace('|', "\\|"),
                 m.runs_on.replace('|', "\\|"),
@@ -155,6 +160,8 @@ impl Comparison {
                 time(&m.reach.normal_error_deg),
                 time(&m.reach.best_iou),
                 time(&m.reach.all),
+                both([paper.depth_mae, paper.depth_rmse]),
+                both([paper.normal_mae, paper.normal_rmse]),
             ];
             out += &format!("| {} |\n", cells.join(" | "));
         }
@@ -185,14 +192,16 @@ impl Comparison {
              pixels that are surface both in the result and in truth. (Figures within that mask are in \
              compare.json.)\n\n\
              *s to …*: seconds until the figure is as good as that of `{first}` at its end, and stays as good. Their \
-             share of the whole time of `{first}` is in brackets. Times are those of measured points: {}.\n",
+             share of the whole time of `{first}` is in brackets. Times are those of measured points: {}.\n\n\
+             *paper: …*: errors over all pixels of the picture; what is empty in the truth or outside the mask counts as \
+             depth 0 and normal (0, 0, 0).\n",
             times(self.repeats),
             self.mask_rule(),
             self.steps(),
         );
         if self.methods.iter().any(|m| m.foreign) {
-            out +=
-                "\nOther programs made the maps of foreign methods. Their times are those that were given.\n";
+            out += "\nOther programs made the maps of foreign methods. Their times, and figures without maps, are those that were \
+                 given.\n";
         }
         for MethodReport { name, preview_s, .. } in &self.methods {
             if let Some(seconds) = preview_s {

@@ -13,7 +13,7 @@ use crate::export::{self, curves, figure, foreign};
 use crate::files::{atomic, staging};
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
-use crate::measure::{Metrics, Reach, median, metrics, reach};
+use crate::measure::{Metrics, PaperMeasure, Reach, median, metrics, reach};
 use crate::solve::{Progress, RunsOn};
 use crate::{Error, Result};
 
@@ -33,17 +33,26 @@ pub struct Method {
     pub request: Request,
 }
 
-/// Maps that another program made of the same capture.
+/// What another program made of the same capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Foreign {
     /// Its name in plots and tables.
     pub name: String,
-    /// The maps ([`foreign::read`]): a file, or a folder with a `maps.npz`, `maps.exr` or `maps.mat`.
-    pub maps: PathBuf,
+    /// Its maps, or its figures only.
+    pub result: ForeignResult,
     /// Seconds that it took, as its user says.
     pub seconds: f64,
     /// What it ran on, as its user says.
     pub hardware: String,
+}
+
+/// The result of another program.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ForeignResult {
+    /// Maps ([`foreign::read`]): a file, or a folder with a `maps.npz`, `maps.exr` or `maps.mat`.
+    Maps(PathBuf),
+    /// Printed figures by the paper's measure. They stand in the table only.
+    Figures(PaperMeasure),
 }
 
 /// What to compare.
@@ -51,7 +60,7 @@ pub struct Foreign {
 pub struct Comparison {
     /// All methods. The others are compared with the first.
     pub methods: Vec<Method>,
-    /// Maps of other programs, for the same table and plot.
+    /// Results of other programs, for the same table and plot.
     pub foreign: Vec<Foreign>,
     /// Methods that do not take the capture: name, and why.
     pub left_out: Vec<LeftOut>,
@@ -147,19 +156,20 @@ pub fn compare(
     let [png, svg, pictures, page, _] = FILES.map(|n| what.out.join(n));
     export::png::write(&png, &figure::picture(&figure)?)?;
     atomic::write(&svg, figure::svg(&figure)?.as_bytes())?;
-    let all = runs.iter().map(|run| &run.first.result.maps).chain(foreign.iter().map(|f| &f.maps));
-    let named: Vec<_> = report.methods.iter().map(|m| m.name.as_str()).zip(all).collect();
-    overview::write_all(&pictures, &named, &truth)?;
+    let all =
+        runs.iter().map(|run| Some(&run.first.result.maps)).chain(foreign.iter().map(|f| f.maps.as_ref()));
+    let named = report.methods.iter().zip(all).filter_map(|(m, maps)| Some((m.name.as_str(), maps?)));
+    overview::write_all(&pictures, &named.collect::<Vec<_>>(), &truth)?;
     comparison::write_markdown(&page, &report)?;
     comparison::write_json(&json, &report)?;
     files.extend([png, svg, pictures, page, json]);
     Ok(Compared { report, validation: gpu.validation_messages(), files })
 }
 
-/// Maps of another program, and their figures.
+/// A result of another program: its maps, if there are any, and its figures.
 struct Measured<'f> {
     foreign: &'f Foreign,
-    maps: Maps,
+    maps: Option<Maps>,
     metrics: Metrics,
 }
 
@@ -297,7 +307,7 @@ impl Comparison {
         Ok((methods, truth.ok_or_else(missing)?))
     }
 
-    /// Reads the maps of other programs and measures them. Their own mask counts, or pixels above `fraction` of the
+    /// Reads the maps of other programs and measures them; figures stay as they are. The maps' own mask counts, or pixels above `fraction` of the
     /// brightest albedo, or what the truth chooses.
     ///
     /// # Errors
@@ -306,13 +316,20 @@ impl Comparison {
         let mut all = vec![];
         for foreign in &self.foreign {
             let measured = || -> Result<Measured<'_>> {
-                let mut maps = foreign::read(&foreign.maps, truth.extent)?;
+                let file = match &foreign.result {
+                    ForeignResult::Maps(file) => file,
+                    ForeignResult::Figures(paper) => {
+                        let metrics = Metrics { paper: *paper, ..Metrics::default() };
+                        return Ok(Measured { foreign, maps: None, metrics });
+                    }
+                };
+                let mut maps = foreign::read(file, truth.extent)?;
                 let mut found = metrics(&maps, truth, fraction)?;
                 if let Some(best) = found.best_fraction.filter(|_| self.oracle) {
                     maps.set_mask(best);
                     found = metrics(&maps, truth, best)?;
                 }
-                Ok(Measured { foreign, maps, metrics: found })
+                Ok(Measured { foreign, maps: Some(maps), metrics: found })
             };
             all.push(measured().map_err(|e| e.at(format!("foreign {:?}", foreign.name)))?);
         }
@@ -353,19 +370,23 @@ impl Comparison {
             }
         };
         let other = |Measured { foreign, maps, metrics }: &Measured<'_>| {
-            let trace = vec![TraceEntry {
+            let point = maps.as_ref().map(|_| TraceEntry {
                 seconds: foreign.seconds,
                 loss: f64::NAN,
                 metrics: Some(metrics.clone().brief()),
                 ..TraceEntry::default()
-            }];
+            });
+            let trace: Vec<_> = point.into_iter().collect();
             MethodReport {
                 name: foreign.name.clone(),
-                method: foreign.maps.display().to_string(),
+                method: match &foreign.result {
+                    ForeignResult::Maps(file) => file.display().to_string(),
+                    ForeignResult::Figures(_) => String::new(),
+                },
                 foreign: true,
                 runs_on: foreign.hardware.clone(),
                 folder: String::new(),
-                mask_fraction: maps.mask_fraction,
+                mask_fraction: maps.as_ref().and_then(|maps| maps.mask_fraction),
                 settings: serde_json::Value::Null,
                 trace_every: 0,
                 iterations: 0,

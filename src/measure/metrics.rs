@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
-use crate::measure::Calibration;
+use crate::measure::paper::{Mean, Sums};
+use crate::measure::{Calibration, PaperMeasure};
 
 /// Mask fractions that `sweep` shows.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
@@ -31,14 +32,17 @@ pub struct Metrics {
     pub depth_mae: Option<f64>,
     /// Root mean square error of depth over the hit pixels.
     pub depth_rmse: Option<f64>,
-    /// Mean absolute error of depth in the paper's convention: over the whole mask, missing pixels have depth 0.
+    /// Mean absolute error of depth over the whole mask; missing pixels have depth 0.
     pub depth_mae_whole: Option<f64>,
-    /// Root mean square error of depth in the paper's convention.
+    /// Root mean square error of depth over the whole mask; missing pixels have depth 0.
     pub depth_rmse_whole: Option<f64>,
     /// Mean angle between true and found normals over the hit pixels that have a normal.
     pub normal_error_deg: Option<f64>,
-    /// The paper's figure: mean absolute error of the normals' components, over the same pixels.
+    /// Mean absolute error of the normals' components, over the same pixels.
     pub normal_mae: Option<f64>,
+    /// The measure that fits the paper's table best.
+    #[serde(default)]
+    pub paper: PaperMeasure,
     /// The best IoU over all mask fractions below 1: what the truth alone can tell.
     pub best_iou: Option<f64>,
     /// The fraction of `best_iou`.
@@ -165,6 +169,7 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         depth_rmse_whole: errors.whole.square.get().map(f64::sqrt),
         normal_error_deg: errors.angle.get(),
         normal_mae: errors.components.get(),
+        paper: PaperMeasure::of(picture(maps, truth, &pixels, within)),
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
@@ -255,8 +260,8 @@ fn predicted(maps: &Maps, pixel: Option<usize>, within: Within) -> Option<usize>
 /// Errors over true pixels.
 #[derive(Default)]
 struct Errors {
-    hit: Depths,
-    whole: Depths,
+    hit: Sums,
+    whole: Sums,
     angle: Mean,
     components: Mean,
     told: Calibration,
@@ -284,6 +289,20 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
     all
 }
 
+/// Depth and normal of every pixel of the picture, found and true; (0, [0, 0, 0]) where there is nothing.
+fn picture(
+    maps: &Maps,
+    truth: &Truth,
+    pixels: &[Option<usize>],
+    within: Within,
+) -> impl Iterator<Item = [(f32, [f32; 3]); 2]> {
+    pixels.iter().enumerate().map(move |(at, pixel)| {
+        let found = predicted(maps, *pixel, within).map(|p| (maps.depth[p], maps.normal[p]));
+        let real = truth.mask[at].then(|| (truth.depth[at], truth.normal[at]));
+        [found, real].map(Option::unwrap_or_default)
+    })
+}
+
 #[derive(Default)]
 struct Overlap {
     predicted: usize,
@@ -305,39 +324,6 @@ impl Overlap {
 
 fn ratio(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
-}
-
-#[derive(Default)]
-struct Depths {
-    absolute: Mean,
-    square: Mean,
-}
-
-impl Depths {
-    /// Adds an error. Pixels without a true depth (NaN inside the mask) do not count.
-    fn add(&mut self, error: f64) {
-        if error.is_finite() {
-            self.absolute.add(error.abs());
-            self.square.add(error * error);
-        }
-    }
-}
-
-#[derive(Default)]
-struct Mean {
-    sum: f64,
-    count: usize,
-}
-
-impl Mean {
-    fn add(&mut self, value: f64) {
-        self.sum += value;
-        self.count += 1;
-    }
-
-    fn get(&self) -> Option<f64> {
-        (self.count > 0).then(|| self.sum / self.count as f64)
-    }
 }
 
 /// Angle in degrees, `None` if a vector is zero or not a number.

@@ -408,12 +408,20 @@ fn with_an_oracle_every_mask_is_the_best_and_the_page_says_so() {
     let out_text = out.display().to_string();
     let all =
         ["compare", capture, "--truth", truth, "--out", &out_text, "--methods", "lct;fk", "--repeats", "1"];
-    let table = succeed(&[&all[..], &["--lateral", "16", "--quiet", "--oracle"]].concat());
+    // A row of a published table stands beside it.
+    let row = ["--foreign", "a|b,depth=.0477/.1523,normals=.1147,seconds=54,hardware=RTX 3090"];
+    let table = succeed(&[&all[..], &["--lateral", "16", "--quiet", "--oracle"], &row].concat());
     assert!(table.contains("| IoU (oracle) |"), "{table}");
     let report = json(&out.join("compare.json"));
     assert_eq!(report["oracle"], true);
-    for method in report["methods"].as_array().unwrap() {
+    let (row, own) = report["methods"].as_array().unwrap().split_last().unwrap();
+    assert_eq!((row["foreign"].as_bool(), &row["metrics"]["iou"]), (Some(true), &Value::Null));
+    assert_eq!(row["metrics"]["paper"]["depth_rmse"], 0.1523);
+    let line = table.lines().find(|line| line.starts_with("| a\\|b (foreign) | RTX 3090 |")).unwrap();
+    assert!(line.ends_with("| 0.0477, 0.1523 | 0.1147, – |"), "{line}");
+    for method in own {
         let metrics = &method["metrics"];
+        assert!(metrics["paper"]["normal_rmse"].as_f64().unwrap() > 0.0);
         assert_eq!(metrics["iou"], metrics["best_iou"]);
         assert_eq!(method["mask_fraction"], metrics["best_fraction"]);
         let folder = out.join(method["folder"].as_str().unwrap());
@@ -455,6 +463,10 @@ fn foreign_maps_need_a_folder_a_time_and_hardware() {
         ("theirs=x,seconds=1,hardware=GPU,colour=red", "colour=red"),
         ("theirs=/nonexistent,seconds=1,hardware=GPU", "foreign \"theirs\""),
         ("theirs=x,seconds=-1,hardware=GPU", "took -1 s"),
+        ("theirs=x,depth=.1,seconds=1,hardware=GPU", "both maps and figures"),
+        ("theirs,depth=.1/.2/.3,seconds=1,hardware=GPU", "not MAE or MAE/RMSE"),
+        ("theirs,normals=a/.2,seconds=1,hardware=GPU", "not MAE or MAE/RMSE"),
+        ("theirs,depth=.1/.2,hardware=GPU", "gives no seconds"),
     ] {
         let done = thirdbounce(&[
             "compare",

@@ -112,6 +112,12 @@ fn figures_by_hand() {
     // Angles 0, 90 and acos 0.8; the pixel without a normal does not count.
     close(m.normal_error_deg, (90.0 + 0.8f64.acos().to_degrees()) / 3.0);
     close(m.normal_mae, (2.0 + 0.8) / 9.0);
+    // The paper's measure, over all 16 pixels: 4 missing, 4 hit, 4 found where nothing is.
+    close(m.paper.depth_mae, (4.0 + 0.6 + 4.4) / 16.0);
+    close(m.paper.depth_rmse.map(|v| v * v), (4.0 + 0.12 + 4.0 * 1.21) / 16.0);
+    // The normal that is missing counts as (0, 0, 0), like those of missing pixels.
+    close(m.paper.normal_mae, (4.0 + 2.0 + 0.8 + 1.0 + 4.0) / 48.0);
+    close(m.paper.normal_rmse.map(|v| v * v), (4.0 + 2.0 + 0.36 + 0.04 + 1.0 + 4.0) / 48.0);
 }
 
 #[test]
