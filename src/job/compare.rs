@@ -307,8 +307,8 @@ impl Comparison {
         Ok((methods, truth.ok_or_else(missing)?))
     }
 
-    /// Reads the maps of other programs and measures them; figures stay as they are. The maps' own mask counts, or pixels above `fraction` of the
-    /// brightest albedo, or what the truth chooses.
+    /// Reads the maps of other programs and measures them; figures stay as they are. The maps' own mask counts, or pixels
+    /// above `fraction` of the brightest albedo, or what the truth chooses.
     ///
     /// # Errors
     /// Maps that cannot be read, with the name of the program.

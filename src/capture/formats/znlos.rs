@@ -4,8 +4,8 @@
 //! be reversed, because HDF5 and MATLAB order them differently. Colours are summed, and the given bounce is used.
 //! `{camera,laser}GridPositions` are 3×X×Y or X×Y×3, in the axis order of `data`, or one list of all points (3×XY,
 //! 3×XY×1, XY×3 or XY×1×3) in the order in which the file stores their histograms. Files without the colour axis are
-//! read, too. `{camera,laser}GridNormals` are optional. The devices are `cameraPosition` and `laserPosition`. `deltaT` and `t0` are metres of path, `t` is the
-//! number of bins. The paths include the legs from the laser and to the camera, which are removed for each point.
+//! read, too. `{camera,laser}GridNormals` are optional. The devices are `cameraPosition` and `laserPosition`. `deltaT`
+//! and `t0` are metres of path, `t` is the number of bins. The paths include the legs from the laser and to the camera, which are removed for each point.
 //! `hiddenVolumePosition` tells on which side of the wall the scene is; the wall is rotated to face +z.
 //!
 //! Axes: the coordinates in the file are kept, except for that rotation. They are right-handed: our pictures show the
@@ -39,13 +39,13 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
     let integer_counts = counts.whole();
     let histograms = axes.gather(&counts, kept)?;
     drop(counts);
-    let sensor_places = sensors.ordered(axes.reversed, [axes.size[3], axes.size[4]]);
+    let of_sensors = [axes.size[3], axes.size[4]];
+    let sensor_places = sensors.ordered(axes.reversed, of_sensors);
     let (laser_places, scan, laser, sensor);
     if confocal {
         // Without a laser grid the laser points are the camera points.
-        laser_places =
-            lasers.as_ref().unwrap_or(&sensors).ordered(axes.reversed, [axes.size[3], axes.size[4]]);
-        scan = [axes.size[3], axes.size[4]];
+        laser_places = lasers.as_ref().unwrap_or(&sensors).ordered(axes.reversed, of_sensors);
+        scan = of_sensors;
         (laser, sensor) = (laser_places.points.clone(), sensor_places.points.clone());
         if laser.len() != sensor.len() {
             return Err(Error::input(
@@ -59,11 +59,12 @@ pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<
         }
     } else {
         let lasers = lasers.ok_or_else(|| file.missing("laserGridPositions"))?;
-        laser_places = lasers.ordered(axes.reversed, [axes.size[5], axes.size[6]]);
+        let of_lasers = [axes.size[5], axes.size[6]];
+        laser_places = lasers.ordered(axes.reversed, of_lasers);
         let (l, s) = (laser_places.points.len(), sensor_places.points.len());
         scan = match (l, s) {
-            (1, _) => [axes.size[3], axes.size[4]],
-            (_, 1) => [axes.size[5], axes.size[6]],
+            (1, _) => of_sensors,
+            (_, 1) => of_lasers,
             _ => [l, s],
         };
         let all = |of: &dyn Fn(usize) -> DVec3| host::collected("the wall points", l * s, (0..l * s).map(of));
