@@ -14,7 +14,6 @@ mod paper_room;
 mod parts;
 mod physics;
 mod places;
-mod published;
 mod scale;
 mod session;
 mod subsets;

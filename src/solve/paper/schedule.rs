@@ -55,7 +55,7 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
 /// Arguments of a kernel with an invocation for every touched voxel.
 const TOUCHED: u64 = 12 * ARGUMENTS_UPDATE as u64;
 
-/// Domain reduction: smooth the active raw albedo, keep what is above the threshold (paper, section 3.3).
+/// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
     domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity);
     domain::compact(s, plan, level);
