@@ -132,7 +132,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
             level_pairs: plan.levels.iter().map(|l| l.pairs).collect(),
             parts: plan.part_counts(),
             stored_bytes: plan.stored_bytes(),
-            surface: plan.pixel_levels.last().map(|l| l.grid.n[0]),
+            surface: plan.pixel_level.map(|l| l.grid.n[0]),
             accumulation: plan.accumulation,
             left_out: plan.left_out.clone(),
             variants: plan.variants(),

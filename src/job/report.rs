@@ -78,7 +78,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
         "volume_reached": [result.lateral, result.lateral, grid.n[2]],
         "volume_iterations": result.volume_iterations,
-        "points_per_pixel": (!result.plan.pixel_levels.is_empty()).then(|| surface::points_of(&result.plan)),
+        "points_per_pixel": result.plan.pixel_level.is_some().then(|| surface::points_of(&result.plan)),
         "voxel": grid.pitch.to_array(),
         "depth_pitch": grid.pitch.z,
         "box": box_of(grid),

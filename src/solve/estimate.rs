@@ -65,6 +65,36 @@ pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {
     }
 }
 
+/// Pairs that an exact capture needs: more change its maps little (benches/NOTES.md).
+pub const LEAST_PAIRS: usize = 1024;
+
+/// Photons that pairs need at least.
+const LEAST_PHOTONS: f64 = 32_768.0;
+
+/// Most pairs that are needed.
+pub const MOST_PAIRS: usize = 1_000_000_000;
+
+/// Pairs of a capture that are enough for a solve: [`LEAST_PAIRS`], or more where photons are few. Light of the sum S
+/// and variance V counts as S² / V photons: so many have its ratio of signal to noise. A capture may have fewer pairs.
+pub fn enough_pairs(capture: &Capture) -> usize {
+    let Ok(some) = capture.subset(LEAST_PAIRS.min(capture.pair_count()), 0) else { return LEAST_PAIRS };
+    if some.histograms.is_empty() {
+        return LEAST_PAIRS;
+    }
+    let bins = some.histograms.len() as f64;
+    let background = background(&some);
+    let [per_count, empty] = variances(&some, background);
+    let counts: f64 = some.histograms.iter().map(|v| f64::from(*v)).sum();
+    let light = (counts - background * bins).max(0.0);
+    let photons = light * light / (per_count * light + empty * bins) / some.pair_count() as f64;
+    // Without light it is no number.
+    if photons > 0.0 {
+        ((LEAST_PHOTONS / photons) as usize).clamp(LEAST_PAIRS, MOST_PAIRS)
+    } else {
+        MOST_PAIRS
+    }
+}
+
 /// Median and first quartile of a squared standard normal.
 const MEDIAN: f64 = 0.4549;
 const QUARTILE: f64 = 0.1015;

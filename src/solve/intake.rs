@@ -89,7 +89,7 @@ pub(super) struct Tally {
 
 /// The numbers of pairs that sums are needed over: those of all levels, ascending, all pairs last.
 fn ends(plan: &Plan) -> Vec<usize> {
-    let levels = plan.levels.iter().chain(&plan.pixel_levels);
+    let levels = plan.levels.iter().chain(&plan.pixel_level);
     let mut ends: Vec<usize> = levels.map(|level| level.pairs).chain([plan.pairs]).collect();
     ends.sort_unstable();
     ends.dedup();

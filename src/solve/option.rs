@@ -7,6 +7,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::estimate::{LEAST_PAIRS, enough_pairs};
 use super::{Accumulation, Sizes};
 use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
@@ -33,16 +34,24 @@ pub struct Suit {
     pub reflectance: Reflectance,
     /// Unit of defaults that are lengths, metres ([`Capture::unit`]).
     pub unit: f64,
+    /// Pairs that hold enough light ([`enough_pairs`]).
+    pub pairs: usize,
 }
 
 impl Suit {
     /// The scenes of the paper: rendered, confocal, one cosine, a wall of about a metre.
-    pub const USUAL: Suit =
-        Suit { preset: Preset::Synthetic, confocal: true, reflectance: Reflectance::Cosine, unit: 1.0 };
+    pub const USUAL: Suit = Suit {
+        preset: Preset::Synthetic,
+        confocal: true,
+        reflectance: Reflectance::Cosine,
+        unit: 1.0,
+        pairs: LEAST_PAIRS,
+    };
 
-    /// What a capture tells: its kind of pairs and the width of its wall. The rest is as usual.
+    /// The properties that follow from a capture: its kind of pairs, the width of its wall, its light. The rest is as usual.
     pub fn of(capture: &Capture) -> Suit {
-        Suit { confocal: capture.is_confocal(), unit: capture.unit(), ..Suit::USUAL }
+        let (confocal, pairs) = (capture.is_confocal(), enough_pairs(capture));
+        Suit { confocal, unit: capture.unit(), pairs, ..Suit::USUAL }
     }
 
     /// Whether histograms were captured.

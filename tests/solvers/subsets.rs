@@ -43,9 +43,9 @@ fn both(
         o.surface.pixels_per_voxel = pixels_per_voxel;
     });
     let plan = Plan::new(model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
-    let walls = [plan.finest().wall, plan.pixel_levels.last().unwrap().wall];
+    let walls = [plan.finest().wall, plan.pixel_level.last().unwrap().wall];
     assert_eq!(walls, [buffer::WALL; 2]);
-    [&plan.levels, &plan.pixel_levels].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
+    [&plan.levels, &plan.pixel_level].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
 }
 
 fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {

@@ -166,6 +166,7 @@ impl Needs for NoPasses {
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
+            pairs: 0,
             refined: None,
             smooth: [1.0, 4.0],
             more_taps: [0; 2],

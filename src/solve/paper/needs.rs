@@ -23,6 +23,7 @@ impl Needs for PaperOptions {
             binning: self.binning,
             gradient: self.gradient,
             has_rim: self.sampling == Sampling::Continuous,
+            pairs: 0,
             refined: None,
             smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
             cosine_volume: false,

@@ -92,7 +92,7 @@ impl Plan {
         let cells = self.cells_held();
         let of_level = |l: &Level| super::cells(self.rendered(l).count, l.bins) as u64;
         let rendered = match self.cut {
-            None => self.levels.iter().chain(&self.pixel_levels).map(of_level).max().unwrap_or(cells),
+            None => self.levels.iter().chain(&self.pixel_level).map(of_level).max().unwrap_or(cells),
             Some(_) => cells,
         };
         // A caller's counts lie where rendered histograms will.
@@ -150,7 +150,7 @@ impl Plan {
         if self.cut.is_none() {
             return whole;
         }
-        let all = self.levels.iter().chain(&self.pixel_levels);
+        let all = self.levels.iter().chain(&self.pixel_level);
         all.map(|l| super::cells(self.held(l), l.bins) as u64).max().unwrap_or(whole)
     }
 
@@ -159,12 +159,12 @@ impl Plan {
         if self.cut.is_none() {
             return self.own(self.pairs);
         }
-        self.levels.iter().chain(&self.pixel_levels).map(|l| self.held(l)).max().unwrap_or(0)
+        self.levels.iter().chain(&self.pixel_level).map(|l| self.held(l)).max().unwrap_or(0)
     }
 
     /// Bytes of a buffer of measured histograms: of all pairs, or of those levels that are not cut into parts.
     fn measured_bytes(&self, measured: Buffer, bins: usize) -> u64 {
-        let levels = self.levels.iter().chain(&self.pixel_levels);
+        let levels = self.levels.iter().chain(&self.pixel_level);
         let whole = levels.filter(|l| l.measured == measured && !self.is_cut(l)).map(|l| l.pairs).max();
         let pairs = if self.cut.is_none() { self.pairs } else { whole.unwrap_or(0) };
         (self.own(pairs) * bins * 4) as u64
@@ -172,7 +172,7 @@ impl Plan {
 
     /// Bytes of the wall of all pairs, where a level has all of them at once.
     fn whole_wall(&self) -> u64 {
-        let levels = self.levels.iter().chain(&self.pixel_levels);
+        let levels = self.levels.iter().chain(&self.pixel_level);
         let mut whole = levels.filter(|l| l.wall == buffer::WALL && !self.is_cut(l));
         if whole.next().is_some() || self.cut.is_none() { self.wall_bytes(self.finest()) } else { 0 }
     }

@@ -35,7 +35,7 @@ impl Plan {
 
     /// The most dispatches that a forward pass takes at any level.
     pub(super) fn most_sets(&self) -> u32 {
-        let all = self.levels.iter().chain(&self.pixel_levels);
+        let all = self.levels.iter().chain(&self.pixel_level);
         all.map(|l| self.forward_sets(l)).max().unwrap_or(1)
     }
 

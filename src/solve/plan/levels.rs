@@ -51,8 +51,13 @@ pub struct Level {
 /// Constants of levels on the maps' pixels, where these are no voxels.
 const SURFACE_SCENE: Buffer = Buffer::named("surface_scene");
 
-/// Points side by side that are enough for a grid of as many or twice as many lateral voxels.
+/// Lateral voxels of the coarsest grid, if the scan has more points side by side and pairs are spread.
 pub const AMPLE: usize = 32;
+
+/// Pairs that the iterations before the last use, of those that the last ones need.
+pub fn first_of(pairs: usize) -> usize {
+    pairs.div_ceil(4)
+}
 
 /// Other points of a product that are enough at first.
 const ROWS: usize = 16;
@@ -80,23 +85,25 @@ pub(super) struct Sequence<'m> {
     /// Coarser grids have deeper voxels, too, and all levels bins as wide as the voxels justify. The grid may be refined
     /// so often.
     pub refined: Option<usize>,
+    /// [`Demand::pairs`](super::Demand::pairs).
+    pub pairs: usize,
 }
 
 impl Sequence<'_> {
     /// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power
     /// of two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs;
-    /// at the end this part grows fourfold until it is all.
+    /// at the end there are more.
     pub fn levels(&self) -> Vec<Level> {
         let model = self.model;
+        let of = |grid: &Grid, pairs: usize| {
+            let area = (grid.n[0] / (2 * AMPLE)).max(1).pow(2);
+            part(model, share(model, pairs.saturating_mul(area)))
+        };
         let mut steps: Vec<(Grid, usize)> =
-            self.grids().into_iter().map(|grid| (grid, part(model, share(model, grid.n[0])))).collect();
-        let mut rest = share(model, self.finest.n[0]);
-        while rest > 1 {
-            rest /= 4;
-            let pairs = part(model, rest);
-            if steps.last().is_some_and(|last| last.1 < pairs) {
-                steps.push((self.finest, pairs));
-            }
+            self.grids().into_iter().map(|grid| (grid, of(&grid, first_of(self.pairs)))).collect();
+        let all = of(&self.finest, self.pairs);
+        if steps.last().is_some_and(|last| last.1 < all) {
+            steps.push((self.finest, all));
         }
         let mut levels: Vec<Level> = vec![];
         // There are fewer than 64 levels: lateral voxels and pairs are 32-bit numbers.
@@ -171,25 +178,23 @@ fn power_of_two(most: f64) -> usize {
     1 << (most.max(1.0) * (1.0 + 1e-6)).log2() as u32
 }
 
-/// The levels on the maps' pixels, with as many pairs as the finest of `levels` have.
-pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Vec<Level> {
-    let Some(finest) = levels.last().map(|l| l.grid) else { return vec![] };
-    let of_finest = levels.iter().filter(|l| l.grid == finest);
-    if finest == maps && of_finest.clone().all(|l| l.sum == 1) {
-        return of_finest.copied().collect();
+/// The level on the maps' pixels, with the pairs of the last of `levels`.
+pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Option<Level> {
+    let last = *levels.last()?;
+    if last.grid == maps && last.sum == 1 {
+        return Some(last);
     }
-    let level = |(i, l): (u16, &Level)| Level {
+    Some(Level {
         grid: maps,
         sum: 1,
         bins: model.bins,
         bin_width: model.bin_width,
         measured: buffer::MEASURED,
         taps: buffer::PULSE_TAPS,
-        scene: SURFACE_SCENE.at(i),
-        rendered: own_pairs(model, l.pairs, l.wall, SURFACE_SCENE.at(i)),
-        ..*l
-    };
-    (0..).zip(of_finest).map(level).collect()
+        scene: SURFACE_SCENE,
+        rendered: own_pairs(model, last.pairs, last.wall, SURFACE_SCENE),
+        ..last
+    })
 }
 
 /// The first `pairs` of a model, with these buffers.
@@ -199,13 +204,12 @@ fn own_pairs(model: &Model, pairs: usize, wall: Buffer, scene: Buffer) -> Pairs 
     Pairs { count: pairs, scanned, others, wall, scene }
 }
 
-/// The share of the pairs, 1 in 4 or 16 or ..., that a grid of `lateral` voxels is solved with at first: half as many
-/// points side by side as voxels, but at least [`AMPLE`].
-fn share(model: &Model, lateral: usize) -> usize {
+/// The share of the pairs, 1 in 4 or 16 or ..., that holds as many as are `wanted`.
+fn share(model: &Model, wanted: usize) -> usize {
     // A few pairs of a scan may be missing: they were not measured.
-    let wanted = AMPLE.max(lateral / 2).pow(2) * 9 / 10;
+    let least = wanted / 10 * 9;
     let mut share = 1;
-    while model.is_spread && model.pairs() / (4 * share) >= wanted {
+    while model.is_spread && model.pairs() / (4 * share) >= least {
         share *= 4;
     }
     share

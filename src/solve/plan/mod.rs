@@ -25,7 +25,7 @@ mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
-pub use levels::{AMPLE, Level, Pairs, sum_of};
+pub use levels::{AMPLE, Level, Pairs, first_of, sum_of};
 pub use needs::{Demand, LentRows, Needs};
 pub use parts::PairPart;
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
@@ -38,8 +38,8 @@ pub use tuning::{Accumulation, Sizes, Tuning};
 pub struct Plan {
     /// The coarse-to-fine sequence of the volume.
     pub levels: Vec<Level>,
-    /// Levels on the maps' pixels, for what follows the volume; none if nothing does.
-    pub pixel_levels: Vec<Level>,
+    /// The level on the maps' pixels, for what follows the volume; `None` if nothing does.
+    pub pixel_level: Option<Level>,
     /// What is rendered for every number of pairs; none where laser and sensor see points.
     pub spots: Vec<Spots>,
     /// The grid whose lateral cells are the maps' pixels.
@@ -156,13 +156,12 @@ impl Plan {
         check_sizes(model, &grid)?;
         let finest = grid.coarser(demand.pixels_per_voxel);
         let refined = demand.refined.filter(|_| !demand.general);
-        let sequence =
-            levels::Sequence { model, finest, scan, coarse_to_fine: demand.coarse_to_fine, refined };
+        let Demand { coarse_to_fine, pairs, .. } = demand;
+        let sequence = levels::Sequence { model, finest, scan, coarse_to_fine, refined, pairs };
         let mut levels = sequence.levels();
-        let mut pixel_levels =
-            if demand.iterations[1] > 0 { levels::of_pixels(model, &levels, grid) } else { vec![] };
-        let spots = spots::cover(model, &mut levels, &mut pixel_levels);
-        let maps = pixel_levels.last().or(levels.last()).map_or(grid, |l| l.grid);
+        let mut pixel_level = levels::of_pixels(model, &levels, grid).filter(|_| demand.iterations[1] > 0);
+        let spots = spots::cover(model, &mut levels, pixel_level.as_mut_slice());
+        let maps = pixel_level.as_ref().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
         let mut tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
         let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
@@ -174,10 +173,10 @@ impl Plan {
         let crowded = |l: &Level| capacity.min(l.grid.storage()) / l.bins > VOXELS_PER_BIN;
         let runs = !fixed && tuning.window == 0 && levels.iter().any(crowded);
         let mut plan = Plan {
-            touching: demand.general || levels.iter().chain(&pixel_levels).any(|l| model.touches(&l.grid)),
+            touching: demand.general || levels.iter().chain(&pixel_level).any(|l| model.touches(&l.grid)),
             reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
             levels,
-            pixel_levels,
+            pixel_level,
             spots,
             maps,
             pairs: model.pairs(),
@@ -246,7 +245,7 @@ impl Plan {
     /// The same plan for the `model` of as many other pairs: only what is rendered for their spots differs.
     pub fn of_other_pairs(&self, model: &Model, needs: &dyn Needs) -> Plan {
         let mut plan = self.clone();
-        plan.spots = spots::cover(model, &mut plan.levels, &mut plan.pixel_levels);
+        plan.spots = spots::cover(model, &mut plan.levels, plan.pixel_level.as_mut_slice());
         plan.buffers = plan.list_buffers(needs.buffers(&plan), false);
         plan
     }
@@ -336,7 +335,7 @@ impl Plan {
 
     /// The levels on the maps' pixels that are not levels of the volume.
     pub(super) fn pixels_only(&self) -> impl Iterator<Item = &Level> {
-        self.pixel_levels.iter().filter(|l| !self.levels.contains(l))
+        self.pixel_level.iter().filter(|l| !self.levels.contains(l))
     }
 
     /// Bytes of a buffer; 0 if the plan does not have it.

@@ -18,6 +18,8 @@ pub struct Demand {
     pub coarse_to_fine: bool,
     /// Iterations of the volume, and of what follows it.
     pub iterations: [usize; 2],
+    /// Pairs that volumes of up to 64 lateral voxels end with, where pairs are spread.
+    pub pairs: usize,
     /// Pixels of the maps side by side in a voxel of the finest grid.
     pub pixels_per_voxel: usize,
     /// How a path is put into bins.

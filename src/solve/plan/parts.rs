@@ -153,7 +153,7 @@ impl Plan {
     /// In how many parts the pairs of each level of the volume, then of the surface, are taken.
     pub fn part_counts(&self) -> [Vec<usize>; 2] {
         let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).count()).collect();
-        [of(&self.levels), of(&self.pixel_levels)]
+        [of(&self.levels), of(self.pixel_level.as_slice())]
     }
 
     /// Whether the device changes a buffer that is stored on the host.
@@ -227,7 +227,7 @@ impl Plan {
 
     /// The cells of a part if all pairs in the narrowest bins were so many parts.
     fn cut_for(&self, parts: usize) -> usize {
-        let bins = self.levels.iter().chain(&self.pixel_levels).map(|l| l.bins).max().unwrap_or(self.bins);
+        let bins = self.levels.iter().chain(&self.pixel_level).map(|l| l.bins).max().unwrap_or(self.bins);
         cells(self.own(self.pairs).div_ceil(parts), bins)
     }
 
@@ -239,7 +239,7 @@ impl Plan {
 
     /// The most texels that a buffer has as passes over pairs see it.
     fn largest_view(&self) -> u64 {
-        let all = self.levels.iter().chain(&self.pixel_levels);
+        let all = self.levels.iter().chain(&self.pixel_level);
         let of_pairs = all.map(|l| cells(self.held(l), l.bins)).max().unwrap_or(0);
         let points = (self.scanned + self.others) * if self.curved { 2 } else { 1 };
         of_pairs.max(points).max(self.touched_capacity) as u64
@@ -249,7 +249,7 @@ impl Plan {
     fn beyond_indices(&self, model: &Model) -> Option<Error> {
         let whole = [model.pairs().max(model.rendered_wall().pairs()), model.bins];
         let of_level = |l: &Level| [self.held(l), l.bins];
-        let all = || self.levels.iter().chain(&self.pixel_levels);
+        let all = || self.levels.iter().chain(&self.pixel_level);
         let [pairs, bins] = match self.cut {
             None => whole,
             Some(_) => all().map(of_level).max_by_key(|[pairs, bins]| pairs * bins).unwrap_or(whole),
@@ -288,7 +288,7 @@ impl Plan {
         let own = self.own(level.pairs);
         let Some(most) = self.cut else { return own };
         // Levels with the same bins share what is stored, so their parts are the same.
-        let same = self.levels.iter().chain(&self.pixel_levels).filter(|l| l.sum == level.sum);
+        let same = self.levels.iter().chain(&self.pixel_level).filter(|l| l.sum == level.sum);
         let widest = same.map(|l| self.own(l.pairs)).max().unwrap_or(own);
         let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
         own.min(self.pairs_of_part(widest, most))

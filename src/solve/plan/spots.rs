@@ -86,7 +86,7 @@ impl Plan {
         }
         let mut all = vec![];
         let (mut seen, mut between) = (0, 0);
-        for level in self.levels.iter().chain(&self.pixel_levels) {
+        for level in self.levels.iter().chain(&self.pixel_level) {
             let Some(spots) = self.spots_of(level) else { continue };
             let cells = |pairs: usize| super::cells(pairs, level.bins) as u64;
             let inner = spots.rendered.stages.iter().skip(1).map(SpotTaps::terms).max();

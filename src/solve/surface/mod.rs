@@ -42,7 +42,6 @@ pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, p
 pub use options::SurfaceOptions;
 use pixels::support;
 pub use pixels::{Pixels, SUPPORT};
-use schedule::widen;
 pub use schedule::{bonds, extract, extract_behind, iteration, points, render, start};
 use weights::coarser;
 pub use weights::{Placed, weights};
@@ -90,12 +89,9 @@ pub(super) fn refine(
     let (volume, iterations) = (driven.level, options.iterations);
     let skipped = if on.is_some() { iterations } else { 0 };
     let options = &SurfaceOptions { iterations: iterations + skipped, ..options.clone() };
-    let (levels, beginnings) = match stages(&job.plan.pixel_levels, volume.pairs, iterations) {
-        (levels, _) if on.is_some() => (levels[levels.len() - 1..].to_vec(), vec![0]),
-        all => all,
-    };
+    let level = job.plan.pixel_level.expect("a surface is part of the plan");
     let mut layers = match with_volume {
-        true => begun(job, &driven, levels[0].grid.n[0] / volume.grid.n[0])?,
+        true => begun(job, &driven, level.grid.n[0] / volume.grid.n[0])?,
         false => vec![driven.maps.clone()],
     };
     if let (Some(on), [only]) = (&on, &mut layers[..]) {
@@ -103,24 +99,22 @@ pub(super) fn refine(
     }
     let pixels = Pixels::of(&layers, support(&job.plan), pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let first = levels[0];
-    let found = if pixels.is_empty() { None } else { place(job, &first, &pixels, begin)? };
+    let found = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin)? };
     let coarsest = job.plan.levels[0].grid;
-    let weights = |level: &Level| found.map(|f| weights(&job.model, &coarsest, level, f, options));
-    let mut told: Option<Vec<_>> = levels.iter().map(weights).collect();
-    on.iter().for_each(|on| told.iter_mut().flatten().for_each(|weights| on.pace(&driven.maps, weights)));
+    let mut weights = found.map(|f| weights(&job.model, &coarsest, &level, f, options));
+    on.iter().for_each(|on| weights.iter_mut().for_each(|weights| on.pace(&driven.maps, weights)));
     let first_blur = found.filter(|_| is_blurred(&job.plan) && on.is_none()).and_then(|_| {
-        let wide = options.blur * first.grid.pitch.x * coarser(&coarsest, &first.grid);
-        let noise = expected_noise(&job.model) / energy(&job.model, first.pairs);
+        let wide = options.blur * level.grid.pitch.x * coarser(&coarsest, &level.grid);
+        let noise = expected_noise(&job.model) / energy(&job.model, level.pairs);
         blur::first(wide / job.model.bin_width, noise)
     });
     let room = job.plan.tap_room;
-    if let Some(told) = &told {
+    if let Some(weights) = &weights {
         if let Some(sigma) = first_blur {
             let words = blur::words(job.model.pulse.as_ref(), sigma, room);
             upload(&mut job.executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&words))?;
         }
-        upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&told[0]))?;
+        upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(weights))?;
         upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
     }
     let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
@@ -128,16 +122,15 @@ pub(super) fn refine(
     driven.seconds += start.elapsed().as_secs_f64();
     driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
     let brightest = |driven: &Driven| driven.maps.finer(layers[0].nx / driven.maps.nx);
-    let Some(told) = told else {
+    if weights.is_none() {
         let driven = Driven { maps: brightest(&driven), ..driven };
         return Ok(Refined { driven, left: false, pixels: 0 });
-    };
+    }
     let volumes = brightest(&driven);
     let of_layers = pixels.of_layers(volumes.albedo.len());
-    let stages = Stages { levels, beginnings, weights: told };
     let steps = Steps {
         until: on.and_then(|on| on.until),
-        ..steps(stages, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
+        ..steps(level, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
     };
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without the cost of the prior.
@@ -191,41 +184,27 @@ fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usi
     Ok(layers::merge(&[driven.maps.clone(), behind], least(&job.plan, &level.grid)))
 }
 
-/// The levels of a surface in order.
-struct Stages {
-    levels: Vec<Level>,
-    /// The iteration of the surface that each begins with.
-    beginnings: Vec<usize>,
-    /// The weights of each.
-    weights: Vec<[f32; SURFACE_WEIGHTS as usize]>,
-}
-
 /// The steps that the driver runs: `iterations` of a surface with so many pixels in each layer, after `begin` of the
 /// volume, as if so many as `skipped` had been done. Maps on the way show the first layer. `taps` are the words of a set of taps; with them, residuals go through
 /// a Gaussian at first.
 fn steps(
-    stages: Stages,
+    level: Level,
     of_layers: [usize; 2],
     begin: usize,
     [skipped, iterations]: [usize; 2],
     taps: Option<usize>,
 ) -> Steps<'static> {
-    let Stages { levels, beginnings, weights } = stages;
-    let (all, count) = (levels.clone(), of_layers.iter().sum());
+    let count = of_layers.iter().sum();
     Steps {
-        levels,
+        levels: vec![level],
         start: Box::new(|_, _| ()),
         iteration: Box::new(move |s, plan, level, i| {
             let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
             iteration(s, plan, level, count, [i, i - begin, skipped], blur.map(|word| word as u32));
         }),
-        due: Box::new(move |s, _, level, done| {
-            if let Some(next) = beginnings.iter().position(|from| *from == done - begin) {
-                *level = next;
-                widen(s, &all[*level], &weights[*level]);
-                bonds(s, &all[*level], count, done);
-            } else if (done - begin).is_multiple_of(RENEW) {
-                bonds(s, &all[*level], count, done);
+        due: Box::new(move |s, _, _, done| {
+            if (done - begin).is_multiple_of(RENEW) {
+                bonds(s, &level, count, done);
             }
         }),
         extract: Box::new(move |s, level| extract(s, level, of_layers, 0)),
@@ -264,38 +243,20 @@ pub(super) fn each(
 
 /// The steps of [`outline`].
 fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
-    let (reached, iterations) = (plan.levels.last()?, options.iterations);
-    if iterations == 0 {
-        return None;
-    }
-    let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
-    let weights = vec![[0.0; SURFACE_WEIGHTS as usize]; levels.len()];
-    let (count, begin, first) = (pixels(plan), plan.iterations[0], levels[0]);
+    let (level, iterations) = (plan.pixel_level?, options.iterations);
+    let (count, begin) = (pixels(plan), plan.iterations[0]);
     let taps = is_blurred(plan).then_some(plan.tap_room);
-    let stages = Stages { levels, beginnings, weights };
     Some(Steps {
-        start: Box::new(move |s, plan| start(s, &first, count, points_of(plan))),
-        ..steps(stages, [count, 0], begin, [0, iterations], taps)
+        start: Box::new(move |s, plan| start(s, &level, count, points_of(plan))),
+        ..steps(level, [count, 0], begin, [0, iterations], taps)
     })
 }
 
 /// What a volume's run tells of the surface after it: [`Steps::after`].
 pub(super) fn ahead(plan: &Plan, iterations: usize) -> Vec<[f64; 2]> {
-    let (Some(reached), false) = (plan.levels.last(), plan.pixel_levels.is_empty()) else { return vec![] };
-    let (levels, beginnings) = stages(&plan.pixel_levels, reached.pairs, iterations);
-    let at = |i: usize| &levels[beginnings.iter().rposition(|from| *from <= i).unwrap_or(0)];
     let points = (points_of(plan) as f64).sqrt();
-    (0..iterations).map(at).map(|l| [l.grid.n[0] as f64 * points, l.pairs as f64]).collect()
-}
-
-/// The levels that are run, and the first iteration of each. If early levels use a part of the pairs, the last fifth
-/// uses as many as the volume `reached`; of few iterations all do.
-fn stages(levels: &[Level], reached: usize, iterations: usize) -> (Vec<Level>, Vec<usize>) {
-    let count = levels.iter().filter(|l| l.pairs <= reached).count().max(1);
-    let first = if iterations < 5 { count - 1 } else { 0 };
-    let left = |stage: usize| iterations / 5 * (count + 1 - stage) / 2;
-    let from = |stage: usize| if stage == first { 0 } else { iterations.saturating_sub(left(stage)) };
-    (levels[first..count].to_vec(), (first..count).map(from).collect())
+    let of = |level: Level| vec![[level.grid.n[0] as f64 * points, level.pairs as f64]; iterations];
+    plan.pixel_level.map_or_else(Vec::new, of)
 }
 
 /// The maps in the layout of the device.
@@ -354,50 +315,4 @@ fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: us
 /// The data term in row `row` of the trace.
 fn objective_of(job: &OnDevice, row: usize) -> f64 {
     f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::dvec3;
-
-    use super::*;
-    use crate::solve::plan::Pairs;
-    use crate::transport::Volume;
-
-    #[test]
-    fn the_last_iterations_take_all_pairs() {
-        let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 0.8) };
-        let grid = Grid::new(volume, 32, 0.05).unwrap();
-        let level = |pairs| Level {
-            grid,
-            parts: [1, 1],
-            pairs,
-            sum: 1,
-            bins: 100,
-            bin_width: 0.01,
-            measured: buffer::MEASURED,
-            taps: buffer::PULSE_TAPS,
-            wall: buffer::WALL,
-            scene: buffer::SCENE,
-            rendered: Pairs {
-                count: pairs,
-                scanned: pairs,
-                others: 0,
-                wall: buffer::WALL,
-                scene: buffer::SCENE,
-            },
-            reachable: buffer::REACHABLE,
-        };
-        let levels = [1024, 4096, 16_384, 65_536].map(level);
-        let of = |reached, iterations| {
-            let (levels, beginnings) = stages(&levels, reached, iterations);
-            levels.iter().map(|l| l.pairs).zip(beginnings).collect::<Vec<_>>()
-        };
-        assert_eq!(of(65_536, 60), [(1024, 0), (4096, 36), (16_384, 42), (65_536, 48)]);
-        // A volume that ended early: the surface uses no more pairs than it.
-        assert_eq!(of(4096, 60), [(1024, 0), (4096, 48)]);
-        assert_eq!(of(256, 60), [(1024, 0)]);
-        assert_eq!(of(4096, 5), [(1024, 0), (4096, 4)]);
-        assert_eq!(of(4096, 4), [(4096, 0)]);
-    }
 }

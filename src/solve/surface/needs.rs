@@ -61,7 +61,7 @@ const BEHIND: usize = 4;
 pub fn pixels(plan: &Plan) -> usize {
     let [x, y, _] = plan.maps.n;
     let most = x * y + x * y / BEHIND;
-    if plan.pixel_levels.is_empty() { 0 } else { most.min(plan.capacity / points_of(plan)) }
+    plan.pixel_level.map_or(0, |_| most.min(plan.capacity / points_of(plan)))
 }
 
 /// Bytes of a surface with `pixels` pixels, their numbers by column included.

@@ -114,11 +114,3 @@ pub fn extract_behind(s: &mut Schedule, level: &Level) {
 fn columns(s: &mut Schedule, level: &Level) {
     s.copy(buffer::COLUMNS, COLUMNS_HOST, (level.grid.n[0] * level.grid.n[1]) as u64 * 32);
 }
-
-/// Continues with more pairs: new shares and dispatch sizes. [`bonds`] must follow.
-pub fn widen(s: &mut Schedule, level: &Level, weights: &[f32; SURFACE_WEIGHTS as usize]) {
-    for index in [SURFACE_BEND_SHARE, SURFACE_JUMP_SHARE] {
-        s.set(buffer::SURFACE_WEIGHTS, index, weights[index as usize].to_bits());
-    }
-    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
-}

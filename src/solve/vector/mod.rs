@@ -17,7 +17,7 @@ use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{expected_noise, variances};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
-use super::plan::AMPLE;
+use super::plan::first_of;
 use super::prepared::Prepared;
 use super::result::Reconstruction;
 use super::{Level, Plan, domain, surface};
@@ -157,7 +157,7 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions
         high_pass: options.filter(),
         ..model
     };
-    if !options.general && !options.all_pairs && model.pairs() > AMPLE * AMPLE {
+    if !options.general && !options.all_pairs && model.pairs() > first_of(options.pairs) {
         rows.reorder(&model.spread());
     }
     if !options.general {

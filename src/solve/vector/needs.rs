@@ -19,6 +19,7 @@ impl Needs for VectorOptions {
             general: self.general,
             coarse_to_fine: self.domain.coarse_to_fine,
             iterations: [self.iterations, self.surface.iterations],
+            pairs: self.pairs,
             pixels_per_voxel: self.pixels_per_voxel(),
             binning: Binning::Linear,
             gradient: Gradient::Exact,

@@ -1,6 +1,7 @@
 //! The vector solver's options.
 
 use crate::Result;
+use crate::solve::estimate::MOST_PAIRS;
 use crate::solve::option::{Options, options, refused};
 use crate::solve::plan::AMPLE;
 use crate::solve::surface::SurfaceOptions;
@@ -50,8 +51,11 @@ options! {
             peak: f64 = 10.0, Range::Positive;
         }
         "Vector solver" {
-            /// Iterations at the end in which the number of pairs grows fourfold, again and again, until all are used.
-            /// Earlier iterations use a part of the pairs if there are more than 1,024
+            /// Pairs that the last iterations and the surface use, of more if there are; the iterations before them use a
+            /// quarter. Volumes of more than 64 lateral voxels use more, in proportion to their area [default: 1,024, or
+            /// more where photons are few]
+            pairs: usize = suit.pairs, Range::Count(4, MOST_PAIRS);
+            /// Iterations at the end that use all these pairs
             growth_iterations: usize = if suit.confocal { 8 } else { 12 }, Range::Count(1, 1_000_000);
             /// Use all pairs in every iteration, and no grid coarser than the scan
             all_pairs: bool = false, Range::Flag;

@@ -125,7 +125,7 @@ impl Trial {
         };
         let judges_volume = begun.is_none();
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, judges_volume)?;
-        let last = *plan_of_held.pixel_levels.last().expect("a trial has a surface");
+        let last = plan_of_held.pixel_level.expect("a trial has a surface");
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan.clone(), self.memory)?;
         let driven = match begun {
             Some(maps) => {
