@@ -50,13 +50,13 @@ impl LentFrame {
             );
         }
         let plan = session.plan();
-        let wanted = self.counts.format.bytes_of(plan.pairs * rows.counts);
+        let pairs = plan.pairs + plan.unused;
+        let wanted = self.counts.format.bytes_of(pairs * rows.counts);
         if self.counts.counts.bytes() != wanted {
             return refused(
                 format!(
-                    "{} bytes of counts for {} pairs of {} bins, which are {wanted} bytes",
+                    "{} bytes of counts for {pairs} pairs of {} bins, which are {wanted} bytes",
                     self.counts.counts.bytes(),
-                    plan.pairs,
                     rows.counts
                 ),
                 "lend pairs x bins counts in the format that was named, bin by bin within a pair",

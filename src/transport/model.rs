@@ -50,6 +50,8 @@ pub struct Model {
     pub rendered: Option<Rendered>,
     /// True if the first n pairs are spread over the wall for every n ([`Model::spread`]).
     pub is_spread: bool,
+    /// Pairs of the capture that are not used.
+    pub unused: usize,
     /// How hidden surfaces reflect light.
     pub reflectance: Reflectance,
     /// Gated bins of a histogram.
@@ -144,6 +146,7 @@ impl Model {
             rendered: spot.map(|spot| Rendered::of(&wall, spot)),
             wall,
             is_spread: false,
+            unused: 0,
             reflectance,
             bins: capture.bins,
             bin_width: capture.bin_width,

@@ -37,6 +37,11 @@ impl Rows {
         self.pairs = order.iter().map(|row| self.pairs[*row]).collect();
     }
 
+    /// Leaves all but the first `count` rows out.
+    pub fn keep_first(&mut self, count: usize) {
+        self.pairs.truncate(count);
+    }
+
     /// Leaves all but these of its bins out.
     pub fn crop(&mut self, bins: Range<usize>) {
         self.bins = self.bins.start + bins.start..self.bins.start + bins.end;

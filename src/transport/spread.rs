@@ -5,6 +5,9 @@ use glam::DVec3;
 
 use super::{Geometry, Model, Rendered, Wall};
 
+/// Other points of a product that are enough.
+const ROWS: usize = 16;
+
 /// Bits of a cell's number along one axis.
 const BITS: u32 = 15;
 
@@ -176,6 +179,30 @@ impl Model {
         self.rendered = self.rendered.take().map(|r| Rendered::of(&self.wall, r.spot));
         self.is_spread = true;
         pairs
+    }
+
+    /// How many of the first pairs are enough where so many are `wanted`: the fewest of 1 in 1, 4, 16, ... that are as many,
+    /// or nearly. Of a product they are whole rows, of at least [`ROWS`] other points.
+    pub fn enough(&self, wanted: usize) -> usize {
+        // A few pairs of a scan may be missing: they were not measured.
+        let least = wanted / 10 * 9;
+        let mut share = 1;
+        while self.is_spread && self.pairs() / (4 * share) >= least {
+            share *= 4;
+        }
+        let rows = self.wall.others.len();
+        if self.wall.geometry != Geometry::Product || rows == 1 {
+            return self.pairs().div_ceil(share);
+        }
+        rows.div_ceil(share).max(ROWS.min(rows)) * self.wall.scanned.len()
+    }
+
+    /// Uses the first `count` pairs only. The model has no measured values yet.
+    pub fn use_first(&mut self, count: usize) {
+        self.unused = self.pairs() - count;
+        self.elements = self.elements_of(count);
+        self.wall = self.wall.first(count);
+        self.rendered = self.rendered.take().map(|r| Rendered::of(&self.wall, r.spot));
     }
 }
 

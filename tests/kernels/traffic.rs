@@ -52,7 +52,7 @@ fn solved(capture: &Capture, options: VectorOptions) -> Solved {
 impl Solved {
     /// The level of the surface, and its points as `surface_points.comp` writes them for these columns of the maps.
     fn surface(&self, columns: &[u32]) -> (Level, Vec<DVec3>) {
-        let level = *self.plan.pixel_level.last().expect("a surface");
+        let level = self.plan.pixel_level.expect("a surface");
         let points = |c: &u32| {
             let c = *c as usize;
             let [x, y] = self.maps.centre(c / self.maps.ny, c % self.maps.ny);

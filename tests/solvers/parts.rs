@@ -278,7 +278,7 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
         let plan = plan.within(&options, &memory, Some(budget)).expect("it fits in parts");
         check(&plan.buffers, &memory, Some(budget)).expect("it fits");
         assert!(plan.stored_bytes() as usize >= model.pairs() * model.bins * 4);
-        let last = plan.pixel_level.last().expect("a surface");
+        let last = plan.pixel_level.as_ref().expect("a surface");
         let parts: Vec<_> = plan.parts(last).collect();
         let is_large = |l: &Level| l.pairs > parts[0].own.count;
         assert!(parts.len() > 1 && plan.levels.iter().all(|l| (plan.parts(l).count() > 1) == is_large(l)));

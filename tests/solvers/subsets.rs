@@ -1,5 +1,5 @@
-//! Early iterations take a part of the pairs: which part, what the kernels compute from it, and how whole solves go on from
-//! a part to all pairs, with correct figures and the same bits.
+//! A solve takes as many pairs as it needs, and early iterations a part of them: which part, what the kernels compute from
+//! it, and how whole solves go on from it, with correct figures and the same bits.
 
 use fixtures::device::vectors::*;
 use fixtures::device::*;
@@ -9,10 +9,12 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, Checkpoint, OnDevice, Plan, Reconstruction, VectorOptions, passes, vector,
+    Accumulation, Checkpoint, Level, OnDevice, Plan, Reconstruction, SolverOptions, VectorOptions, passes,
+    vector,
 };
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
+use thirdbounce::trials::Choice;
 
 /// A model with that many pairs, but without their histograms.
 fn claimed(geometry: Geometry, scanned: usize, others: usize, is_spread: bool) -> Model {
@@ -30,28 +32,32 @@ fn grid_of(lateral: usize) -> Grid {
     Grid::new(volume, lateral, 0.05).expect("a grid")
 }
 
-/// Lateral voxels and pairs of every level of the volume and of the surface.
+/// Lateral voxels and pairs of every level of the volume, and of the surface, with the pairs that they need of a model's.
 fn both(
     gpu: &Gpu,
     model: &Model,
     scan: usize,
     lateral: usize,
     pixels_per_voxel: Option<usize>,
-) -> [Vec<[usize; 2]>; 2] {
+) -> (Vec<[usize; 2]>, [usize; 2]) {
+    let mut model = model.clone();
     let o = VectorOptions::default().with(|o| {
         o.lateral = lateral;
         o.surface.pixels_per_voxel = pixels_per_voxel;
     });
-    let plan = Plan::new(model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
-    let walls = [plan.finest().wall, plan.pixel_level.last().unwrap().wall];
-    assert_eq!(walls, [buffer::WALL; 2]);
-    [&plan.levels, &plan.pixel_level].map(|all| all.iter().map(|l| [l.grid.n[0], l.pairs]).collect())
+    // In proportion to the area of grids beyond 64 voxels.
+    let times = (lateral / o.pixels_per_voxel() / 64).max(1).pow(2);
+    model.use_first(model.enough(o.pairs * times));
+    let plan = Plan::new(&model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
+    let of = |l: &Level| [l.grid.n[0], l.pairs];
+    let surface = plan.pixel_level.as_ref().expect("a surface");
+    assert_eq!([plan.finest().wall, surface.wall], [buffer::WALL; 2]);
+    (plan.levels.iter().map(of).collect(), of(surface))
 }
 
 fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {
-    let [levels, surface] = both(gpu, model, scan, lateral, Some(1));
-    let finest: Vec<_> = levels.iter().copied().filter(|l| l[0] == lateral).collect();
-    assert_eq!(surface, finest, "the surface takes the pairs of the finest grid");
+    let (levels, surface) = both(gpu, model, scan, lateral, Some(1));
+    assert_eq!(Some(&surface), levels.last(), "the surface takes the pairs of the finest grid");
     levels
 }
 
@@ -62,11 +68,11 @@ fn a_finer_surface_takes_the_pairs_of_the_finest_volume() {
         let model = claimed(Geometry::Confocal, side * side, 0, true);
         both(&gpu, &model, side, lateral, pixels_per_voxel)
     };
-    let volume = vec![[32, 1024], [64, 1024], [64, 4096]];
-    assert_eq!(of(64, 64, None), [volume.clone(), vec![[64, 1024], [64, 4096]]]);
-    assert_eq!(of(64, 128, None), [volume.clone(), vec![[128, 1024], [128, 4096]]]);
-    assert_eq!(of(64, 192, Some(3)), [volume, vec![[192, 1024], [192, 4096]]]);
-    assert_eq!(of(32, 128, Some(4)), [vec![[32, 1024]], vec![[128, 1024]]]);
+    let volume = vec![[32, 256], [64, 256], [64, 1024]];
+    assert_eq!(of(64, 64, None), (volume.clone(), [64, 1024]));
+    assert_eq!(of(64, 128, None), (volume.clone(), [128, 1024]));
+    assert_eq!(of(64, 192, Some(3)), (volume, [192, 1024]));
+    assert_eq!(of(32, 128, Some(4)), (vec![[32, 256], [32, 1024]], [128, 1024]));
 }
 
 #[test]
@@ -75,28 +81,25 @@ fn levels_take_the_pairs_that_their_grid_needs() {
     let confocal = |side: usize, lateral| {
         levels(&gpu, &claimed(Geometry::Confocal, side * side, 0, true), side, lateral)
     };
-    assert_eq!(confocal(64, 64), [[32, 1024], [64, 1024], [64, 4096]]);
-    assert_eq!(confocal(64, 128), [[32, 1024], [64, 1024], [128, 4096]]);
-    assert_eq!(confocal(256, 64), [[32, 1024], [64, 1024], [64, 4096], [64, 16_384], [64, 65_536]]);
-    assert_eq!(confocal(256, 128), [[32, 1024], [64, 1024], [128, 4096], [128, 16_384], [128, 65_536]]);
-    // Half of 96 is more than 32, a fourth is less.
-    assert_eq!(confocal(96, 64), [[32, 2304], [64, 2304], [64, 9216]]);
+    assert_eq!(confocal(64, 64), [[32, 256], [64, 256], [64, 1024]]);
+    assert_eq!(confocal(64, 128), [[32, 256], [64, 256], [128, 1024], [128, 4096]]);
+    assert_eq!(confocal(256, 64), [[32, 256], [64, 256], [64, 1024]]);
+    assert_eq!(confocal(256, 128), [[32, 256], [64, 256], [128, 1024], [128, 4096]]);
+    // A quarter of 9,216 is more than 1,024, a sixteenth is less.
+    assert_eq!(confocal(96, 64), [[32, 576], [64, 576], [64, 2304]]);
     let of =
         |geometry, scanned, others, scan| levels(&gpu, &claimed(geometry, scanned, others, true), scan, 64);
-    assert_eq!(of(Geometry::TwoPoints, 4096, 4096, 64), [[32, 1024], [64, 1024], [64, 4096]]);
-    assert_eq!(of(Geometry::Product, 4096, 1, 64), [[32, 1024], [64, 1024], [64, 4096]]);
+    assert_eq!(of(Geometry::TwoPoints, 4096, 4096, 64), [[32, 256], [64, 256], [64, 1024]]);
+    assert_eq!(of(Geometry::Product, 4096, 1, 64), [[32, 256], [64, 256], [64, 1024]]);
     // Whole rows of a product, sixteen at least.
-    assert_eq!(
-        of(Geometry::Product, 256, 256, 16),
-        [[16, 4096], [32, 4096], [64, 4096], [64, 16_384], [64, 65_536]]
-    );
+    assert_eq!(of(Geometry::Product, 256, 256, 16), [[16, 4096], [32, 4096], [64, 4096]]);
     assert_eq!(of(Geometry::Product, 4096, 4, 64), [[32, 16_384], [64, 16_384]]);
 }
 
 #[test]
-fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
+fn few_pairs_are_all_taken_and_so_are_those_that_are_not_spread() {
     let gpu = gpu();
-    for (side, spread) in [(32, true), (16, true), (5, true), (64, false)] {
+    for (side, spread) in [(32, false), (16, true), (5, true), (64, false)] {
         let model = claimed(Geometry::Confocal, side * side, 0, spread);
         let all = levels(&gpu, &model, side, 64);
         assert!(all.iter().all(|l| l[1] == side * side), "{all:?}");
@@ -110,7 +113,33 @@ fn scans_of_32_points_a_side_and_those_that_want_all_pairs_are_as_they_were() {
     assert!(spread(&o, &capture));
     assert!(!spread(&o.clone().with(|o| o.all_pairs = true), &capture));
     assert!(!spread(&o.clone().with(|o| o.general = true), &capture));
-    assert!(!spread(&o, &capture.stride(2).expect("every other point")));
+    assert!(spread(&o, &capture.stride(2).expect("every other point")));
+    assert!(!spread(&o, &capture.stride(4).expect("every fourth point")));
+    let used = |o: &VectorOptions| vector::model(&capture, &grid, o).pairs();
+    let of = |pairs| used(&o.clone().with(|o| o.pairs = pairs));
+    assert_eq!([of(256), of(1024), of(1025), of(4096), of(1 << 20)], [256, 1024, 1024, 4096, 4096]);
+    assert_eq!(used(&o.clone().with(|o| o.all_pairs = true)), 4096);
+}
+
+#[test]
+fn few_photons_need_more_pairs() {
+    let points: Vec<DVec3> = (0..4096).map(|i| dvec3((i % 64) as f64, (i / 64) as f64, 0.0) / 64.0).collect();
+    let pairs = |light: f32, background: f32| {
+        let of_bin = |bin: usize| background + if bin % 64 == 20 { light } else { 0.0 };
+        let counts = (0..4096 * 64).map(of_bin).collect();
+        let mut capture = Capture::new([64, 64], points.clone(), points.clone(), 64, 0.02, counts);
+        capture.integer_counts = true;
+        match Choice::default().resolve(&capture).solver {
+            SolverOptions::Vector(options) => options.pairs,
+            other => panic!("{other:?}"),
+        }
+    };
+    // 32,768 photons; exact histograms, and bright ones, need 1,024 pairs.
+    assert_eq!([1e9, 100.0, 32.0].map(|light| pairs(light, 0.0)), [1024; 3]);
+    assert_eq!([8.0, 2.0].map(|light| pairs(light, 0.0)), [4096, 16_384]);
+    // Background adds its noise: 16 of 16 + 64 counts are as good as 3.2 alone.
+    assert_eq!(pairs(16.0, 1.0), 10_240);
+    assert_eq!(pairs(0.0, 0.0), 1_000_000_000, "no light: all there are");
 }
 
 /// Bounds, vectors and rows of the trace after three iterations at the first level, from a random domain.
@@ -171,9 +200,9 @@ fn a_level_of_some_pairs_is_the_scene_of_these_alone() {
         });
         let mut whole = job(&gpu, &model, &grid, &o);
         let pairs = whole.plan.levels[0].pairs;
-        assert_eq!(pairs, 1024, "{geometry:?}");
+        assert_eq!(pairs, if geometry == Geometry::Product { 1024 } else { 256 }, "{geometry:?}");
         let part = Model {
-            elements: model.elements / 4,
+            elements: model.elements_of(pairs),
             wall: model.wall.first(pairs),
             measured: model.measured[..pairs * model.bins].to_vec(),
             is_spread: false,
@@ -245,16 +274,13 @@ fn a_solve_goes_from_some_pairs_to_all_and_tells_how_many_it_took() {
     let (capture, o) = (small_capture(), small_options());
     let (done, kept) = solve(&o, &capture, None);
     let taken = |r: &Reconstruction| r.trace.iter().map(|p| [p.iteration, p.pairs]).collect::<Vec<_>>();
-    // The volume grows after the fifth of nine, the surface for the last two of ten.
-    let early = |p: &[usize; 2]| if matches!(p[0], 1..=5 | 10..=17) { 1024 } else { 4096 };
+    // The volume grows after the fifth of nine.
+    let early = |p: &[usize; 2]| if p[0] <= 5 { 256 } else { 1024 };
     assert!(taken(&done).iter().all(|p| p[1] == early(p)), "{:?}", taken(&done));
-    assert_eq!(taken(&done).last(), Some(&[o.iterations + o.surface.iterations, 4096]));
-    assert!(
-        done.plan
-            .left_out
-            .iter()
-            .any(|l| l.contains("pairs of early iterations: of 4096 they take 1024 on 16"))
-    );
+    assert_eq!(taken(&done).last(), Some(&[o.iterations + o.surface.iterations, 1024]));
+    for told in ["3072 of 4096 pairs", "pairs of early iterations: of 1024 they take 256 on 16"] {
+        assert!(done.plan.left_out.iter().any(|l| l.contains(told)), "{:?}", done.plan.left_out);
+    }
     // The domain changes between points of the trace only.
     let mut sum = 0;
     let mut before = 0;

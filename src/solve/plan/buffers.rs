@@ -96,7 +96,7 @@ impl Plan {
             Some(_) => cells,
         };
         // A caller's counts lie where rendered histograms will.
-        let lent = (self.pairs * self.lent.map_or(0, |rows| rows.counts)) as u64;
+        let lent = ((self.pairs + self.unused) * self.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let losses = if self.high_pass { losses.max(self.rows_held() as u64) } else { losses };

@@ -42,6 +42,14 @@ impl Plan {
             ),
             Geometry::TwoPoints => {}
         }
+        if self.unused > 0 {
+            let of = pairs + self.unused;
+            let share = 100.0 * self.unused as f64 / of as f64;
+            out.add(
+                format!("{} of {of} pairs: the others hold enough light", self.unused),
+                format!("{share:.0} % of all passes over pairs, and of the counts on the device"),
+            );
+        }
         let early: Vec<&Level> = self.levels.iter().filter(|l| l.pairs < pairs).collect();
         if let Some(most) = early.iter().map(|l| l.pairs).max() {
             let of = |l: &&Level| format!("{} on {} lateral voxels", l.pairs, l.grid.n[0]);

@@ -2,7 +2,7 @@
 
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
-use crate::transport::{Geometry, Grid, Model};
+use crate::transport::{Grid, Model};
 
 /// Pairs of wall points as passes over pairs see them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,6 +48,12 @@ pub struct Level {
     pub reachable: Buffer,
 }
 
+/// Pairs for a volume of so many lateral voxels, where one of up to twice [`AMPLE`] needs `pairs`: in proportion to its
+/// area.
+pub fn pairs_for(lateral: usize, pairs: usize) -> usize {
+    pairs.saturating_mul((lateral / (2 * AMPLE)).max(1).pow(2))
+}
+
 /// Constants of levels on the maps' pixels, where these are no voxels.
 const SURFACE_SCENE: Buffer = Buffer::named("surface_scene");
 
@@ -58,9 +64,6 @@ pub const AMPLE: usize = 32;
 pub fn first_of(pairs: usize) -> usize {
     pairs.div_ceil(4)
 }
-
-/// Other points of a product that are enough at first.
-const ROWS: usize = 16;
 
 /// How many bins of `model` a volume with voxels as deep as those of `grid` needs no finer than as one. A path to a
 /// surface and back changes by twice its depth, so voxels are two bins of path deep where bins are not summed.
@@ -95,15 +98,10 @@ impl Sequence<'_> {
     /// at the end there are more.
     pub fn levels(&self) -> Vec<Level> {
         let model = self.model;
-        let of = |grid: &Grid, pairs: usize| {
-            let area = (grid.n[0] / (2 * AMPLE)).max(1).pow(2);
-            part(model, share(model, pairs.saturating_mul(area)))
-        };
-        let mut steps: Vec<(Grid, usize)> =
-            self.grids().into_iter().map(|grid| (grid, of(&grid, first_of(self.pairs)))).collect();
-        let all = of(&self.finest, self.pairs);
-        if steps.last().is_some_and(|last| last.1 < all) {
-            steps.push((self.finest, all));
+        let first = |grid: Grid| (grid, model.enough(pairs_for(grid.n[0], first_of(self.pairs))));
+        let mut steps: Vec<(Grid, usize)> = self.grids().into_iter().map(first).collect();
+        if steps.last().is_some_and(|last| last.1 < model.pairs()) {
+            steps.push((self.finest, model.pairs()));
         }
         let mut levels: Vec<Level> = vec![];
         // There are fewer than 64 levels: lateral voxels and pairs are 32-bit numbers.
@@ -202,24 +200,4 @@ fn own_pairs(model: &Model, pairs: usize, wall: Buffer, scene: Buffer) -> Pairs 
     let [scanned, others] =
         model.wall.geometry.counts(pairs, model.wall.scanned.len(), model.wall.others.len());
     Pairs { count: pairs, scanned, others, wall, scene }
-}
-
-/// The share of the pairs, 1 in 4 or 16 or ..., that holds as many as are `wanted`.
-fn share(model: &Model, wanted: usize) -> usize {
-    // A few pairs of a scan may be missing: they were not measured.
-    let least = wanted / 10 * 9;
-    let mut share = 1;
-    while model.is_spread && model.pairs() / (4 * share) >= least {
-        share *= 4;
-    }
-    share
-}
-
-/// How many pairs 1 in `share` are. Of a product: whole rows, of at least [`ROWS`] other points.
-fn part(model: &Model, share: usize) -> usize {
-    let rows = model.wall.others.len();
-    if model.wall.geometry != Geometry::Product || rows == 1 {
-        return model.pairs().div_ceil(share);
-    }
-    rows.div_ceil(share).max(ROWS.min(rows)) * model.wall.scanned.len()
 }

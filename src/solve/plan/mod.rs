@@ -25,7 +25,7 @@ mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
 pub use left_out::{LeftOut, mebibytes};
-pub use levels::{AMPLE, Level, Pairs, first_of, sum_of};
+pub use levels::{AMPLE, Level, Pairs, first_of, pairs_for, sum_of};
 pub use needs::{Demand, LentRows, Needs};
 pub use parts::PairPart;
 pub use pass::{Fault, Pass, Twin, Value, Voxels};
@@ -46,6 +46,8 @@ pub struct Plan {
     pub maps: Grid,
     /// Pairs of the model.
     pub pairs: usize,
+    /// Pairs of the capture that it leaves out.
+    pub unused: usize,
     /// Bins of a histogram. Levels may have fewer, wider ones.
     pub bins: usize,
     /// Metres of path.
@@ -180,6 +182,7 @@ impl Plan {
             spots,
             maps,
             pairs: model.pairs(),
+            unused: model.unused,
             bins: model.bins,
             bin_width: model.bin_width,
             iterations: demand.iterations,

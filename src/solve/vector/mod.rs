@@ -17,7 +17,7 @@ use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{expected_noise, variances};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
-use super::plan::first_of;
+use super::plan::{first_of, pairs_for};
 use super::prepared::Prepared;
 use super::result::Reconstruction;
 use super::{Level, Plan, domain, surface};
@@ -159,6 +159,9 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions
     };
     if !options.general && !options.all_pairs && model.pairs() > first_of(options.pairs) {
         rows.reorder(&model.spread());
+        let used = model.enough(pairs_for(grid.n[0] / options.pixels_per_voxel(), options.pairs));
+        model.use_first(used);
+        rows.keep_first(used);
     }
     if !options.general {
         rows.crop(model.trim(grid));
