@@ -1,6 +1,8 @@
 // Domain reduction. A voxel becomes active if its smoothed albedo is above the given share of the maximum and not below
 // the least that there is room for (room.comp), and if it is not too near and within reach of a bin. It may have been
 // inactive before: smoothing lets the domain grow back a little, as in the paper. push.flags holds the share's bits.
+// Where no smoothed albedo is above zero there is no maximum to take a share of: the paper's solver, which smooths raw
+// albedo, then keeps the domain as it is if that has at most push.first voxels. Other callers pass 0.
 // One invocation owns one word of the mask, 32 voxels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -11,10 +13,15 @@ layout(std430, set = 0, binding = 1) readonly buffer Source { float source[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Reachable { uint reachable[]; }; // by brick
+layout(std430, set = 0, binding = 5) readonly buffer MaskBefore { uint mask_before[]; };
 
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= brick_count() * 16u) return;
+    if (push.first != 0u && counts[COUNT_PEAK_SMOOTH] == 0u && counts[COUNT_ACTIVE] <= push.first) {
+        mask[at] = mask_before[at];
+        return;
+    }
     float above = uintBitsToFloat(push.flags) * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
     float least = uintBitsToFloat(counts[COUNT_LEAST_SMOOTH]);
     uint word = 0u;

@@ -4835,6 +4835,12 @@ pub mod transport {
             ) -> Vec<f64> {}
             pub fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {}
             pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {}
+            pub fn threshold_raw(
+                twin: &Twin,
+                smooth: &[f64],
+                before: &[bool],
+                room: usize,
+            ) -> Vec<bool> {}
             pub fn levels(twin: &Twin, smooth: &[f64]) -> Vec<u32> {}
             pub fn room(levels: &[u32], peak: f64, above: f64, room: usize) -> f64 {}
             pub fn rim(grid: &Grid, active: &[bool]) -> Vec<bool> {}
@@ -5170,7 +5176,7 @@ pub mod transport {
         pub use domain::{
             Column, carry, carry_doubled, compact, double_domain, extract, gaussian,
             initialise, initialise_raw, join, levels, rim, room, smooth, taps, threshold,
-            touched,
+            threshold_raw, touched,
         };
         pub use intake::{intake, tally};
         pub use optimise::{learning_rate, noise, update};

@@ -36,6 +36,15 @@ pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {
     s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
 }
 
+/// What a reduction does where no smoothed value is above zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Dark {
+    /// It removes all voxels.
+    Goes,
+    /// It changes nothing if there is room for all active voxels, else it removes all.
+    Stays,
+}
+
 /// Reduces the mask to `room` voxels at most, by what the pass `first` smooths along x. The old mask stays beside it
 /// with its slots.
 pub(super) fn prune(
@@ -45,10 +54,11 @@ pub(super) fn prune(
     first: &Pass,
     keep_above: f64,
     room: usize,
+    dark: Dark,
 ) {
     smooth(s, plan, level, first, None);
     remember(s, plan, level);
-    keep(s, plan, level, keep_above, room);
+    keep(s, plan, level, keep_above, room, dark);
 }
 
 /// Copies the masks, and the ranks that give their slots.
@@ -79,8 +89,8 @@ pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass,
 }
 
 /// Makes the mask of voxels whose smoothed value is above a share of the maximum. If there may be more than `room`,
-/// only the brightest stay.
-pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, room: usize) {
+/// only the brightest stay. What `dark` lets stay is the mask that [`remember`] copied.
+pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, room: usize, dark: Dark) {
     let [smooth, _] = plan.volumes;
     if level.grid.storage() > room {
         s.fill(buffer::LEVELS, u64::from(LEVELS) * 4, 0);
@@ -98,7 +108,11 @@ pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, roo
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::SOURCE, smooth)
         .bind(buffer::REACHABLE, level.reachable)
-        .with(Push { flags: (above as f32).to_bits(), ..Default::default() });
+        .with(Push {
+            first: if dark == Dark::Stays { room as u32 } else { 0 },
+            flags: (above as f32).to_bits(),
+            ..Default::default()
+        });
 }
 
 /// Makes the mask of `fine` from that of `coarse`. Overwrites `ranks`, which the new mask gives again.

@@ -1,6 +1,8 @@
 //! The active domain on the device against brute force: first volume, smoothing, threshold, lists, doubling,
 //! maps.
 
+use std::sync::Arc;
+
 use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Schedule};
 use thirdbounce::solve::paper::{double, initialise, reduce};
@@ -169,18 +171,37 @@ pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
     assert_valid(&gpu);
 }
 
+/// No raw albedo is above zero, but its noise is: nothing to take a share of.
 #[test]
-fn a_volume_without_light_is_pruned_to_nothing() {
+fn a_volume_without_light_keeps_its_domain_if_there_is_room_for_it() {
     let gpu = gpu();
     let model = model(3, 40, 1);
     let grid = grid();
-    let (_, domain) = state(&model, &grid, 1.0, 4);
+    let twin = Twin { model: &model, grid: &grid };
+    let (_, domain) = state(&model, &grid, 0.3, 4);
+    let count = domain.iter().filter(|a| **a).count();
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-    let state = [-0.5, 0.1, 0.1].map(|v| vec![[v, 0.0, 0.0, 0.0]; grid.storage()]);
-    hold(&mut job, &grid, &domain, &state);
-    let schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
-    job.perform(&schedule);
-    assert_lists(&mut job, &grid, &vec![false; grid.storage()], true);
+    let dark =
+        |i: usize| [if i.is_multiple_of(9) { 0.5 } else { -0.5 - (i % 7) as f64 / 8.0 }, 0.25, 0.0, -0.5];
+    let raw: Vec<_> = (0..grid.storage()).map(dark).collect();
+    let state = [raw.clone(), moments(&raw, 2.0), moments(&raw, 3.0)];
+    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
+    assert!(smooth.iter().all(|v| *v <= 0.0), "no smoothed value is above zero");
+    for room in [count, count - 1] {
+        let touched = hold(&mut job, &grid, &domain, &state);
+        let capacity = std::mem::replace(&mut Arc::make_mut(&mut job.plan).capacity, room);
+        let schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
+        Arc::make_mut(&mut job.plan).capacity = capacity;
+        job.perform(&schedule);
+        let kept = twin::threshold_raw(&twin, &smooth, &domain, room);
+        assert_eq!(kept.iter().filter(|k| **k).count(), if room < count { 0 } else { count });
+        assert_lists(&mut job, &grid, &kept, true);
+        let now = twin::touched(&grid, &kept);
+        for (buffer, state) in STATE.into_iter().zip(&state) {
+            let want = twin::carry(&now, &twin::carry(&touched, state));
+            assert_eq!(read_state(&mut job, buffer, &now, grid.storage()), want, "{buffer}");
+        }
+    }
     assert_valid(&gpu);
 }
 

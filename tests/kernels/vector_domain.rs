@@ -73,6 +73,22 @@ pub fn reduction_smooths_the_lengths_and_settles() {
 
 /// A domain that exceeds the room keeps its brightest voxels, and the list never exceeds the room.
 #[test]
+fn a_volume_without_light_is_pruned_to_nothing() {
+    let gpu = gpu();
+    let (model, grid) = (scene(3, 40, 22), grid());
+    let domain = state(&model, &grid, 0.5, 23).1;
+    let o = vector_options(&grid);
+    let mut job = job(&gpu, &model, &grid, &o);
+    let active = write_domain(&mut job, &domain);
+    write_vectors(&mut job, buffer::RAW, &active, &vec![DVec3::ZERO; grid.storage()]);
+    set_counts(&mut job, active.len(), 0.0);
+    write_momentum(&mut job, REST);
+    job.perform(&Schedule::of(|s| vector::due(s, &job.plan, &o, &mut 0, o.domain.reduce_every)));
+    assert_eq!(read_mask(&mut job, buffer::MASK, grid.storage()), vec![false; grid.storage()]);
+    assert_valid(&gpu);
+}
+
+#[test]
 pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let gpu = gpu();
     let (mut model, grid) = (scene(3, 40, 22), grid());

@@ -14,6 +14,7 @@ mod paper_room;
 mod parts;
 mod physics;
 mod places;
+mod published;
 mod scale;
 mod session;
 mod subsets;

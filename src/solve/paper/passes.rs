@@ -77,7 +77,7 @@ passes! {
         ..Pass::of("carry_doubled", |_| &kernel::CARRY)
     };
 
-    /// Smooths the albedo of raw variables along x.
+    /// Smooths the raw albedo along x.
     GAUSSIAN_X = Pass {
         constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(1)), (constant::LAST, Value::Is(0))],
         twin: twin!(gaussian),

@@ -4,10 +4,11 @@ use super::PaperOptions;
 use super::passes::*;
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
+use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, over_parts, scene_of_sums};
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
-use crate::solve::{Level, Plan, domain};
+use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 
 /// Sample, forward, residual, (noise,) backward, update, finish: iteration `iteration` of the solve (from 0),
@@ -55,9 +56,10 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
 /// Arguments of a kernel with an invocation for every touched voxel.
 const TOUCHED: u64 = 12 * ARGUMENTS_UPDATE as u64;
 
-/// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
+/// Domain reduction: smooth the active raw albedo, keep what is above the threshold (paper, section 3.3).
+/// Before ELU, all of it may be below zero: then the domain stays as it is.
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
-    domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity);
+    domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity, Dark::Stays);
     domain::compact(s, plan, level);
     for state in [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         carry(s, plan, level, &CARRY, state);
@@ -98,13 +100,13 @@ fn split(s: &mut Schedule, plan: &Plan, coarse: &Level, fine: &Level) {
 /// The schedule that is due after `done` iterations, in the paper's order: reduction, then doubling (`level` moves on)
 /// or restart. Empty if nothing is due.
 pub fn due(s: &mut Schedule, plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) {
-    let here = &plan.levels[*level];
+    let (here, above) = (&plan.levels[*level], options.domain.keep_above);
     let next = plan.levels.get(*level + 1).filter(|_| done.is_multiple_of(options.domain.double_every));
     let reduces = options.domain.reduce && done.is_multiple_of(options.domain.reduce_every);
     if let Some(fine) = next {
         // A voxel becomes four: there must be room for them.
         if reduces || fine.grid.storage() > plan.capacity {
-            domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity / 4);
+            domain::prune(s, plan, here, &GAUSSIAN_X, above, plan.capacity / 4, Dark::Stays);
             split(s, plan, here, fine);
         } else {
             double(s, plan, here, fine);
@@ -113,7 +115,7 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &PaperOptions, level: &mut us
         return;
     }
     if reduces {
-        reduce(s, plan, here, options.domain.keep_above);
+        reduce(s, plan, here, above);
     }
     if done.is_multiple_of(options.restart_every) {
         restart(s, plan);

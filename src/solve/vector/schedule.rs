@@ -3,6 +3,7 @@
 use super::VectorOptions;
 use super::passes::*;
 use crate::gpu::{Command, Schedule};
+use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{
     arguments, compare, forward, gather, groups, instrument_back, over_parts, pair_chunks, scene_of_sums,
     work_of,
@@ -10,7 +11,7 @@ use crate::solve::over_pairs::{
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL_BOUND, objective};
 use crate::solve::plan::PairPart;
 use crate::solve::plan::pass::Pass;
-use crate::solve::{Level, Plan, domain, together};
+use crate::solve::{Level, Plan, together};
 use crate::transport::cells;
 use crate::transport::kernels::*;
 
@@ -69,7 +70,7 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     project(s, plan, level);
     s.copy_word(buffer::COUNTS, COUNT_PEAK_SMOOTH, COUNT_PEAK_PROJECTED);
-    domain::keep(s, plan, level, options.domain.start_above, plan.capacity);
+    domain::keep(s, plan, level, options.domain.start_above, plan.capacity, Dark::Goes);
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     settle(s, plan, level, &SETTLE);
@@ -114,18 +115,18 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
         // A voxel becomes several: there must be room for them.
         let [wide, deep] = fine.parts;
         let room = plan.capacity / (wide * wide * deep);
-        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room);
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room, Dark::Goes);
         domain::double_mask(s, here, fine);
         settle(s, plan, fine, &SETTLE_DOUBLED);
         bounds(s, plan, fine, expected(&EXPECT_DOUBLED));
         *level += 1;
     } else if let Some(wide) = widens {
-        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity);
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
         settle(s, plan, wide, &SETTLE);
         bounds(s, plan, wide, expected(&EXPECT));
         *level += 1;
     } else if done.is_multiple_of(options.domain.reduce_every) {
-        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity);
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
         settle(s, plan, here, &SETTLE);
         if done.is_multiple_of(options.bound_every) {
             bounds(s, plan, here, expected(&EXPECT));

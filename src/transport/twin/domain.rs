@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use super::render::{elu, toward_wall};
+use super::render::toward_wall;
 use super::{Raw, Twin, random3};
 use crate::transport::kernels::{LEVEL_SHIFT, LEVELS};
 use crate::transport::{BRICK_VOXELS, Grid, Model};
@@ -30,9 +30,9 @@ pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
     half.into_iter().map(|w| w / sum).collect()
 }
 
-/// The separable Gaussian of the active albedo, zero outside the grid.
+/// The separable Gaussian of the active voxels' raw albedo, zero outside the grid.
 pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<f64> {
-    smooth(twin.grid, raw.iter().zip(active).map(|(r, a)| if *a { elu(r[0]) } else { 0.0 }).collect(), taps)
+    smooth(twin.grid, raw.iter().zip(active).map(|(r, a)| if *a { r[0] } else { 0.0 }).collect(), taps)
 }
 
 /// The separable Gaussian of a volume, zero outside the grid.
@@ -66,6 +66,13 @@ pub fn threshold(twin: &Twin, smooth: &[f64]) -> Vec<bool> {
         twin.grid.contains(c) && c[2] >= near && *v > above && reachable[i / BRICK_VOXELS]
     };
     smooth.iter().enumerate().map(keep).collect()
+}
+
+/// As [`threshold`] for a domain of raw albedo: where no smoothed value is above zero, the domain stays as it was, if it
+/// fits into `room`.
+pub fn threshold_raw(twin: &Twin, smooth: &[f64], before: &[bool], room: usize) -> Vec<bool> {
+    let stays = smooth.iter().all(|v| *v <= 0.0) && before.iter().filter(|a| **a).count() <= room;
+    if stays { before.to_vec() } else { threshold(twin, smooth) }
 }
 
 /// Number of voxels that may be active at each level below the largest smoothed value, the highest level last. Levels

@@ -14,7 +14,7 @@ mod vector;
 
 pub use domain::{
     Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
-    join, levels, rim, room, smooth, taps, threshold, touched,
+    join, levels, rim, room, smooth, taps, threshold, threshold_raw, touched,
 };
 pub use intake::{intake, tally};
 pub use optimise::{learning_rate, noise, update};

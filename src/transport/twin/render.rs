@@ -66,7 +66,7 @@ fn corners(twin: &Twin, g: DVec3) -> Vec<(usize, f64)> {
     all
 }
 
-pub(super) fn elu(a: f64) -> f64 {
+fn elu(a: f64) -> f64 {
     if a > 0.0 { a } else { a.exp() - 1.0 }
 }
 

@@ -17,10 +17,11 @@ use super::passes::*;
 use super::schedule::{backproject, bounds, settle};
 use super::{VectorOptions, iteration};
 use crate::gpu::Schedule;
+use crate::solve::Plan;
+use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{arguments, compare, forward, groups, over_parts, scene_of_sums};
 use crate::solve::passes::{FINISH, FORWARD, objective};
 use crate::solve::plan::{Level, SEEN};
-use crate::solve::{Plan, domain};
 use crate::transport::Model;
 use crate::transport::kernels::*;
 use crate::{Error, Result};
@@ -96,7 +97,7 @@ pub fn look(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOption
     // A surface may have left sums, and its maxima.
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity);
+    domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
     settle(s, plan, level, &SETTLE);
     s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE)).bind(buffer::SCENE, level.scene);
     over_parts(s, plan, level, |s, part| {
@@ -120,7 +121,7 @@ pub fn grow(
     domain::remember(s, plan, level);
     let parts: usize = plan.levels.iter().map(|l| l.parts[0] * l.parts[0] * l.parts[1]).product();
     let first = &plan.levels[0];
-    domain::keep(s, plan, first, above, (plan.capacity / parts).max(1));
+    domain::keep(s, plan, first, above, (plan.capacity / parts).max(1), Dark::Goes);
     for two in plan.levels.windows(2).filter(|two| two[0].grid != two[1].grid) {
         domain::double_mask(s, &two[0], &two[1]);
     }
