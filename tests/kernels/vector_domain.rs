@@ -71,7 +71,6 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     assert_valid(&gpu);
 }
 
-/// A domain that exceeds the room keeps its brightest voxels, and the list never exceeds the room.
 #[test]
 fn a_volume_without_light_is_pruned_to_nothing() {
     let gpu = gpu();
@@ -88,6 +87,7 @@ fn a_volume_without_light_is_pruned_to_nothing() {
     assert_valid(&gpu);
 }
 
+/// A domain that exceeds the room keeps its brightest voxels, and the list never exceeds the room.
 #[test]
 pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let gpu = gpu();
