@@ -3188,7 +3188,7 @@ pub mod solve {
         pub use upsample::Between;
         pub trait HostMethod: Options + Clone + Send + Sync + 'static {
             fn image(&self) -> &ImageOptions;
-            /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+            /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/studies/masks.md).
             const MASK_SHARE: f64;
             fn scan(&self, capture: &Capture) -> Result<RegularScan>;
             fn arrays(

@@ -29,8 +29,8 @@ pub struct Args {
     /// A method (see below). May be repeated, or separate several with ; [default: all]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
-    /// Draw photon counts from every scene that has exact values, with so many expected in the strongest bin; a case for
-    /// each number
+    /// Draw photon counts from every scene that has exact values, with a mean of P in the strongest bin; one case for
+    /// each P
     #[arg(long, value_name = "P,...", value_delimiter = ',')]
     photons: Vec<f64>,
     /// Run every method R times, in turns; times are medians

@@ -18,6 +18,9 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Also list how light is added up, what the scene does not need, and every buffer
+    #[arg(long, conflicts_with = "json")]
+    plan: bool,
     /// Draw the mean histogram, and maps of the scan with the path of each peak and the sum of counts: into this .png
     /// file, or into capture.png in this folder
     #[arg(long, value_name = "DIR or FILE")]
@@ -42,11 +45,11 @@ pub fn run(args: &Args) -> Result<()> {
         export::inspection::write(&path, &loaded.capture)?;
         say(&format!("wrote {}", path.display()));
     }
-    print(&if args.json { json(&found)? } else { text(&found) });
+    print(&if args.json { json(&found)? } else { text(&found, args.plan) });
     Ok(())
 }
 
-fn text(found: &Inspection) -> String {
+fn text(found: &Inspection, with_plan: bool) -> String {
     let [nx, ny, nz] = found.grid;
     let b = &found.volume;
     let d = decimals(4, (b[1] - b[0]).max(b[3] - b[2]));
@@ -54,9 +57,9 @@ fn text(found: &Inspection) -> String {
     let mut out = format!("{}\n", found.capture);
     found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
     found.doubts.iter().for_each(|doubt| out += &format!("doubt     {doubt}\n"));
+    out += &format!("\nsolver    {}\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n", found.options.name());
     out += &format!(
-        "\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n\
-         box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",
+        "box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",
         b[0], b[1], b[2], b[3], b[4], b[5]
     );
     if let Some(device) = &found.device {
@@ -76,13 +79,14 @@ fn text(found: &Inspection) -> String {
         out += &format!("; then a surface of {pixels} x {pixels} pixels");
     }
     out += "\n";
+    let [device, host] = [tables::bytes(plan.total_bytes), tables::stored(plan.stored_bytes)];
+    out += &format!("memory    {device} on the device and for copies to and from it{host}\n");
+    if !with_plan {
+        return out;
+    }
     out += &format!("adding    {}\n", job::plain(&plan.accumulation));
     out += &format!("left out  {}\n", plan.left_out.join("\n          "));
-    out += &format!(
-        "memory    {} on the device and for copies to and from it{}:\n",
-        tables::bytes(plan.total_bytes),
-        tables::stored(plan.stored_bytes)
-    );
+    out += "buffers\n";
     let mut buffers: Vec<_> = plan.buffers.iter().collect();
     buffers.sort_by_key(|(_, bytes)| std::cmp::Reverse(**bytes));
     for (name, bytes) in buffers {

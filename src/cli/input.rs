@@ -41,7 +41,7 @@ pub struct CaptureArgs {
     #[arg(long, value_name = "M|LASER,SENSOR|none", help_heading = "Capture")]
     pub spot: Option<String>,
     // Not flattened from UnsaidArgs: with a group inside a group, clap cannot tell whether a capture was given.
-    /// Scale the wall so that its outermost scan points are so far apart: 2m, 80cm, metres as a plain number
+    /// Distance between the outermost scan points; the wall is scaled to it: 2m, 80cm, metres as a plain number
     #[arg(long, value_name = "SIZE", value_parser = units::length, help_heading = "Capture")]
     pub wall: Option<f64>,
     /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)
@@ -69,7 +69,7 @@ pub struct CaptureArgs {
 /// Values that a capture file may lack, for verbs without a solver.
 #[derive(Args)]
 pub struct UnsaidArgs {
-    /// Scale the wall so that its outermost scan points are so far apart: 2m, 80cm, metres as a plain number
+    /// Distance between the outermost scan points; the wall is scaled to it: 2m, 80cm, metres as a plain number
     #[arg(long, value_name = "SIZE", value_parser = units::length, help_heading = "Capture")]
     pub wall: Option<f64>,
     /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)

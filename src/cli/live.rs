@@ -80,7 +80,7 @@ pub struct Args {
     /// Write the maps of the last frame to this folder at the end
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// End after so many frames
+    /// End after N frames
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
     /// Index or part of the name of the Vulkan device [default: the best]

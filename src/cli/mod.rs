@@ -64,7 +64,7 @@ struct Cli {
 enum Verb {
     /// Simulate a scene, reconstruct it, measure the result and write pictures, in less than a minute.
     Demo(demo::Args),
-    /// Show what a capture holds, what a reconstruction would leave out, and how much memory it needs.
+    /// Show what a capture holds, what looks wrong in it, and what a reconstruction would do and need.
     Info(Box<info::Args>),
     /// Reconstruct a capture: maps, pictures, points and a report.
     Reconstruct(Box<reconstruct::Args>),

@@ -21,7 +21,7 @@ pub struct Args {
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo [default: the albedo's edges tell; paper 0.3]
+    /// A pixel is surface above this share of the brightest albedo [default: found at the albedo's edges; paper 0.3]
     #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,
     /// Add a point to the report's trace after every Nth iteration, with the figures if there is truth; 0: figures only
@@ -43,7 +43,7 @@ pub struct Args {
     /// Do not show preview.png in DIR while it runs (it goes when the result is there)
     #[arg(long)]
     no_preview: bool,
-    /// Print the time per kernel at the end (`thirdbounce profile` tells more)
+    /// Print the time per kernel at the end (`thirdbounce profile` prints more)
     #[arg(long)]
     timings: bool,
     /// No progress and no notes, errors only

@@ -23,7 +23,7 @@ pub struct Args {
     /// Capture to write: .npz, or .hdf5 for y-tal
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
-    /// Let the scene move on a circle, and write so many frames to the folder CAPTURE: frame-0000.npz and so on, with
+    /// Let the scene move on a circle, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
     /// --truth their truths to the folder TRUTH.npz
     #[arg(long, value_name = "N")]
     moving: Option<usize>,

@@ -65,7 +65,7 @@ pub struct MethodReport {
     /// The folder of its maps, beside `compare.json`; of a foreign one empty.
     #[serde(default)]
     pub folder: String,
-    /// Share of the brightest albedo above which its pixels are surface; `None` if the albedo's edges tell.
+    /// Share of the brightest albedo above which its pixels are surface; `None`: the threshold was found at the albedo's edges.
     #[serde(default)]
     pub mask_fraction: Option<f64>,
     /// All settings as they were resolved.

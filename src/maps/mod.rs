@@ -28,10 +28,10 @@ pub struct Maps {
     pub normal: Vec<[f32; 3]>,
     /// True for pixels that count as surface ([`Maps::set_mask`], [`Maps::leave_out_uncertain_parts`]).
     pub mask: Vec<bool>,
-    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None` if the albedo's edges tell.
+    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None`: the threshold is found at the albedo's edges.
     pub mask_fraction: Option<f64>,
     /// Expected depth error in metres: the error that two of three pixels with this value do not exceed
-    /// ([`Maps::set_confidence`]). NaN where the mask has no surface. `None` if nobody told it.
+    /// ([`Maps::set_confidence`]). NaN where the mask has no surface. `None` if it is not known.
     pub confidence: Option<Vec<f32>>,
     /// The surfaces behind the first ones; `None` where no pixel has two.
     pub behind: Option<Layer>,

@@ -28,7 +28,7 @@ pub enum Feed {
     },
 }
 
-/// Frames that wait where every frame counts and nobody says how many may.
+/// Frames that may wait where every frame counts, by default.
 const WAITING: usize = 64;
 
 impl std::str::FromStr for Feed {
@@ -51,12 +51,13 @@ impl std::str::FromStr for Feed {
 
 impl Feed {
     /// # Errors
-    /// No frame may wait, or the decay is no share.
+    /// A queue without room for a frame, or a decay outside 0 to 1.
     pub(super) fn check(&self) -> Result<()> {
         match self {
-            Feed::Every { most: 0 } => {
-                Err(Error::options("no frame may wait", "let at least one wait, or take Feed::One"))
-            }
+            Feed::Every { most: 0 } => Err(Error::options(
+                "the queue has room for no frame",
+                "let at least one frame wait, or take Feed::One",
+            )),
             Feed::Sum { decay } if !(0.0..=1.0).contains(decay) => {
                 Err(Error::options(format!("the decay of the sum is {decay}"), "give a share from 0 to 1"))
             }

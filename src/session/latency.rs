@@ -52,7 +52,7 @@ impl Latencies {
     pub fn told(&self) -> Latency {
         let mut sorted: Vec<Duration> = self.last.iter().map(|(_, took)| *took).collect();
         sorted.sort();
-        // The least value that so many percent do not exceed.
+        // The least value that this percentage of the frames does not exceed.
         let at = |percent: usize| {
             let place = (percent * sorted.len()).div_ceil(100).max(1) - 1;
             sorted.get(place).copied().unwrap_or_default()

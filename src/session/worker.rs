@@ -83,7 +83,7 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// For frames of so many pairs and bins.
+    /// For frames with these numbers of pairs and bins.
     pub fn new(pairs: usize, bins: usize, feed: Feed) -> Shared {
         Shared {
             state: Mutex::new(State {
@@ -238,7 +238,7 @@ impl Shared {
         }
     }
 
-    /// Gives the buffers of frames back that nobody will solve.
+    /// Gives back the buffers of frames that will not be solved.
     fn release_all(&self, gpu: &Gpu) {
         for frame in std::mem::take(&mut self.state().waiting) {
             if let Counts::Lent(mut lent) = frame.counts {

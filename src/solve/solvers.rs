@@ -299,7 +299,7 @@ impl SolverOptions {
     }
 
     /// The share of the brightest albedo above which the maps usually count as surface: the paper's, for its solver.
-    /// `None`: the albedo's edges tell.
+    /// `None`: the threshold is found at the albedo's edges.
     pub fn usual_mask(&self) -> Option<f64> {
         matches!(self, SolverOptions::Paper(_)).then_some(Maps::MASK_FRACTION)
     }

@@ -47,7 +47,7 @@ pub(super) fn curves(path: &Path, points: usize, bin_width: Option<f64>) -> Resu
         if !(value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX)) {
             return Err(Error::input(
                 format!("{name} holds {value}, which is no count"),
-                "store counts; for normalised histograms write a capture with hists and pt_cloud (docs/captures.md)",
+                "store counts; for normalised histograms write a capture with hists and pt_cloud (docs/guide/formats.md)",
             ));
         }
         let sum = &mut counts[at % (points * bins)];

@@ -174,9 +174,14 @@ fn the_same_seed_gives_the_same_bits() {
 #[test]
 fn info_and_devices_tell_people_and_programs() {
     let capture = small().path("z.npz");
-    let text = succeed(&["info", &capture, "--solver", "paper", "--lateral", "32", "--stride", "2"]);
-    for words in ["8 x 8 = 64 pairs", "every 2nd", "32 x 32 x", "left out", "memory", "moment_first"] {
-        assert!(text.contains(words), "{words:?} is not in\n{text}");
+    let short = ["info", &capture, "--solver", "paper", "--lateral", "32", "--stride", "2"];
+    let [short, long] = [succeed(&short), succeed(&[&short[..], &["--plan"]].concat())];
+    for words in ["8 x 8 = 64 pairs", "every 2nd", "solver    paper", "32 x 32 x", "memory"] {
+        assert!(short.contains(words), "{words:?} is not in\n{short}");
+    }
+    let rest = long.strip_prefix(&short).expect("the plan stands behind what everybody reads");
+    for words in ["adding", "left out", "buffers", "moment_first"] {
+        assert!(rest.contains(words) && !short.contains(words), "{words:?} is not only in\n{rest}");
     }
     let told: Value =
         serde_json::from_str(&succeed(&["info", &capture, "--lateral", "32", "--json"])).unwrap();
@@ -190,7 +195,7 @@ fn info_and_devices_tell_people_and_programs() {
 
     // Without any driver the plan is for a usual GPU, and the text says so.
     let missing = Command::new(env!("CARGO_BIN_EXE_thirdbounce"))
-        .args(["info", &capture, "--solver", "paper"])
+        .args(["info", &capture, "--solver", "paper", "--plan"])
         .env("VK_ICD_FILENAMES", "/nonexistent/icd.json")
         .env("VK_DRIVER_FILES", "/nonexistent/icd.json")
         .output()

@@ -50,7 +50,7 @@ class Maps:
     behind: Optional[Layer] = None
     """The surfaces behind the first ones; None where no pixel has two."""
     mask_fraction: Optional[float] = None
-    """Share of the brightest albedo above which a pixel counts as surface; None: the albedo's edges tell."""
+    """Share of the brightest albedo above which a pixel counts as surface; None: found at the albedo's edges."""
     report: Optional[Dict[str, Any]] = None
     """What report.json of the command holds: settings, plan, trace, times; None of truth and of frames."""
     notes: List[str] = dataclasses.field(default_factory=list)

@@ -37,7 +37,7 @@ def simulate(
     pairs: "confocal", "one-laser" or "one-sensor" (at `point`, metres), "exhaustive" (with `lasers` points per side), "irregular".
     model: how surfaces reflect: "cosine", "lambertian", "retroreflective" or "isotropic".
     pulse: full width at half maximum of the instrument's pulse, metres of path.
-    photons: draw photon counts, with so many expected in the strongest bin; dark: mean dark counts of a bin.
+    photons: draw photon counts, with this mean count in the strongest bin; dark: mean dark counts of a bin.
     noise: sample until the rendering's noise (RMS error over RMS value) is below this.
     truth_pixels: pixels per side of the truth, whose albedo is 1 where there is surface.
     """

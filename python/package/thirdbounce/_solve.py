@@ -84,7 +84,7 @@ def reconstruct(
     wall: scale the wall so that its outermost points are this far apart, metres.
     volume: the box to reconstruct: ((x0, x1), (y0, y1), (z0, z1)), metres.
     bins: "auto", "native", or how many neighbouring bins are one; depth_pitch: depth of a voxel, metres.
-    mask_fraction: a pixel is surface above this share of the brightest albedo; None: the albedo's edges tell.
+    mask_fraction: a pixel is surface above this share of the brightest albedo; None: found at the albedo's edges.
     device: index or part of the name; memory: most device memory, bytes or text such as "2G".
     progress: is called with a `Progress` about five times a second, and stops the solve if it returns False.
     options: the options of the solver, by their names in `thirdbounce.options()`; deterministic=True repeats bit by bit.

@@ -108,7 +108,7 @@ fn sizes(head: &[u8; HEADER]) -> Result<[u64; 2]> {
     if mode != GRID || block as usize != PLACES {
         return Err(Error::input(
             format!("is a transient image with pixels of mode {mode} and {block} bytes of places"),
-            "only mode 10, a grid of pixels with 68 bytes of places, is read: write the capture as npz (docs/captures.md)",
+            "only mode 10, a grid of pixels with 68 bytes of places, is read: write the capture as npz (docs/guide/formats.md)",
         ));
     }
     Ok([2, 3].map(|at| u64::from(whole(head, at))))

@@ -37,7 +37,7 @@ struct Own {
     /// Solves at once [default: one on each device]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
-    /// Reconstruct only part I of N, from 1/N to N/N. The name of a capture tells its part, whatever else is listed
+    /// Reconstruct only part I of N, from 1/N to N/N. The part of a capture depends on its name alone
     #[arg(long, value_name = "I/N")]
     shard: Option<String>,
 }

@@ -112,11 +112,14 @@ pub fn batch(what: &Batch, caller: &dyn Caller, tell: &mut dyn FnMut(&Told)) -> 
     if let Some(twice) = what.captures.iter().find(|c| !names.insert(&c.name)) {
         return Err(Error::options(
             format!("two captures of the batch have the name {:?}", twice.name),
-            "give them unlike names",
+            "rename one of them",
         ));
     }
     if what.jobs == 0 || what.devices.is_empty() {
-        return Err(Error::options("a batch of no solves at once", "give one or more jobs and devices"));
+        return Err(Error::options(
+            "the batch has no jobs or no devices",
+            "give at least one job and one device",
+        ));
     }
     places::check_folder(&what.out)?;
     let lines = Lines::new(what, caller)?;

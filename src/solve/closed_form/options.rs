@@ -17,7 +17,7 @@ options! {
             min_depth: f64 = 0.2 * suit.unit, Range::Length;
         }
         "Upsampling" {
-            /// Let the scan be so many times finer along x and y, with points between the measured ones; closed-form
+            /// Make the scan N times finer along x and y, with points between the measured ones; closed-form
             /// methods, regular scans of a flat wall
             upsample: usize = 1, Range::Count(1, 16);
             /// What points between the measured ones hold: nothing (zero), or counts interpolated by a cubic (bicubic)

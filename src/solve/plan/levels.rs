@@ -72,7 +72,7 @@ pub fn sum_of(model: &Model, grid: &Grid) -> usize {
 }
 
 /// Voxels are made deeper on coarse grids up to this share of their width. Deeper ones save nothing: surfaces stay thick
-/// in them, and leave more voxels for the finest grid (benches/NOTES.md).
+/// in them, and leave more voxels for the finest grid (benches/studies/captures.md).
 const OF_WIDTH: f64 = 0.25;
 
 /// What the levels of a volume come from.

@@ -5,12 +5,12 @@ use std::time::Instant;
 use crate::maps::Maps;
 use crate::transport::kernels::{SURFACE_ALBEDO_RATE, SURFACE_DEPTH_RATE, SURFACE_WEIGHTS};
 
-/// Where a surface goes on, albedos take steps so many times as long: in few iterations, a pixel that something left must
-/// become dark.
+/// A surface that goes on from the frame before takes steps of albedo this many times as long: a pixel that the scene has
+/// left must become dark within few iterations.
 const LIVELY: f32 = 3.0;
 
-/// The change of the volume's albedos, as a share of all, from which on steps have their whole lengths. With less, they are
-/// shorter by the same share, down to the last: a surface that has found its place stays there.
+/// Steps have their full length if the volume's albedos changed by at least this share. Below it they are shorter in
+/// proportion, down to `CALMEST`: a surface that has found its place stays there.
 const MOVED: f64 = 0.1;
 const CALMEST: f64 = 0.1;
 

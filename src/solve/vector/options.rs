@@ -88,10 +88,10 @@ options! {
             // Two cosines fit a skirt of steep, dim voxels around everything, which the surface does not leave
             // (benches/NOTES.md).
             cosine_volume as "volume_model": bool = suit.lambertian(), Range::Words(&["same", "cosine"]);
-            /// Let light count little that changes over more than this length along time, metres of path; 0: all light
-            /// counts alike [default: found by a quick solve, or a tenth of the wall's width]
+            /// Reduce the weight of light that changes over more than this length along time, metres of path; 0: all
+            /// light has the same weight [default: found by a quick solve, or a tenth of the wall's width]
             high_pass: Option<f64> = None, Range::Length;
-            /// What the high-pass leaves of the amplitude of light that does not change
+            /// Share of the amplitude of constant light that the high-pass keeps
             high_pass_floor: f64 = LEAST_FLOOR, Range::Share;
             /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;

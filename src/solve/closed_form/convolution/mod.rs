@@ -69,7 +69,7 @@ options! {
 const WEIGHTS: [f64; 2] = [0.1, 0.5];
 
 /// A prior's weight is so many times the noise of the back-projection ([`ImageNoise::floor`]): undoing the Gram
-/// operator raises it. Fitted on simulated scenes (benches/NOTES.md).
+/// operator raises it. Fitted on simulated scenes (benches/studies/closed-forms.md).
 const OF_NOISE: f64 = 3.0;
 
 /// The kernel and its spectrum, or the spectrum and what one convolution needs.
