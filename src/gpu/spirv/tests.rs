@@ -1,5 +1,5 @@
 use super::flow::count;
-use super::module::Module;
+use super::module::{Module, op};
 use super::{Counts, count_loop};
 use crate::transport::kernels::KERNELS;
 
@@ -172,6 +172,23 @@ fn a_pair_takes_no_more_than_it_did() {
         c.issued() > *most
     });
     assert_eq!(over.count(), 0);
+}
+
+/// GLSL's own clamp may let what is not a number pass, and its bits would become an address.
+#[test]
+fn a_place_is_within_its_row_whatever_the_path() {
+    const N_CLAMP: u32 = 81;
+    let finds = ["forward", "backward", "backproject", "bound", "step", "surface_gather", "places"];
+    for code in KERNELS.iter().filter(|k| finds.iter().any(|name| k.name.starts_with(name))) {
+        let words: Vec<u32> =
+            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let fine = code.constants.iter().find(|c| c.0.name() == "FINE").expect("a constant of place.glsl").1;
+        for value in [0, 1] {
+            let m = Module::parse(&words, &[(fine, value)].into()).expect("a whole module");
+            let mut all = m.blocks.iter().flat_map(|b| &b.instructions);
+            assert!(all.any(|i| i.op == op::EXT_INST && i.rest[1] == N_CLAMP), "{} fine {value}", code.name);
+        }
+    }
 }
 
 #[test]
