@@ -199,9 +199,12 @@ impl Arena {
         plan: &BufferPlan,
         name: &str,
         handle: vk::Buffer,
-        requirements: vk::MemoryRequirements,
+        mut requirements: vk::MemoryRequirements,
     ) -> std::result::Result<Held, String> {
         if let Some(blocks) = &self.gpu.blocks {
+            if plan.place != Place::Device {
+                requirements.memory_type_bits &= self.gpu.coherent_types();
+            }
             let block =
                 blocks.allocate(&requirements, plan.place).ok_or("the program has no memory for it")?;
             let held = Held::Callers(block, requirements.size);

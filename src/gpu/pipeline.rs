@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use ash::vk;
 
+use super::device::MOST_STORAGE;
 use super::memory::Made;
 use super::rounding::to_nearest;
 use super::schedule::PUSH_WORDS;
@@ -183,7 +184,7 @@ impl DescriptorSets {
         if self.made.len().is_multiple_of(SETS_PER_POOL as usize) {
             let size = |ty, n| vk::DescriptorPoolSize::default().ty(ty).descriptor_count(n);
             let sizes = [
-                size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * 12),
+                size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * MOST_STORAGE),
                 size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL),
                 size(vk::DescriptorType::STORAGE_TEXEL_BUFFER, SETS_PER_POOL * 4),
             ];

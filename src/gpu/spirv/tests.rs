@@ -191,6 +191,26 @@ fn a_place_is_within_its_row_whatever_the_path() {
     }
 }
 
+/// Vulkan promises 128 invocations. Kernels whose sizes a plan chooses begin with small ones, too.
+#[test]
+fn every_workgroup_has_a_size_that_every_device_takes() {
+    const EXECUTION_MODE: u32 = 16;
+    const LOCAL_SIZE: u32 = 17;
+    for code in KERNELS {
+        let words: Vec<u32> =
+            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let mut at = 5;
+        let mut sizes = vec![];
+        while at < words.len() {
+            if words[at] & 0xffff == EXECUTION_MODE && words[at + 2] == LOCAL_SIZE {
+                sizes.push(words[at + 3..at + 6].iter().product::<u32>());
+            }
+            at += (words[at] >> 16) as usize;
+        }
+        assert!(sizes.len() == 1 && sizes[0] <= 128, "{}: {sizes:?}", code.name);
+    }
+}
+
 #[test]
 fn limits_count_what_they_say() {
     let fma = of("limit_fma", &[]);
