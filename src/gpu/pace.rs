@@ -13,9 +13,14 @@ use super::{Command, DeviceKind, Gpu};
 /// Seconds of work in a submission.
 const SUBMISSION: f64 = 0.1;
 
-/// A dispatch cannot be divided once it is recorded, so it takes no more than this share of a second at the kind's rate:
-/// it ends in time on a device that is ten times slower, too.
+/// A dispatch cannot be divided once it is recorded, so it takes no more than this share of a second at the kind's rate: it
+/// ends in time on a device that is ten times slower, too. The rate of integrated ones is already that of the slowest, so
+/// theirs is longer: four times as many dispatches would cost all of them.
 const DISPATCH: f64 = 0.04;
+const DISPATCH_OF_INTEGRATED: f64 = 0.16;
+
+/// A submission that takes fewer seconds says more of its overhead than of the device.
+const MEASURABLE: f64 = 1e-3;
 
 /// Seconds after which a device hangs, if it has nothing to do that counts as work: kernels are compiled, too.
 const PATIENCE: f64 = 120.0;
@@ -42,6 +47,7 @@ pub(super) fn rate_of(kind: DeviceKind) -> f64 {
 pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
     match kind {
         DeviceKind::Cpu => u64::MAX,
+        DeviceKind::Integrated => (DISPATCH_OF_INTEGRATED * rate_of(kind)) as u64,
         _ => (DISPATCH * rate_of(kind)) as u64,
     }
 }
@@ -61,11 +67,13 @@ pub(super) struct Pace {
     given: Option<u64>,
     /// Turns a second. Schedules tell upper bounds of their work, so this may be more than the device's own rate.
     rate: f64,
+    /// Turns and seconds of submissions that were too short to be measured one by one.
+    short: (u64, f64),
 }
 
 impl Pace {
     pub fn new(kind: DeviceKind, given: Option<u64>) -> Pace {
-        Pace { kind, given, rate: rate_of(kind) }
+        Pace { kind, given, rate: rate_of(kind), short: (0, 0.0) }
     }
 
     /// Turns of a submission at most.
@@ -78,12 +86,23 @@ impl Pace {
     }
 
     /// Learns from a finished submission of at most `work` turns. The rate falls at once, and rises step by step: a new
-    /// level may have more to do than the bounds before let expect.
+    /// level may have more to do than the bounds before let expect. Of short submissions it learns by their sum. That holds
+    /// all of their overhead, so it is a lower bound: the rate only rises by it.
     pub fn learn(&mut self, work: u64, seconds: f64) {
-        // A short one says more of its overhead.
-        if work > 0 && seconds > 1e-3 {
-            let usual = rate_of(self.kind);
-            self.rate = (work as f64 / seconds).clamp(1e-3 * usual, (2.0 * self.rate).min(FASTER * usual));
+        if work == 0 || seconds <= 0.0 {
+            return;
+        }
+        let usual = rate_of(self.kind);
+        let most = (2.0 * self.rate).min(FASTER * usual);
+        if seconds > MEASURABLE {
+            self.rate = (work as f64 / seconds).clamp(1e-3 * usual, most);
+            return;
+        }
+        self.short = (self.short.0.saturating_add(work), self.short.1 + seconds);
+        let (work, seconds) = self.short;
+        if seconds > MEASURABLE {
+            self.short = (0, 0.0);
+            self.rate = (work as f64 / seconds).min(most).max(self.rate);
         }
     }
 
@@ -161,6 +180,39 @@ mod tests {
         assert_eq!(fast.rate, 2.0 * rate_of(DeviceKind::Discrete), "it rises step by step");
         (0..20).for_each(|_| fast.learn(1 << 50, 0.01));
         assert_eq!(fast.rate, FASTER * rate_of(DeviceKind::Discrete), "and not without end");
+    }
+
+    #[test]
+    fn a_fast_device_is_known_by_the_sum_of_its_short_submissions() {
+        let usual = rate_of(DeviceKind::Discrete);
+        let mut pace = Pace::new(DeviceKind::Discrete, None);
+        // An iteration in a tenth of a millisecond, at three times the usual rate.
+        let work = (3.0 * usual * 1e-4) as u64;
+        (0..9).for_each(|_| pace.learn(work, 1e-4));
+        assert_eq!(pace.rate, usual, "a millisecond is not over yet");
+        (0..2).for_each(|_| pace.learn(work, 1e-4));
+        assert_eq!(pace.rate, 2.0 * usual, "step by step");
+        (0..22).for_each(|_| pace.learn(work, 1e-4));
+        assert!((pace.rate / usual - 3.0).abs() < 1e-6, "{}", pace.rate / usual);
+        // Little work in much overhead says nothing of the device.
+        (0..100).for_each(|_| pace.learn(1000, 9e-4));
+        assert!((pace.rate / usual - 3.0).abs() < 1e-6, "{}", pace.rate / usual);
+        // A long submission does.
+        pace.learn((0.1 * usual) as u64, 0.2);
+        assert!((pace.rate / usual - 0.5).abs() < 1e-6, "{}", pace.rate / usual);
+        // What the device's clock does not see is not learnt from.
+        pace.learn(1 << 40, 0.0);
+        assert!((pace.rate / usual - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_dispatch_of_an_integrated_device_is_no_shorter_than_it_must_be() {
+        // 32 x 32 points and 300,000 voxels are one.
+        assert!(dispatch_of(DeviceKind::Integrated) >= 1024 * 300_000);
+        for kind in [DeviceKind::Discrete, DeviceKind::Virtual, DeviceKind::Integrated, DeviceKind::Other] {
+            let slow = rate_of(kind) / 10.0;
+            assert!(dispatch_of(kind) as f64 / slow < 2.0, "{kind}: a watchdog bites");
+        }
     }
 
     #[test]
