@@ -6,7 +6,7 @@ use std::time::Duration;
 use ash::vk;
 
 use super::caller::Moment;
-use super::pace::Pace;
+use super::pace::{Pace, divided};
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::{Scratch, stamps};
 use super::recording::Mark;
@@ -146,6 +146,7 @@ impl Executor {
     }
 
     pub(super) fn submit_as_it_is(&mut self, commands: &[Command]) -> Result<Ticket> {
+        let commands = &*divided(commands, self.gpu.limits.work);
         let mut open = None;
         let mut last = Ticket(self.submitted);
         let mut exchanges =

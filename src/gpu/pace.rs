@@ -1,19 +1,20 @@
 //! How much work a device gets at once, and how long it may take: drivers reset a device that does not come back within
 //! some seconds (2 s on Windows, 5 to 10 s elsewhere).
 //!
-//! Work is counted in turns of kernels' main loops, over all invocations: a voxel seen by a laser-sensor pair is one.
-//! Schedules say how many turns a dispatch takes at most ([`super::Command::taking`]).
+//! Work is counted in turns of kernels' main loops, over all invocations: a voxel seen by a laser-sensor pair is one, and of
+//! shorter turns several are. Every dispatch says how many turns it takes at most ([`super::Schedule::dispatch`]).
 
+use std::borrow::Cow;
 use std::iter;
 use std::ops::Range;
 use std::time::Duration;
 
-use super::{Command, DeviceKind, Gpu};
+use super::{Command, DeviceKind, Gpu, Size};
 
 /// Seconds of work in a submission.
 const SUBMISSION: f64 = 0.1;
 
-/// A dispatch cannot be divided once it is recorded, so it takes no more than this share of a second at the kind's rate: it
+/// A dispatch cannot be divided once it is submitted, and an indirect one not at all, so each takes no more than this share of a second at the kind's rate: it
 /// ends in time on a device that is ten times slower, too. The rate of integrated ones is already that of the slowest, so
 /// theirs is longer: four times as many dispatches would cost all of them.
 const DISPATCH: f64 = 0.04;
@@ -50,6 +51,58 @@ pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
         DeviceKind::Integrated => (DISPATCH_OF_INTEGRATED * rate_of(kind)) as u64,
         _ => (DISPATCH * rate_of(kind)) as u64,
     }
+}
+
+/// These commands with every direct dispatch of more than `most` turns in parts that have no more, if its workgroups can be
+/// so few. Together the parts run the same workgroups.
+pub(super) fn divided(commands: &[Command], most: u64) -> Cow<'_, [Command]> {
+    let is_long =
+        |c: &Command| c.work() > most && matches!(c, Command::Dispatch { size: Size::Groups(_), .. });
+    if !commands.iter().any(is_long) {
+        return Cow::Borrowed(commands);
+    }
+    let mut all = Vec::with_capacity(2 * commands.len());
+    for command in commands {
+        match command {
+            Command::Dispatch { size: Size::Groups(groups), work, .. } if *work > most => {
+                for [from, count] in boxes(*groups, *work, most) {
+                    let mut part = command.clone();
+                    if let Command::Dispatch { size, first, work: of_part, .. } = &mut part {
+                        *size = Size::Groups(count);
+                        *first = from;
+                        *of_part = share([count, *groups], *work);
+                    }
+                    all.push(part);
+                }
+            }
+            other => all.push(other.clone()),
+        }
+    }
+    Cow::Owned(all)
+}
+
+fn product(counts: [u32; 3]) -> u128 {
+    counts.iter().map(|n| u128::from(*n)).product()
+}
+
+/// The work of some workgroups of all, rounded up.
+fn share([some, all]: [[u32; 3]; 2], work: u64) -> u64 {
+    let turns = (u128::from(work) * product(some)).div_ceil(product(all).max(1));
+    u64::try_from(turns).unwrap_or(u64::MAX)
+}
+
+/// Workgroups as boxes (first, counts) of at most `most` turns of `work`, as far as single workgroups have no more: rows
+/// along x, several or a part of one.
+fn boxes([x, y, z]: [u32; 3], work: u64, most: u64) -> Vec<[[u32; 3]; 2]> {
+    // Workgroups of a box, all those along z counted once.
+    let fit = u128::from(most) * product([x, y, 1]) / u128::from(work.max(1));
+    let fit = u64::try_from(fit).unwrap_or(u64::MAX);
+    let columns = fit.clamp(1, u64::from(x.max(1))) as u32;
+    let rows = (fit / u64::from(x.max(1))).clamp(1, u64::from(y.max(1))) as u32;
+    let cuts = |all: u32, by: u32| (0..all).step_by(by as usize).map(move |at| [at, by.min(all - at)]);
+    let of_rows =
+        |[at_y, of_y]: [u32; 2]| cuts(x, columns).map(move |[at_x, of_x]| [[at_x, at_y, 0], [of_x, of_y, z]]);
+    cuts(y, rows).flat_map(of_rows).collect()
 }
 
 impl Gpu {
@@ -140,7 +193,7 @@ mod tests {
     fn of(works: &[u64]) -> Vec<Command> {
         let mut s = Schedule::default();
         for work in works {
-            s.dispatch(Kernel::named("k"), [1, 1, 1]).taking(*work);
+            s.dispatch(Kernel::named("k"), [1, 1, 1], *work);
         }
         s.commands
     }
@@ -154,6 +207,41 @@ mod tests {
         assert_eq!(parts(&pace, &[30, 0, 30]), [0..2, 2..3], "a dispatch is not divided here");
         let whole = Pace::new(DeviceKind::Cpu, None);
         assert_eq!(parts(&whole, &[u64::MAX, u64::MAX]), vec![Range { start: 0, end: 2 }]);
+    }
+
+    #[test]
+    fn a_long_dispatch_is_divided_and_every_workgroup_runs_once() {
+        let of = |groups, work| {
+            let mut s = Schedule::default();
+            s.dispatch(Kernel::named("k"), groups, work);
+            s.commands
+        };
+        for groups in [[1000, 1, 1], [32_768, 3, 1], [7, 5, 2], [1, 9, 1], [3, 1, 4], [0, 1, 1]] {
+            for work in [99, 1000, 123_457, u64::MAX] {
+                let whole = of(groups, work);
+                let parts = divided(&whole, 100);
+                let mut seen = vec![0u8; groups.iter().product::<u32>() as usize];
+                for part in parts.iter() {
+                    let Command::Dispatch { size: Size::Groups(count), first, .. } = part else { panic!() };
+                    let runs: u32 = count.iter().product();
+                    // Those along z stay together.
+                    assert!(part.work() <= 100 || runs == count[2], "{groups:?} {work}: {part:?}");
+                    for i in 0..runs {
+                        let at = [i % count[0], i / count[0] % count[1], i / (count[0] * count[1])];
+                        let [x, y, z] = [0, 1, 2].map(|axis| first[axis] + at[axis]);
+                        seen[((z * groups[1] + y) * groups[0] + x) as usize] += 1;
+                    }
+                }
+                assert!(seen.iter().all(|n| *n == 1), "{groups:?} {work}");
+                let sum = parts.iter().map(Command::work).fold(0u64, u64::saturating_add);
+                assert!(seen.is_empty() || sum >= work, "{groups:?} {work}: {sum}");
+            }
+        }
+        // Nothing is copied where nothing is long, and indirect dispatches stay whole.
+        assert!(matches!(divided(&of([1000, 1, 1], 100), 100), Cow::Borrowed(_)));
+        let mut s = Schedule::default();
+        s.indirect(Kernel::named("k"), crate::gpu::Buffer::named("b"), 0, 1000);
+        assert!(matches!(divided(&s.commands, 100), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -110,7 +110,8 @@ impl Pipeline {
                 if gpu.has_listings {
                     flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
                 }
-                if gpu.shuffle().is_some() {
+                // Long dispatches are divided where they are limited.
+                if gpu.shuffle().is_some() || gpu.limits.work < u64::MAX {
                     flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
                 }
                 let info =

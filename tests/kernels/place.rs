@@ -37,7 +37,7 @@ fn every_float_has_a_cell_of_its_row() {
         let all: Vec<f32> = strange().into_iter().chain(known).collect();
         write(&mut job, buffer::RAW, &all);
         let mut s = Schedule::default();
-        s.dispatch(&kernel::PLACES, [1, 1, 1])
+        s.dispatch(&kernel::PLACES, [1, 1, 1], 1)
             .bind(buffer::SCENE, job.plan.finest().scene)
             .bind(buffer::SOURCE, buffer::RAW)
             .bind(buffer::TARGET, buffer::GRADIENT)
