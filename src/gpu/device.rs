@@ -358,13 +358,17 @@ impl Gpu {
         &self.device.raw
     }
 
-    /// The error of a device that did not come back in time. Nothing that it may still use is destroyed after this.
-    pub(super) fn hangs(&self, waited: Duration) -> Error {
+    /// The error of a device that did not come back in time from what it was `doing`. Nothing that it may still use is
+    /// destroyed after this.
+    pub(super) fn hangs(&self, waited: Duration, doing: &str) -> Error {
         self.device.note_hung();
-        Error::device(
-            format!("{} did not finish its work within {} s", self.info.name, waited.as_secs()),
-            advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
-        )
+        let (name, waited) = (&self.info.name, waited.as_secs());
+        self.device.note_down(|| {
+            Error::device(
+                format!("{name} did not finish its work within {waited} s, {doing}"),
+                advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
+            )
+        })
     }
 
     /// Whether the device did not come back from work in time.
@@ -372,14 +376,17 @@ impl Gpu {
         self.device.has_hung()
     }
 
-    /// The error of a failed call: device lost, out of memory, or the Vulkan result.
+    /// The error of a failed call: device lost, out of memory, or the Vulkan result. After a loss it is always that of the
+    /// loss.
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
         match result {
-            vk::Result::ERROR_DEVICE_LOST => Error::device(
-                format!("{name} was lost while {doing}"),
-                advice!["its driver was reset, often by a time limit for displays: try " {Remedy::SMALLER_JOB} ", or another " Device],
-            ),
+            vk::Result::ERROR_DEVICE_LOST => self.device.note_down(|| {
+                Error::device(
+                    format!("{name} was lost while {doing}"),
+                    advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
+                )
+            }),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::memory(
                 format!("{name} ran out of memory while {doing}"),
                 advice!["close other programs that use it, or use " {Remedy::SMALLER_JOB}],
