@@ -63,6 +63,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("limit_shared_atomic", "limit_shared_atomic.comp", &[]),
     ("limit_special", "limit_special.comp", &[]),
     ("noise", "noise.comp", &[]),
+    ("places", "places.comp", &[]),
     ("points", "points.comp", &[]),
     ("pulse", "pulse.comp", &[]),
     ("pulse_fixed", "pulse.comp", &["ACCUMULATE_FIXED"]),

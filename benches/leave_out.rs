@@ -193,7 +193,7 @@ fn everything(job: &OnDevice, start: &mut Schedule) {
     start.fill(buffer::MASK, job.plan.bytes_of(buffer::MASK), u32::MAX);
     compact(start, &job.plan, job.plan.finest());
     start
-        .indirect(&vector::passes::POINTS, buffer::ARGUMENTS, 0)
+        .indirect(&vector::passes::POINTS, buffer::ARGUMENTS, 0, 1)
         .bind(buffer::SCENE, job.plan.finest().scene);
 }
 

@@ -3,6 +3,7 @@
 // a voxel (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_spirv_intrinsics : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"

@@ -8,6 +8,7 @@
 // weighted by the falloff.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_spirv_intrinsics : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "surface.glsl"

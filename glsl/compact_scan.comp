@@ -1,26 +1,27 @@
 // Compaction, step 2 of 3: exclusive prefix sum of the bricks' counts in place, and their total. One workgroup: each
-// lane sums a contiguous run of bricks, the runs are scanned in shared memory, and each lane writes its run.
+// lane sums a contiguous run of bricks, the runs are scanned in shared memory, and each lane writes its run. Devices need
+// not have more than 128 invocations.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
-layout(local_size_x = 256) in;
+layout(local_size_x = 128) in;
 layout(constant_id = 10) const uint RIM = 0u; // counts are of active voxels, 1: of the rim
 layout(std430, set = 0, binding = 1) buffer BrickOffsets { uint brick_offsets[]; };
 layout(std430, set = 0, binding = 2) buffer Counts { uint counts[]; };
 
-shared uint runs[256];
+shared uint runs[128];
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    uint length = (brick_count() + 255u) / 256u;
+    uint length = (brick_count() + 127u) / 128u;
     uint begin = min(lane * length, brick_count());
     uint end = min(begin + length, brick_count());
     uint sum = 0u;
     for (uint i = begin; i < end; ++i) sum += brick_offsets[i];
     runs[lane] = sum;
     barrier();
-    for (uint stride = 1u; stride < 256u; stride <<= 1) {
+    for (uint stride = 1u; stride < 128u; stride <<= 1) {
         uint before = lane >= stride ? runs[lane - stride] : 0u;
         barrier();
         runs[lane] += before;
@@ -32,13 +33,13 @@ void main() {
         brick_offsets[i] = offset;
         offset += count;
     }
-    if (lane != 255u) return;
+    if (lane != 127u) return;
     if (RIM == 0u) {
-        counts[COUNT_ACTIVE] = min(runs[255], scene.capacity);
+        counts[COUNT_ACTIVE] = min(runs[127], scene.capacity);
         counts[COUNT_TOUCHED] = counts[COUNT_ACTIVE];
         return;
     }
-    uint touched = counts[COUNT_ACTIVE] + runs[255];
+    uint touched = counts[COUNT_ACTIVE] + runs[127];
     counts[COUNT_TOUCHED] = min(touched, scene.touched_capacity);
     // Voxels left out are reported as too dim ones are: by a least albedo above zero. The reduction's threshold has
     // run already, so it does not see this value.

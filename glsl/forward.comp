@@ -6,6 +6,7 @@
 // Chunks stay below 65,535 loop turns, where lavapipe stops without an error.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_spirv_intrinsics : require
 #ifdef ACCUMULATE_FLOAT
 #extension GL_EXT_shader_atomic_float : require
 #endif

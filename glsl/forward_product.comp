@@ -8,6 +8,7 @@
 // CHUNK * (FORWARD_OTHERS + 1).
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_spirv_intrinsics : require
 #ifdef ACCUMULATE_FLOAT
 #extension GL_EXT_shader_atomic_float : require
 #endif

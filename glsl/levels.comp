@@ -1,11 +1,12 @@
 // Histogram of the smoothed albedo of all voxels that may be active, in `levels`: steps of a thirty-second of an octave
 // below the maximum (the upper bits of a positive float have the order of the floats). Values below all steps count in
-// the lowest. One invocation owns one voxel; a workgroup counts in shared memory first.
+// the lowest. A workgroup counts LEVELS voxels in shared memory first, two of each invocation: devices need not have more
+// than 128 invocations.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
-layout(local_size_x = 256) in;
+layout(local_size_x = 128) in;
 layout(std430, set = 0, binding = 1) readonly buffer Source { float source[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 3) buffer Levels { uint levels[]; };
@@ -13,19 +14,26 @@ layout(std430, set = 0, binding = 4) readonly buffer Reachable { uint reachable[
 
 shared uint here[LEVELS];
 
+const uint LANES = LEVELS / 2u;
+
+void count(uint index) {
+    if (index >= brick_count() * 512u || reachable[index >> 9] == 0u) return;
+    uvec3 c = voxel_at(index);
+    float value = source[index];
+    if (in_grid(c) && c.z >= scene.near_z && value > 0.0) {
+        uint below = (counts[COUNT_PEAK_SMOOTH] >> LEVEL_SHIFT) - (floatBitsToUint(value) >> LEVEL_SHIFT);
+        atomicAdd(here[LEVELS - 1u - min(below, LEVELS - 1u)], 1u);
+    }
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    here[lane] = 0u;
+    uint first = group_index() * LEVELS;
+    for (uint i = lane; i < LEVELS; i += LANES) here[i] = 0u;
     barrier();
-    uint index = group_index() * 256u + lane;
-    if (index < brick_count() * 512u && reachable[index >> 9] != 0u) {
-        uvec3 c = voxel_at(index);
-        float value = source[index];
-        if (in_grid(c) && c.z >= scene.near_z && value > 0.0) {
-            uint below = (counts[COUNT_PEAK_SMOOTH] >> LEVEL_SHIFT) - (floatBitsToUint(value) >> LEVEL_SHIFT);
-            atomicAdd(here[LEVELS - 1u - min(below, LEVELS - 1u)], 1u);
-        }
+    for (uint i = lane; i < LEVELS; i += LANES) count(first + i);
+    barrier();
+    for (uint i = lane; i < LEVELS; i += LANES) {
+        if (here[i] != 0u) atomicAdd(levels[i], here[i]);
     }
-    barrier();
-    if (here[lane] != 0u) atomicAdd(levels[lane], here[lane]);
 }

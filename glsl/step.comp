@@ -11,6 +11,7 @@
 // at y, and (y - v') . (v' - v), which is positive where the momentum leads uphill.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_spirv_intrinsics : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"

@@ -4,6 +4,7 @@
 // One lane or several own a point (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_spirv_intrinsics : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "transport.glsl"

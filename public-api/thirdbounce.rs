@@ -1358,8 +1358,8 @@ pub mod gpu {
         )]
         pub enum DeviceKind {
             Discrete,
-            Integrated,
             Virtual,
+            Integrated,
             Cpu,
             Other,
         }
@@ -1523,6 +1523,7 @@ pub mod gpu {
                 bind: Binds,
                 push: [u32; PUSH_WORDS],
                 work: u64,
+                first: [u32; 3],
             },
             Copy {
                 from: Buffer,
@@ -1556,12 +1557,14 @@ pub mod gpu {
                 &mut self,
                 kernel: impl Into<Kernel>,
                 groups: [u32; 3],
+                turns: u64,
             ) -> &mut Command {}
             pub fn indirect(
                 &mut self,
                 kernel: impl Into<Kernel>,
                 buffer: Buffer,
                 offset: u64,
+                turns: u64,
             ) -> &mut Command {}
             pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {}
             pub fn copy_from(
@@ -1582,7 +1585,6 @@ pub mod gpu {
         impl Command {
             pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
             pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
-            pub fn taking(&mut self, turns: u64) -> &mut Command {}
             pub fn work(&self) -> u64 {}
             pub fn name(&self) -> &'static str {}
         }
@@ -4926,6 +4928,7 @@ pub mod transport {
                 active: &[u32],
                 raw: &[Raw],
             ) -> Vec<Sample> {}
+            pub fn places(twin: &Twin, paths: &[f64]) -> Vec<u32> {}
             pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {}
             pub fn forward_pair(
                 twin: &Twin,
@@ -5183,8 +5186,8 @@ pub mod transport {
         pub use pulse::{Way, instrument, pulse, spot, sum_bins};
         pub use random::random3;
         pub use render::{
-            Sample, backward, finish, forward, forward_pair, objective, residual, sample,
-            sample_point, weighted_objective,
+            Sample, backward, finish, forward, forward_pair, objective, places, residual,
+            sample, sample_point, weighted_objective,
         };
         pub use surface::{
             Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine,

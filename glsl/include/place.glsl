@@ -1,4 +1,4 @@
-// Finds the cell of a path. Needs SPLIT and transport.glsl.
+// Finds the cell of a path. Needs SPLIT, transport.glsl and the extension GL_EXT_spirv_intrinsics.
 // Every row of histograms or residuals begins with PADDING cells that belong to no bin, and PADDING cells follow the
 // last row. Rows are `stride` cells apart. A position is clamped between a row's first padding cell and the next row's,
 // so kernels need no test for the range of bins: residuals are zero in the padding, and sums there are never read.
@@ -8,6 +8,9 @@
 // floor and no conversion, which GPUs do at a quarter of the rate or less. A position that is whole itself may come out
 // one lower with a share of one. The other bits of the float are constant: row_of() subtracts them as ORIGIN.
 //
+// A path that is not a number lies in a row's first padding cell. GLSL's clamp() may let it pass, and its bits would become
+// an address anywhere: bounded() is the clamp of SPIR-V that takes the lower bound then. GPUs do both alike.
+//
 // In fp32 a path of n bins is uncertain by about n * 2^-24 bins. With FINE a path is counted in grains, a power of two
 // of metres. Bins per grain and bins before the gate are split so that multiples and differences of their whole parts
 // are exact, and only a rest of a grain or two is rounded.
@@ -16,6 +19,8 @@ struct Place {
     uint cell;   // cell of the path, plus ORIGIN; with SPLIT the first of the two whose centres bracket the path
     float share; // with SPLIT: share of the second cell
 };
+
+spirv_instruction(set = "GLSL.std.450", id = 81) float bounded(float value, float least, float most); // NClamp
 
 const float WHOLE = 8388608.0;   // 2^23: floats from here upward are whole
 const uint ORIGIN = 0x4affffffu; // bits of the largest float below WHOLE
@@ -43,7 +48,7 @@ void read_scene() {
 Place place_of(float distance, float rest) {
     if (FINE == 0u) {
         // place_offset includes gate, half bin and padding. GPUs clamp to [0, 1] at no cost in the instruction before.
-        float part = clamp(distance * place_scale + place_offset, 0.0, 1.0);
+        float part = bounded(distance * place_scale + place_offset, 0.0, 1.0);
         // `precise`: the compiler must not simplify these two.
         precise float whole = fma(part, row_cells, WHOLE - 0.5);
         precise float share = fma(part, row_cells, WHOLE - whole);
@@ -54,7 +59,7 @@ Place place_of(float distance, float rest) {
     precise float within = distance * scene.bins_per_grain_rest + (rest * scene.fine_bins_per_grain - scene.start_bins_rest);
     float position = (coarse - grains) + within;
     float low = floor(position);
-    float cell = clamp(grains + low + float(PADDING - 1u), 0.0, float(scene.stride));
+    float cell = bounded(grains + low + float(PADDING - 1u), 0.0, float(scene.stride));
     return Place(floatBitsToUint(cell + WHOLE), position - low);
 }
 

@@ -95,6 +95,12 @@ impl Kinds {
     }
 }
 
+/// The types of memory that the host sees without flushing it, as the bits of `VkMemoryRequirements::memoryTypeBits`.
+pub(super) fn coherent(types: &[vk::MemoryType]) -> u32 {
+    let seen = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+    (0..).zip(types).filter(|(_, t)| t.property_flags.contains(seen)).map(|(i, _)| 1u32 << i).sum()
+}
+
 /// What there is of a device's memory, for [`check`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
@@ -104,6 +110,8 @@ pub struct Memory {
     pub free: [u64; 2],
     /// Both are the same bytes: a discrete card has heaps of its own, others share the host's.
     pub shared: bool,
+    /// Bytes of one allocation at most.
+    allocation: u64,
     kinds: Kinds,
 }
 
@@ -111,11 +119,18 @@ impl Memory {
     /// A discrete card that binds `storage_range` bytes, with so many bytes free on it and on the host.
     pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {
         let kinds = Kinds { one: false, device_is_mapped: false, heaps: [0, 1] };
-        Memory { storage_range, free, shared: false, kinds }
+        Memory { storage_range, free, shared: false, allocation: u64::MAX, kinds }
     }
 }
 
 impl Gpu {
+    /// The types of memory that the host sees without flushing it, as bits.
+    pub(super) fn coherent_types(&self) -> u32 {
+        // SAFETY: the physical device is the instance's.
+        let memory = unsafe { self.instance.raw.get_physical_device_memory_properties(self.physical) };
+        coherent(memory.memory_types_as_slice())
+    }
+
     /// What is free for this process at the moment, as the driver reports.
     pub fn memory(&self) -> Memory {
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
@@ -135,6 +150,7 @@ impl Gpu {
             storage_range: self.limits.storage_range,
             free: [free(device), free(host)],
             shared: device == host,
+            allocation: self.allocation,
             kinds: self.kinds,
         }
     }
@@ -145,7 +161,7 @@ impl Gpu {
 /// case. Allocates nothing.
 ///
 /// # Errors
-/// A buffer is larger than the device can bind, or the plan is over budget (the error names the largest buffers).
+/// A buffer is larger than the device can bind or allocate, or the plan is over budget (the error names the largest buffers).
 pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Result<()> {
     let range = memory.storage_range;
     if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > range) {
@@ -157,6 +173,18 @@ pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Resul
                 size(range)
             ),
             advice!["use " {smaller(b.bytes, range)}],
+        ));
+    }
+    let most = memory.allocation;
+    if let Some(b) = plan.iter().find(|b| b.bytes > most) {
+        return Err(Error::memory(
+            format!(
+                "buffer `{}` needs {}, this device allocates at most {} at once",
+                b.buffer,
+                size(b.bytes),
+                size(most)
+            ),
+            advice!["use " {smaller(b.bytes, most)}],
         ));
     }
     let [device, host] = Layout::both(plan, &memory.kinds);
@@ -310,6 +338,37 @@ mod tests {
         // Where host and device are one, both take of the same.
         let one = |free| Memory { shared: true, ..Memory::of_card(1 << 26, [free; 2]) };
         assert!(check(&plan, &one(105 << 20), None).is_ok() && check(&plan, &one(102 << 20), None).is_err());
+    }
+
+    #[test]
+    fn no_buffer_is_larger_than_an_allocation() {
+        let plan = |place| [BufferPlan::new(Buffer::named("large"), 3 << 20, place)];
+        for place in [Place::Device, Place::Upload, Place::Store] {
+            let card = |allocation| Memory { allocation, ..Memory::of_card(1 << 30, [1 << 40; 2]) };
+            assert!(check(&plan(place), &card(3 << 20), None).is_ok());
+            let error = check(&plan(place), &card(2 << 20), None).unwrap_err();
+            assert!(
+                error.what.contains("`large` needs 3 MiB, this device allocates at most 2 MiB"),
+                "{error}"
+            );
+            assert!(error.mend.remedies().any(|r| r == smaller(3 << 20, 2 << 20)), "{error:?}");
+        }
+    }
+
+    #[test]
+    fn a_callers_memory_that_the_host_sees_is_coherent() {
+        type Flags = vk::MemoryPropertyFlags;
+        let seen = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
+        // As on phones: the first kind that the host sees is cached, and not coherent.
+        let types = [
+            Flags::DEVICE_LOCAL,
+            Flags::HOST_VISIBLE | Flags::HOST_CACHED,
+            seen,
+            seen | Flags::HOST_CACHED | Flags::DEVICE_LOCAL,
+        ];
+        let types = types.map(|property_flags| vk::MemoryType { property_flags, heap_index: 0 });
+        assert_eq!(coherent(&types), 0b1100);
+        assert_eq!(coherent(&types[..2]), 0);
     }
 
     #[test]

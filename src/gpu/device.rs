@@ -20,6 +20,9 @@ use super::recording::Recorder;
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
+/// The most storage buffers that a kernel binds. Vulkan promises 4; nearly all GPUs have 16 or more.
+pub(super) const MOST_STORAGE: u32 = 12;
+
 /// How to open a device.
 #[derive(Debug, Clone, Default)]
 pub struct GpuOptions {
@@ -62,11 +65,11 @@ pub struct Accumulations {
 /// Limits that plans are made against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Largest binding of one buffer in bytes.
+    /// Largest binding of one buffer in bytes, which is no larger than one allocation.
     pub storage_range: u64,
     /// Largest binding of one buffer as texels, in texels.
     pub texels: u64,
-    /// Invocations in a workgroup at most.
+    /// Invocations in a workgroup at most, however they are shared among x and y.
     pub workgroup_invocations: u32,
     /// Shared memory of a workgroup, bytes.
     pub shared_memory: u32,
@@ -144,6 +147,8 @@ pub struct Opened {
     /// Turns of a submission at most, if they were given.
     pub(super) work: Option<u64>,
     pub(super) struck: Option<Struck>,
+    /// Bytes of one allocation at most.
+    pub(super) allocation: u64,
     /// Where buffers lie.
     pub(super) kinds: Kinds,
     /// Bytes that arenas hold.
@@ -169,24 +174,57 @@ pub(super) struct Parts {
     pub blocks: Option<Arc<dyn BlockSource>>,
 }
 
-fn limits_of(
-    instance: &Instance,
-    physical: vk::PhysicalDevice,
-    l: &vk::PhysicalDeviceLimits,
-    work: u64,
-) -> Limits {
-    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
-    // SAFETY: the physical device is the instance's; the chained struct outlives the call.
-    unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
-    Limits {
-        storage_range: u64::from(l.max_storage_buffer_range),
-        texels: u64::from(l.max_texel_buffer_elements),
-        workgroup_invocations: l.max_compute_work_group_invocations,
-        shared_memory: l.max_compute_shared_memory_size,
-        groups: l.max_compute_work_group_count,
-        subgroup: subgroup.subgroup_size,
-        work,
+/// What a driver reports of a device's limits.
+pub(super) struct Reported {
+    pub limits: vk::PhysicalDeviceLimits,
+    /// Invocations in a subgroup.
+    pub subgroup: u32,
+    /// Bytes of one allocation at most.
+    pub allocation: u64,
+}
+
+impl Reported {
+    pub fn by(instance: &Instance, physical: vk::PhysicalDevice) -> Reported {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut memory = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut memory);
+        // SAFETY: the physical device is the instance's; the chained structs, of Vulkan 1.1, outlive the call.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+        let limits = properties.properties.limits;
+        Reported { limits, subgroup: subgroup.subgroup_size, allocation: memory.max_memory_allocation_size }
+    }
+
+    /// Checks what no plan can do without, for the device of this name.
+    ///
+    /// # Errors
+    /// Kernels bind more than it takes.
+    pub fn check(&self, name: &str) -> Result<()> {
+        let l = &self.limits;
+        let of_set = l.max_descriptor_set_storage_buffers;
+        let most = l.max_per_stage_descriptor_storage_buffers.min(of_set);
+        if most >= MOST_STORAGE {
+            return Ok(());
+        }
+        Err(Error::device(
+            format!("{name} binds at most {most} storage buffers to a kernel, {MOST_STORAGE} are needed"),
+            advice!["choose another device with " Device " (" [Devices] " lists them)"],
+        ))
+    }
+
+    /// The limits of plans, for dispatches of so many turns.
+    fn of_plans(&self, work: u64) -> Limits {
+        let l = &self.limits;
+        let [x, y, _] = l.max_compute_work_group_size;
+        Limits {
+            storage_range: u64::from(l.max_storage_buffer_range).min(self.allocation),
+            texels: u64::from(l.max_texel_buffer_elements),
+            workgroup_invocations: l.max_compute_work_group_invocations.min(x).min(y),
+            shared_memory: l.max_compute_shared_memory_size,
+            groups: l.max_compute_work_group_count,
+            subgroup: self.subgroup,
+            work,
+        }
     }
 }
 
@@ -244,10 +282,7 @@ impl Gpu {
     pub(super) fn of(parts: Parts, options: &GpuOptions) -> Gpu {
         let Parts { instance, device, physical, info, queue, family, offered, cache, lock, blocks } = parts;
         // SAFETY: the physical device is the instance's.
-        let (properties, families) = unsafe {
-            let properties = instance.raw.get_physical_device_properties(physical);
-            (properties, instance.raw.get_physical_device_queue_family_properties(physical))
-        };
+        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
         let has_timestamps = families.get(family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
         let names = instance.debug_names.then(|| ext::debug_utils::Device::new(&instance.raw, &device.raw));
         let statistics = offered
@@ -257,16 +292,18 @@ impl Gpu {
             .has_external_memory
             .then(|| khr::external_memory_fd::Device::new(&instance.raw, &device.raw));
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
+        let reported = Reported::by(&instance, physical);
         Gpu(Arc::new(Opened {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
-            limits: limits_of(&instance, physical, &properties.limits, work).binding_at_most(options.binding),
+            limits: reported.of_plans(work).binding_at_most(options.binding),
+            allocation: reported.allocation,
             work: options.work,
             recorder: options.timings.then(Recorder::new),
             has_listings: options.listings && statistics.is_some(),
             has_rounding: offered.rounding,
             statistics,
-            tick: if has_timestamps { f64::from(properties.limits.timestamp_period) } else { 0.0 },
+            tick: if has_timestamps { f64::from(reported.limits.timestamp_period) } else { 0.0 },
             queue: Mutex::new(queue),
             lock,
             blocks,
@@ -321,13 +358,17 @@ impl Gpu {
         &self.device.raw
     }
 
-    /// The error of a device that did not come back in time. Nothing that it may still use is destroyed after this.
-    pub(super) fn hangs(&self, waited: Duration) -> Error {
+    /// The error of a device that did not come back in time from what it was `doing`. Nothing that it may still use is
+    /// destroyed after this.
+    pub(super) fn hangs(&self, waited: Duration, doing: &str) -> Error {
         self.device.note_hung();
-        Error::device(
-            format!("{} did not finish its work within {} s", self.info.name, waited.as_secs()),
-            advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
-        )
+        let (name, waited) = (&self.info.name, waited.as_secs());
+        self.device.note_down(|| {
+            Error::device(
+                format!("{name} did not finish its work within {waited} s, {doing}"),
+                advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
+            )
+        })
     }
 
     /// Whether the device did not come back from work in time.
@@ -335,14 +376,17 @@ impl Gpu {
         self.device.has_hung()
     }
 
-    /// The error of a failed call: device lost, out of memory, or the Vulkan result.
+    /// The error of a failed call: device lost, out of memory, or the Vulkan result. After a loss it is always that of the
+    /// loss.
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
         match result {
-            vk::Result::ERROR_DEVICE_LOST => Error::device(
-                format!("{name} was lost while {doing}"),
-                advice!["its driver was reset, often by a time limit for displays: try " {Remedy::SMALLER_JOB} ", or another " Device],
-            ),
+            vk::Result::ERROR_DEVICE_LOST => self.device.note_down(|| {
+                Error::device(
+                    format!("{name} was lost while {doing}"),
+                    advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
+                )
+            }),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::memory(
                 format!("{name} ran out of memory while {doing}"),
                 advice!["close other programs that use it, or use " {Remedy::SMALLER_JOB}],
@@ -374,7 +418,7 @@ fn choose(
             ));
         }
         // The first of several minima is taken: the loader's order decides among devices of a kind.
-        None => all.iter().min_by_key(|(_, d)| if d.kind == DeviceKind::Other { 9 } else { d.kind as u32 }),
+        None => all.iter().min_by_key(|(_, d)| d.kind),
         Some(text) => match text.parse::<usize>() {
             Ok(index) => all.get(index),
             Err(_) => all.iter().find(|(_, d)| is_called(d, text)),
@@ -407,4 +451,88 @@ pub(super) fn compute_family(
                 advice!["choose another device with " Device],
             )
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::advice::Setting;
+    use crate::gpu::View;
+    use crate::transport::kernels::KERNELS;
+
+    /// A device with no more than Vulkan promises, but so many storage buffers.
+    fn least(storage: u32) -> Reported {
+        let limits = vk::PhysicalDeviceLimits {
+            max_storage_buffer_range: 1 << 27,
+            max_texel_buffer_elements: 1 << 16,
+            max_compute_work_group_invocations: 128,
+            max_compute_work_group_size: [128, 128, 64],
+            max_compute_shared_memory_size: 16_384,
+            max_compute_work_group_count: [65_535; 3],
+            max_per_stage_descriptor_storage_buffers: storage,
+            max_descriptor_set_storage_buffers: 24,
+            ..Default::default()
+        };
+        Reported { limits, subgroup: 32, allocation: 1 << 30 }
+    }
+
+    #[test]
+    fn a_device_binds_what_the_largest_kernel_binds_or_is_refused() {
+        let of = |k: &crate::gpu::KernelCode, view: &dyn Fn(View) -> bool| {
+            k.bindings.iter().filter(|b| view(b.view)).count()
+        };
+        let storage = KERNELS.iter().map(|k| of(k, &|view| view == View::Storage)).max();
+        assert_eq!(storage, Some(MOST_STORAGE as usize));
+        // Storage texel buffers, of which Vulkan promises four, and uniform buffers.
+        assert!(KERNELS.iter().all(|k| of(k, &|view| matches!(view, View::Texels { .. })) <= 4));
+        assert!(KERNELS.iter().all(|k| of(k, &|view| view == View::Uniform) <= 1));
+        least(MOST_STORAGE).check("a card").expect("just enough");
+        let error = least(8).check("a card").expect_err("too few");
+        assert!(
+            error.what.contains("a card binds at most 8") && error.mend.names(Setting::Device),
+            "{error}"
+        );
+        let mut reported = least(64);
+        reported.limits.max_descriptor_set_storage_buffers = 11;
+        assert!(reported.check("a card").is_err());
+    }
+
+    #[test]
+    fn limits_are_the_least_of_those_that_hold() {
+        let mut reported = least(16);
+        let limits = |r: &Reported| r.of_plans(7);
+        assert_eq!((limits(&reported).storage_range, limits(&reported).work), (1 << 27, 7));
+        // A binding of 4 GiB is no use where an allocation has 1 GiB at most.
+        reported.limits.max_storage_buffer_range = u32::MAX;
+        assert_eq!(limits(&reported).storage_range, 1 << 30);
+        assert_eq!(limits(&reported).binding_at_most(Some(1 << 40)).storage_range, 1 << 30);
+        // Workgroups that gather are as high as lanes share a voxel.
+        for size in [[128, 1024, 64], [1024, 128, 64], [1024, 1024, 64]] {
+            reported.limits.max_compute_work_group_size = size;
+            assert_eq!(limits(&reported).workgroup_invocations, 128, "{size:?}");
+        }
+    }
+
+    #[test]
+    fn the_fastest_kind_of_device_is_taken() {
+        use DeviceKind::{Cpu, Discrete, Integrated, Other, Virtual};
+        let info = |index, kind| DeviceInfo {
+            index,
+            name: format!("{kind}"),
+            kind,
+            driver: String::new(),
+            api: String::new(),
+            uuid: String::new(),
+            memory: 0,
+        };
+        let taken = |kinds: &[DeviceKind]| {
+            let all: Vec<_> =
+                kinds.iter().enumerate().map(|(i, k)| (vk::PhysicalDevice::null(), info(i, *k))).collect();
+            choose(&all, None).expect("a device").1.index
+        };
+        assert_eq!(taken(&[Other, Cpu, Integrated, Virtual, Discrete, Discrete]), 4);
+        assert_eq!(taken(&[Other, Cpu, Integrated, Virtual]), 3, "a part of a card is faster than a chip");
+        assert_eq!(taken(&[Other, Cpu, Integrated]), 2);
+        assert_eq!(taken(&[Other, Cpu]), 1);
+    }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use ash::vk;
 
 use super::caller::Moment;
-use super::pace::Pace;
+use super::pace::{Pace, divided};
 use super::pipeline::{DescriptorSets, Pipeline};
 use super::record::{Scratch, stamps};
 use super::recording::Mark;
@@ -42,10 +42,22 @@ pub(super) struct Flight {
     pub goes_on: bool,
     /// Turns of kernels' main loops at most.
     pub work: u64,
+    /// Its first and its last command by name.
+    pub ends: [&'static str; 2],
     /// Host-visible buffers that it reads, and that it writes.
     pub shared: [HashSet<Buffer>; 2],
     /// A caller's moments: it begins after the first, and brings the second about.
     pub between: [Option<Moment>; 2],
+}
+
+impl Flight {
+    /// Its commands, for errors.
+    fn names(&self) -> String {
+        match self.ends {
+            [first, last] if first == last => format!("`{first}`"),
+            [first, last] => format!("`{first}` to `{last}`"),
+        }
+    }
 }
 
 /// Runs schedules over the buffers of an arena, in order of submission.
@@ -146,6 +158,7 @@ impl Executor {
     }
 
     pub(super) fn submit_as_it_is(&mut self, commands: &[Command]) -> Result<Ticket> {
+        let commands = &*divided(commands, self.gpu.limits.work);
         let mut open = None;
         let mut last = Ticket(self.submitted);
         let mut exchanges =
@@ -178,6 +191,9 @@ impl Executor {
         let mut flight = self.flight(commands);
         (flight.queries, flight.room) = (queries, room);
         flight.goes_on = open.is_some();
+        let mut names = part.iter().filter(|c| !matches!(c, Command::Stage(_))).map(Command::name);
+        let first = names.next().unwrap_or_default();
+        flight.ends = [first, names.next_back().unwrap_or(first)];
         flight.work = part.iter().map(Command::work).fold(0, u64::saturating_add);
         let gpu = self.gpu.clone();
         let recorded = {
@@ -233,8 +249,9 @@ impl Executor {
             unsafe { gpu.raw().queue_submit(*queue, &info, vk::Fence::null()) }
         });
         if let Err(e) = submitted {
+            let doing = format!("submitting {}", flight.names());
             self.land(flight);
-            return Err(gpu.failed("submitting work", e));
+            return Err(gpu.failed(&doing, e));
         }
         self.submitted = flight.ticket.0;
         let ticket = flight.ticket;
@@ -275,7 +292,8 @@ impl Executor {
             // SAFETY: the semaphore is alive.
             .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(patience)) })
             .map_err(|e| {
-                if e == vk::Result::TIMEOUT { gpu.hangs(patience) } else { gpu.failed("computing", e) }
+                let doing = format!("computing {}", self.unfinished());
+                if e == vk::Result::TIMEOUT { gpu.hangs(patience, &doing) } else { gpu.failed(&doing, e) }
             })?;
         // Some drivers wait only here, for the time stamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
@@ -285,6 +303,14 @@ impl Executor {
             read?;
         }
         Ok(())
+    }
+
+    /// The commands of the submission that the device was at: the first that it has not finished.
+    fn unfinished(&self) -> String {
+        // SAFETY: the semaphore is alive. A lost device may not tell, or tell that all is done.
+        let done = unsafe { self.gpu.raw().get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
+        let at = self.flights.iter().find(|f| f.ticket.0 > done).or(self.flights.back());
+        at.map_or_else(|| "nothing".into(), Flight::names)
     }
 
     /// Waits until everything that was submitted is done.
@@ -427,7 +453,7 @@ impl Drop for Executor {
         // SAFETY: the semaphore is alive.
         let waited = unsafe { device.wait_semaphores(&all, nanoseconds(patience)) };
         if self.gpu.has_hung() || waited == Err(vk::Result::TIMEOUT) {
-            let _ = self.gpu.hangs(patience);
+            let _ = self.gpu.hangs(patience, &format!("computing {}", self.unfinished()));
             return;
         }
         // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle), whatever others do

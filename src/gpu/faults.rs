@@ -93,8 +93,11 @@ impl Struck {
 }
 
 impl Gpu {
-    /// Called before every call that may fail: fails if the call is to fail.
+    /// Called before every call that may fail: fails if the device was lost or hangs, or if the call is to fail.
     pub(super) fn strike(&self, point: Point) -> Result<(), vk::Result> {
+        if self.device.is_down() {
+            return Err(vk::Result::ERROR_DEVICE_LOST);
+        }
         self.struck.as_ref().map_or(Ok(()), |s| s.strike(point))
     }
 

@@ -125,7 +125,7 @@ mod tests {
         let mut executor = Executor::new(gpu, arena).unwrap();
         executor.add_kernel(&kernel::LIMIT_FMA, &kernel::LIMIT_FMA, &[]).unwrap();
         let mut s = Schedule::default();
-        s.dispatch(&kernel::LIMIT_FMA, [groups, 1, 1]).bind(buffer::RESULT, bound).with([1u32, 0, 0]);
+        s.dispatch(&kernel::LIMIT_FMA, [groups, 1, 1], 64).bind(buffer::RESULT, bound).with([1u32, 0, 0]);
         executor.run(&s).unwrap();
     }
 

@@ -14,10 +14,10 @@ use crate::{Error, Result};
 pub enum DeviceKind {
     /// A GPU with memory of its own.
     Discrete,
+    /// A GPU in a virtual machine, or a part of one.
+    Virtual,
     /// A GPU that uses the host's memory.
     Integrated,
-    /// A part of a GPU, in a virtual machine.
-    Virtual,
     /// A software implementation, such as lavapipe.
     Cpu,
     /// None of these.

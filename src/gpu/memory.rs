@@ -116,6 +116,9 @@ impl Arena {
     /// the driver refuses an allocation. Nothing stays allocated then.
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
         let _span = gpu.span("allocate");
+        if gpu.device.is_down() {
+            return Err(gpu.failed("allocating", vk::Result::ERROR_DEVICE_LOST));
+        }
         check(plan, &gpu.memory(), budget)?;
         let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
@@ -199,9 +202,12 @@ impl Arena {
         plan: &BufferPlan,
         name: &str,
         handle: vk::Buffer,
-        requirements: vk::MemoryRequirements,
+        mut requirements: vk::MemoryRequirements,
     ) -> std::result::Result<Held, String> {
         if let Some(blocks) = &self.gpu.blocks {
+            if plan.place != Place::Device {
+                requirements.memory_type_bits &= self.gpu.coherent_types();
+            }
             let block =
                 blocks.allocate(&requirements, plan.place).ok_or("the program has no memory for it")?;
             let held = Held::Callers(block, requirements.size);

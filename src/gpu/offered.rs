@@ -5,6 +5,7 @@ use std::ffi::CStr;
 use ash::{ext, khr, vk};
 
 use super::GpuOptions;
+use super::device::Reported;
 use super::instance::{DeviceInfo, Instance};
 use crate::advice::advice;
 use crate::{Error, Result};
@@ -32,7 +33,7 @@ pub(super) struct Offered {
 
 impl Offered {
     /// # Errors
-    /// A device of Vulkan before 1.2, or without timeline semaphores.
+    /// A device of Vulkan before 1.2, without timeline semaphores, or one that binds too few buffers.
     pub fn by(
         instance: &Instance,
         physical: vk::PhysicalDevice,
@@ -47,6 +48,7 @@ impl Offered {
                 advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
             ));
         }
+        Reported::by(instance, physical).check(&info.name)?;
         // SAFETY: as above.
         let extensions =
             unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();

@@ -2,18 +2,21 @@
 
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, MutexGuard};
+use std::sync::{Arc, MutexGuard, OnceLock};
 
 use ash::vk;
 
 use super::caller::QueueLock;
 use super::instance::Instance;
+use crate::Error;
 
 /// A logical device that destroys itself, after everything made from it.
 pub(super) struct OwnedDevice {
     pub raw: ash::Device,
     /// It did not come back from work in time, and may still be at it.
     hung: AtomicBool,
+    /// Why nothing can be done on it any more.
+    down: OnceLock<Error>,
     /// A caller's device stays open.
     is_callers: bool,
     // The instance must outlive its device.
@@ -23,12 +26,22 @@ pub(super) struct OwnedDevice {
 impl OwnedDevice {
     /// A device of `instance`: a caller's, or one that this value is to destroy.
     pub fn new(raw: ash::Device, instance: Arc<Instance>, is_callers: bool) -> OwnedDevice {
-        OwnedDevice { raw, hung: AtomicBool::new(false), is_callers, instance }
+        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_callers, instance }
     }
 
     /// Whether the device did not come back from work in time.
     pub fn has_hung(&self) -> bool {
         self.hung.load(Relaxed)
+    }
+
+    /// Whether it was lost or hangs: every call on it fails from then on.
+    pub fn is_down(&self) -> bool {
+        self.down.get().is_some()
+    }
+
+    /// Notes why it is down. Returns the first reason that was noted.
+    pub fn note_down(&self, why: impl FnOnce() -> Error) -> Error {
+        self.down.get_or_init(why).clone()
     }
 
     /// Notes that it did not.

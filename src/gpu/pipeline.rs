@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use ash::vk;
 
+use super::device::MOST_STORAGE;
 use super::memory::Made;
 use super::rounding::to_nearest;
 use super::schedule::PUSH_WORDS;
@@ -109,7 +110,8 @@ impl Pipeline {
                 if gpu.has_listings {
                     flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
                 }
-                if gpu.shuffle().is_some() {
+                // Long dispatches are divided where they are limited.
+                if gpu.shuffle().is_some() || gpu.limits.work < u64::MAX {
                     flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
                 }
                 let info =
@@ -183,7 +185,7 @@ impl DescriptorSets {
         if self.made.len().is_multiple_of(SETS_PER_POOL as usize) {
             let size = |ty, n| vk::DescriptorPoolSize::default().ty(ty).descriptor_count(n);
             let sizes = [
-                size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * 12),
+                size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * MOST_STORAGE),
                 size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL),
                 size(vk::DescriptorType::STORAGE_TEXEL_BUFFER, SETS_PER_POOL * 4),
             ];

@@ -185,7 +185,7 @@ impl Executor {
         // SAFETY: see `record`, the only caller; sizes are asserted against the buffers.
         unsafe {
             match command {
-                Command::Dispatch { kernel, size, bind, push, .. } => {
+                Command::Dispatch { kernel, size, bind, push, first, .. } => {
                     let set = self.set_of(*kernel, bind)?;
                     let pipeline = self.pipeline(*kernel);
                     let point = vk::PipelineBindPoint::COMPUTE;
@@ -197,14 +197,19 @@ impl Executor {
                         Size::Groups(g) => {
                             let most = self.gpu.limits.groups;
                             assert!(
-                                (0..3).all(|i| g[i] <= most[i]),
-                                "`{kernel}`: {g:?} workgroups, at most {most:?}"
+                                (0..3).all(|i| first[i] + g[i] <= most[i]),
+                                "`{kernel}`: {g:?} workgroups from {first:?} on, at most {most:?}"
                             );
+                            let from_base = |at: [u32; 3], n: [u32; 3]| {
+                                let [x, y, z] = [0, 1, 2].map(|i| first[i] + at[i]);
+                                device.cmd_dispatch_base(c, x, y, z, n[0], n[1], n[2]);
+                            };
                             match self.gpu.shuffle() {
-                                None => device.cmd_dispatch(c, g[0], g[1], g[2]),
-                                Some(seed) => pieces(*g, seed).into_iter().for_each(|[from, n]| {
-                                    device.cmd_dispatch_base(c, from[0], from[1], from[2], n[0], n[1], n[2]);
-                                }),
+                                None if *first == [0; 3] => device.cmd_dispatch(c, g[0], g[1], g[2]),
+                                None => from_base([0; 3], *g),
+                                Some(seed) => {
+                                    pieces(*g, seed).into_iter().for_each(|[at, n]| from_base(at, n));
+                                }
                             }
                         }
                         Size::Indirect(buffer, offset) => {
@@ -319,12 +324,12 @@ mod tests {
     #[test]
     fn every_command_has_a_label_inside_its_stage_and_all_are_closed() {
         let mut s = Schedule::default();
-        s.dispatch(Kernel::named("before"), [1, 1, 1]);
+        s.dispatch(Kernel::named("before"), [1, 1, 1], 1);
         s.stage("iteration", &[("iteration", 4), ("lateral", 32)]);
-        s.dispatch(Kernel::named("forward"), [1, 1, 1]);
+        s.dispatch(Kernel::named("forward"), [1, 1, 1], 1);
         s.fill(buffer::COUNTS, 4, 0);
         s.stage("domain", &[]);
-        s.dispatch(Kernel::named("threshold"), [1, 1, 1]);
+        s.dispatch(Kernel::named("threshold"), [1, 1, 1], 1);
         let (mut open, mut seen) = (vec![], vec![]);
         for step in steps(&s.commands, None) {
             match step {
@@ -357,10 +362,10 @@ mod tests {
         let mut s = Schedule::default();
         s.fill(buffer::RESULT, 4, 0);
         s.stage("first", &[("iteration", 1)]);
-        s.dispatch(Kernel::named("count"), [1, 1, 1]).with([1u32, 0, 0, 0]);
+        s.dispatch(Kernel::named("count"), [1, 1, 1], 1).with([1u32, 0, 0, 0]);
         s.stage("second", &[]);
-        s.dispatch(Kernel::named("count"), [1, 1, 1]).with([2u32, 0, 0, 0]);
-        s.dispatch(Kernel::named("count"), [1, 1, 1]).with([3u32, 0, 0, 0]);
+        s.dispatch(Kernel::named("count"), [1, 1, 1], 1).with([2u32, 0, 0, 0]);
+        s.dispatch(Kernel::named("count"), [1, 1, 1], 1).with([3u32, 0, 0, 0]);
         s.copy(buffer::RESULT, BACK, 4);
         executor.run(&s).unwrap();
         let counted = executor.read::<u32>(BACK, ..)[0];

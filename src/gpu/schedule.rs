@@ -57,8 +57,10 @@ pub enum Command {
         bind: Binds,
         /// Push constants as words.
         push: [u32; PUSH_WORDS],
-        /// Turns of its main loop at most, over all invocations; 0 if they are few.
+        /// Turns of its main loop at most, over all invocations.
         work: u64,
+        /// The first workgroup along x, y and z. It is not the origin only where the executor divides a dispatch.
+        first: [u32; 3],
     },
     /// Copies between buffers.
     Copy {
@@ -145,26 +147,28 @@ impl Schedule {
         self.commands.clear();
     }
 
-    /// Adds a dispatch of `groups` workgroups along x, y and z.
-    pub fn dispatch(&mut self, kernel: impl Into<Kernel>, groups: [u32; 3]) -> &mut Command {
-        self.push(Command::Dispatch {
-            kernel: kernel.into(),
-            size: Size::Groups(groups),
-            bind: Binds::default(),
-            push: [0; PUSH_WORDS],
-            work: 0,
-        })
+    /// Adds a dispatch of `groups` workgroups along x, y and z. Its main loop takes so many `turns` at most, over all
+    /// invocations; a kernel without a loop takes one turn of each. The executor divides long dispatches and long schedules
+    /// by it, so that no submission meets a driver's time limit, and knows by it when a device hangs.
+    pub fn dispatch(&mut self, kernel: impl Into<Kernel>, groups: [u32; 3], turns: u64) -> &mut Command {
+        self.sized(kernel.into(), Size::Groups(groups), turns)
     }
 
-    /// Adds a dispatch whose three counts the device reads from `buffer`, at byte `offset`.
-    pub fn indirect(&mut self, kernel: impl Into<Kernel>, buffer: Buffer, offset: u64) -> &mut Command {
-        self.push(Command::Dispatch {
-            kernel: kernel.into(),
-            size: Size::Indirect(buffer, offset),
-            bind: Binds::default(),
-            push: [0; PUSH_WORDS],
-            work: 0,
-        })
+    /// Adds a dispatch whose three counts the device reads from `buffer`, at byte `offset`. It is not divided: whoever adds a
+    /// long one divides the work. `turns` as for [`Schedule::dispatch`].
+    pub fn indirect(
+        &mut self,
+        kernel: impl Into<Kernel>,
+        buffer: Buffer,
+        offset: u64,
+        turns: u64,
+    ) -> &mut Command {
+        self.sized(kernel.into(), Size::Indirect(buffer, offset), turns)
+    }
+
+    fn sized(&mut self, kernel: Kernel, size: Size, work: u64) -> &mut Command {
+        let (bind, push, first) = (Binds::default(), [0; PUSH_WORDS], [0; 3]);
+        self.push(Command::Dispatch { kernel, size, bind, push, work, first })
     }
 
     /// Copies the first `bytes` bytes of `from` to the beginning of `to`.
@@ -236,16 +240,7 @@ impl Command {
         self
     }
 
-    /// Says how many turns of its main loop a dispatch takes at most, over all invocations. The executor divides long
-    /// schedules by it, so that no submission meets a driver's time limit.
-    pub fn taking(&mut self, turns: u64) -> &mut Command {
-        if let Command::Dispatch { work, .. } = self {
-            *work = turns;
-        }
-        self
-    }
-
-    /// Turns of the main loop at most; 0 for all but long dispatches.
+    /// Turns of the main loop at most; 0 for all but dispatches.
     pub fn work(&self) -> u64 {
         if let Command::Dispatch { work, .. } = self { *work } else { 0 }
     }

@@ -38,6 +38,7 @@ impl Executor {
         let commands = self.command_buffer()?;
         let mut flight = self.flight(commands);
         flight.between = moments;
+        flight.ends = ["copies"; 2];
         self.share(&mut flight, reads, writes);
         let gpu = self.gpu.clone();
         let device = gpu.raw();

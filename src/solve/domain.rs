@@ -14,26 +14,30 @@ use crate::gpu::Schedule;
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
+/// Turns for a word of the rim's mask, a block of 4 x 4 x 2 voxels: the voxels in it and around, and each of its own from 27.
+const TURNS_OF_RIM: u64 = 6 * 6 * 4 + 32 * 27;
+
 /// Makes list, slots, counts and dispatch arguments from the mask.
 pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {
     let scene = level.scene;
     let words = level.grid.storage() / 32;
     let bricks = level.grid.storage() / BRICK_VOXELS;
-    s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP)).bind(buffer::SCENE, scene);
-    s.dispatch(&COMPACT_SCAN_ACTIVE, [1, 1, 1]).bind(buffer::SCENE, scene);
-    s.dispatch(&COMPACT_SCATTER_ACTIVE, groups(words, WORKGROUP)).bind(buffer::SCENE, scene);
+    let voxels = level.grid.storage() as u64;
+    s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP), words as u64).bind(buffer::SCENE, scene);
+    s.dispatch(&COMPACT_SCAN_ACTIVE, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, scene);
+    s.dispatch(&COMPACT_SCATTER_ACTIVE, groups(words, WORKGROUP), voxels).bind(buffer::SCENE, scene);
     if plan.has_rim {
-        s.dispatch(&RIM, groups(words, WORKGROUP)).bind(buffer::SCENE, scene);
-        s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP))
+        s.dispatch(&RIM, groups(words, WORKGROUP), TURNS_OF_RIM * words as u64).bind(buffer::SCENE, scene);
+        s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP), words as u64)
             .bind(buffer::SCENE, scene)
             .bind(buffer::MASK, buffer::RIM_MASK);
-        s.dispatch(&COMPACT_SCAN_RIM, [1, 1, 1]).bind(buffer::SCENE, scene);
-        s.dispatch(&COMPACT_SCATTER_RIM, groups(words, WORKGROUP))
+        s.dispatch(&COMPACT_SCAN_RIM, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, scene);
+        s.dispatch(&COMPACT_SCATTER_RIM, groups(words, WORKGROUP), voxels)
             .bind(buffer::SCENE, scene)
             .bind(buffer::MASK, buffer::RIM_MASK)
             .bind(buffer::RANKS, buffer::RIM_RANKS);
     }
-    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
+    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.rendered.scene);
 }
 
 /// What a reduction does where no smoothed value is above zero.
@@ -82,29 +86,35 @@ pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass,
         None => s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, 0),
     }
     s.set(buffer::COUNTS, COUNT_LEAST_SMOOTH, 0);
-    let all = groups(level.grid.storage(), WORKGROUP);
-    s.dispatch(first, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, b).bind(buffer::TARGET, a);
-    s.dispatch(&GAUSSIAN_Y, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, a).bind(buffer::TARGET, b);
-    s.dispatch(&GAUSSIAN_Z, all).bind(buffer::SCENE, scene).bind(buffer::SOURCE, b).bind(buffer::TARGET, a);
+    let voxels = level.grid.storage();
+    // Each voxel and its neighbours on both sides.
+    let turns = (voxels * (2 * plan.taps.len()).saturating_sub(1)) as u64;
+    for (pass, [source, target]) in [(first, [b, a]), (&GAUSSIAN_Y, [a, b]), (&GAUSSIAN_Z, [b, a])] {
+        s.dispatch(pass, groups(voxels, WORKGROUP), turns)
+            .bind(buffer::SCENE, scene)
+            .bind(buffer::SOURCE, source)
+            .bind(buffer::TARGET, target);
+    }
 }
 
 /// Makes the mask of voxels whose smoothed value is above a share of the maximum. If there may be more than `room`,
 /// only the brightest stay. What `dark` lets stay is the mask that [`remember`] copied.
 pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, room: usize, dark: Dark) {
     let [smooth, _] = plan.volumes;
-    if level.grid.storage() > room {
+    let voxels = level.grid.storage();
+    if voxels > room {
         s.fill(buffer::LEVELS, u64::from(LEVELS) * 4, 0);
-        s.dispatch(&LEVELS_OF, groups(level.grid.storage(), LEVELS))
+        s.dispatch(&LEVELS_OF, groups(voxels, LEVELS), voxels as u64)
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, smooth)
             .bind(buffer::REACHABLE, level.reachable);
-        s.dispatch(&ROOM, [1, 1, 1]).bind(buffer::SCENE, level.scene).with(Push {
+        s.dispatch(&ROOM, [1, 1, 1], LEVELS.into()).bind(buffer::SCENE, level.scene).with(Push {
             first: room as u32,
             flags: (above as f32).to_bits(),
             ..Default::default()
         });
     }
-    s.dispatch(&THRESHOLD, groups(level.grid.storage() / 32, WORKGROUP))
+    s.dispatch(&THRESHOLD, groups(voxels / 32, WORKGROUP), voxels as u64)
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::SOURCE, smooth)
         .bind(buffer::REACHABLE, level.reachable)
@@ -118,7 +128,8 @@ pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, roo
 /// Makes the mask of `fine` from that of `coarse`. Overwrites `ranks`, which the new mask gives again.
 pub(super) fn double_mask(s: &mut Schedule, coarse: &Level, fine: &Level) {
     s.copy(buffer::MASK, buffer::RANKS, coarse.grid.storage() as u64 / 8);
-    s.dispatch(&DOUBLE_DOMAIN, groups(fine.grid.storage() / 32, WORKGROUP))
+    let voxels = fine.grid.storage();
+    s.dispatch(&DOUBLE_DOMAIN, groups(voxels / 32, WORKGROUP), voxels as u64)
         .bind(buffer::SCENE, fine.scene)
         .bind(buffer::COARSE_MASK, buffer::RANKS);
 }
@@ -126,6 +137,7 @@ pub(super) fn double_mask(s: &mut Schedule, coarse: &Level, fine: &Level) {
 /// Puts the maps of `level` into `columns_host`.
 pub fn extract(s: &mut Schedule, level: &Level) {
     let columns = level.grid.n[0] * level.grid.n[1];
-    s.dispatch(&EXTRACT, groups(columns, WORKGROUP)).bind(buffer::SCENE, level.scene);
+    s.dispatch(&EXTRACT, groups(columns, WORKGROUP), (3 * columns * level.grid.n[2]) as u64)
+        .bind(buffer::SCENE, level.scene);
     s.copy(buffer::COLUMNS, COLUMNS_HOST, columns as u64 * 32);
 }

@@ -110,7 +110,8 @@ fn slices(ends: &[usize]) -> Vec<[usize; 4]> {
 pub fn tally_of(s: &mut Schedule, from: Buffer, rows: LentRows, format: Format, ends: &[usize]) {
     let mut at = 0;
     for [first, last, of_slice, count] in slices(ends) {
-        s.dispatch(&TALLY, [rows.bins().div_ceil(WORKGROUP as usize) as u32, count as u32, 1])
+        let turns = ((last - first) * rows.bins()) as u64;
+        s.dispatch(&TALLY, [rows.bins().div_ceil(WORKGROUP as usize) as u32, count as u32, 1], turns)
             .bind(buffer::SOURCE, from)
             .with(Push {
                 first: first as u32,
@@ -158,7 +159,8 @@ pub fn intake(
 ) {
     s.set(buffer::ROWS, 0, (factor as f32).to_bits());
     s.set(buffer::ROWS, 1, (below as f32).to_bits());
-    s.dispatch(&INTAKE, groups(plan.pairs * plan.bins, WORKGROUP))
+    let counts = plan.pairs * plan.bins;
+    s.dispatch(&INTAKE, groups(counts, WORKGROUP), counts as u64)
         .bind(buffer::SOURCE, buffer::HISTOGRAMS)
         .with(Push {
             first: rows.bins().start as u32,

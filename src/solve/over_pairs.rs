@@ -27,7 +27,7 @@ pub(super) fn over_parts(
         }
         // The last part may be smaller.
         if part.is_cut() && sized != Some(part.rendered.scene) {
-            s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, part.rendered.scene);
+            s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, part.rendered.scene);
             sized = Some(part.rendered.scene);
         }
         each(s, &part);
@@ -55,11 +55,11 @@ pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairP
     let chunks = plan.set_chunks(part.rendered.count);
     let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
     for set in 0..plan.sets_of(level, part.rendered.count) {
-        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set))
+        let turns = of_set * part.rendered.count as u64;
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set), turns)
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
-            .with(Push { first: set * chunks, flags, ..Default::default() })
-            .taking(of_set * part.rendered.count as u64);
+            .with(Push { first: set * chunks, flags, ..Default::default() });
     }
 }
 
@@ -84,19 +84,22 @@ pub(super) fn compare(
         sharp = Some(SEEN);
     }
     if plan.pulse > 0 {
-        let spread = s.dispatch(&PULSE, runs(part.own.count, level.bins));
+        let turns = turns_of_pulse(part.own.count, level.bins, plan.pulse);
+        let spread = s.dispatch(&PULSE, runs(part.own.count, level.bins), turns);
         spread.bind(buffer::SCENE, part.own.scene).bind(buffer::PULSE_TAPS, level.taps);
         if let Some(sharp) = sharp {
             spread.bind(buffer::SOURCE, sharp);
         }
     }
     let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
-    let all = match *residual == RESIDUAL_ROWS {
-        true => groups(part.own.count, WORKGROUP),
-        false => groups(cells(part.own.count, level.bins), WORKGROUP * RESIDUAL_BINS),
+    let cells = cells(part.own.count, level.bins);
+    // Rows are walked three times.
+    let (all, turns) = match *residual == RESIDUAL_ROWS {
+        true => (groups(part.own.count, WORKGROUP), 3 * cells as u64),
+        false => (groups(cells, WORKGROUP * RESIDUAL_BINS), cells as u64),
     };
     let compared = s
-        .dispatch(residual, all)
+        .dispatch(residual, all, turns)
         .bind(buffer::SCENE, part.own.scene)
         .bind(buffer::MEASURED, part.measured)
         .with(Push { flags, ..push });
@@ -122,7 +125,9 @@ pub(super) fn instrument_back(
 ) {
     let mut from = buffer::RESIDUAL;
     if plan.pulse > 0 || through.is_some() {
-        s.dispatch(pulse, runs(part.own.count, level.bins))
+        let taps = if through.is_some() { plan.tap_room } else { plan.pulse };
+        let turns = turns_of_pulse(part.own.count, level.bins, taps);
+        s.dispatch(pulse, runs(part.own.count, level.bins), turns)
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::PULSE_TAPS, level.taps)
             .bind(buffer::SOURCE, buffer::RESIDUAL)
@@ -158,7 +163,11 @@ fn spot(
         let target = if (stages.len() - i) % 2 == 1 { SEEN } else { BETWEEN };
         let (word, sums) = (spots.word_of(stage) as u32, stage.sums());
         let dispatch = s
-            .dispatch(if i == 0 { first } else { more }, runs(sums, level.bins))
+            .dispatch(
+                if i == 0 { first } else { more },
+                runs(sums, level.bins),
+                turns_of_spot(stage, level.bins),
+            )
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SPOT_TAPS, spots.taps)
             .bind(buffer::TARGET, target)
@@ -178,7 +187,7 @@ pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
     }
     let pairs = plan.own(plan.pairs);
     for level in plan.summed() {
-        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP))
+        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP), (pairs * plan.bins) as u64)
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, buffer::MEASURED)
             .bind(buffer::TARGET, level.measured)
@@ -203,12 +212,12 @@ pub(super) fn gather(
 ) {
     let voxels = plan.voxels_at(level);
     for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
-        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD))
+        let turns = work_of(&chunk, voxels);
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), turns)
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
             .bind(buffer::RESIDUAL, from)
-            .with(Push { flags: chunk.flags | flags, ..chunk })
-            .taking(work_of(&chunk, voxels));
+            .with(Push { flags: chunk.flags | flags, ..chunk });
     }
 }
 
@@ -216,6 +225,32 @@ pub(super) fn gather(
 fn runs(histograms: usize, bins: usize) -> [u32; 3] {
     let of_row = (bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
     groups((histograms + 1) * of_row, WORKGROUP)
+}
+
+/// Turns of a filter, a pulse or a spot that take no longer than one over a pair: each loads neighbouring cells and
+/// multiplies, some 15 issue slots where a pair takes 45.
+const LIGHT: u64 = 3;
+
+/// So many light turns, in those over pairs.
+pub(super) fn light(turns: usize) -> u64 {
+    (turns as u64).div_ceil(LIGHT)
+}
+
+/// Turns of a kernel that spreads so many histograms by so many taps.
+fn turns_of_pulse(histograms: usize, bins: usize, taps: usize) -> u64 {
+    let runs = (histograms + 1) * (bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
+    light(runs * (taps + PULSE_RUN as usize))
+}
+
+/// Turns of a kernel that sums histograms by a stage of the spots: one for each weight and each run of cells.
+fn turns_of_spot(stage: &SpotTaps, bins: usize) -> u64 {
+    let weights = stage.outer * stage.inner * stage.rows.iter().map(|row| row.len() + 1).sum::<usize>();
+    light(weights * (bins + PADDING as usize).div_ceil(PULSE_RUN as usize))
+}
+
+/// Turns of a kernel that closes an iteration: it adds up what workgroups left.
+pub(super) fn turns_of_finish(plan: &Plan) -> u64 {
+    (plan.bytes_of(buffer::LOSS_PARTIALS) + plan.bytes_of(buffer::L1_PARTIALS)) / 4
 }
 
 /// Evaluations of a part of a gather for `voxels` voxels.

@@ -35,7 +35,7 @@ fn measure(gpu: &Gpu) -> Result<Vec<f32>> {
     let mut executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
     executor.add_kernel(&kernel::ROUNDING, &kernel::ROUNDING, &[])?;
     let mut s = Schedule::default();
-    s.dispatch(&kernel::ROUNDING, [1, 1, 1]);
+    s.dispatch(&kernel::ROUNDING, [1, 1, 1], PLACES as u64);
     s.copy(buffer::RESULT, BACK, bytes);
     executor.run(&s)?;
     Ok(executor.read(BACK, ..))

@@ -4,7 +4,7 @@
 //! gather with the same sums, by the same pass without pairs. So all of them go on with the same voxels to the bit, and
 //! nothing else need be exchanged. On one device all of this is empty.
 
-use super::over_pairs::{arguments, scene_of_sums};
+use super::over_pairs::{arguments, scene_of_sums, turns_of_finish};
 use super::plan::PairPart;
 use super::{Level, Pass, Plan};
 use crate::gpu::{Buffer, Command, Schedule, Summed};
@@ -21,7 +21,7 @@ pub(super) fn add_up(s: &mut Schedule, plan: &Plan, sums: &[Summed]) {
 /// flags are [`finish_flags`] then.
 pub(super) fn add_up_losses(s: &mut Schedule, plan: &Plan, level: &Level, finish: &Pass, sums: &[Summed]) {
     if plan.share.is_some() {
-        s.dispatch(finish, [1, 1, 1])
+        s.dispatch(finish, [1, 1, 1], turns_of_finish(plan))
             .bind(buffer::SCENE, scene_of_sums(plan, level))
             .with(Push { flags: FINISH_ADD, ..Default::default() });
         add_up(s, plan, &[sums, &[plan.losses()]].concat());
@@ -36,7 +36,7 @@ pub(super) fn finish_flags(plan: &Plan) -> u32 {
 /// Ends the gather of `level` by `pass` from the buffer `from`, after its sums were added up.
 pub(super) fn end(s: &mut Schedule, plan: &Plan, level: &Level, pass: &Pass, from: Buffer) {
     if let Some(part) = last_of_shared(plan, level) {
-        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD))
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), plan.voxels_at(level) as u64)
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
             .bind(buffer::RESIDUAL, from)
@@ -54,7 +54,7 @@ pub(super) fn end_of_all(
     bind: impl FnOnce(&mut Command, &PairPart),
 ) {
     if let Some(part) = last_of_shared(plan, level) {
-        bind(s.dispatch(pass, groups).with(no_pairs(&part)), &part);
+        bind(s.dispatch(pass, groups, level.grid.storage() as u64).with(no_pairs(&part)), &part);
     }
 }
 

@@ -32,7 +32,7 @@ pub fn what_is_left_is_summed_and_filtered() {
         write(&mut job, buffer::HAT_TAPS, &hat);
         let mut s = Schedule::default();
         let groups = (model.cells() as u32).div_ceil(WORKGROUP);
-        s.dispatch(&FILTER_LEFT, [groups, 1, 1])
+        s.dispatch(&FILTER_LEFT, [groups, 1, 1], 1)
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, source)
             .with(Push {
@@ -63,7 +63,7 @@ pub fn the_domain_before_is_joined_to_the_new_one() {
     write_mask(&mut job, buffer::MASK, &new);
     let mut s = Schedule::default();
     let groups = (grid.storage() as u32 / 32).div_ceil(WORKGROUP);
-    s.dispatch(&JOIN, [groups, 1, 1]).bind(buffer::SCENE, job.plan.finest().scene);
+    s.dispatch(&JOIN, [groups, 1, 1], 1).bind(buffer::SCENE, job.plan.finest().scene);
     job.perform(&s);
     let want = twin::join(&new, &before);
     assert!(want != new && want != before, "both have voxels of their own");

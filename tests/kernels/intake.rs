@@ -66,7 +66,7 @@ pub fn counts_are_summed_over_slices_of_pairs() {
             let Command::Dispatch { push, .. } = s.commands[0].clone() else { panic!("dispatches only") };
             let told: Push = bytemuck::cast(push);
             s = Schedule::default();
-            s.dispatch(&TALLY, [1, 5, 1]).bind(buffer::SOURCE, buffer::HISTOGRAMS).with(Push {
+            s.dispatch(&TALLY, [1, 5, 1], 1).bind(buffer::SOURCE, buffer::HISTOGRAMS).with(Push {
                 last: 30,
                 step: 7,
                 ..told

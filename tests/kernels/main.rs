@@ -7,6 +7,7 @@ mod intake;
 mod isa;
 mod paper;
 mod paper_gradient;
+mod place;
 mod surface;
 mod surface_gather;
 mod surface_gradient;

@@ -307,7 +307,7 @@ fn backward_in_slices_and_in_parts_gives_the_same_sums() {
         let groups = samples.len().div_ceil(of_group) as u32;
         let scene = job.plan.finest().scene;
         s.fill(buffer::COUNTS, 4, samples.len() as u32);
-        s.dispatch(&paper::passes::BACKWARD, [groups, 1, 1]).bind(buffer::SCENE, scene).with(Push {
+        s.dispatch(&paper::passes::BACKWARD, [groups, 1, 1], 1).bind(buffer::SCENE, scene).with(Push {
             last: model.pairs() as u32,
             flags: BACKWARD_FINISH,
             ..Default::default()
@@ -408,7 +408,7 @@ pub fn finish_takes_losses_that_were_added_up() {
     set_counts(&mut job, 777, 1.25);
     let mut finish = |flags: u32| {
         let mut s = Schedule::default();
-        s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, job.plan.finest().scene).with(Push {
+        s.dispatch(&FINISH, [1, 1, 1], 1).bind(buffer::SCENE, job.plan.finest().scene).with(Push {
             iteration: 1,
             flags,
             ..Default::default()

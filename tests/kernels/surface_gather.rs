@@ -135,7 +135,7 @@ fn gather_in_slices_and_groups() {
         let mut s = Schedule::default();
         // Two dispatches: the second adds to the first.
         for (first, last, flags) in [(0, 10, 0), (10, pairs, BACKWARD_CONTINUE)] {
-            s.dispatch(&surface::passes::SURFACE_GATHER, [all.div_ceil(of_group) as u32, 1, 1])
+            s.dispatch(&surface::passes::SURFACE_GATHER, [all.div_ceil(of_group) as u32, 1, 1], 1)
                 .bind(buffer::SCENE, job.plan.finest().scene)
                 .with(Push { first, last, flags, ..Default::default() });
         }

@@ -219,7 +219,7 @@ fn step_in_slices_and_groups() {
         let groups = case.active.len().div_ceil(of_group) as u32;
         let mut s = Schedule::default();
         let pairs = case.model.pairs() as u32;
-        s.dispatch(&vector::passes::STEP, [groups, 1, 1])
+        s.dispatch(&vector::passes::STEP, [groups, 1, 1], 1)
             .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: pairs, flags: BACKWARD_CONTINUE | BACKWARD_FINISH, ..Default::default() });
         job.perform(&s);

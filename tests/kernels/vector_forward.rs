@@ -4,8 +4,10 @@
 use fixtures::device::vectors::*;
 use fixtures::device::*;
 use glam::DVec3;
+use thirdbounce::Kind;
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::solve::Accumulation;
+use thirdbounce::gpu::{Abilities, DeviceKind, Limits};
+use thirdbounce::solve::{Accumulation, Plan, Sizes};
 use thirdbounce::transport::kernels::{ARGUMENTS_FORWARD, buffer};
 use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, HighPass, Model, Reflectance};
@@ -153,6 +155,38 @@ pub fn forward_and_high_pass_residual_on_every_accumulation_path() {
 
 /// Pulses on every accumulation path: with a tail, before or behind the path, as long as the histogram, and one that
 /// changes nothing.
+/// A card that has no more than Vulkan promises gets narrower columns where a product's arms lie beside them.
+#[test]
+fn columns_fit_into_the_shared_memory_that_every_device_has() {
+    let (base, grid) = (scene(5, 64, 3), grid());
+    let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
+    let mut card = Abilities { kind: DeviceKind::Discrete, ..gpu().abilities() };
+    card.limits = Limits { shared_memory: 16_384, workgroup_invocations: 128, ..card.limits };
+    let tuning = |model: &Model, sizes: &str, card: &Abilities| {
+        let sizes = if sizes.is_empty() { Sizes::default() } else { sizes.parse().expect("sizes") };
+        let o = vector_options(&grid).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
+        Plan::new(model, grid, [5, 5], &o, card, false).map(|plan| plan.tuning)
+    };
+    let window = |model, sizes| tuning(model, sizes, &card).expect("it fits").window;
+    assert_eq!([window(&base, ""), window(&base, "lanes=128")], [64, 32]);
+    assert_eq!([window(&product, ""), window(&product, "lanes=32")], [28, 32]);
+    for (model, sizes) in [(&base, "window=65"), (&product, "window=29"), (&base, "lanes=129")] {
+        let error = tuning(model, sizes, &card).expect_err("asked for more than there is");
+        assert!(error.what.contains(sizes) && error.kind == Kind::Options, "{error}");
+    }
+    // Gathers have as many lanes as the device allows.
+    let fitted = tuning(&base, "", &card).expect("it fits");
+    assert_eq!(fitted.voxels * fitted.slices, 128);
+    // What has more keeps the usual columns; what has hardly any adds straight to the histograms.
+    for (shared_memory, want) in [(18 << 10, 32), (3 << 10, 0)] {
+        let other = Abilities { limits: Limits { shared_memory, ..card.limits }, ..card };
+        assert_eq!(tuning(&product, "", &other).expect("it fits").window, want);
+    }
+    for accumulation in [Accumulation::Fixed32, Accumulation::Cas] {
+        check_forward(&product, &grid, accumulation, false, window(&product, ""), true);
+    }
+}
+
 #[test]
 pub fn forward_and_weighted_residual_through_a_pulse() {
     let (base, grid) = (scene(5, 61, 3), grid());

@@ -131,11 +131,11 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let finest = *job.plan.finest();
     let last = finest.bins as u32;
     let mut s = Schedule::default();
-    s.dispatch(&FILTER_LEFT, [(job.plan.cells_at(&finest) as u32).div_ceil(WORKGROUP), 1, 1])
+    s.dispatch(&FILTER_LEFT, [(job.plan.cells_at(&finest) as u32).div_ceil(WORKGROUP), 1, 1], 10_000)
         .bind(buffer::SCENE, finest.scene)
         .bind(buffer::SOURCE, job.plan.volumes[0])
         .with(Push { first: 1, step: 1, last, flags: 1f32.to_bits(), ..Push::default() });
-    s.dispatch(&JOIN, [(finest.grid.storage() as u32 / 32).div_ceil(WORKGROUP), 1, 1])
+    s.dispatch(&JOIN, [(finest.grid.storage() as u32 / 32).div_ceil(WORKGROUP), 1, 1], 10_000)
         .bind(buffer::SCENE, finest.scene);
     runs.run(&mut job, s);
     left(&mut job, 3, &[buffer::MASK, buffer::COUNTS, buffer::RESIDUAL])
@@ -199,4 +199,21 @@ fn groups_beyond_the_work_write_nothing() {
     }
     let missed: Vec<_> = in_rows().difference(&seen).cloned().collect();
     assert!(missed.is_empty() && seen.len() > 20, "never run at that size: {missed:?}");
+}
+
+/// A device that gets little at once runs every direct dispatch in parts, to the same bits: no kernel counts on the
+/// workgroups of a dispatch to begin at the first, or to be all that there are.
+#[test]
+fn passes_in_parts_leave_the_same() {
+    for solve in [paper_solve, vector_solve, surface_solve, lent_counts] {
+        let [(whole, few), (parts, many)] = [u64::MAX, 60].map(|work| {
+            let gpu = gpu_of(Some(work));
+            let mut runs = Runs { wide: false, seen: BTreeSet::new() };
+            let left = solve(&gpu, &mut runs);
+            assert_valid(&gpu);
+            (left, gpu.take_recording().device.len())
+        });
+        assert!(whole == parts, "a dispatch in parts leaves something else");
+        assert!(many > few + 10, "{many} commands instead of {few}");
+    }
 }

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{
-    Abilities, Accumulations, Command, DeviceKind, Faults, Gpu, GpuOptions, Limits, Schedule,
+    Abilities, Accumulations, Arena, Buffer, BufferPlan, Command, DeviceKind, Faults, Gpu, GpuOptions,
+    Limits, Place, Point, Schedule,
 };
 use thirdbounce::job::SolverOptions;
 use thirdbounce::solve::{Accumulation, Plan, Reconstruction, paper, vector};
@@ -150,4 +151,31 @@ fn a_device_that_hangs_is_an_error_and_not_the_end() {
     }
     let gpu = Gpu::open(&GpuOptions::default()).expect("another device");
     solve(&gpu, options, &loaded().capture, None).expect("it solves");
+}
+
+/// Nothing is asked of a device that is down. Whatever is tried, the error is that of the loss, and names what it was at.
+#[test]
+fn a_device_that_is_down_stays_down_and_says_where() {
+    let (_, options) = &solvers(Accumulation::Owned)[1];
+    let lost = |point, number| Faults { fail: Some((point, number)), ..Faults::default() };
+    let hung = Faults { hang: Some(9), ..Faults::default() };
+    for (faults, what) in [
+        (lost(Point::Submission, 9), "was lost while submitting `"),
+        (lost(Point::Wait, 9), "was lost while computing `"),
+        (hung, "did not finish its work within 600 s, computing `"),
+    ] {
+        let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
+        let first = solve(&gpu, options, &loaded().capture, None).expect_err("the device is down");
+        assert!(first.kind == Kind::Device && first.what.contains(what), "{first}");
+        let names = first.what.split('`').nth(1).expect("a pass");
+        assert!(!names.is_empty(), "{first}");
+        let reached = Point::ALL.map(|point| gpu.reached(point));
+        let plan = [BufferPlan::new(Buffer::named("small"), 16, Place::Device)];
+        let later =
+            [solve(&gpu, options, &loaded().capture, None).err(), Arena::new(&gpu, &plan, None).err()];
+        for error in later {
+            assert_eq!(error.expect("it stays down").to_string(), first.to_string());
+        }
+        assert_eq!(Point::ALL.map(|point| gpu.reached(point)), reached, "no call reaches the driver");
+    }
 }

@@ -112,7 +112,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         let mut s = Schedule::default();
         // Without the last flag the gradient stays as it was gathered.
-        s.dispatch(&paper::passes::BACKWARD, [1, 1, 1])
+        s.dispatch(&paper::passes::BACKWARD, [1, 1, 1], 1)
             .bind(buffer::SCENE, job.plan.finest().scene)
             .with(Push { last: model.pairs() as u32, ..Default::default() });
         job.perform(&s);

@@ -156,7 +156,7 @@ fn begun(job: &mut OnDevice, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<
     write(job, buffer::COUNTS, &[count as u32, count as u32, 0, f32::INFINITY.to_bits(), 0, 0]);
     let level = job.plan.levels[0];
     let mut s = Schedule::default();
-    s.dispatch(&passes::ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.scene);
+    s.dispatch(&passes::ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.scene);
     job.perform(&s);
     run_start(job, &["points", "forward_bound", "residual_bound", "bound_step", "variance", "bound_noise"]);
     let mut s = Schedule::default();

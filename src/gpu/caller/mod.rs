@@ -56,7 +56,8 @@ unsafe impl Sync for Block {}
 /// types that were allowed, mapped and coherent unless it is for [`Place::Device`], and nobody else uses it before `free`
 /// gets it back.
 pub unsafe trait BlockSource: Send + Sync {
-    /// Gives a block for a buffer; `None` if there is no memory.
+    /// Gives a block for a buffer; `None` if there is no memory. The types of memory that the requirements allow are coherent
+    /// unless the buffer is for [`Place::Device`].
     fn allocate(&self, requirements: &vk::MemoryRequirements, place: Place) -> Option<Block>;
 
     /// Takes a block back. No work on the device uses it any more.

@@ -141,11 +141,11 @@ fn extended(m: &Module, i: &Instruction, n: u32) -> Counts {
         // round, trunc, floor, ceil, fract
         1..=3 | 8..=10 => Counts { conversions: n, ..counts(0, 0, n) },
         // Between 0 and 1 a clamp is a modifier of the instruction before it.
-        43 if m.value(i.rest[3]) == Some(0) && m.value(i.rest[4]) == Some(u64::from(1f32.to_bits())) => {
+        43 | 81 if m.value(i.rest[3]) == Some(0) && m.value(i.rest[4]) == Some(u64::from(1f32.to_bits())) => {
             counts(0, 0, 0)
         }
         // clamp, sign
-        6 | 43..=45 => counts(0, 0, 2 * n),
+        6 | 43..=45 | 81 => counts(0, 0, 2 * n),
         // mix: a subtraction and an fma
         46 => counts(2 * n, 0, 0),
         50 => counts(n, 0, 0),

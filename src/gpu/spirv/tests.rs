@@ -1,5 +1,5 @@
 use super::flow::count;
-use super::module::Module;
+use super::module::{Module, op};
 use super::{Counts, count_loop};
 use crate::transport::kernels::KERNELS;
 
@@ -172,6 +172,43 @@ fn a_pair_takes_no_more_than_it_did() {
         c.issued() > *most
     });
     assert_eq!(over.count(), 0);
+}
+
+/// GLSL's own clamp may let what is not a number pass, and its bits would become an address.
+#[test]
+fn a_place_is_within_its_row_whatever_the_path() {
+    const N_CLAMP: u32 = 81;
+    let finds = ["forward", "backward", "backproject", "bound", "step", "surface_gather", "places"];
+    for code in KERNELS.iter().filter(|k| finds.iter().any(|name| k.name.starts_with(name))) {
+        let words: Vec<u32> =
+            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let fine = code.constants.iter().find(|c| c.0.name() == "FINE").expect("a constant of place.glsl").1;
+        for value in [0, 1] {
+            let m = Module::parse(&words, &[(fine, value)].into()).expect("a whole module");
+            let mut all = m.blocks.iter().flat_map(|b| &b.instructions);
+            assert!(all.any(|i| i.op == op::EXT_INST && i.rest[1] == N_CLAMP), "{} fine {value}", code.name);
+        }
+    }
+}
+
+/// Vulkan promises 128 invocations. Kernels whose sizes a plan chooses begin with small ones, too.
+#[test]
+fn every_workgroup_has_a_size_that_every_device_takes() {
+    const EXECUTION_MODE: u32 = 16;
+    const LOCAL_SIZE: u32 = 17;
+    for code in KERNELS {
+        let words: Vec<u32> =
+            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let mut at = 5;
+        let mut sizes = vec![];
+        while at < words.len() {
+            if words[at] & 0xffff == EXECUTION_MODE && words[at + 2] == LOCAL_SIZE {
+                sizes.push(words[at + 3..at + 6].iter().product::<u32>());
+            }
+            at += (words[at] >> 16) as usize;
+        }
+        assert!(sizes.len() == 1 && sizes[0] <= 128, "{}: {sizes:?}", code.name);
+    }
 }
 
 #[test]

@@ -275,7 +275,7 @@ impl Bench {
         let dispatches = |n: u64| {
             let mut s = Schedule::default();
             for _ in 0..n {
-                s.dispatch(&kernel::LIMIT_EMPTY, [1, 1, 1]).with([1u32, 0, 0, 0]);
+                s.dispatch(&kernel::LIMIT_EMPTY, [1, 1, 1], 1).with([1u32, 0, 0, 0]);
             }
             s
         };
@@ -308,7 +308,8 @@ fn split(groups: u64) -> (u32, u32) {
 fn passes(s: &mut Schedule, probe: &Probe, groups: u64) {
     let (x, dispatches) = split(groups);
     for _ in 0..dispatches {
-        s.dispatch(probe.kernel, [x, 1, 1]).with([probe.turns, 1f32.to_bits(), 1f32.to_bits(), 0]);
+        let turns = u64::from(x) * u64::from(LANES) * u64::from(probe.turns);
+        s.dispatch(probe.kernel, [x, 1, 1], turns).with([probe.turns, 1f32.to_bits(), 1f32.to_bits(), 0]);
     }
 }
 

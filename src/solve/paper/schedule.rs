@@ -5,7 +5,9 @@ use super::passes::*;
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
 use crate::solve::domain::{self, Dark};
-use crate::solve::over_pairs::{arguments, compare, forward, gather, groups, over_parts, scene_of_sums};
+use crate::solve::over_pairs::{
+    arguments, compare, forward, gather, groups, over_parts, scene_of_sums, turns_of_finish,
+};
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan};
@@ -15,7 +17,8 @@ use crate::transport::kernels::*;
 /// `step` of the optimiser since its restart (from 1).
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, step: u32) {
     let push = Push { iteration, step, ..Default::default() };
-    s.indirect(&SAMPLE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
+    let [voxels, touched] = [plan.voxels_at(level), plan.touched_capacity].map(|v| v as u64);
+    s.indirect(&SAMPLE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE), 8 * voxels)
         .bind(buffer::SCENE, level.scene)
         .with(push);
     over_parts(s, plan, level, |s, part| {
@@ -23,17 +26,20 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
         compare(s, plan, level, part, &RESIDUAL, push, None);
         if plan.passes.contains(&&NOISE) {
             let push = unbiased(push, plan.betas, iteration + 1);
-            s.dispatch(&NOISE, groups(part.own.count, 1))
+            s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * level.bins) as u64)
                 .bind(buffer::SCENE, part.own.scene)
                 .bind(buffer::NOISE_STATE, part.noise)
                 .with(push);
         }
         gather(s, plan, level, part, &BACKWARD, 0, plan.residual());
     });
-    s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE))
+    // A touched voxel adds up what 27 samples may leave to it.
+    s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE), 27 * touched)
         .bind(buffer::SCENE, level.scene)
         .with(unbiased(push, plan.betas, step));
-    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
+    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
+        .bind(buffer::SCENE, scene_of_sums(plan, level))
+        .with(push);
 }
 
 /// Makes the first volume and the domain of all voxels that are not too near. Puts the optimiser at rest and sums to
@@ -45,11 +51,13 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
     for stored in plan.parts(level).flat_map(|part| part.stored).filter(|stored| stored.changes) {
         s.fill(stored.host, plan.bytes_of(stored.host), 0);
     }
-    s.dispatch(&INITIALISE, groups(level.grid.storage() / 32, WORKGROUP))
+    let voxels = level.grid.storage();
+    s.dispatch(&INITIALISE, groups(voxels / 32, WORKGROUP), voxels as u64)
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::REACHABLE, level.reachable);
     domain::compact(s, plan, level);
-    s.indirect(&INITIALISE_RAW, buffer::ARGUMENTS, TOUCHED).bind(buffer::SCENE, level.scene);
+    s.indirect(&INITIALISE_RAW, buffer::ARGUMENTS, TOUCHED, plan.touched_capacity as u64)
+        .bind(buffer::SCENE, level.scene);
     restart(s, plan);
 }
 
@@ -69,7 +77,8 @@ pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
 /// Moves a part of the state to its new slots by the pass `how`.
 fn carry(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass, state: Buffer) {
     let [target, _] = plan.volumes;
-    s.indirect(how, buffer::ARGUMENTS, TOUCHED)
+    // Doubling interpolates between eight.
+    s.indirect(how, buffer::ARGUMENTS, TOUCHED, 8 * plan.touched_capacity as u64)
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::SOURCE, state)
         .bind(buffer::TARGET, target);

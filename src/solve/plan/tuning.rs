@@ -170,9 +170,12 @@ const OTHERS_WITH_COLUMNS: u32 = 2;
 /// column in a sixth of the turns at most (docs/gpu.md).
 const SPANS: u32 = 4;
 
-/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory. A brick of voxels spans about as
-/// many.
+/// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory, or what is left of as much. A brick of
+/// voxels spans about as many.
 const WINDOW: u32 = 64;
+
+/// Columns of fewer bins would move at every other voxel.
+const NARROWEST: u32 = 8;
 
 impl Tuning {
     /// The sizes for a device, with those that are asked for. `capacity` is how many voxels may be active.
@@ -220,7 +223,12 @@ impl Tuning {
             share_arms: !cpu,
             texels: cpu,
         };
-        t.check(device, sizes)?;
+        if sizes.window.is_none() {
+            let narrower = t.window.min(t.widest_window(product, device));
+            t.window = if narrower < NARROWEST { 0 } else { narrower };
+            t.window_span = t.window.saturating_mul(SPANS);
+        }
+        t.check(product, device, sizes)?;
         if !owned {
             // One dispatch must hold all chunks, even if every voxel is active.
             t.chunk = t.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
@@ -274,7 +282,21 @@ impl Tuning {
         moves.saturating_add(if product { chunk / 4 * (5 * others + 5) } else { chunk })
     }
 
-    fn check(&self, device: &Abilities, sizes: &Sizes) -> Result<()> {
+    /// Bytes of shared memory that a workgroup of the forward kernel takes for one bin of all its columns, and for the arms
+    /// of a block of voxels to a product's other points (`forward_product.comp`).
+    fn shared_bytes(&self, product: bool) -> [u64; 2] {
+        let [lanes, others] = [self.lanes, self.others_forward].map(u64::from);
+        let arms = if product { 64 * 12 * others + 12 } else { 0 };
+        [lanes.saturating_mul(others * 4), arms]
+    }
+
+    /// Bins of the widest columns that a device has shared memory for.
+    fn widest_window(&self, product: bool, device: &Abilities) -> u32 {
+        let [of_bin, arms] = self.shared_bytes(product);
+        (u64::from(device.limits.shared_memory).saturating_sub(arms) / of_bin.max(1)) as u32
+    }
+
+    fn check(&self, product: bool, device: &Abilities, sizes: &Sizes) -> Result<()> {
         let bad = |what: String, mend: String| Err(Error::options(format!("sizes {sizes}: {what}"), mend));
         let none = sizes.named().into_iter().find(|(name, v)| *v == Some(0) && *name != "window");
         if let Some((name, _)) = none {
@@ -295,10 +317,9 @@ impl Tuning {
                 format!("use at most {OWNED_CHUNK}"),
             );
         }
-        // Beside the columns a product holds 64 voxels' arms to the other points.
-        let columns =
-            [self.lanes, self.others_forward, self.window, 4].iter().map(|v| u64::from(*v)).product::<u64>();
-        let bytes = columns + 64 * 12 * u64::from(self.others_forward) + 64;
+        let [of_bin, arms] = self.shared_bytes(product);
+        // Without columns there is one word of them.
+        let bytes = of_bin.saturating_mul(u64::from(self.window)).max(4).saturating_add(arms);
         if bytes > u64::from(device.limits.shared_memory) {
             return bad(
                 format!(

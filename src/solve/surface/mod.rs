@@ -17,7 +17,7 @@ use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::estimate::{energy, expected_noise};
 use super::on_device::{OnDevice, read_maps, trace_rows, upload};
 use super::outline::{self, Part};
-use super::over_pairs::scene_of_sums;
+use super::over_pairs::{scene_of_sums, turns_of_finish};
 use super::passes::objective;
 use super::{Level, Plan, together};
 use crate::Result;
@@ -307,7 +307,7 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
     render(s, plan, level, pixels, objective(plan), None);
     together::add_up_losses(s, plan, level, &passes::SURFACE_FINISH, &[]);
-    s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1])
+    s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(Push { iteration: row as u32, flags: together::finish_flags(plan), ..Default::default() });
 }

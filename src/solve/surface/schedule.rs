@@ -1,14 +1,20 @@
 //! The surface as schedules.
 
 use super::passes::*;
+use super::weights;
 use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
-use crate::solve::over_pairs::{compare, forward, gather, gathered, groups, over_parts, scene_of_sums};
+use crate::solve::over_pairs::{
+    compare, forward, gather, gathered, groups, over_parts, scene_of_sums, turns_of_finish,
+};
 use crate::solve::passes::{ARGUMENTS, objective};
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan, together};
 use crate::transport::kernels::*;
+
+/// Turns of a kernel for a pixel: its eight neighbours and its four points.
+const NEAR: u64 = 8 + 4;
 
 /// Decays of Adam's moments, as in `surface_step.comp`.
 const BETAS: [f64; 2] = [0.9, 0.99];
@@ -21,7 +27,7 @@ fn push(count: usize) -> Push {
 pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
-    s.dispatch(&ARGUMENTS, [1, 1, 1]).bind(buffer::SCENE, level.rendered.scene);
+    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.rendered.scene);
     bonds(s, level, count, 0);
 }
 
@@ -29,12 +35,16 @@ pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
 /// if any are.
 pub fn bonds(s: &mut Schedule, level: &Level, count: usize, done: usize) {
     let push = Push { iteration: done as u32, ..push(count) };
-    s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push);
+    s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP), 16 * count as u64)
+        .bind(buffer::SCENE, level.scene)
+        .with(push);
 }
 
 /// Computes slopes and samples of the current surface.
 pub fn points(s: &mut Schedule, level: &Level, count: usize) {
-    s.dispatch(&SURFACE_POINTS, groups(count, WORKGROUP)).bind(buffer::SCENE, level.scene).with(push(count));
+    s.dispatch(&SURFACE_POINTS, groups(count, WORKGROUP), NEAR * count as u64)
+        .bind(buffer::SCENE, level.scene)
+        .with(push(count));
 }
 
 /// Renders the current surface and compares it by the pass `residual`.
@@ -83,22 +93,26 @@ pub fn iteration(
         gather(s, plan, level, part, &SURFACE_GATHER, 0, from);
     });
     together::add_up_losses(s, plan, level, &SURFACE_FINISH, &[plan.gradients()]);
-    s.dispatch(&SURFACE_COMBINE, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
-    s.dispatch(&SURFACE_PULL, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(push);
-    s.dispatch(&SURFACE_STEP, groups(count, WORKGROUP)).bind(buffer::SCENE, scene).with(unbiased(
+    let (all, pixels, [around, _]) = (groups(count, WORKGROUP), count as u64, weights::around(level));
+    s.dispatch(&SURFACE_COMBINE, all, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_PULL, all, around * pixels).bind(buffer::SCENE, scene).with(push);
+    s.dispatch(&SURFACE_STEP, all, around * pixels).bind(buffer::SCENE, scene).with(unbiased(
         push,
         BETAS,
         at as u32 + 1,
     ));
     let push = Push { flags: together::finish_flags(plan), ..push };
-    s.dispatch(&SURFACE_FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
+    s.dispatch(&SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
+        .bind(buffer::SCENE, scene_of_sums(plan, level))
+        .with(push);
 }
 
 /// Puts the maps with a layer of the surface in them into `columns_host`. `of_layers`: how many pixels each has.
 pub fn extract(s: &mut Schedule, level: &Level, of_layers: [usize; 2], layer: usize) {
     points(s, level, of_layers.iter().sum());
     let begin: usize = of_layers[..layer].iter().sum();
-    s.dispatch(&SURFACE_EXTRACT, groups(of_layers[layer], WORKGROUP))
+    let ([_, around], pixels) = (weights::around(level), of_layers[layer]);
+    s.dispatch(&SURFACE_EXTRACT, groups(pixels, WORKGROUP), around * pixels as u64)
         .bind(buffer::SCENE, level.scene)
         .with(Push { first: begin as u32, ..push(begin + of_layers[layer]) });
     columns(s, level);
@@ -107,7 +121,8 @@ pub fn extract(s: &mut Schedule, level: &Level, of_layers: [usize; 2], layer: us
 /// Puts the second surface of every column of the volume into `columns_host`.
 pub fn extract_behind(s: &mut Schedule, level: &Level) {
     let all = level.grid.n[0] * level.grid.n[1];
-    s.dispatch(&EXTRACT_BEHIND, groups(all, WORKGROUP)).bind(buffer::SCENE, level.scene);
+    s.dispatch(&EXTRACT_BEHIND, groups(all, WORKGROUP), (3 * all * level.grid.n[2]) as u64)
+        .bind(buffer::SCENE, level.scene);
     columns(s, level);
 }
 

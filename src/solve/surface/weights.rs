@@ -81,6 +81,13 @@ pub fn weights(
     all
 }
 
+/// Pixels around each that a kernel visits at `level` at most: to average gradients, and to smooth albedos.
+pub fn around(level: &Level) -> [u64; 2] {
+    let coarser = level.grid.n[0] as f64 / AMPLE as f64;
+    let sigmas = [(SPREAD * coarser).min(MOST_SPREAD), (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)];
+    sigmas.map(|sigma| (2 * (2.0 * sigma).ceil() as u64 + 1).pow(2))
+}
+
 /// The width of a pixel of the first grid, which has the resolution of the scan, in pixels of `maps`; or that of a
 /// grid with [`AMPLE`] pixels a side if the first is coarser.
 pub fn coarser(first: &Grid, maps: &Grid) -> f64 {

@@ -106,7 +106,7 @@ fn make_ready(job: &mut OnDevice) -> Result<()> {
 
 /// Uploads the Mexican hat that filters the measurement for a back-projection at `level`.
 fn upload_hat(job: &mut OnDevice, level: &Level) -> Result<()> {
-    let hat = hat(HAT_SIGMA * level.grid.pitch.x / level.bin_width, level.bins);
+    let hat = hat(hat::sigma_of(level), level.bins);
     upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(&hat))
 }
 

@@ -1,12 +1,13 @@
 //! The vector solver as schedules.
 
 use super::VectorOptions;
+use super::hat::taps_of_hat;
 use super::passes::*;
 use crate::gpu::{Command, Schedule};
 use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{
-    arguments, compare, forward, gather, groups, instrument_back, over_parts, pair_chunks, scene_of_sums,
-    work_of,
+    arguments, compare, forward, gather, groups, instrument_back, light, over_parts, pair_chunks,
+    scene_of_sums, turns_of_finish, work_of,
 };
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL_BOUND, objective};
 use crate::solve::plan::PairPart;
@@ -17,15 +18,22 @@ use crate::transport::kernels::*;
 
 /// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
 pub fn project(s: &mut Schedule, plan: &Plan, level: &Level) {
-    gather_filtered(s, plan, level, false);
+    gather_filtered(s, plan, level, taps_of_hat(level), false);
     domain::smooth(s, plan, level, &GAUSSIAN_X_VOLUME, None);
 }
 
-/// Back-projects the filtered measurement into the second of [`Plan::volumes`]. Sums below zero stay if `signed`, else
-/// they become zero.
-pub(in crate::solve) fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, signed: bool) {
+/// Back-projects the filtered measurement into the second of [`Plan::volumes`]. The filter has so many `taps`, its two sides
+/// counted once. Sums below zero stay if `signed`, else they become zero.
+pub(in crate::solve) fn gather_filtered(
+    s: &mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    taps: usize,
+    signed: bool,
+) {
     over_parts(s, plan, level, |s, part| {
-        s.dispatch(&FILTER, groups(cells(part.own.count, level.bins), WORKGROUP))
+        let cells = cells(part.own.count, level.bins);
+        s.dispatch(&FILTER, groups(cells, WORKGROUP), light(cells * 2 * taps))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);
         backproject(s, plan, level, part, signed);
@@ -56,7 +64,7 @@ pub(super) fn backproject(s: &mut Schedule, plan: &Plan, level: &Level, part: &P
             push.flags &= !BACKWARD_FINISH;
         }
         let all = groups(voxels, plan.tuning.samples_of_group(voxels));
-        let command = s.dispatch(&BACKPROJECT, all).with(push).taking(work_of(&push, voxels));
+        let command = s.dispatch(&BACKPROJECT, all, work_of(&push, voxels)).with(push);
         bind_of_backproject(plan, part, command);
     }
 }
@@ -77,12 +85,22 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
     bounds(s, plan, level, None);
 }
 
+/// Turns of the pass that extrapolates: a voxel looks at its six neighbours.
+pub(super) fn turns_of_extrapolate(plan: &Plan, level: &Level) -> u64 {
+    6 * plan.voxels_at(level) as u64
+}
+
 /// One iteration: extrapolate (and roughness), forward, weighted residual, step, finish.
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
     let push = Push { iteration, ..Default::default() };
-    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
-        .bind(buffer::SCENE, level.scene)
-        .with(push);
+    s.indirect(
+        &EXTRAPOLATE,
+        buffer::ARGUMENTS,
+        arguments(ARGUMENTS_SAMPLE),
+        turns_of_extrapolate(plan, level),
+    )
+    .bind(buffer::SCENE, level.scene)
+    .with(push);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, objective(plan), push, None);
@@ -93,7 +111,9 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
     together::add_up_losses(s, plan, level, &FINISH, &[plan.gradients()]);
     together::end(s, plan, level, &STEP, plan.residual());
     let push = Push { flags: together::finish_flags(plan), ..push };
-    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level)).with(push);
+    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
+        .bind(buffer::SCENE, scene_of_sums(plan, level))
+        .with(push);
 }
 
 /// The schedule that is due after `done` iterations: the next level, on a finer grid or with more pairs, or a
@@ -138,15 +158,16 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
 /// them.
 pub(super) fn settle(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass) {
     domain::compact(s, plan, level);
-    let sample = arguments(ARGUMENTS_SAMPLE);
-    s.indirect(how, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
+    let (sample, voxels) = (arguments(ARGUMENTS_SAMPLE), plan.voxels_at(level) as u64);
+    // Doubling interpolates between eight.
+    s.indirect(how, buffer::ARGUMENTS, sample, 8 * voxels).bind(buffer::SCENE, level.scene);
     let slots = plan.capacity as u64;
     s.copy(buffer::BEFORE, buffer::RAW, slots * 16);
     s.copy(buffer::GRADIENT, buffer::BOUNDS, slots * 8);
     for (index, value) in [(MOMENTUM_T, 1.0f32), (MOMENTUM_BETA, 0.0), (MOMENTUM_OBJECTIVE, f32::INFINITY)] {
         s.set(buffer::MOMENTUM, index, value.to_bits());
     }
-    s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, level.scene);
+    s.indirect(&POINTS, buffer::ARGUMENTS, sample, voxels).bind(buffer::SCENE, level.scene);
 }
 
 /// D and lambda of the active voxels. `expected` is the pass that estimates brightness, and the power of it that
@@ -154,9 +175,9 @@ pub(super) fn settle(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass) {
 /// next call, so the bounds of the others still hold.
 pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) {
     let scene = level.scene;
-    let sample = arguments(ARGUMENTS_SAMPLE);
+    let (sample, voxels) = (arguments(ARGUMENTS_SAMPLE), plan.voxels_at(level) as u64);
     if let Some((pass, power)) = expected {
-        s.indirect(pass, buffer::ARGUMENTS, sample)
+        s.indirect(pass, buffer::ARGUMENTS, sample, 8 * voxels)
             .bind(buffer::SCENE, scene)
             .bind(buffer::SOURCE, plan.volumes[0])
             .with(Push { flags: (power as f32).to_bits(), ..Default::default() });
@@ -170,7 +191,8 @@ pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Opt
     });
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     over_parts(s, plan, level, |s, part| {
-        s.dispatch(&VARIANCE, groups(cells(part.own.count, level.bins), WORKGROUP))
+        let cells = cells(part.own.count, level.bins);
+        s.dispatch(&VARIANCE, groups(cells, WORKGROUP), cells as u64)
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);
         instrument_back(s, plan, level, part, [&PULSE_NOISE, &SPOT_NOISE], None);
@@ -181,6 +203,6 @@ pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Opt
         together::end(s, plan, level, pass, plan.residual());
     }
     if expected.is_some() {
-        s.indirect(&POINTS, buffer::ARGUMENTS, sample).bind(buffer::SCENE, scene);
+        s.indirect(&POINTS, buffer::ARGUMENTS, sample, voxels).bind(buffer::SCENE, scene);
     }
 }

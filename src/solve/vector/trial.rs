@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::left::{Left, Unseen};
 use super::passes::EXTRAPOLATE;
+use super::schedule::turns_of_extrapolate;
 use super::{VectorOptions, due, make_ready, model, solve_volume, steps, stop_below};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
@@ -221,9 +222,14 @@ fn steps_after<'o>(plan: &Plan, options: &'o VectorOptions, driven: &Driven) -> 
 
 /// Renders the volume of `level` for all pairs of `plan`, and compares.
 fn render_volume(s: &mut Schedule, plan: &Plan, level: &Level) {
-    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE))
-        .bind(buffer::SCENE, level.scene)
-        .with(Push::default());
+    s.indirect(
+        &EXTRAPOLATE,
+        buffer::ARGUMENTS,
+        arguments(ARGUMENTS_SAMPLE),
+        turns_of_extrapolate(plan, level),
+    )
+    .bind(buffer::SCENE, level.scene)
+    .with(Push::default());
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, &RESIDUAL, Push::default(), None);

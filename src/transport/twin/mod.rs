@@ -21,7 +21,7 @@ pub use optimise::{learning_rate, noise, update};
 pub use pulse::{Way, instrument, pulse, spot, sum_bins};
 pub use random::random3;
 pub use render::{
-    Sample, backward, finish, forward, forward_pair, objective, residual, sample, sample_point,
+    Sample, backward, finish, forward, forward_pair, objective, places, residual, sample, sample_point,
     weighted_objective,
 };
 pub use surface::{

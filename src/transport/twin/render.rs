@@ -1,6 +1,7 @@
 use glam::{DVec3, dvec3};
 
 use super::{Raw, Twin, Way, instrument, random3};
+use crate::transport::kernels::PADDING;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
 /// The surface element of a voxel's sample, as every pair sees it.
@@ -157,6 +158,17 @@ fn shares(twin: &Twin, position: f64) -> impl Iterator<Item = (usize, f64)> {
     both.into_iter().filter(move |(b, w)| *b >= 0.0 && *b < bins && *w > 0.0).map(|(b, w)| (b as usize, w))
 }
 
+/// The cells of paths in a pair's row, as `place.glsl` counts them: bin 0 is cell [`PADDING`], and the ends of a row belong
+/// to no bin. What is not a number is in the first cell.
+pub fn places(twin: &Twin, paths: &[f64]) -> Vec<u32> {
+    let m = twin.model;
+    let first = f64::from(PADDING) - if m.binning == Binning::Linear { 0.5 } else { 0.0 };
+    let last = m.stride() as f64 + 1.0;
+    let cell = |path: &f64| ((path - m.t_start) / m.bin_width + first).floor();
+    // `max` passes over what is not a number.
+    paths.iter().map(|path| cell(path).max(0.0).min(last) as u32).collect()
+}
+
 /// Accumulated histograms of the samples, `[pair * bins + bin]`, before the render scale.
 pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
     (0..twin.model.rendered_wall().pairs()).flat_map(|pair| forward_pair(twin, pair, samples)).collect()
@@ -229,8 +241,9 @@ pub(super) fn gather(twin: &Twin, s: &Sample, residual: &[f64], mut hear: impl F
     let bins = twin.model.bins;
     for pair in 0..twin.model.rendered_wall().pairs() {
         let k = kernel(twin, pair, s);
-        let r = shares(twin, k.bin).map(|(b, w)| w * residual[pair * bins + b]).sum();
-        hear(&k, r);
+        let r: f64 = shares(twin, k.bin).map(|(b, w)| w * residual[pair * bins + b]).sum();
+        // A path that is not finite reads no bin, and tells.
+        hear(&k, if k.bin.is_finite() { r } else { f64::NAN });
     }
 }
 

@@ -172,7 +172,7 @@ impl Projector {
         for filter in filters {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
             job.executor.run_once(|s| {
-                gather_filtered(s, &job.plan, &level, true);
+                gather_filtered(s, &job.plan, &level, filter.len(), true);
                 s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
             })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
@@ -344,8 +344,9 @@ impl<M: Projection> Prepared for Projecting<M> {
         for projector in self.columns.as_mut().map(|(_, columns)| columns).into_iter().chain([&mut self.all])
         {
             let job = projector.made()?;
-            job.executor
-                .reserve(&Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), true)))?;
+            job.executor.reserve(&Schedule::of(|s| {
+                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.bins, true)
+            }))?;
         }
         Ok(())
     }

@@ -13,13 +13,16 @@
 
 use std::time::Duration;
 
+use super::hat::taps_of_hat;
 use super::passes::*;
-use super::schedule::{backproject, bounds, settle};
+use super::schedule::{backproject, bounds, settle, turns_of_extrapolate};
 use super::{VectorOptions, iteration};
 use crate::gpu::Schedule;
 use crate::solve::Plan;
 use crate::solve::domain::{self, Dark};
-use crate::solve::over_pairs::{arguments, compare, forward, groups, over_parts, scene_of_sums};
+use crate::solve::over_pairs::{
+    arguments, compare, forward, groups, light, over_parts, scene_of_sums, turns_of_finish,
+};
 use crate::solve::passes::{FINISH, FORWARD, objective};
 use crate::solve::plan::{Level, SEEN};
 use crate::transport::Model;
@@ -99,12 +102,18 @@ pub fn look(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOption
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
     settle(s, plan, level, &SETTLE);
-    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE)).bind(buffer::SCENE, level.scene);
+    s.indirect(
+        &EXTRAPOLATE,
+        buffer::ARGUMENTS,
+        arguments(ARGUMENTS_SAMPLE),
+        turns_of_extrapolate(plan, level),
+    )
+    .bind(buffer::SCENE, level.scene);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, objective(plan), Push::default(), None);
     });
-    s.dispatch(&FINISH, [1, 1, 1]).bind(buffer::SCENE, scene_of_sums(plan, level));
+    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan)).bind(buffer::SCENE, scene_of_sums(plan, level));
 }
 
 /// Adds the voxels to the domain where something is missing, and renews the bounds. Follows [`look`] at the same level, the
@@ -125,7 +134,8 @@ pub fn grow(
     for two in plan.levels.windows(2).filter(|two| two[0].grid != two[1].grid) {
         domain::double_mask(s, &two[0], &two[1]);
     }
-    s.dispatch(&JOIN, groups(level.grid.storage() / 32, WORKGROUP)).bind(buffer::SCENE, level.scene);
+    let words = level.grid.storage() / 32;
+    s.dispatch(&JOIN, groups(words, WORKGROUP), words as u64).bind(buffer::SCENE, level.scene);
     settle(s, plan, level, &SETTLE);
     // The bounds and the roughness go by the albedo again, not by the back-projection.
     domain::smooth(s, plan, level, &GAUSSIAN_X, None);
@@ -142,7 +152,9 @@ fn project_left(s: &mut Schedule, plan: &Plan, level: &Level, scene: &SceneData)
     let spare = if plan.has_spots() { SEEN } else { buffer::HISTOGRAMS };
     s.copy(buffer::RESIDUAL, spare, (plan.cells_at(level) * 4) as u64);
     let factor = -0.5 / (scene.loss_scale * scene.render_scale);
-    s.dispatch(&FILTER_LEFT, groups(plan.cells_at(first), WORKGROUP))
+    // A bin here may hold several there.
+    let (cells, each) = (plan.cells_at(first), first.sum.div_ceil(level.sum) + 1);
+    s.dispatch(&FILTER_LEFT, groups(cells, WORKGROUP), light(cells * 2 * taps_of_hat(first) * each))
         .bind(buffer::SCENE, first.scene)
         .bind(buffer::SOURCE, spare)
         .with(Push {
