@@ -81,12 +81,11 @@ pub fn enough_pairs(capture: &Capture) -> usize {
     if some.histograms.is_empty() {
         return LEAST_PAIRS;
     }
-    let bins = some.histograms.len() as f64;
     let background = background(&some);
     let [per_count, empty] = variances(&some, background);
-    let counts: f64 = some.histograms.iter().map(|v| f64::from(*v)).sum();
-    let light = (counts - background * bins).max(0.0);
-    let photons = light * light / (per_count * light + empty * bins) / some.pair_count() as f64;
+    // Of a pair in the mean. Bins before a gate opens have less than the background.
+    let light: f64 = some.mean_histogram().iter().map(|mean| (mean - background).max(0.0)).sum();
+    let photons = light * light / (per_count * light + empty * some.bins as f64);
     // Without light it is no number.
     if photons > 0.0 {
         ((LEAST_PHOTONS / photons) as usize).clamp(LEAST_PAIRS, MOST_PAIRS)

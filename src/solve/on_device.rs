@@ -93,6 +93,10 @@ impl OnDevice {
             let wall = plan.own_wall(&model.wall.first(level.pairs)).stretch(part.first, part.own.count);
             all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
+        for (i, batch) in plan.batches_held().iter().enumerate() {
+            let wall = model.wall.stretch(i * batch.pairs, batch.pairs);
+            all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
+        }
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));
         all.add(buffer::TAPS, bytemuck::cast_slice(&taps))?;
@@ -215,7 +219,7 @@ impl<'e> Uploads<'e> {
 
     /// Adds the scenes, which hold the variance of the measured values.
     pub fn add_scenes(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
-        for level in plan.levels.iter().chain(plan.pixels_only()) {
+        for level in plan.levels.iter().chain(plan.pixels_only()).chain(plan.batches_held()) {
             let own = in_bins_of(level, model, summed);
             let scene = own.scene_of(&level.grid, level.pairs);
             let scene = plan.scene_of(level, &plan.measured(level), scene);

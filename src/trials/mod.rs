@@ -460,8 +460,7 @@ fn quick(options: VectorOptions, confocal: bool) -> VectorOptions {
     options.with(|o| {
         o.lateral = o.lateral.min(LATERAL);
         o.iterations = ITERATIONS;
-        // All that a trial has.
-        o.pairs = 8 * PAIRS;
+        o.all_pairs = true;
         o.domain.coarse_iterations = COARSE_ITERATIONS;
         o.surface.iterations = SURFACE_ITERATIONS;
         o.surface.pixels_per_voxel = fine.then_some(2);

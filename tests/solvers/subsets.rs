@@ -124,8 +124,12 @@ fn few_pairs_are_all_taken_and_so_are_those_that_are_not_spread() {
 #[test]
 fn few_photons_need_more_pairs() {
     let points: Vec<DVec3> = (0..4096).map(|i| dvec3((i % 64) as f64, (i / 64) as f64, 0.0) / 64.0).collect();
-    let pairs = |light: f32, background: f32| {
-        let of_bin = |bin: usize| background + if bin % 64 == 20 { light } else { 0.0 };
+    let of = |light: f32, background: f32, opens: usize| {
+        let of_bin = |bin: usize| match bin % 64 {
+            before if before < opens => 0.0,
+            20 => background + light,
+            _ => background,
+        };
         let counts = (0..4096 * 64).map(of_bin).collect();
         let mut capture = Capture::new([64, 64], points.clone(), points.clone(), 64, 0.02, counts);
         capture.integer_counts = true;
@@ -134,11 +138,13 @@ fn few_photons_need_more_pairs() {
             other => panic!("{other:?}"),
         }
     };
+    let pairs = |light, background| of(light, background, 0);
     // 32,768 photons; exact histograms, and bright ones, need 1,024 pairs.
     assert_eq!([1e9, 100.0, 32.0].map(|light| pairs(light, 0.0)), [1024; 3]);
     assert_eq!([8.0, 2.0].map(|light| pairs(light, 0.0)), [4096, 16_384]);
     // Background adds its noise: 16 of 16 + 64 counts are as good as 3.2 alone.
     assert_eq!(pairs(16.0, 1.0), 10_240);
+    assert_eq!(of(32.0, 1.0, 16), 3072, "empty bins before a gate opens take nothing off the light");
     assert_eq!(pairs(0.0, 0.0), 1_000_000_000, "no light: all there are");
 }
 

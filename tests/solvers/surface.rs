@@ -10,7 +10,9 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::simulate::{Object, RenderOptions, Scene, WallShape, rectangle, simulate, truth};
 use thirdbounce::solve::surface::{self, Pixels, SUPPORT};
-use thirdbounce::solve::{Accumulation, Plan, Reconstruction, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{
+    Accumulation, OnDevice, Plan, Reconstruction, VectorOptions, Watch, default_volume, vector,
+};
 use thirdbounce::transport::{Grid, Reflectance, Volume};
 
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
@@ -357,9 +359,9 @@ fn surfaces_on_walls_of_any_size() {
     assert_valid(&gpu);
 }
 
-/// Early iterations of the volume take a part of the pairs that are used; the surface takes all of them.
+/// Early iterations of the volume take a part of the pairs that are used; the surface takes all of them in turns.
 #[test]
-fn a_large_scans_surface_has_all_pairs_that_are_used() {
+fn a_large_scans_surface_takes_all_pairs_in_turns() {
     let gpu = gpu();
     let scene = Scene { scan: 64, bin_width: 0.02, ..Scene::named("sphere").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
@@ -376,7 +378,28 @@ fn a_large_scans_surface_has_all_pairs_that_are_used() {
         "{pairs:?}: the volume begins with a quarter"
     );
     assert!(of(4, 6).all(|p| p == 1024), "{pairs:?}: the volume ends with all");
-    assert!(of(6, 16).all(|p| p == 1024) && of(6, 14).count() > 0, "{pairs:?}: the surface has all");
+    assert!(of(6, 16).all(|p| p == 256) && of(6, 14).count() > 0, "{pairs:?}: the surface has batches");
+    // The batches are all pairs that are used, each once.
+    let plan = &done.plan;
+    assert_eq!(plan.batches.iter().map(|b| b.pairs).collect::<Vec<_>>(), [256; 4]);
+    let model = vector::model(&capture, &plan.maps, &o);
+    let mut job = OnDevice::new(&gpu, model.clone(), plan.clone(), None).unwrap();
+    job.executor.run_once(|s| surface::divide(s, plan)).unwrap();
+    for (i, batch) in plan.batches.iter().enumerate() {
+        let row = i * 256 * batch.bins;
+        let measured: Vec<f32> = read(&mut job, batch.measured, 256 * batch.bins);
+        assert_eq!(measured, model.measured[row..row + measured.len()], "batch {i}");
+        let wall: Vec<[f32; 4]> = read(&mut job, batch.wall, 256);
+        assert_eq!(wall, model.wall.stretch(256 * i, 256).words(), "batch {i}");
+    }
+    // Each is spread over the wall.
+    for batch in 0..4 {
+        let points = &model.wall.scanned[256 * batch..][..256];
+        for corner in [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]] {
+            let near = points.iter().filter(|p| p.x * corner[0] > 0.0 && p.y * corner[1] > 0.0);
+            assert_eq!(near.count(), 64, "batch {batch}");
+        }
+    }
     assert_eq!(pairs.last().map(|p| p[0]), Some(16));
     assert!(done.trace.iter().all(|p| p.loss.is_finite()));
     let [before, after] = [8, 16].map(|i| done.trace.iter().rfind(|p| p.iteration <= i).unwrap().loss);

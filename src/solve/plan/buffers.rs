@@ -180,7 +180,8 @@ impl Plan {
     /// Bytes of the scenes of all levels, which change with the counts.
     fn scene_bytes(&self) -> u64 {
         let of_level = if self.has_spots() { 2 } else { 1 };
-        let whole = self.levels.iter().chain(self.pixels_only()).count() * of_level;
+        let whole =
+            self.levels.iter().chain(self.pixels_only()).chain(self.batches_held()).count() * of_level;
         ((whole + 2 * self.cut_levels().count()) * size_of::<SceneData>()) as u64
     }
 
@@ -199,6 +200,14 @@ impl Plan {
             if level.wall != buffer::WALL && !self.is_cut(level) {
                 all.push((level.wall, self.wall_bytes(level)));
             }
+        }
+        for batch in self.batches_held() {
+            let measured = (batch.pairs * batch.bins * 4) as u64;
+            all.extend([
+                (batch.scene, of_scene),
+                (batch.wall, self.wall_bytes(batch)),
+                (batch.measured, measured),
+            ]);
         }
         all.extend(self.part_buffers(of_scene));
         all

@@ -2,7 +2,7 @@
 
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
-use crate::transport::{Grid, Model};
+use crate::transport::{Geometry, Grid, Model};
 
 /// Pairs of wall points as passes over pairs see them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +56,11 @@ pub fn pairs_for(lateral: usize, pairs: usize) -> usize {
 
 /// Constants of levels on the maps' pixels, where these are no voxels.
 const SURFACE_SCENE: Buffer = Buffer::named("surface_scene");
+
+/// Measured histograms, wall points and constants of a batch of pairs.
+const BATCH_MEASURED: Buffer = Buffer::named("batch_measured");
+const BATCH_WALL: Buffer = Buffer::named("batch_wall");
+const BATCH_SCENE: Buffer = Buffer::named("batch_scene");
 
 /// Lateral voxels of the coarsest grid, if the scan has more points side by side and pairs are spread.
 pub const AMPLE: usize = 32;
@@ -193,6 +198,29 @@ pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Option<L
         rendered: own_pairs(model, last.pairs, last.wall, SURFACE_SCENE),
         ..last
     })
+}
+
+/// Batches of a surface's pairs.
+const BATCHES: usize = 4;
+
+/// Pairs of the smallest batch: a few of a scan may be missing.
+const LEAST_BATCH: usize = 225;
+
+/// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. Up to three pairs at
+/// the end are in none.
+pub(super) fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
+    let pairs = model.pairs() / BATCHES;
+    // The rows of a product with several other points are not cut.
+    let cuts = model.wall.geometry != Geometry::Product || model.wall.others.len() == 1;
+    let Some(level) = level.filter(|_| model.is_spread && cuts && pairs >= LEAST_BATCH) else {
+        return vec![];
+    };
+    let batch = |i: u16| {
+        let (wall, scene) = (BATCH_WALL.at(i), BATCH_SCENE.at(i));
+        let rendered = own_pairs(model, pairs, wall, scene);
+        Level { pairs, measured: BATCH_MEASURED.at(i), wall, scene, rendered, ..*level }
+    };
+    (0..BATCHES as u16).map(batch).collect()
 }
 
 /// The first `pairs` of a model, with these buffers.

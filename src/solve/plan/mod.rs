@@ -40,6 +40,8 @@ pub struct Plan {
     pub levels: Vec<Level>,
     /// The level on the maps' pixels, for what follows the volume; `None` if nothing does.
     pub pixel_level: Option<Level>,
+    /// Its pairs in batches, which iterations take in turns; none if each takes all.
+    pub batches: Vec<Level>,
     /// What is rendered for every number of pairs; none where laser and sensor see points.
     pub spots: Vec<Spots>,
     /// The grid whose lateral cells are the maps' pixels.
@@ -163,6 +165,7 @@ impl Plan {
         let mut levels = sequence.levels();
         let mut pixel_level = levels::of_pixels(model, &levels, grid).filter(|_| demand.iterations[1] > 0);
         let spots = spots::cover(model, &mut levels, pixel_level.as_mut_slice());
+        let batches = if spots.is_empty() { levels::in_batches(model, pixel_level.as_ref()) } else { vec![] };
         let maps = pixel_level.as_ref().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
         let mut tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
@@ -179,6 +182,7 @@ impl Plan {
             reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
             levels,
             pixel_level,
+            batches,
             spots,
             maps,
             pairs: model.pairs(),
@@ -334,6 +338,17 @@ impl Plan {
     /// Pixels of the maps side by side in a voxel of the finest grid.
     pub fn factor(&self) -> usize {
         self.maps.n[0] / self.finest().grid.n[0]
+    }
+
+    /// The pairs that iteration `at` of the surface takes, if it does not take all.
+    pub(in crate::solve) fn batch(&self, at: usize) -> Option<&Level> {
+        let all = self.batches_held();
+        all.get(at % all.len().max(1))
+    }
+
+    /// The batches: none where a device has a part of the pairs only.
+    pub(in crate::solve) fn batches_held(&self) -> &[Level] {
+        if self.cut.is_none() && self.share.is_none() { &self.batches } else { &[] }
     }
 
     /// The levels on the maps' pixels that are not levels of the volume.

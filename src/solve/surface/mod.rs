@@ -7,9 +7,10 @@
 //!
 //! The objective is the vector solver's, with a Gaussian prior instead of its other terms: neighbours lie in each
 //! other's planes and have similar albedos, weighted by the noise of the histograms ([`weights`]). Adam minimises it;
-//! its gradients are averaged over their surroundings at first. The pixels are the bright ones of the maps
-//! ([`Pixels`]); depths stay within the grid. Where the volume shows two surfaces behind each other, both are refined,
-//! each in a layer of its own ([`layers`]).
+//! its gradients are averaged over their surroundings at first. Its iterations take a quarter of the pairs in turns: Adam
+//! averages their gradients, and the result is that of all pairs in each (study in benches/studies/pairs.md). The pixels
+//! are the bright ones of the maps ([`Pixels`]); depths stay within the grid. Where the volume shows two surfaces behind
+//! each other, both are refined, each in a layer of its own ([`layers`]).
 
 use std::time::Instant;
 
@@ -42,7 +43,7 @@ pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, p
 pub use options::SurfaceOptions;
 use pixels::support;
 pub use pixels::{Pixels, SUPPORT};
-pub use schedule::{bonds, extract, extract_behind, iteration, points, render, start};
+pub use schedule::{bonds, divide, extract, extract_behind, iteration, points, render, start};
 use weights::coarser;
 pub use weights::{Placed, weights};
 
@@ -116,6 +117,7 @@ pub(super) fn refine(
         }
         upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(weights))?;
         upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
+        job.executor.run_once(|s| divide(s, &job.plan))?;
     }
     let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
     // All of this is part of the solve; the driver's clock continues from here.
@@ -130,7 +132,7 @@ pub(super) fn refine(
     let of_layers = pixels.of_layers(volumes.albedo.len());
     let steps = Steps {
         until: on.and_then(|on| on.until),
-        ..steps(level, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
+        ..steps(&job.plan, level, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
     };
     driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
     // Without the cost of the prior.
@@ -188,6 +190,7 @@ fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usi
 /// volume, as if so many as `skipped` had been done. Maps on the way show the first layer. `taps` are the words of a set of taps; with them, residuals go through
 /// a Gaussian at first.
 fn steps(
+    plan: &Plan,
     level: Level,
     of_layers: [usize; 2],
     begin: usize,
@@ -196,7 +199,7 @@ fn steps(
 ) -> Steps<'static> {
     let count = of_layers.iter().sum();
     Steps {
-        levels: vec![level],
+        levels: vec![plan.batch(0).copied().unwrap_or(level)],
         start: Box::new(|_, _| ()),
         iteration: Box::new(move |s, plan, level, i| {
             let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
@@ -238,6 +241,7 @@ pub(super) fn each(
     let begin = plan.iterations[0];
     outline::each(plan, &steps, begin..begin + options.iterations, take)?;
     plan.levels.iter().try_for_each(|level| take(&Schedule::of(|s| extract_behind(s, level))))?;
+    take(&Schedule::of(|s| divide(s, plan)))?;
     take(&Schedule::of(|s| compared(s, plan, &steps.levels[0], 1, begin)))
 }
 
@@ -248,15 +252,15 @@ fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
     let taps = is_blurred(plan).then_some(plan.tap_room);
     Some(Steps {
         start: Box::new(move |s, plan| start(s, &level, count, points_of(plan))),
-        ..steps(level, [count, 0], begin, [0, iterations], taps)
+        ..steps(plan, level, [count, 0], begin, [0, iterations], taps)
     })
 }
 
 /// What a volume's run tells of the surface after it: [`Steps::after`].
 pub(super) fn ahead(plan: &Plan, iterations: usize) -> Vec<[f64; 2]> {
     let points = (points_of(plan) as f64).sqrt();
-    let of = |level: Level| vec![[level.grid.n[0] as f64 * points, level.pairs as f64]; iterations];
-    plan.pixel_level.map_or_else(Vec::new, of)
+    let of = |level: &Level| vec![[level.grid.n[0] as f64 * points, level.pairs as f64]; iterations];
+    plan.batch(0).or(plan.pixel_level.as_ref()).map_or_else(Vec::new, of)
 }
 
 /// The maps in the layout of the device.

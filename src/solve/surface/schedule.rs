@@ -74,7 +74,7 @@ fn rendered(
 }
 
 /// Iteration `i` of the whole solve (from 0), `at` of this surface, as if `skipped` had been before it: points, forward, weighted residual, gather,
-/// combine, pull, step, finish. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
+/// combine, pull, step, finish, for the next batch of pairs if there are batches. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
 /// through the pulse's own if there is one.
 pub fn iteration(
     s: &mut Schedule,
@@ -88,11 +88,12 @@ pub fn iteration(
     points(s, level, count);
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
-    over_parts(s, plan, level, |s, part| {
-        rendered(s, plan, level, part, objective(plan), through);
-        gather(s, plan, level, part, &SURFACE_GATHER, 0, from);
+    let seen = plan.batch(at).unwrap_or(level);
+    over_parts(s, plan, seen, |s, part| {
+        rendered(s, plan, seen, part, objective(plan), through);
+        gather(s, plan, seen, part, &SURFACE_GATHER, 0, from);
     });
-    together::add_up_losses(s, plan, level, &SURFACE_FINISH, &[plan.gradients()]);
+    together::add_up_losses(s, plan, seen, &SURFACE_FINISH, &[plan.gradients()]);
     let (all, pixels, [around, _]) = (groups(count, WORKGROUP), count as u64, weights::around(level));
     s.dispatch(&SURFACE_COMBINE, all, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
     s.dispatch(&SURFACE_PULL, all, around * pixels).bind(buffer::SCENE, scene).with(push);
@@ -103,8 +104,19 @@ pub fn iteration(
     ));
     let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
-        .bind(buffer::SCENE, scene_of_sums(plan, level))
+        .bind(buffer::SCENE, scene_of_sums(plan, seen))
         .with(push);
+}
+
+/// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
+pub fn divide(s: &mut Schedule, plan: &Plan) {
+    for (i, batch) in (0..).zip(plan.batches_held()) {
+        let bytes = (batch.pairs * batch.bins * 4) as u64;
+        s.copy_from([buffer::MEASURED, batch.measured], i * bytes, bytes);
+    }
+    if let Some(batch) = plan.batch(0) {
+        s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, batch.rendered.scene);
+    }
 }
 
 /// Puts the maps with a layer of the surface in them into `columns_host`. `of_layers`: how many pixels each has.

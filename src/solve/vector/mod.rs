@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
-use super::estimate::{expected_noise, variances};
+use super::estimate::{LEAST_PAIRS, expected_noise, variances};
 use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::{first_of, pairs_for};
@@ -157,7 +157,7 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, options: &VectorOptions
         high_pass: options.filter(),
         ..model
     };
-    if !options.general && !options.all_pairs && model.pairs() > first_of(options.pairs) {
+    if !options.general && !options.all_pairs && model.pairs() > first_of(LEAST_PAIRS) {
         rows.reorder(&model.spread());
         let used = model.enough(pairs_for(grid.n[0] / options.pixels_per_voxel(), options.pairs));
         model.use_first(used);
