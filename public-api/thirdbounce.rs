@@ -3369,6 +3369,7 @@ pub mod solve {
             pub confocal: bool,
             pub reflectance: Reflectance,
             pub unit: f64,
+            pub pairs: usize,
         }
         impl Suit {
             pub const USUAL: Suit = Suit {
@@ -3376,6 +3377,7 @@ pub mod solve {
                 confocal: true,
                 reflectance: Reflectance::Cosine,
                 unit: 1.0,
+                pairs: LEAST_PAIRS,
             };
             pub fn of(capture: &Capture) -> Suit {}
             pub fn captured(&self) -> bool {}
@@ -3583,6 +3585,7 @@ pub mod solve {
             pub struct Level {
                 pub grid: Grid,
                 pub parts: [usize; 2],
+                pub first: usize,
                 pub pairs: usize,
                 pub sum: usize,
                 pub bins: usize,
@@ -3594,7 +3597,9 @@ pub mod solve {
                 pub rendered: Pairs,
                 pub reachable: Buffer,
             }
+            pub fn pairs_for(lateral: usize, pairs: usize) -> usize {}
             pub const AMPLE: usize = 32;
+            pub fn first_of(pairs: usize) -> usize {}
             pub fn sum_of(model: &Model, grid: &Grid) -> usize {}
         }
         mod needs {
@@ -3605,6 +3610,7 @@ pub mod solve {
                 pub general: bool,
                 pub coarse_to_fine: bool,
                 pub iterations: [usize; 2],
+                pub pairs: usize,
                 pub pixels_per_voxel: usize,
                 pub binning: Binning,
                 pub gradient: Gradient,
@@ -3805,10 +3811,12 @@ pub mod solve {
         #[derive(Debug, Clone, PartialEq)]
         pub struct Plan {
             pub levels: Vec<Level>,
-            pub pixel_levels: Vec<Level>,
+            pub pixel_level: Option<Level>,
+            pub batches: Vec<Level>,
             pub spots: Vec<Spots>,
             pub maps: Grid,
             pub pairs: usize,
+            pub unused: usize,
             pub bins: usize,
             pub bin_width: f64,
             pub iterations: [usize; 2],
@@ -4070,6 +4078,7 @@ pub mod solve {
                 ]: [usize; 3],
                 through: Option<u32>,
             ) {}
+            pub fn divide(s: &mut Schedule, plan: &Plan) {}
             pub fn extract(
                 s: &mut Schedule,
                 level: &Level,
@@ -4101,7 +4110,7 @@ pub mod solve {
         pub use options::SurfaceOptions;
         pub use pixels::{Pixels, SUPPORT};
         pub use schedule::{
-            bonds, extract, extract_behind, iteration, points, render, start,
+            bonds, divide, extract, extract_behind, iteration, points, render, start,
         };
         pub use weights::{Placed, weights};
         pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {}
@@ -4634,6 +4643,7 @@ pub mod transport {
             pub wall: Wall,
             pub rendered: Option<Rendered>,
             pub is_spread: bool,
+            pub unused: usize,
             pub reflectance: Reflectance,
             pub bins: usize,
             pub bin_width: f64,
@@ -4758,6 +4768,7 @@ pub mod transport {
             pub fn pairs(&self) -> &[usize] {}
             pub fn bins(&self) -> Range<usize> {}
             pub fn reorder(&mut self, order: &[usize]) {}
+            pub fn keep_first(&mut self, count: usize) {}
             pub fn crop(&mut self, bins: Range<usize>) {}
         }
     }
@@ -4822,6 +4833,8 @@ pub mod transport {
         impl Model {
             pub fn half(&self, side: usize) -> Model {}
             pub fn spread(&mut self) -> Vec<usize> {}
+            pub fn enough(&self, wanted: usize) -> usize {}
+            pub fn use_first(&mut self, count: usize) {}
         }
     }
     pub mod twin {

@@ -93,9 +93,8 @@ impl OnDevice {
             let wall = plan.own_wall(&model.wall.first(level.pairs)).stretch(part.first, part.own.count);
             all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
-        for (i, batch) in plan.batches_held().iter().enumerate() {
-            let wall = model.wall.stretch(i * batch.pairs, batch.pairs);
-            all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
+        for batch in plan.batches_held() {
+            all.add(batch.wall, bytemuck::cast_slice(&plan.wall_of(batch, &model.wall).words()))?;
         }
         let mut taps = vec![(plan.taps.len() - 1) as f32];
         taps.extend(plan.taps.iter().map(|w| *w as f32));

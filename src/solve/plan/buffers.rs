@@ -202,12 +202,10 @@ impl Plan {
             }
         }
         for batch in self.batches_held() {
-            let measured = (batch.pairs * batch.bins * 4) as u64;
-            all.extend([
-                (batch.scene, of_scene),
-                (batch.wall, self.wall_bytes(batch)),
-                (batch.measured, measured),
-            ]);
+            let own = self.measured(batch);
+            let measured = (own.count * batch.bins * 4) as u64;
+            let wall = (own.scanned + own.others) as u64 * self.bytes_of_point();
+            all.extend([(batch.scene, of_scene), (batch.wall, wall), (batch.measured, measured)]);
         }
         all.extend(self.part_buffers(of_scene));
         all

@@ -26,7 +26,9 @@ pub struct Level {
     pub grid: Grid,
     /// Its voxels side by side, and behind each other, in a voxel of the grid before.
     pub parts: [usize; 2],
-    /// How many pairs are used: the first ones.
+    /// The first pair that is used: 0, but for a batch.
+    pub first: usize,
+    /// How many pairs are used.
     pub pairs: usize,
     /// How many of the model's bins are one.
     pub sum: usize,
@@ -127,6 +129,7 @@ impl Sequence<'_> {
                 rendered: own_pairs(model, pairs, wall, buffer::SCENE.at(i)),
                 grid,
                 parts,
+                first: 0,
                 pairs,
                 sum,
                 bins: (model.bins / sum).max(1),
@@ -218,7 +221,8 @@ pub(super) fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
     let batch = |i: u16| {
         let (wall, scene) = (BATCH_WALL.at(i), BATCH_SCENE.at(i));
         let rendered = own_pairs(model, pairs, wall, scene);
-        Level { pairs, measured: BATCH_MEASURED.at(i), wall, scene, rendered, ..*level }
+        let (first, measured) = (usize::from(i) * pairs, BATCH_MEASURED.at(i));
+        Level { first, pairs, measured, wall, scene, rendered, ..*level }
     };
     (0..BATCHES as u16).map(batch).collect()
 }

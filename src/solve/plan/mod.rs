@@ -283,7 +283,7 @@ impl Plan {
 
     /// The measured pairs of a level that are on this device.
     pub fn measured(&self, level: &Level) -> Pairs {
-        let count = self.own(level.pairs);
+        let count = self.own(level.first + level.pairs) - self.own(level.first);
         let [scanned, others] = self.geometry.counts(count, self.scanned, self.others);
         Pairs { count, scanned, others, wall: level.wall, scene: level.scene }
     }
@@ -346,9 +346,9 @@ impl Plan {
         all.get(at % all.len().max(1))
     }
 
-    /// The batches: none where a device has a part of the pairs only.
+    /// The batches: none where pairs are taken in parts.
     pub(in crate::solve) fn batches_held(&self) -> &[Level] {
-        if self.cut.is_none() && self.share.is_none() { &self.batches } else { &[] }
+        if self.cut.is_none() { &self.batches } else { &[] }
     }
 
     /// The levels on the maps' pixels that are not levels of the volume.

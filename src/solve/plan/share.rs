@@ -78,6 +78,16 @@ impl Plan {
         }
     }
 
+    /// The wall of those pairs of a level that are on this device. `all` is the wall of all pairs.
+    pub(in crate::solve) fn wall_of(&self, level: &Level, all: &Wall) -> Wall {
+        let wall = all.stretch(level.first, level.pairs);
+        match self.share {
+            // The first of its own among them.
+            Some(Share { number, of }) => wall.every([(number + of - level.first % of) % of, of]),
+            None => wall,
+        }
+    }
+
     /// The rows of `length` values for each pair that are on this device, of those for all pairs.
     pub(in crate::solve) fn own_rows<'r>(&self, all: &'r [f32], length: usize) -> Cow<'r, [f32]> {
         let Some(Share { number, of }) = self.share else { return all.into() };

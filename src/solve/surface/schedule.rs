@@ -89,6 +89,10 @@ pub fn iteration(
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
     let seen = plan.batch(at).unwrap_or(level);
+    if plan.share.is_some() && plan.batch(at).is_some() {
+        // A device may have one pair more of this batch than of the one before.
+        size(s, seen);
+    }
     over_parts(s, plan, seen, |s, part| {
         rendered(s, plan, seen, part, objective(plan), through);
         gather(s, plan, seen, part, &SURFACE_GATHER, 0, from);
@@ -110,13 +114,19 @@ pub fn iteration(
 
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
-    for (i, batch) in (0..).zip(plan.batches_held()) {
-        let bytes = (batch.pairs * batch.bins * 4) as u64;
-        s.copy_from([buffer::MEASURED, batch.measured], i * bytes, bytes);
+    for batch in plan.batches_held() {
+        let [first, count] =
+            [plan.own(batch.first), plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
+        s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {
-        s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, batch.rendered.scene);
+        size(s, batch);
     }
+}
+
+/// Sizes the passes over the pairs of a level.
+fn size(s: &mut Schedule, level: &Level) {
+    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.rendered.scene);
 }
 
 /// Puts the maps with a layer of the surface in them into `columns_host`. `of_layers`: how many pixels each has.
