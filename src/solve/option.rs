@@ -34,7 +34,7 @@ pub struct Suit {
     pub reflectance: Reflectance,
     /// Unit of defaults that are lengths, metres ([`Capture::unit`]).
     pub unit: f64,
-    /// Pairs that hold enough light ([`enough_pairs`]).
+    /// Pairs that hold enough light: 1,024, or more where photons are few.
     pub pairs: usize,
 }
 

@@ -1,5 +1,6 @@
 //! The levels of a solve: from a coarse grid, wide bins and a part of the pairs to the finest and all of them.
 
+use super::Demand;
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{Geometry, Grid, Model};
@@ -95,11 +96,23 @@ pub(super) struct Sequence<'m> {
     /// Coarser grids have deeper voxels, too, and all levels bins as wide as the voxels justify. The grid may be refined
     /// so often.
     pub refined: Option<usize>,
-    /// [`Demand::pairs`](super::Demand::pairs).
+    /// [`Demand::pairs`].
     pub pairs: usize,
 }
 
 impl Sequence<'_> {
+    /// The sequence that ends with the voxels of maps with the pixels of `grid`.
+    pub fn of<'m>(model: &'m Model, grid: Grid, scan: [usize; 2], demand: &Demand) -> Sequence<'m> {
+        Sequence {
+            model,
+            finest: grid.coarser(demand.pixels_per_voxel),
+            scan,
+            coarse_to_fine: demand.coarse_to_fine,
+            refined: demand.refined.filter(|_| !demand.general),
+            pairs: demand.pairs,
+        }
+    }
+
     /// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power
     /// of two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs;
     /// at the end there are more.
@@ -213,8 +226,9 @@ const LEAST_BATCH: usize = 225;
 /// the end are in none.
 pub(super) fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
     let pairs = model.pairs() / BATCHES;
-    // The rows of a product with several other points are not cut.
-    let cuts = model.wall.geometry != Geometry::Product || model.wall.others.len() == 1;
+    // The rows of a product with several other points are not cut, nor are sums over spots.
+    let rows = model.wall.geometry == Geometry::Product && model.wall.others.len() > 1;
+    let cuts = !rows && model.rendered.is_none();
     let Some(level) = level.filter(|_| model.is_spread && cuts && pairs >= LEAST_BATCH) else {
         return vec![];
     };

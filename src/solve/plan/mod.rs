@@ -158,14 +158,9 @@ impl Plan {
         let demand = needs.demand();
         let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
         check_sizes(model, &grid)?;
-        let finest = grid.coarser(demand.pixels_per_voxel);
-        let refined = demand.refined.filter(|_| !demand.general);
-        let Demand { coarse_to_fine, pairs, .. } = demand;
-        let sequence = levels::Sequence { model, finest, scan, coarse_to_fine, refined, pairs };
-        let mut levels = sequence.levels();
+        let mut levels = levels::Sequence::of(model, grid, scan, &demand).levels();
         let mut pixel_level = levels::of_pixels(model, &levels, grid).filter(|_| demand.iterations[1] > 0);
         let spots = spots::cover(model, &mut levels, pixel_level.as_mut_slice());
-        let batches = if spots.is_empty() { levels::in_batches(model, pixel_level.as_ref()) } else { vec![] };
         let maps = pixel_level.as_ref().or(levels.last()).map_or(grid, |l| l.grid);
         let [capacity, touched_capacity] = needs.capacities(&levels);
         let mut tuning = Tuning::new(model, capacity, accumulation, device, &demand.sizes)?;
@@ -181,8 +176,8 @@ impl Plan {
             touching: demand.general || levels.iter().chain(&pixel_level).any(|l| model.touches(&l.grid)),
             reachable: levels.iter().map(|l| reachable(model, &l.grid, demand.general)).collect(),
             levels,
+            batches: levels::in_batches(model, pixel_level.as_ref()),
             pixel_level,
-            batches,
             spots,
             maps,
             pairs: model.pairs(),
