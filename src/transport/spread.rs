@@ -185,7 +185,7 @@ impl Model {
     /// or nearly. Of a product they are whole rows, of at least 16 other points.
     pub fn enough(&self, wanted: usize) -> usize {
         // A few pairs of a scan may be missing: they were not measured.
-        let least = wanted / 10 * 9;
+        let least = (wanted - wanted / 10).max(1);
         let mut share = 1;
         while self.is_spread && self.pairs() / (4 * share) >= least {
             share *= 4;

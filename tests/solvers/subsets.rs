@@ -117,6 +117,7 @@ fn few_pairs_are_all_taken_and_so_are_those_that_are_not_spread() {
     assert!(!spread(&o, &capture.stride(4).expect("every fourth point")));
     let used = |o: &VectorOptions| vector::model(&capture, &grid, o).pairs();
     let of = |pairs| used(&o.clone().with(|o| o.pairs = pairs));
+    assert_eq!([of(4), of(5), of(39)], [4, 16, 64], "few are few");
     assert_eq!([of(256), of(1024), of(1025), of(4096), of(1 << 20)], [256, 1024, 1024, 4096, 4096]);
     assert_eq!(used(&o.clone().with(|o| o.all_pairs = true)), 4096);
 }
