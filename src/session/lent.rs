@@ -50,7 +50,7 @@ impl LentFrame {
             );
         }
         let plan = session.plan();
-        let pairs = plan.pairs + plan.unused;
+        let pairs = plan.pairs_of_capture();
         let wanted = self.counts.format.bytes_of(pairs * rows.counts);
         if self.counts.counts.bytes() != wanted {
             return refused(

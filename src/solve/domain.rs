@@ -6,7 +6,7 @@
 //! where they are large enough, a reduction uses them for its volumes ([`Plan::volumes`]).
 
 use super::Pass;
-use super::over_pairs::groups;
+use super::over_pairs::{groups, size_passes};
 use super::passes::*;
 use super::plan::COLUMNS_HOST;
 use super::{Level, Plan};
@@ -37,7 +37,7 @@ pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {
             .bind(buffer::MASK, buffer::RIM_MASK)
             .bind(buffer::RANKS, buffer::RIM_RANKS);
     }
-    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.rendered.scene);
+    size_passes(s, &level.rendered);
 }
 
 /// What a reduction does where no smoothed value is above zero.

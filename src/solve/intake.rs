@@ -212,7 +212,7 @@ pub(super) fn take(
     [background, keep]: [bool; 2],
     scale: Option<f64>,
 ) -> Result<f64> {
-    let pairs = job.plan.pairs + job.plan.unused;
+    let pairs = job.plan.pairs_of_capture();
     let lent = job.plan.lent.expect("the session was made for lent counts");
     let taken = frame.taken.filter(|_| !keep);
     job.executor.take_lent(&frame.counts, buffer::HISTOGRAMS, [frame.after, taken])?;

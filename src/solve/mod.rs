@@ -41,6 +41,7 @@ pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
+pub(crate) use estimate::enough_pairs;
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub use extent::default_volume;
 pub(crate) use intake::check_scan as check_lent_scan;

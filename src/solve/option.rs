@@ -7,7 +7,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::estimate::{LEAST_PAIRS, enough_pairs};
+use super::estimate::LEAST_PAIRS;
 use super::{Accumulation, Sizes};
 use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
@@ -48,10 +48,9 @@ impl Suit {
         pairs: LEAST_PAIRS,
     };
 
-    /// The properties that follow from a capture: its kind of pairs, the width of its wall, its light. The rest is as usual.
+    /// The properties that follow from a scan: its kind of pairs, the width of its wall. The rest is as usual.
     pub fn of(capture: &Capture) -> Suit {
-        let (confocal, pairs) = (capture.is_confocal(), enough_pairs(capture));
-        Suit { confocal, unit: capture.unit(), pairs, ..Suit::USUAL }
+        Suit { confocal: capture.is_confocal(), unit: capture.unit(), ..Suit::USUAL }
     }
 
     /// Whether histograms were captured.

@@ -27,7 +27,7 @@ pub(super) fn over_parts(
         }
         // The last part may be smaller.
         if part.is_cut() && sized != Some(part.rendered.scene) {
-            s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, part.rendered.scene);
+            size_passes(s, &part.rendered);
             sized = Some(part.rendered.scene);
         }
         each(s, &part);
@@ -35,6 +35,11 @@ pub(super) fn over_parts(
             s.copy(stored.device, stored.host, stored.bytes);
         }
     }
+}
+
+/// Sizes the passes over these rendered pairs, by how many samples are active.
+pub(super) fn size_passes(s: &mut Schedule, rendered: &Pairs) {
+    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, rendered.scene);
 }
 
 /// Copies what a part is computed from to its slot on the device.
@@ -223,8 +228,12 @@ pub(super) fn gather(
 
 /// Workgroups of a pulse or spot kernel that writes so many histograms.
 fn runs(histograms: usize, bins: usize) -> [u32; 3] {
-    let of_row = (bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
-    groups((histograms + 1) * of_row, WORKGROUP)
+    groups((histograms + 1) * runs_of_row(bins), WORKGROUP)
+}
+
+/// Runs of cells that an invocation of these kernels writes, in a row.
+fn runs_of_row(bins: usize) -> usize {
+    (bins + PADDING as usize).div_ceil(PULSE_RUN as usize)
 }
 
 /// Turns of a filter, a pulse or a spot that take no longer than one over a pair: each loads neighbouring cells and
@@ -238,14 +247,14 @@ pub(super) fn light(turns: usize) -> u64 {
 
 /// Turns of a kernel that spreads so many histograms by so many taps.
 fn turns_of_pulse(histograms: usize, bins: usize, taps: usize) -> u64 {
-    let runs = (histograms + 1) * (bins + PADDING as usize).div_ceil(PULSE_RUN as usize);
+    let runs = (histograms + 1) * runs_of_row(bins);
     light(runs * (taps + PULSE_RUN as usize))
 }
 
 /// Turns of a kernel that sums histograms by a stage of the spots: one for each weight and each run of cells.
 fn turns_of_spot(stage: &SpotTaps, bins: usize) -> u64 {
     let weights = stage.outer * stage.inner * stage.rows.iter().map(|row| row.len() + 1).sum::<usize>();
-    light(weights * (bins + PADDING as usize).div_ceil(PULSE_RUN as usize))
+    light(weights * runs_of_row(bins))
 }
 
 /// Turns of a kernel that closes an iteration: it adds up what workgroups left.

@@ -8,7 +8,9 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::option::{Suit, Value};
-use crate::solve::{Discretisation, Preset, Progress, SolverOptions, check_solver, reflectance};
+use crate::solve::{
+    Discretisation, Preset, Progress, SolverOptions, check_solver, enough_pairs, reflectance,
+};
 use crate::transport::Reflectance;
 
 /// The choice of a solver and of its options; nothing is chosen by default.
@@ -98,7 +100,8 @@ impl Choice {
             Preset::Captured => "some counts are negative",
             Preset::Synthetic => "the counts are not whole numbers",
         });
-        let of_model = |reflectance| self.options(&Suit { preset, reflectance, ..Suit::of(capture) });
+        let suit = Suit { preset, pairs: enough_pairs(capture), ..Suit::of(capture) };
+        let of_model = |reflectance| self.options(&Suit { reflectance, ..suit });
         // `check` has refused unknown names.
         let named = self.model.as_deref().and_then(|name| reflectance(name).ok());
         let solver = of_model(named.unwrap_or(Reflectance::Cosine));

@@ -96,7 +96,7 @@ impl Plan {
             Some(_) => cells,
         };
         // A caller's counts lie where rendered histograms will.
-        let lent = ((self.pairs + self.unused) * self.lent.map_or(0, |rows| rows.counts)) as u64;
+        let lent = (self.pairs_of_capture() * self.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let losses = if self.high_pass { losses.max(self.rows_held() as u64) } else { losses };
@@ -202,9 +202,8 @@ impl Plan {
             }
         }
         for batch in self.batches_held() {
-            let own = self.measured(batch);
-            let measured = (own.count * batch.bins * 4) as u64;
-            let wall = (own.scanned + own.others) as u64 * self.bytes_of_point();
+            let measured = (self.measured(batch).count * batch.bins * 4) as u64;
+            let wall = self.wall_bytes(batch);
             all.extend([(batch.scene, of_scene), (batch.wall, wall), (batch.measured, measured)]);
         }
         all.extend(self.part_buffers(of_scene));
@@ -213,8 +212,7 @@ impl Plan {
 
     /// Bytes of the wall points that the pairs of a level have.
     fn wall_bytes(&self, level: &Level) -> u64 {
-        let points: usize =
-            self.geometry.counts(self.own(level.pairs), self.scanned, self.others).iter().sum();
-        points as u64 * self.bytes_of_point()
+        let own = self.measured(level);
+        (own.scanned + own.others) as u64 * self.bytes_of_point()
     }
 }

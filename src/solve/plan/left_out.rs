@@ -43,7 +43,7 @@ impl Plan {
             Geometry::TwoPoints => {}
         }
         if self.unused > 0 {
-            let of = pairs + self.unused;
+            let of = self.pairs_of_capture();
             let share = 100.0 * self.unused as f64 / of as f64;
             out.add(
                 format!("{} of {of} pairs: the others hold enough light", self.unused),

@@ -335,6 +335,11 @@ impl Plan {
         self.maps.n[0] / self.finest().grid.n[0]
     }
 
+    /// Pairs of the capture, those that are left out included.
+    pub(crate) fn pairs_of_capture(&self) -> usize {
+        self.pairs + self.unused
+    }
+
     /// The pairs that iteration `at` of the surface takes, if it does not take all.
     pub(in crate::solve) fn batch(&self, at: usize) -> Option<&Level> {
         let all = self.batches_held();

@@ -5,9 +5,9 @@ use super::weights;
 use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{
-    compare, forward, gather, gathered, groups, over_parts, scene_of_sums, turns_of_finish,
+    compare, forward, gather, gathered, groups, over_parts, scene_of_sums, size_passes, turns_of_finish,
 };
-use crate::solve::passes::{ARGUMENTS, objective};
+use crate::solve::passes::objective;
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan, together};
@@ -27,7 +27,7 @@ fn push(count: usize) -> Push {
 pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
-    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.rendered.scene);
+    size_passes(s, &level.rendered);
     bonds(s, level, count, 0);
 }
 
@@ -88,11 +88,12 @@ pub fn iteration(
     points(s, level, count);
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
-    let seen = plan.batch(at).unwrap_or(level);
-    if plan.share.is_some() && plan.batch(at).is_some() {
+    let batch = plan.batch(at);
+    if let (Some(batch), true) = (batch, plan.share.is_some()) {
         // A device may have one pair more of this batch than of the one before.
-        size(s, seen);
+        size_passes(s, &batch.rendered);
     }
+    let seen = batch.unwrap_or(level);
     over_parts(s, plan, seen, |s, part| {
         rendered(s, plan, seen, part, objective(plan), through);
         gather(s, plan, seen, part, &SURFACE_GATHER, 0, from);
@@ -120,13 +121,8 @@ pub fn divide(s: &mut Schedule, plan: &Plan) {
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {
-        size(s, batch);
+        size_passes(s, &batch.rendered);
     }
-}
-
-/// Sizes the passes over the pairs of a level.
-fn size(s: &mut Schedule, level: &Level) {
-    s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.rendered.scene);
 }
 
 /// Puts the maps with a layer of the surface in them into `columns_host`. `of_layers`: how many pixels each has.

@@ -85,22 +85,19 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
     bounds(s, plan, level, None);
 }
 
-/// Turns of the pass that extrapolates: a voxel looks at its six neighbours.
-pub(super) fn turns_of_extrapolate(plan: &Plan, level: &Level) -> u64 {
-    6 * plan.voxels_at(level) as u64
+/// Samples the active voxels, at the point that the momentum extrapolates to.
+pub(super) fn extrapolate(s: &mut Schedule, plan: &Plan, level: &Level, push: Push) {
+    // A voxel looks at its six neighbours.
+    let turns = 6 * plan.voxels_at(level) as u64;
+    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE), turns)
+        .bind(buffer::SCENE, level.scene)
+        .with(push);
 }
 
 /// One iteration: extrapolate (and roughness), forward, weighted residual, step, finish.
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
     let push = Push { iteration, ..Default::default() };
-    s.indirect(
-        &EXTRAPOLATE,
-        buffer::ARGUMENTS,
-        arguments(ARGUMENTS_SAMPLE),
-        turns_of_extrapolate(plan, level),
-    )
-    .bind(buffer::SCENE, level.scene)
-    .with(push);
+    extrapolate(s, plan, level, push);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, objective(plan), push, None);

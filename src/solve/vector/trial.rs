@@ -5,20 +5,19 @@
 use std::sync::Arc;
 
 use super::left::{Left, Unseen};
-use super::passes::EXTRAPOLATE;
-use super::schedule::turns_of_extrapolate;
+use super::schedule::extrapolate;
 use super::{VectorOptions, due, make_ready, model, solve_volume, steps, stop_below};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::{BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
-use crate::solve::over_pairs::{arguments, compare, forward, over_parts};
+use crate::solve::over_pairs::{compare, forward, over_parts};
 use crate::solve::passes::{FORWARD, RESIDUAL};
 use crate::solve::plan::{RESIDUAL_HOST, sum_of};
 use crate::solve::surface::Beginning;
 use crate::solve::{Level, OnDevice, Plan, surface};
-use crate::transport::kernels::{ARGUMENTS_SAMPLE, Push, buffer};
+use crate::transport::kernels::{Push, buffer};
 use crate::transport::{Grid, Model};
 
 /// Pairs that a trial fits; as many others judge it.
@@ -222,14 +221,7 @@ fn steps_after<'o>(plan: &Plan, options: &'o VectorOptions, driven: &Driven) -> 
 
 /// Renders the volume of `level` for all pairs of `plan`, and compares.
 fn render_volume(s: &mut Schedule, plan: &Plan, level: &Level) {
-    s.indirect(
-        &EXTRAPOLATE,
-        buffer::ARGUMENTS,
-        arguments(ARGUMENTS_SAMPLE),
-        turns_of_extrapolate(plan, level),
-    )
-    .bind(buffer::SCENE, level.scene)
-    .with(Push::default());
+    extrapolate(s, plan, level, Push::default());
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, &RESIDUAL, Push::default(), None);

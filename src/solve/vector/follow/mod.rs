@@ -15,14 +15,12 @@ use std::time::Duration;
 
 use super::hat::taps_of_hat;
 use super::passes::*;
-use super::schedule::{backproject, bounds, settle, turns_of_extrapolate};
+use super::schedule::{backproject, bounds, extrapolate, settle};
 use super::{VectorOptions, iteration};
 use crate::gpu::Schedule;
 use crate::solve::Plan;
 use crate::solve::domain::{self, Dark};
-use crate::solve::over_pairs::{
-    arguments, compare, forward, groups, light, over_parts, scene_of_sums, turns_of_finish,
-};
+use crate::solve::over_pairs::{compare, forward, groups, light, over_parts, scene_of_sums, turns_of_finish};
 use crate::solve::passes::{FINISH, FORWARD, objective};
 use crate::solve::plan::{Level, SEEN};
 use crate::transport::Model;
@@ -102,13 +100,7 @@ pub fn look(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOption
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
     domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
     settle(s, plan, level, &SETTLE);
-    s.indirect(
-        &EXTRAPOLATE,
-        buffer::ARGUMENTS,
-        arguments(ARGUMENTS_SAMPLE),
-        turns_of_extrapolate(plan, level),
-    )
-    .bind(buffer::SCENE, level.scene);
+    extrapolate(s, plan, level, Push::default());
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, objective(plan), Push::default(), None);
