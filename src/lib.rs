@@ -34,16 +34,10 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-pub mod advice;
 pub mod capture;
-pub mod error;
 #[cfg(feature = "formats")]
 pub mod export;
-#[cfg(feature = "formats")]
-pub mod files;
 pub mod gpu;
-#[cfg(feature = "formats")]
-pub mod host;
 #[cfg(feature = "formats")]
 pub mod job;
 #[cfg(feature = "formats")]
@@ -58,4 +52,6 @@ pub mod tags;
 pub mod transport;
 pub mod trials;
 
-pub use error::{Error, Kind, Result, panic_message};
+pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
+#[cfg(feature = "formats")]
+pub use thirdbounce_base::{files, host};

@@ -3,7 +3,6 @@
 pub mod archive;
 pub mod array;
 pub mod atomic;
-#[cfg(feature = "formats")]
-pub(crate) mod claim;
-pub(crate) mod opened;
+pub mod claim;
+pub mod opened;
 pub mod staging;

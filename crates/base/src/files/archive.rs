@@ -70,7 +70,7 @@ impl Npz {
     }
 
     /// Bytes of an array, unpacked and as they are in the file; `None` if there is no array of this name.
-    pub(crate) fn sizes(&mut self, name: &str) -> Option<[u64; 2]> {
+    pub fn sizes(&mut self, name: &str) -> Option<[u64; 2]> {
         let index = self.zip.index_for_name(&format!("{name}.npy"))?;
         let entry = self.zip.by_index_raw(index).ok()?;
         Some([entry.size(), entry.compressed_size()])
@@ -81,7 +81,7 @@ impl Npz {
     ///
     /// # Errors
     /// As [`Npz::get`].
-    pub(crate) fn whole(&mut self, name: &str) -> Result<Option<Array>> {
+    pub fn whole(&mut self, name: &str) -> Result<Option<Array>> {
         let Some((head, mut elements)) = self.stream(name)? else { return Ok(None) };
         let place = format!("array {name}");
         let left = elements.left;
@@ -128,7 +128,7 @@ impl Npz {
     }
 
     /// The error of an array that is missing.
-    pub(crate) fn missing(&self, name: &str, wanted: &str) -> Error {
+    pub fn missing(&self, name: &str, wanted: &str) -> Error {
         let there = self.names();
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
         Error::input(format!("there is no array {name} (it holds {there})"), format!("wanted: {wanted}"))

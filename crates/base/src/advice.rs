@@ -88,9 +88,9 @@ impl Remedy {
 /// Where to find more information.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
-    /// The list of devices: [`crate::gpu::devices`].
+    /// The list of devices: `gpu::devices`.
     Devices,
-    /// A description of a capture: [`crate::job::inspect()`].
+    /// A description of a capture: `job::inspect`.
     Capture,
 }
 
@@ -189,11 +189,15 @@ impl From<&[Part]> for Advice {
 
 /// Makes the parts of an advice, in order. Text is a literal or `(expression)`, a setting is its name in [`Setting`], a
 /// [`Remedy`] is `{expression}`, a [`Look`] is `[Name]`.
-macro_rules! advice {
-    ($($part:tt)*) => { [$($crate::advice::part!($part)),*] };
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __advice {
+    ($($part:tt)*) => { [$($crate::__part!($part)),*] };
 }
 
-macro_rules! part {
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __part {
     ($text:literal) => {
         $crate::advice::Part::Text(std::borrow::Cow::Borrowed($text))
     };
@@ -211,7 +215,7 @@ macro_rules! part {
     };
 }
 
-pub(crate) use {advice, part};
+pub use __advice as advice;
 
 #[cfg(test)]
 mod tests {

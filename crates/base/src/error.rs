@@ -65,8 +65,7 @@ impl Error {
     }
 
     /// The same error with other advice.
-    #[cfg(feature = "formats")]
-    pub(crate) fn advised(self, mend: impl Into<Advice>) -> Self {
+    pub fn advised(self, mend: impl Into<Advice>) -> Self {
         Error { mend: mend.into(), ..self }
     }
 

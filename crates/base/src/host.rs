@@ -96,7 +96,7 @@ fn left_in(folder: &Path, [limit, used, cached]: &Names) -> Option<u64> {
 }
 
 /// The bytes of arrays of `count` elements of `size` bytes; the most that can be told where that is beyond 64 bits.
-pub(crate) fn bytes(count: usize, size: usize) -> u64 {
+pub fn bytes(count: usize, size: usize) -> u64 {
     (count as u64).saturating_mul(size as u64)
 }
 
@@ -104,7 +104,7 @@ pub(crate) fn bytes(count: usize, size: usize) -> u64 {
 ///
 /// # Errors
 /// `Kind::Memory`, with what is needed and what there is.
-pub(crate) fn ask(what: &str, bytes: u64) -> Result<()> {
+pub fn ask(what: &str, bytes: u64) -> Result<()> {
     if bytes < SMALL {
         return Ok(());
     }
@@ -127,7 +127,7 @@ fn refused(what: &str, bytes: u64, free: u64) -> Error {
 ///
 /// # Errors
 /// `Kind::Memory`, as [`ask`].
-pub(crate) fn room<T>(what: &str, count: usize) -> Result<Vec<T>> {
+pub fn room<T>(what: &str, count: usize) -> Result<Vec<T>> {
     let bytes = bytes(count, size_of::<T>());
     ask(what, bytes)?;
     let mut all = Vec::new();
@@ -139,7 +139,7 @@ pub(crate) fn room<T>(what: &str, count: usize) -> Result<Vec<T>> {
 ///
 /// # Errors
 /// `Kind::Memory`, as [`ask`].
-pub(crate) fn filled<T: Clone>(what: &str, count: usize, value: T) -> Result<Vec<T>> {
+pub fn filled<T: Clone>(what: &str, count: usize, value: T) -> Result<Vec<T>> {
     let mut all = room(what, count)?;
     all.resize(count, value);
     Ok(all)
@@ -149,14 +149,14 @@ pub(crate) fn filled<T: Clone>(what: &str, count: usize, value: T) -> Result<Vec
 ///
 /// # Errors
 /// `Kind::Memory`, as [`ask`].
-pub(crate) fn collected<T>(what: &str, count: usize, values: impl IntoIterator<Item = T>) -> Result<Vec<T>> {
+pub fn collected<T>(what: &str, count: usize, values: impl IntoIterator<Item = T>) -> Result<Vec<T>> {
     let mut all = room(what, count)?;
     all.extend(values.into_iter().take(count));
     Ok(all)
 }
 
 /// Whether a large array is packed more than `times` as tightly as it is read.
-pub(crate) fn swells(bytes: u64, packed: u64, times: u64) -> bool {
+pub fn swells(bytes: u64, packed: u64, times: u64) -> bool {
     bytes > ORDINARY && bytes / times > packed
 }
 

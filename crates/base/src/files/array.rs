@@ -60,9 +60,12 @@ impl Element {
 
 /// An element of an array, without loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Number {
+pub enum Number {
+    /// Without a sign.
     Unsigned(u64),
+    /// With a sign.
     Signed(i64),
+    /// With a fraction.
     Real(f64),
 }
 
@@ -76,7 +79,6 @@ impl Number {
     }
 
     /// The nearest whole number, if it has 64 bits and a sign.
-    #[cfg(feature = "formats")]
     fn whole(self) -> Option<i64> {
         match self {
             Number::Unsigned(n) => i64::try_from(n).ok(),
@@ -165,8 +167,7 @@ impl Array {
     ///
     /// # Errors
     /// The first that is no whole number of 64 bits with a sign.
-    #[cfg(feature = "formats")]
-    pub(crate) fn to_i64(&self) -> std::result::Result<Vec<i64>, Number> {
+    pub fn to_i64(&self) -> std::result::Result<Vec<i64>, Number> {
         self.convert(|v| v.whole().ok_or(v))
     }
 
@@ -299,7 +300,7 @@ impl Head {
     ///
     /// # Errors
     /// `Kind::Input` if they cannot be read or are not as many as the header says, `Kind::Memory` if they do not fit.
-    pub(crate) fn whole(self, elements: &mut impl Read, left: u64) -> Result<Array> {
+    pub fn whole(self, elements: &mut impl Read, left: u64) -> Result<Array> {
         let Some(size) = self.size().filter(|size| *size as u64 == left) else {
             return Err(wrong(format!("shape {:?} does not fit {left} bytes of data", self.shape)));
         };
@@ -319,7 +320,7 @@ impl Head {
     ///
     /// # Errors
     /// `Kind::Input` if they cannot be read.
-    pub(crate) fn part(&self, elements: &mut impl Read, count: usize) -> Result<Array> {
+    pub fn part(&self, elements: &mut impl Read, count: usize) -> Result<Array> {
         let mut bytes = host::filled("a part of an array", count * self.element.size(), 0)?;
         elements.read_exact(&mut bytes).map_err(unread)?;
         Ok(Head { shape: vec![count], fortran: false, ..self.clone() }.array(bytes))

@@ -83,8 +83,7 @@ impl Staging {
     }
 
     /// The folder of the results.
-    #[cfg(feature = "formats")]
-    pub(crate) fn target(&self) -> &Path {
+    pub fn target(&self) -> &Path {
         &self.target
     }
 
@@ -144,7 +143,7 @@ pub(super) fn is_hidden(folder: &Path) -> bool {
 ///
 /// # Errors
 /// The error of the system.
-pub(crate) fn probe(folder: &Path) -> std::io::Result<()> {
+pub fn probe(folder: &Path) -> std::io::Result<()> {
     Hidden::new(folder).map(drop)
 }
 
@@ -152,7 +151,7 @@ pub(crate) fn probe(folder: &Path) -> std::io::Result<()> {
 ///
 /// # Errors
 /// `Kind::Output` if it cannot be removed.
-pub(crate) fn remove(file: &Path) -> Result<()> {
+pub fn remove(file: &Path) -> Result<()> {
     match fs::remove_file(file) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(cannot(file, &e)),
         _ => Ok(()),

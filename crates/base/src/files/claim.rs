@@ -14,12 +14,12 @@ const PREFIX: &str = ".thirdbounce.";
 const SUFFIX: &str = ".claim";
 
 /// How often [`keep`] is called.
-pub(crate) const EVERY: Duration = Duration::from_secs(30);
+pub const EVERY: Duration = Duration::from_secs(30);
 /// A claim of another host that was not kept for so long is nobody's.
 const OLD: Duration = Duration::from_secs(3 * 60);
 
 /// A claim of this process. It is given up when this value is dropped.
-pub(crate) struct Claim {
+pub struct Claim {
     path: PathBuf,
     // Its lock ends with the process.
     _file: File,
@@ -30,7 +30,7 @@ impl Claim {
     ///
     /// # Errors
     /// `Kind::Output` if no file can be made there.
-    pub(crate) fn take(folder: &Path, name: &str) -> Result<std::result::Result<Claim, String>> {
+    pub fn take(folder: &Path, name: &str) -> Result<std::result::Result<Claim, String>> {
         let path = folder.join(format!("{PREFIX}{name}{SUFFIX}"));
         remove_if_left(&path);
         match OpenOptions::new().write(true).create_new(true).open(&path) {
@@ -81,7 +81,7 @@ fn all(folder: &Path) -> impl Iterator<Item = PathBuf> {
 }
 
 /// Says that this process still works on what it claimed in `folder`.
-pub(crate) fn keep(folder: &Path) {
+pub fn keep(folder: &Path) {
     for path in all(folder).filter(|path| fs::read_to_string(path).is_ok_and(|owner| owner == own())) {
         // A failure is ignored: the next time may do.
         let _ = OpenOptions::new().write(true).open(&path).and_then(|f| f.set_modified(SystemTime::now()));
@@ -89,7 +89,7 @@ pub(crate) fn keep(folder: &Path) {
 }
 
 /// Removes claims that nobody has any more.
-pub(crate) fn sweep(folder: &Path) {
+pub fn sweep(folder: &Path) {
     all(folder).for_each(|path| remove_if_left(&path));
 }
 

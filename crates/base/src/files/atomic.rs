@@ -83,7 +83,7 @@ pub(super) fn synced() -> Vec<PathBuf> {
 }
 
 /// Whether `path` takes bytes but is no file that another may replace: a device, a pipe, or an open file of a process.
-pub(crate) fn is_stream(path: &Path) -> bool {
+pub fn is_stream(path: &Path) -> bool {
     let open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     let open = open.iter().any(|name| path.starts_with(name)) && path.exists();
     open || fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
@@ -151,8 +151,7 @@ fn is_of_full(kind: ErrorKind) -> bool {
 }
 
 /// Whether an error says that the disk, or this user's share of it, is full.
-#[cfg(feature = "formats")]
-pub(crate) fn is_full(error: &Error) -> bool {
+pub fn is_full(error: &Error) -> bool {
     error.mend == FULL.into()
 }
 
@@ -173,7 +172,7 @@ pub fn create_dir(folder: &Path) -> Result<()> {
 const FULL: &str = "the disk is full: free some space or write elsewhere";
 
 /// The error of a failed write, with advice for its cause.
-pub(crate) fn cannot(path: &Path, e: &std::io::Error) -> Error {
+pub fn cannot(path: &Path, e: &std::io::Error) -> Error {
     let mend = match e.kind() {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "choose a folder that you may write to"
