@@ -37,7 +37,6 @@
 pub mod capture;
 #[cfg(feature = "formats")]
 pub mod export;
-pub mod gpu;
 #[cfg(feature = "formats")]
 pub mod job;
 #[cfg(feature = "formats")]
@@ -55,3 +54,4 @@ pub mod trials;
 pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
 #[cfg(feature = "formats")]
 pub use thirdbounce_base::{files, host};
+pub use thirdbounce_gpu as gpu;

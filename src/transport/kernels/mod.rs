@@ -3,3 +3,6 @@
 use crate::gpu::{Binding, Buffer, Constant, KernelCode, View};
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+
+#[cfg(test)]
+mod tests;

@@ -263,7 +263,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::gpu::{Arena, BufferPlan, Gpu, GpuOptions, Place, Schedule};
+    use crate::{Arena, BufferPlan, Gpu, GpuOptions, Place, Schedule};
 
     const STATE: Buffer = Buffer::named("state");
     const LOSS: Buffer = Buffer::named("loss");

@@ -184,7 +184,7 @@ fn tidy(folder: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::{Gpu, GpuOptions};
+    use crate::{Gpu, GpuOptions};
 
     fn place() -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();

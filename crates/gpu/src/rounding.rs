@@ -18,7 +18,7 @@ impl Gpu {
 }
 
 /// The module `words` with the declaration. It must have one entry point.
-pub(super) fn to_nearest(words: &[u32]) -> Vec<u32> {
+pub fn to_nearest(words: &[u32]) -> Vec<u32> {
     let header = 5.min(words.len());
     let mut all = words[..header].to_vec();
     all.extend([2 << 16 | CAPABILITY, CAN_ROUND_TO_NEAREST]);
@@ -33,25 +33,4 @@ pub(super) fn to_nearest(words: &[u32]) -> Vec<u32> {
         at += length;
     }
     all
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::transport::kernels::KERNELS;
-
-    #[test]
-    fn every_module_declares_it_once_and_keeps_the_rest() {
-        for code in KERNELS {
-            let words: Vec<u32> =
-                code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-            let with = to_nearest(&words);
-            assert_eq!(with.len(), words.len() + 6, "{}: one entry point", code.name);
-            assert_eq!(with[5..7], [2 << 16 | CAPABILITY, CAN_ROUND_TO_NEAREST]);
-            let at = with.windows(2).position(|w| w == [ROUND_TO_NEAREST, 32]).expect("the mode");
-            assert_eq!(with[at - 2], 4 << 16 | EXECUTION_MODE, "{}", code.name);
-            let rest = [&with[..5], &with[7..at - 2], &with[at + 2..]].concat();
-            assert_eq!(rest, words, "{}", code.name);
-        }
-    }
 }

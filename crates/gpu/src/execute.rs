@@ -347,12 +347,12 @@ impl Executor {
     }
 
     /// An empty schedule with the memory of the one that was kept.
-    pub(crate) fn spare_schedule(&mut self) -> Schedule {
+    pub fn spare_schedule(&mut self) -> Schedule {
         std::mem::take(&mut self.spare_schedule)
     }
 
     /// Keeps the memory of a schedule for the next one.
-    pub(crate) fn keep_schedule(&mut self, mut schedule: Schedule) {
+    pub fn keep_schedule(&mut self, mut schedule: Schedule) {
         schedule.clear();
         self.spare_schedule = schedule;
     }

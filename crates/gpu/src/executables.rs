@@ -134,18 +134,3 @@ fn listings(
     };
     told.iter().zip(&room).filter_map(listing).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::gpu::{Gpu, GpuOptions};
-    use crate::transport::kernels::kernel;
-
-    #[test]
-    fn a_kernel_compiles_without_buffers() {
-        let options = GpuOptions { statistics: true, ..GpuOptions::default() };
-        let gpu = Gpu::open(&options).expect("a Vulkan device: `make setup` installs lavapipe");
-        let compiled = gpu.compile(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED, &[]).unwrap();
-        assert!(compiled.seconds > 0.0 && gpu.allocated() == 0);
-        assert_eq!(compiled.executables.is_empty(), !gpu.tells_of_kernels());
-    }
-}

@@ -4,10 +4,10 @@ use std::ffi::CStr;
 
 use ash::vk;
 
-use crate::gpu::GpuOptions;
-use crate::gpu::device::compute_family;
-use crate::gpu::instance::{Instance, version_text};
-use crate::gpu::offered::Offered;
+use crate::GpuOptions;
+use crate::device::compute_family;
+use crate::instance::{Instance, version_text};
+use crate::offered::Offered;
 use crate::{Error, Result};
 
 /// The least version of Vulkan: of the instance, and of the device.

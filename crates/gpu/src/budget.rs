@@ -267,8 +267,8 @@ pub(super) fn size(bytes: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Buffer;
     use crate::advice::Setting;
-    use crate::gpu::Buffer;
 
     #[test]
     fn buffers_share_a_block_while_it_holds_them() {

@@ -182,7 +182,7 @@ pub(super) fn pieces(groups: [u32; 3], seed: u64) -> Vec<[[u32; 3]; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::{Arena, BufferPlan, Faults, Gpu, GpuOptions};
+    use crate::{Arena, BufferPlan, Faults, Gpu, GpuOptions};
 
     const STATE: Buffer = Buffer::named("state");
     const UP: Buffer = Buffer::named("up");

@@ -125,7 +125,7 @@ impl Executor {
 mod tests {
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
-    use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, GpuOptions, Place, Schedule};
+    use crate::{Arena, Buffer, BufferPlan, Executor, Gpu, GpuOptions, Place, Schedule};
 
     const UP: Buffer = Buffer::named("up");
     const STATE: Buffer = Buffer::named("state");

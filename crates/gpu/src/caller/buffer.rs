@@ -6,19 +6,19 @@ use std::time::Duration;
 
 use ash::vk;
 
-use crate::gpu::{Buffer, Executor, Gpu, Ticket};
+use crate::{Buffer, Executor, Gpu, Ticket};
 use crate::{Error, Result};
 
 /// A value of a timeline semaphore on the device: something is done when the semaphore has this value or a larger one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Moment {
-    pub(in crate::gpu) semaphore: vk::Semaphore,
-    pub(in crate::gpu) value: u64,
+    pub(crate) semaphore: vk::Semaphore,
+    pub(crate) value: u64,
 }
 
 impl Moment {
     /// No moment at all.
-    pub(in crate::gpu) const NONE: Moment = Moment { semaphore: vk::Semaphore::null(), value: 0 };
+    pub(crate) const NONE: Moment = Moment { semaphore: vk::Semaphore::null(), value: 0 };
 
     /// The moment when `semaphore` reaches `value`.
     ///
@@ -33,9 +33,9 @@ impl Moment {
 /// A part of a buffer that a caller lends.
 #[derive(Clone)]
 pub struct Lent {
-    pub(in crate::gpu) buffer: vk::Buffer,
-    pub(in crate::gpu) offset: u64,
-    pub(in crate::gpu) bytes: u64,
+    pub(crate) buffer: vk::Buffer,
+    pub(crate) offset: u64,
+    pub(crate) bytes: u64,
     /// Imported memory lives as long as it is lent.
     imported: Option<Imported>,
 }
@@ -67,7 +67,7 @@ impl Lent {
     }
 
     /// Whether it is on this device, as far as that can be known.
-    pub(crate) fn is_on(&self, gpu: &Gpu) -> bool {
+    pub fn is_on(&self, gpu: &Gpu) -> bool {
         self.imported.as_ref().is_none_or(|i| i.0.gpu.is(gpu))
     }
 }
@@ -213,7 +213,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device fails.
-    pub(crate) fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {
+    pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {
         let (semaphores, values) = ([moment.semaphore], [moment.value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
@@ -229,7 +229,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device fails.
-    pub(crate) fn signal(&self, moment: Moment) -> Result<()> {
+    pub fn signal(&self, moment: Moment) -> Result<()> {
         let info = vk::SemaphoreSignalInfo::default().semaphore(moment.semaphore).value(moment.value);
         // SAFETY: who made the moment promised that the semaphore lives, and that its value is larger than those before.
         unsafe { self.raw().signal_semaphore(&info) }

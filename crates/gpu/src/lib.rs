@@ -1,7 +1,10 @@
 //! Vulkan compute: instance, device, memory, pipelines, schedules. Nothing here knows about light.
 //!
 //! A [`Schedule`] is plain data over named kernels and named buffers; an [`Executor`] records it with the
-//! barriers that its hazards need and submits it. All `unsafe` of the crate is in this folder.
+//! barriers that its hazards need and submits it. All `unsafe` of thirdbounce is in this crate, but for the C interface.
+
+#![deny(missing_docs)]
+#![warn(clippy::too_many_lines)]
 
 mod budget;
 pub mod caller;
@@ -30,8 +33,10 @@ mod schedule;
 pub mod spirv;
 mod state;
 
+use thirdbounce_base::{Error, Result, advice};
+
 pub use budget::{Memory, check};
-pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
+pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, MOST_STORAGE, Opened};
 pub use exchange::{Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for};
 pub use executables::{Compiled, Executable};
 pub use execute::{Executor, KernelTime, Ticket};
@@ -43,6 +48,7 @@ pub use make::Wanted;
 pub use memory::{Arena, BufferPlan, Place};
 pub use names::{Buffer, Constant, Kernel};
 pub use recording::{HostSpan, KernelMade, Ran, Recording};
+pub use rounding::to_nearest;
 pub use schedule::{Binds, Command, Schedule, Size, Stage};
 
 /// One compiled kernel variant.

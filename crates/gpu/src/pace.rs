@@ -188,7 +188,7 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::{Kernel, Schedule};
+    use crate::{Kernel, Schedule};
 
     fn of(works: &[u64]) -> Vec<Command> {
         let mut s = Schedule::default();
@@ -240,7 +240,7 @@ mod tests {
         // Nothing is copied where nothing is long, and indirect dispatches stay whole.
         assert!(matches!(divided(&of([1000, 1, 1], 100), 100), Cow::Borrowed(_)));
         let mut s = Schedule::default();
-        s.indirect(Kernel::named("k"), crate::gpu::Buffer::named("b"), 0, 1000);
+        s.indirect(Kernel::named("k"), crate::Buffer::named("b"), 0, 1000);
         assert!(matches!(divided(&s.commands, 100), Cow::Borrowed(_)));
     }
 

@@ -1,75 +1,11 @@
-use super::flow::count;
-use super::module::{Module, op};
-use super::{Counts, count_loop};
-use crate::transport::kernels::KERNELS;
+//! The compiled modules: what they count, declare and bind, and what the device makes of them.
 
-/// A loop that loads x, stores 1 / sqrt(x x + x), and twice that before where the constant of number 10 is 1.
-fn module(special: u32) -> Counts {
-    let mut words = vec![0x0723_0203, 0x0001_0500, 0, 100, 0];
-    let mut emit = |op: u32, rest: &[u32]| {
-        words.push((rest.len() as u32 + 1) << 16 | op);
-        words.extend_from_slice(rest);
-    };
-    let (main, float, uint, truth, pointer) = (1, 2, 3, 4, 5);
-    let (zero, one, given, is_one, buffer) = (10, 11, 12, 13, 20);
-    emit(15, &[5, main, 0x6e69_616d, 0]);
-    emit(71, &[given, 1, 10]);
-    emit(22, &[float, 32]);
-    emit(21, &[uint, 32, 0]);
-    emit(20, &[truth]);
-    emit(32, &[pointer, 12, float]);
-    emit(43, &[uint, zero, 0]);
-    emit(43, &[uint, one, 1]);
-    emit(50, &[uint, given, 7]);
-    emit(52, &[truth, is_one, 170, given, one]);
-    emit(59, &[pointer, buffer, 12]);
-    emit(54, &[uint, main, 0, 99]);
-    let (before, head, body, extra, rest, again, behind) = (40, 41, 42, 43, 44, 45, 46);
-    let (i, next, go_on, x, square, sum, root, twice, unused, same) =
-        (60, 61, 62, 63, 64, 65, 66, 67, 68, 69);
-    emit(248, &[before]);
-    emit(249, &[head]);
-    emit(248, &[head]);
-    emit(245, &[uint, i, zero, before, next, again]);
-    emit(176, &[truth, go_on, i, given]);
-    emit(246, &[behind, again, 0]);
-    emit(250, &[go_on, body, behind]);
-    emit(248, &[body]);
-    emit(61, &[float, x, buffer]);
-    emit(133, &[float, square, x, x]);
-    emit(129, &[float, sum, square, x]);
-    emit(12, &[float, root, 90, 32, sum]);
-    emit(133, &[float, unused, root, x]);
-    // The same in every turn.
-    emit(128, &[uint, same, given, given]);
-    emit(247, &[rest, 0]);
-    emit(250, &[is_one, extra, rest]);
-    emit(248, &[extra]);
-    emit(129, &[float, twice, root, root]);
-    emit(62, &[buffer, twice]);
-    emit(249, &[rest]);
-    emit(248, &[rest]);
-    emit(62, &[buffer, root]);
-    emit(249, &[again]);
-    emit(248, &[again]);
-    emit(128, &[uint, next, i, one]);
-    emit(249, &[head]);
-    emit(248, &[behind]);
-    emit(253, &[]);
-    emit(56, &[]);
-    let parsed = Module::parse(&words, &[(10, special)].into()).expect("a whole module");
-    count(&parsed).expect("a loop")[0]
-}
-
-#[test]
-fn a_turn_counts_what_is_done_in_it_under_the_constants_at_hand() {
-    // x x + x is one fma; comparison, branch and increment; what is unused or the same in every turn is not there.
-    let without =
-        Counts { fma: 1, special: 1, other: 3, broadcasts: 1, stores: 1, bytes: 8, ..Counts::default() };
-    assert_eq!(module(7), without);
-    assert_eq!(module(1), Counts { fma: 2, stores: 2, bytes: 12, ..without });
-    assert_eq!(module(7).issued(), 7);
-}
+use super::{KERNELS, buffer, kernel};
+use crate::gpu::spirv::{Counts, count_loop, extended};
+use crate::gpu::{
+    Arena, Buffer, BufferPlan, Executor, Faults, Gpu, GpuOptions, Guarded, Kernel, KernelCode, MOST_STORAGE,
+    Overrun, Place, Schedule, View, to_nearest,
+};
 
 fn of(name: &str, constants: &[(&str, u32)]) -> Counts {
     let code = KERNELS.iter().find(|k| k.name == name).expect("a kernel of the table");
@@ -122,7 +58,7 @@ fn the_passes_count_as_they_are_written() {
 }
 
 /// Variants of the notes' table, with the most issue slots that a pair may take: a change that adds some says so here.
-/// `cargo test spirv -- --nocapture` prints the table.
+/// `cargo test kernels::tests -- --nocapture` prints the table.
 #[test]
 fn a_pair_takes_no_more_than_it_did() {
     let (near, linear) = (("SPLIT", 0), ("SPLIT", 1));
@@ -180,13 +116,10 @@ fn a_place_is_within_its_row_whatever_the_path() {
     const N_CLAMP: u32 = 81;
     let finds = ["forward", "backward", "backproject", "bound", "step", "surface_gather", "places"];
     for code in KERNELS.iter().filter(|k| finds.iter().any(|name| k.name.starts_with(name))) {
-        let words: Vec<u32> =
-            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        let fine = code.constants.iter().find(|c| c.0.name() == "FINE").expect("a constant of place.glsl").1;
         for value in [0, 1] {
-            let m = Module::parse(&words, &[(fine, value)].into()).expect("a whole module");
-            let mut all = m.blocks.iter().flat_map(|b| &b.instructions);
-            assert!(all.any(|i| i.op == op::EXT_INST && i.rest[1] == N_CLAMP), "{} fine {value}", code.name);
+            let found = extended(code, &[("FINE", value)]).expect("a whole module");
+            assert!(code.constants.iter().any(|c| c.0.name() == "FINE"), "a constant of place.glsl");
+            assert!(found.contains(&N_CLAMP), "{} fine {value}", code.name);
         }
     }
 }
@@ -222,4 +155,130 @@ fn limits_count_what_they_say() {
     assert_eq!(of("limit_global_atomic", &[]).atomics, 4);
     assert_eq!(of("limit_global_atomic_float", &[]).atomics, 4);
     assert_eq!(of("limit_scattered_atomic", &[]).atomics, 4);
+}
+
+#[test]
+fn every_module_declares_rounding_once_and_keeps_the_rest() {
+    const CAPABILITY: u32 = 17;
+    const EXECUTION_MODE: u32 = 16;
+    const CAN_ROUND_TO_NEAREST: u32 = 4467;
+    const ROUND_TO_NEAREST: u32 = 4462;
+    for code in KERNELS {
+        let words: Vec<u32> =
+            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let with = to_nearest(&words);
+        assert_eq!(with.len(), words.len() + 6, "{}: one entry point", code.name);
+        assert_eq!(with[5..7], [2 << 16 | CAPABILITY, CAN_ROUND_TO_NEAREST]);
+        let at = with.windows(2).position(|w| w == [ROUND_TO_NEAREST, 32]).expect("the mode");
+        assert_eq!(with[at - 2], 4 << 16 | EXECUTION_MODE, "{}", code.name);
+        let rest = [&with[..5], &with[7..at - 2], &with[at + 2..]].concat();
+        assert_eq!(rest, words, "{}", code.name);
+    }
+}
+
+#[test]
+fn a_device_binds_what_the_largest_kernel_binds() {
+    let of = |k: &KernelCode, view: &dyn Fn(View) -> bool| k.bindings.iter().filter(|b| view(b.view)).count();
+    let storage = KERNELS.iter().map(|k| of(k, &|view| view == View::Storage)).max();
+    assert_eq!(storage, Some(MOST_STORAGE as usize));
+    // Storage texel buffers, of which Vulkan promises four, and uniform buffers.
+    assert!(KERNELS.iter().all(|k| of(k, &|view| matches!(view, View::Texels { .. })) <= 4));
+    assert!(KERNELS.iter().all(|k| of(k, &|view| view == View::Uniform) <= 1));
+}
+
+#[test]
+fn a_kernel_compiles_without_buffers() {
+    let options = GpuOptions { statistics: true, ..GpuOptions::default() };
+    let gpu = Gpu::open(&options).expect("a Vulkan device: `make setup` installs lavapipe");
+    let compiled = gpu.compile(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED, &[]).unwrap();
+    assert!(compiled.seconds > 0.0 && gpu.allocated() == 0);
+    assert_eq!(compiled.executables.is_empty(), !gpu.tells_of_kernels());
+}
+
+const BACK: Buffer = Buffer::named("back");
+
+#[test]
+fn labels_balance_under_validation_and_times_are_in_order() {
+    let open = |validation| Gpu::open(&GpuOptions { validation, timings: true, ..GpuOptions::default() });
+    let gpu = open(true).or_else(|_| open(false)).expect("a Vulkan device: `make setup` installs lavapipe");
+    let buffers =
+        [BufferPlan::new(buffer::RESULT, 4, Place::Device), BufferPlan::new(BACK, 4, Place::Readback)];
+    let mut executor = Executor::new(&gpu, Arena::new(&gpu, &buffers, None).unwrap()).unwrap();
+    executor.add_kernel(Kernel::named("count"), &kernel::LIMIT_EMPTY, &[]).unwrap();
+    let mut s = Schedule::default();
+    s.fill(buffer::RESULT, 4, 0);
+    s.stage("first", &[("iteration", 1)]);
+    s.dispatch(Kernel::named("count"), [1, 1, 1], 1).with([1u32, 0, 0, 0]);
+    s.stage("second", &[]);
+    s.dispatch(Kernel::named("count"), [1, 1, 1], 1).with([2u32, 0, 0, 0]);
+    s.dispatch(Kernel::named("count"), [1, 1, 1], 1).with([3u32, 0, 0, 0]);
+    s.copy(buffer::RESULT, BACK, 4);
+    executor.run(&s).unwrap();
+    let counted = executor.read::<u32>(BACK, ..)[0];
+    let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
+    assert!(messages.is_empty(), "{messages:?}");
+    assert_eq!(counted, 6);
+    let kernels: Vec<_> = told.device.iter().map(|r| r.kernel).collect();
+    assert_eq!(kernels, ["fill", "count", "count", "count", "copy"]);
+    let stages: Vec<_> = told.device.iter().map(|r| r.stage.map(|s| told.stages[s].name)).collect();
+    assert_eq!(stages, [None, Some("first"), Some("second"), Some("second"), Some("second")]);
+    assert!(told.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{told:?}");
+    // All of it while the host was waiting, as far as the clocks agree.
+    let spans = |what| told.host.iter().filter(move |s| s.what == what);
+    let (submit, wait) = (spans("submit").next_back().unwrap(), spans("wait").next_back().unwrap());
+    assert!(told.device[0].from >= submit.from - 1e-3 && told.device[4].to <= wait.to + 1e-6, "{told:?}");
+    assert!(told.kernels["count"].code.name == "limit_empty");
+}
+
+const DOWN: Buffer = Buffer::named("down");
+
+/// Runs a kernel that writes a word per invocation, in `groups` workgroups of 64.
+fn run(gpu: &Gpu, bound: Buffer, groups: u32) {
+    let plan = [
+        BufferPlan::new(buffer::RESULT, 3 << 20, Place::Device),
+        BufferPlan::new(DOWN, 256, Place::Readback),
+    ];
+    // The budget counts planned bytes, not canaries.
+    let arena = Arena::new(gpu, &plan, Some(8 << 20)).unwrap();
+    let mut executor = Executor::new(gpu, arena).unwrap();
+    executor.add_kernel(&kernel::LIMIT_FMA, &kernel::LIMIT_FMA, &[]).unwrap();
+    let mut s = Schedule::default();
+    s.dispatch(&kernel::LIMIT_FMA, [groups, 1, 1], 64).bind(buffer::RESULT, bound).with([1u32, 0, 0]);
+    executor.run(&s).unwrap();
+}
+
+fn open(options: &GpuOptions) -> Gpu {
+    Gpu::open(options).expect("a Vulkan device and the validation layer: `make setup` installs both")
+}
+
+/// Checks the canaries after such a kernel.
+fn seen(bound: Buffer, groups: u32) -> Guarded {
+    let faults = Faults { guard: true, ..Faults::default() };
+    let gpu = open(&GpuOptions { faults, ..GpuOptions::default() });
+    run(&gpu, bound, groups);
+    assert_eq!(gpu.allocated(), 0);
+    gpu.take_guarded()
+}
+
+#[test]
+fn a_kernel_that_writes_past_an_end_is_found_by_buffer_and_place() {
+    let fit = (3 << 20) / 256;
+    for (buffer, bytes, groups) in [(buffer::RESULT, 3 << 20, fit), (DOWN, 256, 1)] {
+        assert_eq!(seen(buffer, groups), Guarded { buffers: 3, overruns: vec![] });
+        let overruns = vec![Overrun { buffer, bytes, at: bytes }];
+        assert_eq!(seen(buffer, groups + 1), Guarded { buffers: 3, overruns });
+    }
+    assert_eq!(open(&GpuOptions::default()).take_guarded(), Guarded::default());
+}
+
+#[test]
+fn an_instrumented_kernel_tells_of_it() {
+    let messages = |groups| {
+        let gpu = open(&GpuOptions { instrumented: true, ..GpuOptions::default() });
+        run(&gpu, DOWN, groups);
+        gpu.close()
+    };
+    assert_eq!(messages(1), Vec::<String>::new());
+    let told = messages(2).join("\n");
+    assert!(told.contains("out of bounds"), "{told}");
 }
