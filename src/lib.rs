@@ -34,7 +34,6 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-pub mod capture;
 #[cfg(feature = "formats")]
 pub mod export;
 #[cfg(feature = "formats")]
@@ -54,4 +53,5 @@ pub mod trials;
 pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
 #[cfg(feature = "formats")]
 pub use thirdbounce_base::{files, host};
+pub use thirdbounce_capture as capture;
 pub use thirdbounce_gpu as gpu;

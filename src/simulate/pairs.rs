@@ -128,11 +128,10 @@ impl Pairs {
     /// A capture of these pairs with `histograms` `[pair * bins + bin]`; `bin_width` is in metres of path.
     pub(super) fn capture(&self, bins: usize, bin_width: f64, histograms: Vec<f32>) -> Capture {
         let (laser, sensor) = (self.laser.clone(), self.sensor.clone());
-        Capture {
-            laser_normal: self.laser_normal.clone(),
-            sensor_normal: self.sensor_normal.clone(),
-            ..Capture::new(self.scan, laser, sensor, bins, bin_width, histograms)
-        }
+        Capture::new(self.scan, laser, sensor, bins, bin_width, histograms).with(|c| {
+            c.laser_normal = self.laser_normal.clone();
+            c.sensor_normal = self.sensor_normal.clone();
+        })
     }
 
     /// Checks lengths and values.

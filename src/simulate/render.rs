@@ -271,11 +271,10 @@ impl Renderer<'_> {
     }
 
     fn capture(&self, histograms: Vec<f32>) -> Capture {
-        Capture {
-            name: self.scene.name.clone(),
-            t_start: self.scene.t_start,
-            ..self.pairs.capture(self.bins, self.scene.bin_width, histograms)
-        }
+        self.pairs.capture(self.bins, self.scene.bin_width, histograms).with(|c| {
+            c.name = self.scene.name.clone();
+            c.t_start = self.scene.t_start;
+        })
     }
 }
 

@@ -378,14 +378,10 @@ pub(super) fn bins(
         }
     });
     let width = cells.width * LIGHT * n;
-    Ok(Capture {
-        bins: count,
-        bin_width: width,
-        t_start: first * width,
-        histograms,
-        integer_counts: true,
-        ..outline
-    })
+    Ok(outline.with(|c| {
+        (c.bins, c.bin_width, c.t_start) = (count, width, first * width);
+        (c.histograms, c.integer_counts) = (histograms, true);
+    }))
 }
 
 /// The laser pulses of a pair, if pile-up can be taken out.
