@@ -40,8 +40,6 @@ pub mod export;
 pub mod job;
 #[cfg(feature = "formats")]
 pub mod live;
-pub mod maps;
-pub mod measure;
 pub mod session;
 pub mod simulate;
 pub mod solve;
@@ -55,3 +53,4 @@ pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
 pub use thirdbounce_base::{files, host};
 pub use thirdbounce_capture as capture;
 pub use thirdbounce_gpu as gpu;
+pub use thirdbounce_maps::{maps, measure};
