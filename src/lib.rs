@@ -41,7 +41,6 @@ pub mod job;
 #[cfg(feature = "formats")]
 pub mod live;
 pub mod session;
-pub mod simulate;
 pub mod solve;
 #[cfg(feature = "formats")]
 pub mod tags;
@@ -54,3 +53,4 @@ pub use thirdbounce_base::{files, host};
 pub use thirdbounce_capture as capture;
 pub use thirdbounce_gpu as gpu;
 pub use thirdbounce_maps::{maps, measure};
+pub use thirdbounce_simulate as simulate;

@@ -5,8 +5,8 @@
 //! and adds photon noise if the scene has any; [`truth`] gives depth, normals and mask seen from the wall.
 //!
 //! ```
-//! use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-//! # fn main() -> thirdbounce::Result<()> {
+//! use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
+//! # fn main() -> thirdbounce_base::Result<()> {
 //! let mut scene = Scene::named("letter:K")?;
 //! scene.scan = 8;
 //! let rendering = simulate(&scene, &RenderOptions::default())?;
@@ -16,6 +16,9 @@
 //! # Ok(())
 //! # }
 //! ```
+
+#![deny(missing_docs)]
+#![warn(clippy::too_many_lines)]
 
 mod builtin;
 mod elements;
@@ -36,7 +39,11 @@ mod truth;
 mod visibility;
 mod wall;
 
-pub use crate::transport::Reflectance;
+use thirdbounce_base::{Error, Kind, Result};
+use thirdbounce_capture as capture;
+use thirdbounce_maps::maps;
+
+pub use capture::Reflectance;
 pub use figure::figure;
 pub use letters::letter;
 pub use mesh::{Mesh, Placement};

@@ -1,8 +1,7 @@
 //! A scene to simulate: objects, wall, scan, bins, reflectance, noise.
 
 use super::{Dark, Layout, Mesh, Pairs, WallShape};
-use crate::capture::Pulse;
-use crate::transport::Reflectance;
+use crate::capture::{Pulse, Reflectance};
 use crate::{Error, Kind, Result};
 use glam::DVec3;
 
