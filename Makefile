@@ -57,7 +57,7 @@ lint: setup
 		cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi capi | diff -u include/thirdbounce.h - || \
 			{ echo "the C interface changed: \`make header\`, and look at what changed"; exit 1; }; \
 	else echo "skipped: the C header is not compared, as cbindgen is not installed"; fi
-	cd assets && sha256sum --check --quiet SHA256SUMS
+	cd crates/export/assets && sha256sum --check --quiet SHA256SUMS
 	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; \
 	else echo "skipped: advisories, licences and sources are not checked, as cargo-deny is not installed"; fi
 

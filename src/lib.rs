@@ -35,15 +35,11 @@
 #![warn(clippy::too_many_lines)]
 
 #[cfg(feature = "formats")]
-pub mod export;
-#[cfg(feature = "formats")]
 pub mod job;
 #[cfg(feature = "formats")]
 pub mod live;
 pub mod session;
 pub mod solve;
-#[cfg(feature = "formats")]
-pub mod tags;
 pub mod transport;
 pub mod trials;
 
@@ -51,6 +47,10 @@ pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
 #[cfg(feature = "formats")]
 pub use thirdbounce_base::{files, host};
 pub use thirdbounce_capture as capture;
+#[cfg(feature = "formats")]
+pub use thirdbounce_export as export;
 pub use thirdbounce_gpu as gpu;
 pub use thirdbounce_maps::{maps, measure};
 pub use thirdbounce_simulate as simulate;
+#[cfg(feature = "formats")]
+pub use thirdbounce_tags as tags;

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 
-pub(super) const FONT: &[u8] = include_bytes!("../../assets/DejaVuSans.ttf");
+pub(super) const FONT: &[u8] = include_bytes!("../assets/DejaVuSans.ttf");
 
 static DEJAVU: LazyLock<FontRef<'static>> =
     LazyLock::new(|| FontRef::try_from_slice(FONT).expect("the compiled-in font is whole"));

@@ -19,7 +19,7 @@ use crate::maps::Maps;
 
 const PAGE: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("page.js");
-const LIBRARY: &str = include_str!("../../../assets/three.js");
+const LIBRARY: &str = include_str!("../../assets/three.js");
 
 /// Numbers of all histograms on the page, and pixels along a side of its maps, at most: a page is below 3 MB.
 const MOST_COUNTS: usize = 280_000;

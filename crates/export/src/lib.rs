@@ -1,6 +1,9 @@
 //! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Every file appears whole or not at all, and equal
 //! results give equal bytes.
 
+#![deny(missing_docs)]
+#![warn(clippy::too_many_lines)]
+
 mod axis;
 pub mod benchmark;
 pub mod calibration;
@@ -24,6 +27,10 @@ mod text;
 pub mod volume;
 
 use std::path::{Path, PathBuf};
+
+use thirdbounce_base::{advice, error, files};
+use thirdbounce_capture as capture;
+use thirdbounce_maps::{maps, measure};
 
 use crate::error::Result;
 use crate::maps::Maps;

@@ -5,6 +5,9 @@
 //! that the instrument made: PicoQuant's `.phu`, and npy or npz arrays. [`histogram()`] turns either into a capture: it needs to know which photons belong to which point of the scan
 //! ([`Division`]), where the points are ([`Scan`]) and what time is path 0 ([`Zero`]). docs/tags.md tells the formats.
 
+#![deny(missing_docs)]
+#![warn(clippy::too_many_lines)]
+
 mod afterpulsing;
 mod arrange;
 mod arrays;
@@ -42,6 +45,9 @@ use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+
+use thirdbounce_base::{error, files, host};
+use thirdbounce_capture as capture;
 
 use crate::error::{Error, Result};
 use arrays::Holder;
