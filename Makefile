@@ -45,24 +45,25 @@ soak: setup
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and
 # cargo-public-api would judge that themselves, but install for minutes, build the crate twice, and the latter needs a nightly
 # compiler; the list is read from the source in seconds, the same with every compiler.
+ROOTS := src/lib.rs $(sort $(wildcard crates/*/src/lib.rs))
 lint: setup
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
-	cargo clippy --locked --no-default-features -- -D warnings
-	cargo clippy --locked --no-default-features --features formats -- -D warnings
+	cargo clippy --locked --package thirdbounce --no-default-features -- -D warnings
+	cargo clippy --locked --package thirdbounce --no-default-features --features formats -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
-	cargo run --locked --quiet --package public-api src/lib.rs | diff -u public-api/thirdbounce.rs - || \
+	cargo run --locked --quiet --package public-api $(ROOTS) | diff -u public-api/thirdbounce.rs - || \
 		{ echo "the public interface changed: \`make api\`, and look at what changed"; exit 1; }
 	@if command -v cbindgen >/dev/null; then \
 		cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi capi | diff -u include/thirdbounce.h - || \
 			{ echo "the C interface changed: \`make header\`, and look at what changed"; exit 1; }; \
 	else echo "skipped: the C header is not compared, as cbindgen is not installed"; fi
-	cd assets && sha256sum --check --quiet SHA256SUMS
+	cd crates/export/assets && sha256sum --check --quiet SHA256SUMS
 	@if command -v cargo-deny >/dev/null; then cargo deny --locked check; \
 	else echo "skipped: advisories, licences and sources are not checked, as cargo-deny is not installed"; fi
 
 api: setup
-	cargo run --locked --quiet --package public-api src/lib.rs > public-api/thirdbounce.rs
+	cargo run --locked --quiet --package public-api $(ROOTS) > public-api/thirdbounce.rs
 
 # Writes the C header anew. Needs `cargo install cbindgen`.
 header:

@@ -30,7 +30,7 @@ def linked(metadata):
             if normal and not is_macro and dep["pkg"] not in seen:
                 seen.add(dep["pkg"])
                 waiting.append(dep["pkg"])
-    found = [packages[id] for id in seen if packages[id]["name"] not in OURS]
+    found = [packages[id] for id in seen if not packages[id]["name"].startswith("thirdbounce")]
     return sorted(found, key=lambda package: (package["name"], package["version"]))
 
 

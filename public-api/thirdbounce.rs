@@ -1,1680 +1,5 @@
-pub mod advice {
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Remedy {
-        Set(Setting),
-        SmallerJob { asked: Option<u64>, available: Option<u64> },
-    }
-    impl Remedy {
-        pub const SMALLER_JOB: Remedy = Remedy::SmallerJob {
-            asked: None,
-            available: None,
-        };
-    }
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Look {
-        Devices,
-        Capture,
-    }
-    #[derive(Debug, Clone, PartialEq, Eq)]
-    pub enum Part {
-        Text(Cow<'static, str>),
-        Change(Remedy),
-        Look(Look),
-    }
-    #[derive(Debug, Clone, Default, PartialEq, Eq)]
-    pub struct Advice(Vec<Part>);
-    impl Advice {
-        pub fn parts(&self) -> &[Part] {}
-        pub fn remedies(&self) -> impl Iterator<Item = Remedy> {}
-        pub fn names(&self, setting: Setting) -> bool {}
-        pub fn say(
-            &self,
-            changed: impl Fn(Remedy) -> String,
-            found: impl Fn(Look) -> String,
-        ) -> String {}
-        pub fn and(mut self, more: impl Into<Advice>) -> Advice {}
-    }
-    impl fmt::Display for Advice {}
-    impl Serialize for Advice {}
-    impl From<&'static str> for Advice {}
-    impl From<String> for Advice {}
-    impl<const N: usize> From<[Part; N]> for Advice {}
-    impl From<&[Part]> for Advice {}
-}
-pub mod capture {
-    mod background {
-        #[derive(Debug, Clone, PartialEq)]
-        #[private_fields]
-        pub struct Background {
-            pub level: f64,
-        }
-        impl Background {
-            pub fn even(level: f64) -> Background {}
-            pub fn of_pair(&self, pair: usize) -> f64 {}
-            pub fn range(&self) -> Option<[f64; 2]> {}
-        }
-        impl Capture {
-            pub fn background(&self) -> Background {}
-        }
-    }
-    pub mod calibrate {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Calibration {
-            pub shift: f64,
-            pub error: f64,
-            pub residual: f64,
-            pub target: DVec3,
-            pub curve: Vec<[f64; 2]>,
-            pub used: usize,
-        }
-        pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {}
-    }
-    pub mod check {
-        impl Capture {
-            pub fn check(&self) -> Result<()> {}
-            pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {}
-            pub fn check_finite(&self, histograms: &[f32]) -> Result<()> {}
-            pub fn check_scan(&self) -> Result<()> {}
-            pub fn t_end(&self) -> f64 {}
-            pub fn mean_histogram(&self) -> Vec<f64> {}
-            pub fn pair_count(&self) -> usize {}
-        }
-    }
-    mod choose {
-        impl Capture {
-            pub fn stride(&self, n: usize) -> Result<Capture> {}
-            pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {}
-            pub fn without_missing(self) -> Result<(Capture, usize, Vec<String>)> {}
-        }
-    }
-    mod doubts {
-        impl Capture {
-            pub fn doubts(&self) -> Vec<String> {}
-        }
-    }
-    #[cfg(feature = "formats")]
-    pub mod formats {
-        pub mod ccsocr {
-            pub fn read(
-                set: &mut Set,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
-        }
-        pub mod general {
-            pub fn read(
-                set: &mut Set,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
-        }
-        mod given {
-            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-            pub enum Bounce {
-                Nth(usize),
-                All,
-            }
-            impl Bounce {
-                pub fn parse(text: &str) -> Result<Bounce> {}
-            }
-            #[derive(Debug, Clone, Default, PartialEq)]
-            #[non_exhaustive]
-            pub struct Given {
-                pub wall: Option<f64>,
-                pub bin_width: Option<f64>,
-                pub depth_unit: Option<f64>,
-                pub bounce: Option<Bounce>,
-                pub time_of_flight: Option<PathBuf>,
-                pub turn: Turn,
-            }
-            impl Given {
-                pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {}
-                pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {}
-                pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> Given {}
-                pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {}
-                pub fn with_time_of_flight(
-                    self,
-                    file: impl Into<Option<PathBuf>>,
-                ) -> Given {}
-                pub fn with_turn(self, turn: Turn) -> Given {}
-            }
-        }
-        pub mod hdf5 {
-            #[private_fields]
-            pub struct Hdf5 {}
-            pub fn is_guarded() -> bool {}
-            impl Hdf5 {
-                pub fn open(path: &Path) -> Result<Hdf5> {}
-                pub fn names(&self) -> Vec<String> {}
-                pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
-                pub fn counts(&self, name: &str) -> Result<Option<Counts>> {}
-                pub fn numbers(
-                    &self,
-                    name: &str,
-                ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
-            }
-        }
-        pub mod legs {
-            pub fn check_measured(capture: &Capture) -> Result<()> {}
-            pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {}
-        }
-        pub mod matlab5 {
-            #[private_fields]
-            pub struct Matlab5 {}
-            impl Matlab5 {
-                pub fn open(path: &Path) -> Result<Matlab5> {}
-                pub fn parse(bytes: Vec<u8>) -> Result<Matlab5> {}
-                pub fn names(&self) -> Vec<String> {}
-                pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
-                pub fn counts(&self, name: &str) -> Result<Option<Counts>> {}
-                pub fn numbers(
-                    &self,
-                    name: &str,
-                ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
-            }
-        }
-        pub mod netf {
-            pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
-        }
-        pub mod npz {
-            pub fn read(
-                path: &Path,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
-            pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
-        }
-        pub mod phasor {
-            pub fn read_2019(
-                file: &Variables,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
-        }
-        mod pulse {
-            impl Pulse {
-                pub fn read(path: &Path) -> Result<Pulse> {}
-            }
-        }
-        pub mod set {
-            #[private_fields]
-            pub struct Set {}
-            impl Set {
-                pub fn open(path: &Path) -> Result<Set> {}
-                pub fn holding(&self, name: &str) -> Result<Option<&Variables>> {}
-                pub fn add_beside(&mut self, names: &[String]) -> Result<()> {}
-                pub fn beside(&self, name: &str) -> PathBuf {}
-                pub fn add(&mut self, path: &Path) -> Result<()> {}
-                pub fn name(&self) -> String {}
-                pub fn first(&self) -> Option<&Variables> {}
-                pub fn any(&self, name: &str) -> bool {}
-            }
-        }
-        pub mod stanford {
-            pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
-        }
-        pub mod variables {
-            #[derive(Debug, Clone, PartialEq)]
-            pub struct Counts {
-                pub shape: Vec<usize>,
-                pub values: Vec<f32>,
-            }
-            impl Counts {
-                pub fn whole(&self) -> bool {}
-            }
-            pub enum Variables {
-                Hdf5(Hdf5),
-                Matlab5(Matlab5),
-            }
-            impl Variables {
-                pub fn open(path: &Path) -> Result<Variables> {}
-                pub fn names(&self) -> Vec<String> {}
-                pub fn have(&self, names: &[&str]) -> bool {}
-                pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
-                pub fn counts(&self, name: &str) -> Result<Counts> {}
-                pub fn numbers(
-                    &self,
-                    name: &str,
-                ) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
-                pub fn number(&self, name: &str) -> Result<Option<f64>> {}
-                pub fn point(&self, name: &str) -> Result<Option<DVec3>> {}
-                pub fn missing(&self, name: &str) -> Error {}
-            }
-        }
-        pub mod ytal {
-            pub fn read(source: &Variables) -> Result<Capture> {}
-            pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
-        }
-        pub mod znlos {
-            pub fn read(
-                file: &Variables,
-                given: &Given,
-                notes: &mut Vec<String>,
-            ) -> Result<Capture> {}
-            impl Grid {
-                pub fn read(file: &Variables, side: &str) -> Result<Option<Grid>> {}
-            }
-        }
-        pub use given::{Bounce, Given};
-        #[derive(Debug, Clone, PartialEq)]
-        #[non_exhaustive]
-        pub struct Opened {
-            pub capture: Capture,
-            pub dropped: usize,
-            pub notes: Vec<String>,
-        }
-        pub fn read(path: &Path) -> Result<Capture> {}
-        pub fn read_with_notes(path: &Path) -> Result<Opened> {}
-        pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {}
-        pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {}
-        pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
-    }
-    pub mod gate {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Gate {
-            pub from: f64,
-            pub to: f64,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct AutoGate {
-            pub gate: Gate,
-            pub reason: String,
-        }
-        impl Gate {
-            pub fn parse(text: &str) -> Result<Gate> {}
-            pub fn holds(self, other: Gate) -> bool {}
-            pub fn within(self, other: Gate) -> Gate {}
-        }
-        impl std::fmt::Display for Gate {}
-        impl Capture {
-            pub fn gated(&self, gate: Gate) -> Result<Capture> {}
-            pub fn set_gate(&mut self, gate: Gate) -> Result<()> {}
-        }
-        pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {}
-        pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {}
-    }
-    #[cfg(feature = "formats")]
-    mod keep {
-        #[derive(Debug, Clone, Copy, Default, PartialEq)]
-        #[non_exhaustive]
-        pub struct Keep {
-            pub stride: Option<usize>,
-            pub subset: Option<usize>,
-            pub subset_seed: u64,
-            pub gate: Option<Gate>,
-        }
-        impl Keep {
-            pub fn with_stride(self, n: impl Into<Option<usize>>) -> Keep {}
-            pub fn with_subset(
-                self,
-                count: impl Into<Option<usize>>,
-                seed: u64,
-            ) -> Keep {}
-            pub fn with_gate(self, gate: impl Into<Option<Gate>>) -> Keep {}
-        }
-    }
-    pub mod negative {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Negatives {
-            pub count: usize,
-            pub variance: f64,
-        }
-        pub fn quiet_bins(mean: &[f64]) -> Option<(Range<usize>, f64)> {}
-        impl Capture {
-            pub fn negatives(&self) -> Option<Negatives> {}
-        }
-    }
-    mod normals {
-        impl Capture {
-            pub fn with_normals(&self) -> Result<(Capture, Option<String>)> {}
-            pub fn set_normals(&mut self) -> Result<Option<String>> {}
-        }
-    }
-    pub mod pairs {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-        pub enum PairKind {
-            Confocal,
-            OneLaser,
-            OneSensor,
-            Exhaustive { lasers: usize, sensors: usize },
-            Irregular,
-        }
-        impl std::fmt::Display for PairKind {}
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Product {
-            pub scanned: Vec<DVec3>,
-            pub other: Vec<DVec3>,
-            pub scanned_normal: Option<Vec<DVec3>>,
-            pub other_normal: Option<Vec<DVec3>>,
-            pub pair_of: Vec<usize>,
-            pub laser_scanned: bool,
-        }
-        impl Capture {
-            pub fn pair_kind(&self) -> PairKind {}
-            pub fn product(&self) -> Option<Product> {}
-        }
-    }
-    mod pile_up {
-        impl Capture {
-            pub fn take_pile_up_out(&mut self) -> Result<Option<String>> {}
-        }
-    }
-    pub mod pulse {
-        #[derive(Debug, Clone, PartialEq)]
-        #[non_exhaustive]
-        pub struct Pulse {
-            pub samples: Vec<f64>,
-            pub width: f64,
-            pub start: f64,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct PulseTaps {
-            pub before: usize,
-            pub weights: Vec<f64>,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Way {
-            Spread,
-            Back,
-            Squared,
-        }
-        impl Pulse {
-            pub fn new(samples: Vec<f64>, width: f64, start: f64) -> Pulse {}
-            pub fn gaussian(fwhm: f64) -> Result<Pulse> {}
-            pub fn with_tail(&self, decay: f64) -> Result<Pulse> {}
-            pub fn check(&self) -> Result<()> {}
-            pub fn end(&self) -> f64 {}
-            pub fn fwhm(&self) -> f64 {}
-            pub fn moments(&self) -> [f64; 2] {}
-            pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {}
-            pub fn taps_of_bins(&self, bin_width: f64) -> Result<PulseTaps> {}
-        }
-        impl PulseTaps {
-            pub fn deviation(&self) -> f64 {}
-            pub fn identity() -> PulseTaps {}
-            pub fn blurred(&self, sigma: f64, reach: f64) -> PulseTaps {}
-            pub fn words(&self) -> Vec<f32> {}
-            pub fn spread(&self, histograms: &mut [f32], bins: usize) {}
-            pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {}
-        }
-    }
-    mod recorded {
-        pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {}
-    }
-    pub mod scan {
-        pub fn unit_of(width: f64) -> f64 {}
-        pub fn decimals(usual: usize, width: f64) -> usize {}
-        impl Capture {
-            pub fn wall_extent(&self) -> [f64; 4] {}
-            pub fn unit(&self) -> f64 {}
-            pub fn spacing(&self) -> Option<f64> {}
-            pub fn resolution(&self) -> [usize; 2] {}
-            pub fn is_confocal(&self) -> bool {}
-            pub fn is_planar(&self) -> bool {}
-            pub fn set_wall(&mut self, size: f64) -> Result<()> {}
-            pub fn scanned_points(&self) -> &[DVec3] {}
-            pub fn laser_scans(&self) -> bool {}
-        }
-    }
-    mod seen {
-        impl Capture {
-            #[cfg(feature = "formats")]
-            pub fn has_whole_counts(&self) -> bool {}
-        }
-    }
-    pub(crate) mod sum {
-        impl Capture {
-            pub fn binned(&self, n: usize) -> Result<Capture> {}
-            pub fn summed(&self, n: usize) -> Result<Capture> {}
-        }
-    }
-    pub mod summary {
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        #[non_exhaustive]
-        pub struct Summary {
-            pub name: String,
-            pub scan: [usize; 2],
-            pub pairs: usize,
-            pub bins: usize,
-            pub bin_width_m: f64,
-            pub bin_width_ps: f64,
-            pub pulse_fwhm_m: Option<f64>,
-            pub spots_m: [Option<f64>; 2],
-            pub t_start_m: f64,
-            pub t_end_m: f64,
-            pub pair_kind: PairKind,
-            pub dropped_pairs: usize,
-            pub resolution: [usize; 2],
-            pub confocal: bool,
-            pub planar: bool,
-            pub wall_extent_m: [f64; 4],
-            pub wall_depth_m: [f64; 2],
-            pub signal_bins: Option<[usize; 2]>,
-            pub peak: f64,
-            pub peak_bin: usize,
-            pub peak_pair: usize,
-            pub total: f64,
-            pub pairs_with_signal: usize,
-            pub integer_counts: bool,
-            pub laser_normals: bool,
-            pub sensor_normals: bool,
-            pub normals_estimated: bool,
-        }
-        impl Summary {
-            pub fn of(capture: &Capture) -> Summary {}
-        }
-        impl Capture {
-            pub fn summary(&self) -> Summary {}
-        }
-        impl std::fmt::Display for Summary {}
-    }
-    mod turn {
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-        #[private_fields]
-        pub struct Turn {}
-        impl Turn {
-            pub fn parse(flip: Option<&str>, degrees: Option<u32>) -> Result<Turn> {}
-            pub fn note(&self) -> Option<String> {}
-        }
-        impl Capture {
-            pub fn turned(mut self, turn: Turn) -> Capture {}
-        }
-    }
-    pub use background::Background;
-    #[cfg(feature = "formats")]
-    pub use formats::{
-        Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write,
-    };
-    pub use gate::{AutoGate, Gate, auto_gate, published_gate};
-    #[cfg(feature = "formats")]
-    pub use keep::Keep;
-    pub use pairs::{PairKind, Product};
-    pub use pulse::{Pulse, PulseTaps, Way};
-    pub use recorded::recorded_gate;
-    pub use summary::Summary;
-    pub use turn::Turn;
-    pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
-    #[derive(Debug, Clone, PartialEq)]
-    #[non_exhaustive]
-    pub struct Capture {
-        pub name: String,
-        pub scan: [usize; 2],
-        pub laser: Vec<DVec3>,
-        pub sensor: Vec<DVec3>,
-        pub laser_normal: Option<Vec<DVec3>>,
-        pub sensor_normal: Option<Vec<DVec3>>,
-        pub bins: usize,
-        pub bin_width: f64,
-        pub t_start: f64,
-        pub histograms: Vec<f32>,
-        pub integer_counts: bool,
-        pub pulse: Option<Pulse>,
-        pub laser_spot: Option<f64>,
-        pub sensor_spot: Option<f64>,
-        pub cycles: Option<f64>,
-        pub direct: Option<f64>,
-    }
-    impl Capture {
-        pub fn new(
-            scan: [usize; 2],
-            laser: Vec<DVec3>,
-            sensor: Vec<DVec3>,
-            bins: usize,
-            bin_width: f64,
-            histograms: Vec<f32>,
-        ) -> Capture {}
-    }
-}
-pub mod error {
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Kind {
-        Input,
-        Options,
-        Device,
-        Memory,
-        Output,
-        Cancelled,
-    }
-    #[derive(Debug, Clone, thiserror::Error)]
-    pub struct Error {
-        pub kind: Kind,
-        pub what: String,
-        pub mend: Advice,
-    }
-    impl Error {
-        pub fn new(
-            kind: Kind,
-            what: impl Into<String>,
-            mend: impl Into<Advice>,
-        ) -> Self {}
-        pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-        pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-        pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-        pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-        pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-        pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
-    }
-    pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {}
-    pub type Result<T> = std::result::Result<T, Error>;
-}
-#[cfg(feature = "formats")]
-pub mod export {
-    mod axis {
-        pub fn plain(v: f64) -> String {}
-    }
-    pub mod benchmark {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Page {
-            pub version: String,
-            pub seconds: f64,
-            pub cases: Vec<Case>,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Case {
-            pub scene: String,
-            pub photons: Option<f64>,
-            pub folder: String,
-            pub was_there: bool,
-            pub failed: bool,
-            pub why: Option<String>,
-            pub remedy: Option<Advice>,
-            pub seconds: f64,
-            pub comparison: Option<Comparison>,
-        }
-        impl Case {
-            pub fn left_out(
-                scene: &str,
-                photons: Option<f64>,
-                folder: &str,
-                failed: bool,
-                why: &Error,
-            ) -> Case {}
-        }
-        impl Page {
-            pub fn summary(&self) -> String {}
-            pub fn markdown(&self) -> String {}
-            pub fn html(&self, root: &Path) -> Result<String> {}
-        }
-        pub fn write(folder: &Path, page: &Page) -> Result<Vec<PathBuf>> {}
-    }
-    pub mod calibration {
-        pub fn write(path: &Path, found: &Calibration) -> Result<()> {}
-        impl Figure for Curve<'_> {}
-    }
-    pub mod comparison {
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct Comparison {
-            pub version: String,
-            pub device: Device,
-            pub capture: Summary,
-            pub capture_file: PathBuf,
-            pub truth: Option<PathBuf>,
-            pub mask_fraction: Option<f64>,
-            pub oracle: bool,
-            pub repeats: usize,
-            pub methods: Vec<MethodReport>,
-            pub left_out: Vec<LeftOut>,
-        }
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct LeftOut {
-            pub name: String,
-            pub why: String,
-        }
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct MethodReport {
-            pub name: String,
-            pub method: String,
-            pub foreign: bool,
-            pub runs_on: String,
-            pub folder: String,
-            pub mask_fraction: Option<f64>,
-            pub settings: serde_json::Value,
-            pub trace_every: usize,
-            pub iterations: usize,
-            pub seconds: f64,
-            pub repeats_s: Vec<f64>,
-            pub preview_s: Option<f64>,
-            pub active: usize,
-            pub active_ratio: f64,
-            pub metrics: Metrics,
-            pub reach: Reached,
-            pub trace: Vec<TraceEntry>,
-        }
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Reached {
-            pub depth_mae: Reach,
-            pub normal_error_deg: Reach,
-            pub best_iou: Reach,
-            pub all: Reach,
-        }
-        impl MethodReport {
-            pub fn name_and_model(&self) -> String {}
-        }
-        impl Comparison {
-            pub fn table(&self) -> String {}
-            pub fn markdown(&self) -> String {}
-        }
-        pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {}
-        pub fn read_json(path: &Path) -> Result<Comparison> {}
-        pub fn write_markdown(path: &Path, comparison: &Comparison) -> Result<()> {}
-    }
-    pub mod confidence {
-        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
-    }
-    pub mod curves {
-        pub struct ErrorVsTime<'a>(pub &'a Comparison);
-        impl Figure for ErrorVsTime<'_> {}
-    }
-    pub mod depth_error {
-        pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {}
-    }
-    pub mod exr {
-        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
-    }
-    pub mod figure {
-        pub trait Canvas: DrawingBackend<ErrorType: 'static> {}
-        pub trait Figure {
-            fn size(&self) -> [u32; 2];
-            fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B>;
-        }
-        pub fn svg(figure: &impl Figure) -> Result<String> {}
-        pub fn picture(figure: &impl Figure) -> Result<Picture> {}
-    }
-    pub mod foreign {
-        pub fn read(path: &Path, extent: [f64; 4]) -> Result<Maps> {}
-    }
-    pub mod inspection {
-        pub fn write(path: &Path, capture: &Capture) -> Result<()> {}
-        pub fn write_with_direct(
-            path: &Path,
-            capture: &Capture,
-            direct: Option<&[f64]>,
-            shaped: bool,
-        ) -> Result<()> {}
-    }
-    pub mod mesh {
-        mod poisson {
-            #[derive(Debug, Clone, Copy)]
-            pub struct Sample {
-                pub at: DVec3,
-                pub normal: DVec3,
-                pub area: f64,
-            }
-            pub fn solve(samples: &[Sample], pitch: f64) -> Field {}
-        }
-        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
-    }
-    pub mod npz {
-        pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {}
-        pub fn read_maps(path: &Path) -> Result<Maps> {}
-        pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {}
-        pub fn read_truth(path: &Path) -> Result<Truth> {}
-    }
-    pub mod page {
-        #[derive(Debug, Clone, Serialize)]
-        #[private_fields]
-        pub struct Light {}
-        impl Light {
-            pub fn of(capture: &Capture) -> Light {}
-        }
-        pub fn write(
-            path: &Path,
-            title: &str,
-            maps: &Maps,
-            light: &Light,
-            report: &Report,
-        ) -> Result<()> {}
-    }
-    pub mod picture {
-        pub const BACKGROUND: [u8; 3] = [20, 20, 26];
-        pub const INK: [u8; 3] = [230, 230, 230];
-        pub const SIDE: usize = 512;
-        pub const CAPITAL: usize = 11;
-        #[derive(Debug, Clone, PartialEq, Eq)]
-        pub struct Picture {
-            pub width: usize,
-            pub height: usize,
-            pub rgb: Vec<u8>,
-        }
-        pub fn rows(maps: &Maps) -> Vec<usize> {}
-        pub fn enlargement(maps: &Maps) -> usize {}
-        pub fn colour(share: f64) -> [u8; 3] {}
-        impl Picture {
-            pub fn new(width: usize, height: usize) -> Picture {}
-            pub fn of_maps(
-                maps: &Maps,
-                factor: usize,
-                colour: impl Fn(usize) -> [u8; 3],
-            ) -> Picture {}
-            pub fn fill(
-                &mut self,
-                x: usize,
-                y: usize,
-                width: usize,
-                height: usize,
-                colour: [u8; 3],
-            ) {}
-            pub fn paste(&mut self, other: &Picture, x: usize, y: usize) {}
-            pub fn blend(
-                &mut self,
-                [column,
-                row,
-                ]: [i32; 2],
-                colour: [u8; 3],
-                cover: f64,
-            ) {}
-            pub fn shrunk(&self, factor: usize) -> Picture {}
-            pub fn write(
-                &mut self,
-                words: &str,
-                at: [f32; 2],
-                em: f32,
-                colour: [u8; 3],
-            ) {}
-            pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {}
-            pub fn colour_bar(
-                &mut self,
-                x: usize,
-                [top,
-                bottom,
-                ]: [usize; 2],
-                first: f64,
-                labels: &[String],
-                ink: [u8; 3],
-            ) {}
-            pub fn bar_width(labels: &[String]) -> usize {}
-        }
-        pub fn text_width(words: &str) -> usize {}
-    }
-    pub mod plot {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Plot {
-            pub title: String,
-            pub x: String,
-            pub y: String,
-            pub logarithmic: [bool; 2],
-            pub curves: Vec<(String, Vec<[f64; 2]>)>,
-            pub mark: Option<(String, f64)>,
-        }
-        impl Figure for Plot {}
-    }
-    pub mod ply {
-        pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
-    }
-    pub mod png {
-        pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {}
-        pub fn albedo_of(maps: &Maps) -> Picture {}
-        pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
-        pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {}
-        pub fn preview(maps: &Maps) -> Result<Vec<u8>> {}
-        pub fn depth_of(maps: &Maps) -> Picture {}
-        pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
-        pub fn normal_of(maps: &Maps) -> Picture {}
-        pub fn write(path: &Path, picture: &Picture) -> Result<()> {}
-        pub fn packed(picture: &Picture) -> Result<Vec<u8>> {}
-    }
-    pub mod report {
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct Report {
-            pub version: String,
-            pub device: Device,
-            pub settings: serde_json::Value,
-            pub capture: Summary,
-            pub plan: Plan,
-            pub trace: Vec<TraceEntry>,
-            pub totals: Totals,
-            pub metrics: Option<Metrics>,
-        }
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Device {
-            pub name: String,
-            pub driver: String,
-            pub kind: String,
-        }
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Plan {
-            pub variants: Vec<String>,
-            pub left_out: Vec<String>,
-            pub parts: [Vec<usize>; 2],
-            pub stored_bytes: u64,
-            pub buffers: BTreeMap<String, u64>,
-            pub full: bool,
-        }
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-        pub struct TraceEntry {
-            pub iteration: usize,
-            pub seconds: f64,
-            pub gpu_seconds: Option<f64>,
-            pub lateral: usize,
-            pub pairs: usize,
-            pub active: usize,
-            pub active_ratio: f64,
-            pub loss: f64,
-            pub data_loss: Option<f64>,
-            pub residual: Option<f64>,
-            pub metrics: Option<Metrics>,
-        }
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Totals {
-            pub load_s: f64,
-            pub solve_s: f64,
-            pub export_s: f64,
-            pub preview_s: Option<f64>,
-            pub pairs: f64,
-            pub pairs_per_s: f64,
-            pub peak_device_bytes: u64,
-        }
-        pub fn write(path: &Path, report: &Report) -> Result<()> {}
-        pub fn read(path: &Path) -> Result<Report> {}
-    }
-    mod text {
-        pub fn write(
-            text: &str,
-            [mut x,
-            y,
-            ]: [f32; 2],
-            em: f32,
-            mut ink: impl FnMut([i32; 2], f64),
-        ) {}
-    }
-    pub mod volume {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Volume {
-            pub size: [usize; 3],
-            pub extent: [f64; 6],
-            pub albedo: Vec<f32>,
-            pub normal: Option<Vec<[f32; 3]>>,
-        }
-        pub fn write(path: &Path, volume: &Volume) -> Result<()> {}
-        pub fn read(path: &Path) -> Result<Volume> {}
-    }
-    pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {}
-}
-#[cfg(feature = "formats")]
-pub mod files {
-    pub mod archive {
-        #[private_fields]
-        pub struct Npz {}
-        impl Npz {
-            pub fn open(path: &Path) -> Result<Npz> {}
-            pub fn names(&self) -> Vec<String> {}
-            pub fn get(&mut self, name: &str) -> Result<Option<Array>> {}
-            pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {}
-            pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {}
-            pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {}
-        }
-        #[private_fields]
-        pub struct Elements {}
-        impl Read for Elements {}
-        pub fn npz_bytes(arrays: &[(&str, Array)]) -> Result<Vec<u8>> {}
-    }
-    pub mod array {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Element {
-            Bool,
-            U8,
-            U16,
-            U32,
-            U64,
-            I8,
-            I16,
-            I32,
-            I64,
-            F32,
-            F64,
-        }
-        impl Element {
-            pub fn size(self) -> usize {}
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Array {
-            pub shape: Vec<usize>,
-            pub element: Element,
-            pub big_endian: bool,
-            pub fortran: bool,
-            pub bytes: Vec<u8>,
-        }
-        impl Array {
-            from_slice!(from_f32, f32, F32);
-            from_slice!(from_f64, f64, F64);
-            from_slice!(from_u16, u16, U16);
-            from_slice!(from_u32, u32, U32);
-            from_slice!(from_i64, i64, I64);
-            pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {}
-            pub fn count(&self) -> usize {}
-            pub fn to_f64(&self) -> Vec<f64> {}
-            pub fn to_f32(&self) -> Vec<f32> {}
-            pub fn to_bool(&self) -> Vec<bool> {}
-            pub fn parse(npy: &[u8]) -> Result<Array> {}
-            pub fn to_npy(&self) -> Vec<u8> {}
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Head {
-            pub shape: Vec<usize>,
-            pub element: Element,
-            pub big_endian: bool,
-            pub fortran: bool,
-        }
-        impl Head {
-            pub fn read(npy: &mut impl Read) -> Result<Head> {}
-        }
-        pub fn transpose(
-            values: &[f32],
-            rows: usize,
-            columns: usize,
-        ) -> Result<Vec<f32>> {}
-    }
-    pub mod atomic {
-        pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {}
-        pub fn replace(
-            path: &Path,
-            fill: impl FnOnce(&Path) -> Result<()>,
-        ) -> Result<()> {}
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum DiskFault {
-            Denied,
-            Full,
-            Unmoved,
-        }
-        pub fn inject(fault: Option<(DiskFault, u64)>) -> u64 {}
-        pub fn create_dir(folder: &Path) -> Result<()> {}
-    }
-    pub mod staging {
-        #[private_fields]
-        pub struct Staging {}
-        impl Staging {
-            pub fn new(target: &Path) -> Result<Staging> {}
-            pub fn path(&self) -> &Path {}
-            pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {}
-            pub fn commit_folder(self, name: &str) -> Result<PathBuf> {}
-        }
-    }
-}
-pub mod gpu {
-    mod budget {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        #[private_fields]
-        pub struct Memory {
-            pub storage_range: u64,
-            pub free: [u64; 2],
-            pub shared: bool,
-        }
-        impl Memory {
-            pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {}
-        }
-        impl Gpu {
-            pub fn memory(&self) -> Memory {}
-        }
-        pub fn check(
-            plan: &[BufferPlan],
-            memory: &Memory,
-            budget: Option<u64>,
-        ) -> Result<()> {}
-    }
-    pub mod caller {
-        mod buffer {
-            #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-            #[private_fields]
-            pub struct Moment {}
-            impl Moment {
-                pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {}
-            }
-            #[derive(Clone)]
-            #[private_fields]
-            pub struct Lent {}
-            impl Lent {
-                pub unsafe fn new(
-                    buffer: vk::Buffer,
-                    offset: u64,
-                    bytes: u64,
-                ) -> Result<Lent> {}
-                pub fn bytes(&self) -> u64 {}
-            }
-            #[derive(Clone)]
-            pub struct Imported(Arc<Memory>);
-            impl Imported {
-                pub unsafe fn by_fd(
-                    gpu: &Gpu,
-                    fd: i32,
-                    [memory_bytes,
-                    bytes,
-                    ]: [u64; 2],
-                    memory_type: Option<u32>,
-                ) -> Result<Imported> {}
-                pub fn buffer(&self) -> vk::Buffer {}
-                pub fn lend(&self) -> Result<Lent> {}
-            }
-            impl Drop for Memory {}
-            impl Executor {
-                pub fn take_lent(
-                    &mut self,
-                    from: &Lent,
-                    to: Buffer,
-                    [after,
-                    taken,
-                    ]: [Option<Moment>; 2],
-                ) -> Result<Ticket> {}
-                pub fn give_lent(
-                    &mut self,
-                    content: &[u8],
-                    through: Buffer,
-                    to: &Lent,
-                    done: Option<Moment>,
-                ) -> Result<()> {}
-            }
-        }
-        mod requirements {
-            #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-            pub struct Features {
-                pub timeline_semaphore: bool,
-                pub int64_atomics: bool,
-                pub float_atomics: bool,
-                pub memory_budget: bool,
-                pub portability_subset: bool,
-                pub external_memory_fd: bool,
-                pub debug_utils: bool,
-            }
-            impl Features {
-                pub fn extensions(&self) -> Vec<&'static CStr> {}
-            }
-            #[derive(Debug, Clone, PartialEq, Eq)]
-            pub struct Requirements {
-                pub api_version: u32,
-                pub family: u32,
-                pub features: Features,
-            }
-            impl Requirements {
-                pub fn extensions(&self) -> Vec<&'static CStr> {}
-            }
-            pub unsafe fn requirements(
-                get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
-                instance: vk::Instance,
-                api_version: u32,
-                physical_device: vk::PhysicalDevice,
-            ) -> Result<Requirements> {}
-        }
-        pub use buffer::{Imported, Lent, Moment};
-        pub use requirements::{Features, Requirements, requirements};
-        pub trait QueueLock: Send + Sync {
-            fn lock(&self);
-            fn unlock(&self);
-        }
-        #[derive(Debug, Clone, Copy)]
-        pub struct Block {
-            pub memory: vk::DeviceMemory,
-            pub offset: u64,
-            pub mapped: *mut std::ffi::c_void,
-        }
-        unsafe impl Send for Block {}
-        unsafe impl Sync for Block {}
-        pub unsafe trait BlockSource: Send + Sync {
-            fn allocate(
-                &self,
-                requirements: &vk::MemoryRequirements,
-                place: Place,
-            ) -> Option<Block>;
-            fn free(&self, block: Block);
-        }
-        #[derive(Clone)]
-        pub struct Vulkan {
-            pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
-            pub instance: vk::Instance,
-            pub api_version: u32,
-            pub physical_device: vk::PhysicalDevice,
-            pub device: vk::Device,
-            pub queue: vk::Queue,
-            pub family: u32,
-            pub enabled: Features,
-            pub lock: Option<Arc<dyn QueueLock>>,
-            pub blocks: Option<Arc<dyn BlockSource>>,
-            pub pipeline_cache: vk::PipelineCache,
-        }
-        impl Gpu {
-            pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {}
-        }
-    }
-    mod device {
-        #[derive(Debug, Clone, Default)]
-        pub struct GpuOptions {
-            pub device: Option<String>,
-            pub validation: bool,
-            pub instrumented: bool,
-            pub robust: bool,
-            pub timings: bool,
-            pub statistics: bool,
-            pub listings: bool,
-            pub work: Option<u64>,
-            pub binding: Option<u64>,
-            pub pipeline_cache: Option<PathBuf>,
-            pub faults: Faults,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Accumulations {
-            pub float: bool,
-            pub int64: bool,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Limits {
-            pub storage_range: u64,
-            pub texels: u64,
-            pub workgroup_invocations: u32,
-            pub shared_memory: u32,
-            pub groups: [u32; 3],
-            pub subgroup: u32,
-            pub work: u64,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Abilities {
-            pub kind: DeviceKind,
-            pub accumulations: Accumulations,
-            pub limits: Limits,
-        }
-        #[derive(Clone)]
-        pub struct Gpu(Arc<Opened>);
-        impl Deref for Gpu {
-            type Target = Opened;
-        }
-        #[private_fields]
-        pub struct Opened {
-            pub info: DeviceInfo,
-            pub accumulations: Accumulations,
-            pub limits: Limits,
-        }
-        impl Gpu {
-            pub fn open(options: &GpuOptions) -> Result<Gpu> {}
-            pub fn open_all(options: &GpuOptions) -> Result<Vec<Gpu>> {}
-            pub fn is(&self, other: &Gpu) -> bool {}
-            pub fn abilities(&self) -> Abilities {}
-            pub fn validation_messages(&self) -> Vec<String> {}
-        }
-    }
-    mod exchange {
-        pub const EXCHANGED: Buffer = Buffer::named("exchanged");
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Summed {
-            pub buffer: Buffer,
-            pub bytes: u64,
-            pub counted: Option<Counted>,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Counted {
-            pub buffer: Buffer,
-            pub word: u32,
-            pub bytes: u64,
-        }
-        pub fn room_for(sums: &[Summed]) -> u64 {}
-        #[derive(Debug, Clone, Copy, Default, PartialEq)]
-        pub struct Exchanged {
-            pub times: u64,
-            pub bytes: u64,
-            pub seconds: f64,
-        }
-        #[private_fields]
-        pub struct Exchange {}
-        impl Exchange {
-            pub fn among(count: usize) -> Vec<Exchange> {}
-            pub fn number(&self) -> usize {}
-            pub fn add_up(&self, counts: &[u32], values: &mut Vec<f32>) -> Result<()> {}
-        }
-        impl Drop for Exchange {}
-        pub fn is_left(error: &Error) -> bool {}
-        impl Executor {
-            pub fn join(&mut self, exchange: Exchange) {}
-            pub fn exchanged(&self) -> Exchanged {}
-        }
-    }
-    mod executables {
-        #[derive(Debug, Clone, Default, PartialEq)]
-        pub struct Compiled {
-            pub seconds: f64,
-            pub executables: Vec<Executable>,
-        }
-        #[derive(Debug, Clone, Default, PartialEq)]
-        pub struct Executable {
-            pub name: String,
-            pub subgroup: u32,
-            pub statistics: Vec<(String, f64)>,
-            pub listings: Vec<(String, String)>,
-        }
-        impl Gpu {
-            pub fn compile(
-                &self,
-                kernel: impl Into<Kernel>,
-                code: &KernelCode,
-                constants: &[(Constant, u32)],
-            ) -> Result<Compiled> {}
-            pub fn tells_of_kernels(&self) -> bool {}
-        }
-    }
-    mod execute {
-        #[derive(Debug, Clone, Copy, Default, PartialEq)]
-        pub struct KernelTime {
-            pub calls: u64,
-            pub seconds: f64,
-        }
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-        pub struct Ticket(pub(super) u64);
-        #[private_fields]
-        pub struct Executor {}
-        impl Executor {
-            pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {}
-            pub fn arena(&self) -> &Arena {}
-            pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {}
-            pub fn wait(&mut self, ticket: Ticket) -> Result<()> {}
-            pub fn settle(&mut self) -> Result<()> {}
-            pub fn run(&mut self, schedule: &Schedule) -> Result<()> {}
-            pub fn run_once(&mut self, write: impl FnOnce(&mut Schedule)) -> Result<()> {}
-            pub fn gpu_seconds(&self) -> f64 {}
-            pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {}
-            pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {}
-        }
-        impl Drop for Executor {}
-    }
-    mod faults {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Point {
-            Allocation,
-            Object,
-            Submission,
-            Wait,
-        }
-        impl Point {
-            pub const ALL: [Point; 4] = [
-                Point::Allocation,
-                Point::Object,
-                Point::Submission,
-                Point::Wait,
-            ];
-        }
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-        pub struct Faults {
-            pub fail: Option<(Point, u64)>,
-            pub hang: Option<u64>,
-            pub poison: Option<u32>,
-            pub shuffle: Option<u64>,
-            pub guard: bool,
-        }
-        impl Gpu {
-            pub fn reached(&self, point: Point) -> u64 {}
-            pub fn allocated(&self) -> u64 {}
-            pub fn close(self) -> Vec<String> {}
-        }
-    }
-    mod few {
-        #[derive(Clone, Copy)]
-        #[private_fields]
-        pub struct Few<T, const N: usize> {}
-        impl<T, const N: usize> Deref for Few<T, N> {
-            type Target = [T];
-        }
-        impl<T: PartialEq, const N: usize> PartialEq for Few<T, N> {}
-        impl<T: Eq, const N: usize> Eq for Few<T, N> {}
-        impl<T: fmt::Debug, const N: usize> fmt::Debug for Few<T, N> {}
-    }
-    mod guard {
-        #[derive(Debug, Clone, PartialEq, Eq)]
-        pub struct Overrun {
-            pub buffer: Buffer,
-            pub bytes: u64,
-            pub at: u64,
-        }
-        #[derive(Debug, Clone, Default, PartialEq, Eq)]
-        pub struct Guarded {
-            pub buffers: usize,
-            pub overruns: Vec<Overrun>,
-        }
-        impl Gpu {
-            pub fn take_guarded(&self) -> Guarded {}
-        }
-    }
-    mod host {
-        impl Executor {
-            pub fn read<T: bytemuck::Pod>(
-                &self,
-                buffer: Buffer,
-                items: impl RangeBounds<usize>,
-            ) -> Vec<T> {}
-            pub fn read_behind<T: bytemuck::Pod>(
-                &self,
-                done: Ticket,
-                buffer: Buffer,
-                items: impl RangeBounds<usize>,
-                into: &mut Vec<T>,
-            ) {}
-            pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {}
-            pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {}
-        }
-    }
-    mod instance {
-        #[derive(
-            Debug,
-            Clone,
-            Copy,
-            PartialEq,
-            Eq,
-            PartialOrd,
-            Ord,
-            Serialize,
-            Deserialize
-        )]
-        pub enum DeviceKind {
-            Discrete,
-            Virtual,
-            Integrated,
-            Cpu,
-            Other,
-        }
-        impl std::fmt::Display for DeviceKind {}
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-        pub struct DeviceInfo {
-            pub index: usize,
-            pub name: String,
-            pub kind: DeviceKind,
-            pub driver: String,
-            pub api: String,
-            pub uuid: String,
-            pub memory: u64,
-        }
-        pub fn devices() -> Result<Vec<DeviceInfo>> {}
-    }
-    mod make {
-        #[derive(Debug, Clone)]
-        pub struct Wanted<'c> {
-            pub kernel: Kernel,
-            pub code: &'c KernelCode,
-            pub constants: Vec<(Constant, u32)>,
-        }
-        impl Executor {
-            pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {}
-            pub fn has_kernel(&self, kernel: Kernel) -> bool {}
-            pub fn add_kernel(
-                &mut self,
-                kernel: impl Into<Kernel>,
-                code: &KernelCode,
-                constants: &[(Constant, u32)],
-            ) -> Result<()> {}
-        }
-    }
-    mod memory {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum Place {
-            Device,
-            Upload,
-            Readback,
-            Store,
-        }
-        #[derive(Debug, Clone, PartialEq, Eq)]
-        pub struct BufferPlan {
-            pub buffer: Buffer,
-            pub bytes: u64,
-            pub place: Place,
-        }
-        impl BufferPlan {
-            pub const LEAST: u64 = 16;
-            pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {}
-        }
-        #[private_fields]
-        pub struct Arena {}
-        impl Arena {
-            pub fn new(
-                gpu: &Gpu,
-                plan: &[BufferPlan],
-                budget: Option<u64>,
-            ) -> Result<Arena> {}
-            pub fn bytes(&self) -> u64 {}
-            pub fn taken(&self) -> u64 {}
-            pub fn stored(&self) -> u64 {}
-            pub fn sizes(&self) -> BTreeMap<Buffer, u64> {}
-            pub fn size(&self, buffer: Buffer) -> u64 {}
-        }
-        impl Drop for Arena {}
-    }
-    mod names {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[private_fields]
-        pub struct Buffer {}
-        impl Buffer {
-            pub const fn named(name: &'static str) -> Buffer {}
-            pub const fn at(self, index: u16) -> Buffer {}
-            pub const fn family(self) -> Buffer {}
-        }
-        impl fmt::Display for Buffer {}
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub struct Kernel(&'static str);
-        impl Kernel {
-            pub const fn named(name: &'static str) -> Kernel {}
-            pub const fn name(self) -> &'static str {}
-        }
-        impl fmt::Display for Kernel {}
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub struct Constant(&'static str);
-        impl Constant {
-            pub const fn named(name: &'static str) -> Constant {}
-            pub const fn name(self) -> &'static str {}
-        }
-        impl fmt::Display for Constant {}
-    }
-    mod pace {
-        impl Gpu {
-            pub fn expected_rate(&self) -> f64 {}
-        }
-    }
-    mod record {
-        impl Executor {
-            pub fn reserve(&mut self, schedule: &Schedule) -> Result<()> {}
-        }
-    }
-    mod recording {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct HostSpan {
-            pub what: &'static str,
-            pub from: f64,
-            pub to: f64,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Ran {
-            pub kernel: &'static str,
-            pub stage: Option<usize>,
-            pub submission: u64,
-            pub from: f64,
-            pub to: f64,
-        }
-        #[derive(Debug, Clone)]
-        pub struct KernelMade {
-            pub code: KernelCode,
-            pub constants: Vec<(String, u32)>,
-            pub statistics: Vec<(String, f64)>,
-        }
-        #[derive(Debug, Clone, Default)]
-        pub struct Recording {
-            pub host: Vec<HostSpan>,
-            pub stages: Vec<Stage>,
-            pub device: Vec<Ran>,
-            pub kernels: BTreeMap<&'static str, KernelMade>,
-        }
-        impl Gpu {
-            pub fn span(&self, what: &'static str) -> OpenSpan<'_> {}
-            pub fn take_recording(&self) -> Recording {}
-            pub fn has_clock(&self) -> bool {}
-            pub fn now(&self) -> f64 {}
-        }
-    }
-    mod rounding {
-        impl Gpu {
-            pub fn promises_rounding(&self) -> bool {}
-        }
-    }
-    mod schedule {
-        #[derive(Debug, Clone, PartialEq, Eq)]
-        pub enum Size {
-            Groups([u32; 3]),
-            Indirect(Buffer, u64),
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
-        impl Default for Binds {}
-        impl Binds {
-            pub fn buffer_of(&self, block: Buffer) -> Buffer {}
-        }
-        #[derive(Debug, Clone, PartialEq, Eq)]
-        pub enum Command {
-            Dispatch {
-                kernel: Kernel,
-                size: Size,
-                bind: Binds,
-                push: [u32; PUSH_WORDS],
-                work: u64,
-                first: [u32; 3],
-            },
-            Copy {
-                from: Buffer,
-                from_offset: u64,
-                to: Buffer,
-                to_offset: u64,
-                bytes: u64,
-            },
-            Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
-            Exchange(Vec<Summed>),
-            Stage(Stage),
-        }
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub struct Stage {
-            pub name: &'static str,
-            pub values: Few<(&'static str, u64), MOST_NUMBERS>,
-        }
-        impl Stage {
-            pub fn new(name: &'static str, values: &[(&'static str, u64)]) -> Stage {}
-            pub fn value(&self, name: &str) -> Option<u64> {}
-        }
-        impl fmt::Display for Stage {}
-        #[derive(Debug, Clone, Default, PartialEq, Eq)]
-        pub struct Schedule {
-            pub commands: Vec<Command>,
-        }
-        impl Schedule {
-            pub fn of(write: impl FnOnce(&mut Schedule)) -> Schedule {}
-            pub fn clear(&mut self) {}
-            pub fn dispatch(
-                &mut self,
-                kernel: impl Into<Kernel>,
-                groups: [u32; 3],
-                turns: u64,
-            ) -> &mut Command {}
-            pub fn indirect(
-                &mut self,
-                kernel: impl Into<Kernel>,
-                buffer: Buffer,
-                offset: u64,
-                turns: u64,
-            ) -> &mut Command {}
-            pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {}
-            pub fn copy_from(
-                &mut self,
-                [from,
-                to,
-                ]: [Buffer; 2],
-                offset: u64,
-                bytes: u64,
-            ) {}
-            pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {}
-            pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {}
-            pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {}
-            pub fn exchange(&mut self, sums: &[Summed]) {}
-            pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {}
-            pub fn append(&mut self, other: &mut Schedule) {}
-        }
-        impl Command {
-            pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
-            pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
-            pub fn work(&self) -> u64 {}
-            pub fn name(&self) -> &'static str {}
-        }
-        impl fmt::Display for Schedule {}
-    }
-    pub mod spirv {
-        mod class {
-            #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-            pub struct Counts {
-                pub fma: u32,
-                pub special: u32,
-                pub other: u32,
-                pub conversions: u32,
-                pub loads: u32,
-                pub stores: u32,
-                pub broadcasts: u32,
-                pub shared: u32,
-                pub atomics: u32,
-                pub shared_atomics: u32,
-                pub bytes: u32,
-            }
-            impl Counts {
-                pub fn issued(&self) -> u32 {}
-            }
-        }
-        pub use class::Counts;
-        pub fn count_loop<N: AsRef<str>>(
-            code: &KernelCode,
-            constants: &[(N, u32)],
-        ) -> Option<[Counts; 2]> {}
-    }
-    mod state {
-        impl Executor {
-            pub fn download(
-                &mut self,
-                buffer: Buffer,
-                through: Buffer,
-            ) -> Result<Vec<u8>> {}
-            pub fn restore(
-                &mut self,
-                buffer: Buffer,
-                content: &[u8],
-                through: Buffer,
-            ) -> Result<()> {}
-        }
-    }
-    pub use budget::{Memory, check};
-    pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
-    pub use exchange::{
-        Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for,
-    };
-    pub use executables::{Compiled, Executable};
-    pub use execute::{Executor, KernelTime, Ticket};
-    pub use faults::{Faults, Point};
-    pub use few::Few;
-    pub use guard::{Guarded, Overrun};
-    pub use instance::{DeviceInfo, DeviceKind, devices};
-    pub use make::Wanted;
-    pub use memory::{Arena, BufferPlan, Place};
-    pub use names::{Buffer, Constant, Kernel};
-    pub use recording::{HostSpan, KernelMade, Ran, Recording};
-    pub use schedule::{Binds, Command, Schedule, Size, Stage};
-    #[derive(Debug, Clone, Copy)]
-    pub struct KernelCode {
-        pub name: &'static str,
-        pub spirv: &'static [u8],
-        pub bindings: &'static [Binding],
-        pub constants: &'static [(Constant, u32)],
-    }
-    impl From<&KernelCode> for Kernel {}
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum View {
-        Uniform,
-        Storage,
-        Texels { words: u32 },
-    }
-    #[derive(Debug, Clone, Copy)]
-    pub struct Binding {
-        pub block: Buffer,
-        pub slot: u32,
-        pub view: View,
-        pub reads: bool,
-        pub writes: bool,
-    }
-}
-#[cfg(feature = "formats")]
-pub mod host {
-    pub fn set_limit(bytes: Option<u64>) {}
-    pub fn free() -> u64 {}
-}
+// src/lib.rs
+
 #[cfg(feature = "formats")]
 pub mod job {
     mod advice {
@@ -1720,21 +45,6 @@ pub mod job {
                 pub fn holds(self, name: &str) -> bool {}
             }
             pub fn named(paths: &[PathBuf]) -> Vec<Listed> {}
-        }
-        pub(super) mod record {
-            impl Record {
-                pub fn of(capture: &Path, options: &[String]) -> Record {}
-                pub fn beside(mut self, looked: &[Looked]) -> Record {}
-                pub fn with(mut self, file: &Path) -> Record {}
-                pub fn is_done(&self, folder: &Path, whole: &str) -> bool {}
-                pub fn commit(
-                    mut self,
-                    staging: Staging,
-                    name: &str,
-                    whole: &str,
-                ) -> Result<PathBuf> {}
-                pub fn write(&self, folder: &Path) -> Result<()> {}
-            }
         }
         pub use figures::Figures;
         pub use names::{Listed, Shard, named};
@@ -1976,27 +286,6 @@ pub mod job {
                     from: Buffer,
                     count: usize,
                 ) -> Result<Vec<T>> {}
-            }
-            mod paper {
-                pub fn check(
-                    gpu: &Gpu,
-                    capture: &Capture,
-                    accumulation: Accumulation,
-                ) -> Result<Vec<Held>> {}
-            }
-            mod surface {
-                pub fn check(
-                    gpu: &Gpu,
-                    capture: &Capture,
-                    accumulation: Accumulation,
-                ) -> Result<Vec<Held>> {}
-            }
-            mod vector {
-                pub fn check(
-                    gpu: &Gpu,
-                    capture: &Capture,
-                    accumulation: Accumulation,
-                ) -> Result<Vec<Held>> {}
             }
             #[private_fields]
             pub struct Check {
@@ -2346,7 +635,6 @@ pub mod job {
         }
         pub fn write(path: &Path, kept: &Kept) -> Result<()> {}
         pub fn read(path: &Path) -> Result<Kept> {}
-        impl<W: Write> Write for Summed<W> {}
     }
     mod words {
         pub fn plain(value: &impl serde::Serialize) -> String {}
@@ -2523,177 +811,6 @@ pub mod live {
         hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
     ) -> Result<Summary> {}
 }
-pub mod maps {
-    mod confidence {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Conditions {
-            pub noise: f64,
-            pub width: f64,
-            pub aperture: f64,
-            pub voxel: [f64; 2],
-            pub two_cosines: bool,
-        }
-        impl Maps {
-            pub fn set_confidence(&mut self, known: &Conditions) {}
-        }
-    }
-    mod parts {
-        impl Maps {
-            pub fn leave_out_uncertain_parts(&mut self) -> bool {}
-        }
-    }
-    pub use confidence::Conditions;
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct Maps {
-        pub nx: usize,
-        pub ny: usize,
-        pub extent: [f64; 4],
-        pub albedo: Vec<f32>,
-        pub depth: Vec<f32>,
-        pub normal: Vec<[f32; 3]>,
-        pub mask: Vec<bool>,
-        pub mask_fraction: Option<f64>,
-        pub confidence: Option<Vec<f32>>,
-        pub behind: Option<Layer>,
-    }
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct Layer {
-        pub albedo: Vec<f32>,
-        pub depth: Vec<f32>,
-        pub normal: Vec<[f32; 3]>,
-        pub mask: Vec<bool>,
-        pub confidence: Option<Vec<f32>>,
-    }
-    #[derive(Debug, Clone, PartialEq)]
-    pub struct Truth {
-        pub nx: usize,
-        pub ny: usize,
-        pub extent: [f64; 4],
-        pub depth: Vec<f32>,
-        pub normal: Vec<[f32; 3]>,
-        pub mask: Vec<bool>,
-        pub behind: Option<Layer>,
-    }
-    impl Maps {
-        pub const MASK_FRACTION: f64 = 0.3;
-        pub fn empty([nx, ny]: [usize; 2], extent: [f64; 4]) -> Maps {}
-        pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {}
-        pub fn white(albedo: &[f32]) -> f32 {}
-        pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {}
-        pub fn layer(&self, layer: usize) -> Option<Maps> {}
-        pub fn check(&self) -> Result<()> {}
-        pub fn finer(&self, factor: usize) -> Maps {}
-        pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {}
-        pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
-    }
-    impl Truth {
-        pub fn check(&self) -> Result<()> {}
-        pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
-    }
-    pub fn percentile(values: &[f32], p: f64) -> Option<f32> {}
-}
-pub mod measure {
-    pub mod calibration {
-        pub const WITHIN: f64 = 0.68;
-        #[derive(Debug, Clone, Default, PartialEq)]
-        #[private_fields]
-        pub struct Calibration {}
-        impl Calibration {
-            pub fn add(&mut self, confidence: f64, error: f64) {}
-            pub fn within(&self) -> Option<f64> {}
-            pub fn quarters(&self) -> Vec<[f64; 2]> {}
-        }
-    }
-    pub mod metrics {
-        pub const SWEEP: [f64; 14] = [
-            0.01,
-            0.02,
-            0.03,
-            0.05,
-            0.075,
-            0.1,
-            0.15,
-            0.2,
-            0.25,
-            0.3,
-            0.4,
-            0.5,
-            0.6,
-            0.8,
-        ];
-        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Metrics {
-            pub fraction: Option<f64>,
-            pub predicted_pixels: usize,
-            pub true_pixels: usize,
-            pub hit_pixels: usize,
-            pub completeness: Option<f64>,
-            pub iou: Option<f64>,
-            pub depth_mae: Option<f64>,
-            pub depth_rmse: Option<f64>,
-            pub depth_mae_whole: Option<f64>,
-            pub depth_rmse_whole: Option<f64>,
-            pub normal_error_deg: Option<f64>,
-            pub normal_mae: Option<f64>,
-            pub paper: PaperMeasure,
-            pub best_iou: Option<f64>,
-            pub best_fraction: Option<f64>,
-            pub at_best: Option<AtBest>,
-            pub within_confidence: Option<f64>,
-            pub calibration: Vec<[f64; 2]>,
-            pub layers: Vec<LayerMetrics>,
-            pub sweep: Vec<[f64; 2]>,
-        }
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-        pub struct AtBest {
-            pub hit_pixels: usize,
-            pub completeness: Option<f64>,
-            pub depth_mae: Option<f64>,
-            pub depth_rmse: Option<f64>,
-            pub normal_error_deg: Option<f64>,
-        }
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-        pub struct LayerMetrics {
-            pub true_pixels: usize,
-            pub hit_pixels: usize,
-            pub completeness: Option<f64>,
-            pub iou: Option<f64>,
-            pub depth_mae: Option<f64>,
-            pub normal_error_deg: Option<f64>,
-        }
-        impl Metrics {
-            pub fn brief(mut self) -> Metrics {}
-        }
-        pub fn metrics(
-            maps: &Maps,
-            truth: &Truth,
-            fraction: impl Into<Option<f64>>,
-        ) -> Result<Metrics> {}
-    }
-    pub mod paper {
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-        pub struct PaperMeasure {
-            pub depth_mae: Option<f64>,
-            pub depth_rmse: Option<f64>,
-            pub normal_mae: Option<f64>,
-            pub normal_rmse: Option<f64>,
-        }
-    }
-    pub mod reach {
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-        pub struct Reach {
-            pub target: Option<f64>,
-            pub first_s: Option<f64>,
-            pub kept_s: Option<f64>,
-        }
-        pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {}
-        pub fn median(values: &[f64]) -> Option<f64> {}
-    }
-    pub use calibration::Calibration;
-    pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
-    pub use paper::PaperMeasure;
-    pub use reach::{Reach, median, reach};
-}
 pub mod session {
     mod feed {
         #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -2810,201 +927,6 @@ pub mod session {
     }
     impl Drop for Session {}
     pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {}
-}
-pub mod simulate {
-    mod builtin {
-        impl Scene {
-            pub fn named(spec: &str) -> Result<Scene> {}
-            pub fn known() -> &'static [(&'static str, &'static str)] {}
-        }
-    }
-    mod figure {
-        pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {}
-    }
-    mod letters {
-        pub fn letter(name: char, centre: DVec3, height: f64) -> Result<Mesh> {}
-    }
-    mod mesh {
-        #[derive(Debug, Clone, PartialEq, Default)]
-        pub struct Mesh {
-            pub triangles: Vec<[DVec3; 3]>,
-            pub normals: Vec<[DVec3; 3]>,
-            pub self_occluding: bool,
-        }
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Placement {
-            pub fit: Option<f64>,
-            pub scale: f64,
-            pub rotate: [f64; 3],
-            pub translate: DVec3,
-        }
-        impl Default for Placement {}
-        impl Mesh {
-            pub fn geometric_normal(&self, i: usize) -> DVec3 {}
-            pub fn area(&self, i: usize) -> f64 {}
-            pub fn total_area(&self) -> f64 {}
-            pub fn bounds(&self) -> Option<(DVec3, DVec3)> {}
-            pub fn translated(mut self, offset: DVec3) -> Mesh {}
-            pub fn placed(mut self, placement: &Placement) -> Result<Mesh> {}
-            pub fn extend(&mut self, other: Mesh) {}
-        }
-    }
-    #[cfg(feature = "formats")]
-    mod mesh_file {
-        pub fn load_mesh(path: &Path) -> Result<Mesh> {}
-    }
-    mod moving {
-        impl Scene {
-            pub fn moving(&self, frames: usize, step: f64) -> Result<Vec<Scene>> {}
-        }
-    }
-    mod noise {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub enum Dark {
-            Fraction(f64),
-            Counts(f64),
-        }
-        pub fn photon_noise(
-            capture: &Capture,
-            photons: f64,
-            dark: Dark,
-            pile_up: Option<f64>,
-            seed: u64,
-        ) -> Result<Capture> {}
-    }
-    mod pairs {
-        #[derive(Debug, Clone, Copy, PartialEq, Default)]
-        pub enum Layout {
-            Confocal,
-            OneLaser { point: DVec2 },
-            OneSensor { point: DVec2 },
-            Exhaustive { lasers: usize },
-            Irregular { seed: u64 },
-        }
-        impl Layout {
-            pub fn pair_count(self, scan: usize) -> f64 {}
-            pub fn point(self) -> Option<DVec2> {}
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Pairs {
-            pub scan: [usize; 2],
-            pub laser: Vec<DVec3>,
-            pub sensor: Vec<DVec3>,
-            pub laser_normal: Option<Vec<DVec3>>,
-            pub sensor_normal: Option<Vec<DVec3>>,
-        }
-        impl Pairs {
-            pub fn new(layout: Layout, n: usize, wall: f64, shape: WallShape) -> Pairs {}
-            pub fn confocal(n: usize, wall: f64) -> Pairs {}
-            pub fn one_sensor(n: usize, wall: f64, sensor: DVec3) -> Pairs {}
-            pub fn is_confocal(&self) -> bool {}
-            pub fn sensor_scans(&self) -> bool {}
-            pub fn check(&self) -> Result<()> {}
-        }
-    }
-    mod pile_up {
-        pub fn pile_up(capture: &mut Capture, mean: f64) -> Result<()> {}
-    }
-    mod render {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct RenderOptions {
-            pub noise: f64,
-            pub max_samples: usize,
-            pub seed: u64,
-        }
-        impl Default for RenderOptions {}
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Rendering {
-            pub capture: Capture,
-            pub noise: f64,
-            pub samples: usize,
-            pub converged: bool,
-        }
-        pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {}
-        pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {}
-        pub fn render_pairs(
-            scene: &Scene,
-            pairs: &Pairs,
-            options: &RenderOptions,
-        ) -> Result<Rendering> {}
-    }
-    mod scene {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Object {
-            pub mesh: Mesh,
-            pub albedo: f64,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Scene {
-            pub name: String,
-            pub objects: Vec<Object>,
-            pub wall: f64,
-            pub wall_shape: WallShape,
-            pub scan: usize,
-            pub layout: Layout,
-            pub occlusion: bool,
-            pub bin_width: f64,
-            pub bins: Option<usize>,
-            pub t_start: f64,
-            pub reflectance: Reflectance,
-            pub pulse: Option<Pulse>,
-            pub spots: [f64; 2],
-            pub pile_up: Option<f64>,
-            pub photons: Option<f64>,
-            pub dark: Dark,
-            pub seed: u64,
-        }
-        impl Scene {
-            pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {}
-            pub fn set_albedo(&mut self, albedo: f64) {}
-            pub fn bin_count(&self) -> usize {}
-            pub fn pairs(&self) -> Pairs {}
-            pub fn extent(&self) -> [f64; 4] {}
-            pub fn check(&self) -> Result<()> {}
-        }
-    }
-    mod shapes {
-        pub fn sphere(centre: DVec3, radius: f64) -> Mesh {}
-        pub fn ellipsoid(centre: DVec3, radii: DVec3) -> Mesh {}
-        pub fn capsule(
-            from: DVec3,
-            from_radius: f64,
-            to: DVec3,
-            to_radius: f64,
-        ) -> Mesh {}
-        pub fn torus(centre: DVec3, axis: DVec3, ring: f64, tube: f64) -> Mesh {}
-        pub fn rectangle(centre: DVec3, half_u: DVec3, half_v: DVec3) -> Mesh {}
-    }
-    mod truth {
-        pub const DEFAULT_RESOLUTION: usize = 128;
-        pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {}
-    }
-    mod wall {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-        pub enum WallShape {
-            Flat,
-            Bump,
-        }
-        impl WallShape {
-            pub fn point(self, x: f64, y: f64, side: f64) -> DVec3 {}
-            pub fn normal(self, x: f64, y: f64, side: f64) -> Option<DVec3> {}
-            pub fn front(self, side: f64) -> f64 {}
-        }
-    }
-    pub use crate::transport::Reflectance;
-    pub use figure::figure;
-    pub use letters::letter;
-    pub use mesh::{Mesh, Placement};
-    #[cfg(feature = "formats")]
-    pub use mesh_file::load_mesh;
-    pub use noise::{Dark, photon_noise};
-    pub use pairs::{Layout, Pairs};
-    pub use pile_up::pile_up;
-    pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
-    pub use scene::{Object, Scene};
-    pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
-    pub use truth::{DEFAULT_RESOLUTION, truth};
-    pub use wall::WallShape;
 }
 pub mod solve {
     mod bins {
@@ -3713,7 +1635,6 @@ pub mod solve {
                 pub fn reads(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
                 pub fn writes(&self, plan: &Plan) -> impl Iterator<Item = Buffer> {}
             }
-            impl From<&Pass> for Kernel {}
             impl PartialEq for Pass {}
             impl fmt::Debug for Pass {}
         }
@@ -4347,229 +2268,6 @@ pub mod solve {
     ];
     pub fn pass_of(kernel: &str) -> Option<&'static Pass> {}
 }
-#[cfg(feature = "formats")]
-pub mod tags {
-    mod afterpulsing {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        #[non_exhaustive]
-        pub struct Afterpulsing {
-            pub share: f64,
-            pub error: f64,
-            pub pulses: u32,
-        }
-        impl Afterpulsing {
-            pub fn text(&self, period: Option<f64>) -> String {}
-        }
-    }
-    mod arrange {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Scan {
-            pub laser: Vec<DVec3>,
-            pub sensor: Vec<DVec3>,
-            pub per_line: Option<usize>,
-        }
-        impl Scan {
-            pub fn grid(
-                [columns,
-                rows,
-                ]: [usize; 2],
-                wall: f64,
-                snake: bool,
-            ) -> Result<Scan> {}
-            pub fn read(path: &Path) -> Result<Scan> {}
-            pub fn read_galvo(path: &Path, galvo: &Galvo) -> Result<Scan> {}
-            pub fn points(&self) -> usize {}
-            pub fn is_confocal(&self) -> bool {}
-        }
-    }
-    mod curves {
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Curve {
-            pub tick: f64,
-            pub counts: Vec<u32>,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Curves {
-            pub curves: Vec<Curve>,
-        }
-        impl Curves {
-            pub fn is_one(path: &Path) -> bool {}
-            pub fn read(path: &Path) -> Result<Curves> {}
-        }
-    }
-    mod division {
-        #[derive(Debug, Clone, PartialEq)]
-        pub enum Division {
-            Pixels { marker: u32, frame: Option<u32> },
-            Lines { start: u32, stop: Option<u32>, frame: Option<u32> },
-            Pulses { each: u64, before: u64 },
-            Starts(Vec<(Start, Option<Start>)>),
-        }
-        impl Division {
-            pub fn of_image(image: &Image) -> Option<Division> {}
-        }
-    }
-    mod galvo {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Galvo {
-            pub origin: DVec3,
-            pub forward: DVec3,
-            pub up: DVec3,
-            pub scale: [f64; 2],
-            pub offset: [f64; 2],
-            pub between: f64,
-            pub wall: [DVec3; 2],
-        }
-        impl Galvo {
-            pub fn read(path: &Path) -> Result<Galvo> {}
-            pub fn point(&self, values: [f64; 2]) -> Option<DVec3> {}
-        }
-    }
-    mod growing {
-        pub fn passes(
-            path: &Path,
-            scan: &Scan,
-            asked: &Asked,
-            wait: &dyn Fn() -> ControlFlow<()>,
-            hear: &mut dyn FnMut(Capture) -> ControlFlow<()>,
-        ) -> Result<()> {}
-    }
-    mod histogram {
-        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-        pub enum PileUp {
-            Auto,
-            On,
-            Off,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct Asked {
-            pub inputs: Inputs,
-            pub division: Option<Division>,
-            pub channel: Option<i32>,
-            pub bin_width: Option<f64>,
-            pub zero: Zero,
-            pub until: Option<f64>,
-            pub pile_up: PileUp,
-            pub turn: Turn,
-            pub seen_from: Option<[DVec3; 2]>,
-        }
-        impl Default for Asked {}
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub struct Dark {
-            pub per_bin: f64,
-            pub per_second: Option<f64>,
-        }
-        #[derive(Debug, Clone, PartialEq)]
-        #[non_exhaustive]
-        pub struct Histograms {
-            pub capture: Capture,
-            pub instrument: String,
-            pub survey: Option<Survey>,
-            pub direct: Option<Vec<f64>>,
-            pub photons: u64,
-            pub left_out: u64,
-            pub pulses: Option<[u64; 2]>,
-            pub dark: Dark,
-            pub afterpulsing: Option<Afterpulsing>,
-            pub shaped: bool,
-            pub dropped: usize,
-            pub notes: Vec<String>,
-        }
-        pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {}
-    }
-    mod starts {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub enum Start {
-            Pulse(i64),
-            Seconds(f64),
-        }
-        pub fn starts(path: &Path) -> Result<Vec<(Start, Option<Start>)>> {}
-    }
-    mod survey {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        #[private_fields]
-        pub struct Channel {
-            pub channel: i32,
-            pub photons: u64,
-            pub longest: i64,
-            pub second: u64,
-        }
-        #[derive(Debug, Clone, Default, PartialEq)]
-        #[non_exhaustive]
-        pub struct Survey {
-            pub channels: Vec<Channel>,
-            pub markers: Vec<(i64, u16)>,
-            pub out_of_order: usize,
-            pub pulses: i64,
-            pub period: Option<f64>,
-            pub passed: Passed,
-        }
-        impl Survey {
-            pub fn of(tags: &Tags) -> Result<Survey> {}
-            pub fn channel(&self, wanted: Option<i32>) -> Result<Channel> {}
-        }
-    }
-    mod zero {
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub enum Zero {
-            Direct,
-            At(f64),
-        }
-    }
-    pub use afterpulsing::Afterpulsing;
-    pub use arrange::Scan;
-    pub use curves::{Curve, Curves};
-    pub use division::Division;
-    pub use galvo::Galvo;
-    pub use growing::passes;
-    pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
-    pub use starts::{Start, starts};
-    pub use survey::{Channel, Survey};
-    pub use zero::Zero;
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Record {
-        Sync { time: i64 },
-        Photon { channel: i32, time: i64, delay: u32 },
-        Marker { bits: u16, time: i64 },
-    }
-    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-    pub enum Event {
-        Photon { channel: i32, sync: i64, delay: i64 },
-        Marker { bits: u16, sync: i64 },
-    }
-    #[derive(Debug, Clone, Default, PartialEq, Eq)]
-    pub struct Inputs {
-        pub sync: i32,
-        pub markers: Vec<i32>,
-    }
-    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-    pub struct Image {
-        pub markers: [Option<u32>; 3],
-        pub size: [Option<usize>; 2],
-        pub both_ways: bool,
-    }
-    #[private_fields]
-    pub struct Tags {
-        pub instrument: String,
-        pub tick: f64,
-        pub period: Option<f64>,
-        pub image: Image,
-    }
-    #[derive(Debug, Clone, Default, PartialEq)]
-    pub struct Passed {
-        pub records: u64,
-        pub unknown: u64,
-        pub without_sync: u64,
-        pub period: Option<f64>,
-        pub notes: Vec<String>,
-    }
-    pub fn is_picoquant(path: &Path) -> bool {}
-    impl Tags {
-        pub fn open(path: &Path, inputs: &Inputs) -> Result<Tags> {}
-        pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {}
-        pub fn events(&self, hear: impl FnMut(Event)) -> Result<Passed> {}
-    }
-}
 pub mod transport {
     mod fine {
         impl Model {
@@ -4738,26 +2436,6 @@ pub mod transport {
             pub fn reachable_bricks(&self, grid: &Grid) -> Vec<bool> {}
             pub fn touches(&self, grid: &Grid) -> bool {}
             pub fn trim(&mut self, grid: &Grid) -> Range<usize> {}
-        }
-    }
-    mod reflectance {
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-        pub enum Reflectance {
-            Cosine,
-            Lambertian,
-            Retroreflective,
-            Isotropic,
-        }
-        impl Reflectance {
-            pub const ALL: [Reflectance; 4] = [
-                Reflectance::Cosine,
-                Reflectance::Lambertian,
-                Reflectance::Retroreflective,
-                Reflectance::Isotropic,
-            ];
-            pub fn name(self) -> &'static str {}
-            pub fn has_normals(self) -> bool {}
-            pub fn number(self) -> u32 {}
         }
     }
     mod rows {
@@ -5257,11 +2935,11 @@ pub mod transport {
             pub fn words(&self) -> Vec<[f32; 4]> {}
         }
     }
+    pub use crate::capture::Reflectance;
     pub use grid::{BRICK_VOXELS, Grid, Volume};
     pub use high_pass::HighPass;
     pub use model::{Binning, Gradient, Model, Sampling, cells};
     pub use moments::Moments;
-    pub use reflectance::Reflectance;
     pub use rows::Rows;
     pub use spot::{Rendered, Spot, SpotTaps};
     pub use spread::spread_order;
@@ -5403,4 +3081,2374 @@ pub mod trials {
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Found> {}
 }
+pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
+#[cfg(feature = "formats")]
+pub use thirdbounce_base::{files, host};
+pub use thirdbounce_capture as capture;
+#[cfg(feature = "formats")]
+pub use thirdbounce_export as export;
+pub use thirdbounce_gpu as gpu;
+pub use thirdbounce_maps::{maps, measure};
+pub use thirdbounce_simulate as simulate;
+#[cfg(feature = "formats")]
+pub use thirdbounce_tags as tags;
+// crates/base/src/lib.rs
+
+pub mod advice {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Remedy {
+        Set(Setting),
+        SmallerJob { asked: Option<u64>, available: Option<u64> },
+    }
+    impl Remedy {
+        pub const SMALLER_JOB: Remedy = Remedy::SmallerJob {
+            asked: None,
+            available: None,
+        };
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Look {
+        Devices,
+        Capture,
+    }
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub enum Part {
+        Text(Cow<'static, str>),
+        Change(Remedy),
+        Look(Look),
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Eq)]
+    pub struct Advice(Vec<Part>);
+    impl Advice {
+        pub fn parts(&self) -> &[Part] {}
+        pub fn remedies(&self) -> impl Iterator<Item = Remedy> {}
+        pub fn names(&self, setting: Setting) -> bool {}
+        pub fn say(
+            &self,
+            changed: impl Fn(Remedy) -> String,
+            found: impl Fn(Look) -> String,
+        ) -> String {}
+        pub fn and(mut self, more: impl Into<Advice>) -> Advice {}
+    }
+    impl fmt::Display for Advice {}
+    impl Serialize for Advice {}
+    impl From<&'static str> for Advice {}
+    impl From<String> for Advice {}
+    impl<const N: usize> From<[Part; N]> for Advice {}
+    impl From<&[Part]> for Advice {}
+    pub use __advice as advice;
+}
+pub mod error {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Kind {
+        Input,
+        Options,
+        Device,
+        Memory,
+        Output,
+        Cancelled,
+    }
+    #[derive(Debug, Clone, thiserror::Error)]
+    pub struct Error {
+        pub kind: Kind,
+        pub what: String,
+        pub mend: Advice,
+    }
+    impl Error {
+        pub fn new(
+            kind: Kind,
+            what: impl Into<String>,
+            mend: impl Into<Advice>,
+        ) -> Self {}
+        pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+        pub fn advised(self, mend: impl Into<Advice>) -> Self {}
+        pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
+    }
+    pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {}
+    pub type Result<T> = std::result::Result<T, Error>;
+}
+#[cfg(feature = "formats")]
+pub mod files {
+    pub mod archive {
+        #[private_fields]
+        pub struct Npz {}
+        impl Npz {
+            pub fn open(path: &Path) -> Result<Npz> {}
+            pub fn names(&self) -> Vec<String> {}
+            pub fn get(&mut self, name: &str) -> Result<Option<Array>> {}
+            pub fn sizes(&mut self, name: &str) -> Option<[u64; 2]> {}
+            pub fn whole(&mut self, name: &str) -> Result<Option<Array>> {}
+            pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {}
+            pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {}
+            pub fn missing(&self, name: &str, wanted: &str) -> Error {}
+            pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {}
+        }
+        #[private_fields]
+        pub struct Elements {}
+        impl Read for Elements {}
+        pub fn npz_bytes(arrays: &[(&str, Array)]) -> Result<Vec<u8>> {}
+    }
+    pub mod array {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Element {
+            Bool,
+            U8,
+            U16,
+            U32,
+            U64,
+            I8,
+            I16,
+            I32,
+            I64,
+            F32,
+            F64,
+        }
+        impl Element {
+            pub fn size(self) -> usize {}
+        }
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Number {
+            Unsigned(u64),
+            Signed(i64),
+            Real(f64),
+        }
+        impl fmt::Display for Number {}
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Array {
+            pub shape: Vec<usize>,
+            pub element: Element,
+            pub big_endian: bool,
+            pub fortran: bool,
+            pub bytes: Vec<u8>,
+        }
+        impl Array {
+            from_slice!(from_f32, f32, F32);
+            from_slice!(from_f64, f64, F64);
+            from_slice!(from_u16, u16, U16);
+            from_slice!(from_u32, u32, U32);
+            from_slice!(from_i64, i64, I64);
+            pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {}
+            pub fn count(&self) -> usize {}
+            pub fn to_f64(&self) -> Vec<f64> {}
+            pub fn to_f32(&self) -> Vec<f32> {}
+            pub fn to_bool(&self) -> Vec<bool> {}
+            pub fn to_i64(&self) -> std::result::Result<Vec<i64>, Number> {}
+            pub fn parse(npy: &[u8]) -> Result<Array> {}
+            pub fn to_npy(&self) -> Vec<u8> {}
+        }
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Head {
+            pub shape: Vec<usize>,
+            pub element: Element,
+            pub big_endian: bool,
+            pub fortran: bool,
+        }
+        impl Head {
+            pub fn whole(self, elements: &mut impl Read, left: u64) -> Result<Array> {}
+            pub fn part(&self, elements: &mut impl Read, count: usize) -> Result<Array> {}
+            pub fn read(npy: &mut impl Read) -> Result<Head> {}
+        }
+        pub fn transpose(
+            values: &[f32],
+            rows: usize,
+            columns: usize,
+        ) -> Result<Vec<f32>> {}
+    }
+    pub mod atomic {
+        pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {}
+        pub fn replace(
+            path: &Path,
+            fill: impl FnOnce(&Path) -> Result<()>,
+        ) -> Result<()> {}
+        pub fn is_stream(path: &Path) -> bool {}
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum DiskFault {
+            Denied,
+            Full,
+            Unmoved,
+        }
+        pub fn inject(fault: Option<(DiskFault, u64)>) -> u64 {}
+        pub fn is_full(error: &Error) -> bool {}
+        pub fn create_dir(folder: &Path) -> Result<()> {}
+        pub fn cannot(path: &Path, e: &std::io::Error) -> Error {}
+    }
+    pub mod claim {
+        pub const EVERY: Duration = Duration::from_secs(30);
+        #[private_fields]
+        pub struct Claim {}
+        impl Claim {
+            pub fn take(
+                folder: &Path,
+                name: &str,
+            ) -> Result<std::result::Result<Claim, String>> {}
+        }
+        impl Drop for Claim {}
+        pub fn keep(folder: &Path) {}
+        pub fn sweep(folder: &Path) {}
+    }
+    pub mod opened {
+        #[derive(
+            Debug,
+            Clone,
+            Copy,
+            PartialEq,
+            Eq,
+            PartialOrd,
+            Ord,
+            Serialize,
+            Deserialize
+        )]
+        #[private_fields]
+        pub struct Stamp {}
+        impl Stamp {
+            pub fn of(path: &Path) -> Option<Stamp> {}
+        }
+        pub type Looked = (PathBuf, Option<Stamp>);
+        pub fn note(path: &Path) {}
+        pub fn during<T>(work: impl FnOnce() -> T) -> (T, Vec<Looked>) {}
+    }
+    pub mod staging {
+        #[private_fields]
+        pub struct Staging {}
+        impl Staging {
+            pub fn new(target: &Path) -> Result<Staging> {}
+            pub fn target(&self) -> &Path {}
+            pub fn path(&self) -> &Path {}
+            pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {}
+            pub fn commit_folder(self, name: &str) -> Result<PathBuf> {}
+        }
+        pub fn probe(folder: &Path) -> std::io::Result<()> {}
+        pub fn remove(file: &Path) -> Result<()> {}
+    }
+}
+#[cfg(feature = "formats")]
+pub mod host {
+    pub fn set_limit(bytes: Option<u64>) {}
+    pub fn free() -> u64 {}
+    pub fn bytes(count: usize, size: usize) -> u64 {}
+    pub fn ask(what: &str, bytes: u64) -> Result<()> {}
+    pub fn room<T>(what: &str, count: usize) -> Result<Vec<T>> {}
+    pub fn filled<T: Clone>(what: &str, count: usize, value: T) -> Result<Vec<T>> {}
+    pub fn collected<T>(
+        what: &str,
+        count: usize,
+        values: impl IntoIterator<Item = T>,
+    ) -> Result<Vec<T>> {}
+    pub fn swells(bytes: u64, packed: u64, times: u64) -> bool {}
+}
 pub use error::{Error, Kind, Result, panic_message};
+// crates/capture/src/lib.rs
+
+mod background {
+    #[derive(Debug, Clone, PartialEq)]
+    #[private_fields]
+    pub struct Background {
+        pub level: f64,
+    }
+    impl Background {
+        pub const NONE: Background = Background {
+            level: 0.0,
+            pairs: None,
+        };
+        pub fn of(capture: &Capture, taken_off: bool) -> Background {}
+        pub fn even(level: f64) -> Background {}
+        pub fn of_pair(&self, pair: usize) -> f64 {}
+        pub fn range(&self) -> Option<[f64; 2]> {}
+    }
+    impl Capture {
+        pub fn background(&self) -> Background {}
+    }
+}
+pub mod calibrate {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Calibration {
+        pub shift: f64,
+        pub error: f64,
+        pub residual: f64,
+        pub target: DVec3,
+        pub curve: Vec<[f64; 2]>,
+        pub used: usize,
+    }
+    pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {}
+}
+pub mod check {
+    pub fn is_small(counts: &[f32]) -> bool {}
+    impl Capture {
+        pub fn check(&self) -> Result<()> {}
+        pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {}
+        pub fn copy_checked(&self, histograms: &[f32], to: &mut Vec<f32>) -> Result<()> {}
+        pub fn check_finite(&self, histograms: &[f32]) -> Result<()> {}
+        pub fn check_scan(&self) -> Result<()> {}
+        pub fn check_aperture(&self) -> Result<()> {}
+        pub fn t_end(&self) -> f64 {}
+        pub fn mean_histogram(&self) -> Vec<f64> {}
+        pub fn pair_count(&self) -> usize {}
+    }
+}
+mod choose {
+    impl Capture {
+        pub fn stride(&self, n: usize) -> Result<Capture> {}
+        pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {}
+        pub fn without_missing(self) -> Result<(Capture, usize, Vec<String>)> {}
+        pub fn histogram(&self, pair: usize) -> &[f32] {}
+        pub fn keep(&self, kept: &[usize], scan: [usize; 2]) -> Capture {}
+    }
+}
+#[cfg(feature = "formats")]
+mod clipped {
+    impl Capture {
+        pub fn clipped_note(&self) -> Option<String> {}
+    }
+}
+mod doubts {
+    impl Capture {
+        pub fn doubts(&self) -> Vec<String> {}
+    }
+}
+#[cfg(feature = "formats")]
+pub mod formats {
+    pub mod ccsocr {
+        pub fn read(
+            set: &mut Set,
+            given: &Given,
+            notes: &mut Vec<String>,
+        ) -> Result<Capture> {}
+    }
+    pub mod general {
+        pub fn read(
+            set: &mut Set,
+            given: &Given,
+            notes: &mut Vec<String>,
+        ) -> Result<Capture> {}
+    }
+    mod given {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Bounce {
+            Nth(usize),
+            All,
+        }
+        impl Bounce {
+            pub fn parse(text: &str) -> Result<Bounce> {}
+        }
+        #[derive(Debug, Clone, Default, PartialEq)]
+        #[non_exhaustive]
+        pub struct Given {
+            pub wall: Option<f64>,
+            pub bin_width: Option<f64>,
+            pub depth_unit: Option<f64>,
+            pub bounce: Option<Bounce>,
+            pub time_of_flight: Option<PathBuf>,
+            pub turn: Turn,
+        }
+        impl Given {
+            pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {}
+            pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {}
+            pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> Given {}
+            pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {}
+            pub fn with_time_of_flight(self, file: impl Into<Option<PathBuf>>) -> Given {}
+            pub fn with_turn(self, turn: Turn) -> Given {}
+        }
+    }
+    pub mod hdf5 {
+        #[private_fields]
+        pub struct Hdf5 {}
+        pub fn is_guarded() -> bool {}
+        impl Hdf5 {
+            pub fn open(path: &Path) -> Result<Hdf5> {}
+            pub fn names(&self) -> Vec<String> {}
+            pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
+            pub fn counts(&self, name: &str) -> Result<Option<Counts>> {}
+            pub fn chunk(&self, name: &str) -> Result<usize> {}
+            pub fn whole(
+                &self,
+                name: &str,
+                start: usize,
+                count: usize,
+            ) -> Result<Vec<i64>> {}
+            pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
+        }
+    }
+    pub mod legs {
+        pub fn check_measured(capture: &Capture) -> Result<()> {}
+        pub fn remove(capture: &Capture, legs: &[f64]) -> Result<Capture> {}
+    }
+    pub mod matlab5 {
+        #[private_fields]
+        pub struct Matlab5 {}
+        impl Matlab5 {
+            pub fn open(path: &Path) -> Result<Matlab5> {}
+            pub fn parse(bytes: Vec<u8>) -> Result<Matlab5> {}
+            pub fn names(&self) -> Vec<String> {}
+            pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
+            pub fn counts(&self, name: &str) -> Result<Option<Counts>> {}
+            pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
+        }
+    }
+    pub mod netf {
+        pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
+    }
+    pub mod npz {
+        pub fn read(
+            path: &Path,
+            given: &Given,
+            notes: &mut Vec<String>,
+        ) -> Result<Capture> {}
+        pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
+    }
+    pub mod phasor {
+        pub fn read_2019(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {}
+    }
+    mod pulse {
+        impl Pulse {
+            pub fn read(path: &Path) -> Result<Pulse> {}
+        }
+    }
+    pub mod set {
+        #[private_fields]
+        pub struct Set {}
+        impl Set {
+            pub fn open(path: &Path) -> Result<Set> {}
+            pub fn holding(&self, name: &str) -> Result<Option<&Variables>> {}
+            pub fn add_beside(&mut self, names: &[String]) -> Result<()> {}
+            pub fn beside(&self, name: &str) -> PathBuf {}
+            pub fn add(&mut self, path: &Path) -> Result<()> {}
+            pub fn name(&self) -> String {}
+            pub fn first(&self) -> Option<&Variables> {}
+            pub fn any(&self, name: &str) -> bool {}
+        }
+    }
+    pub mod stanford {
+        pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
+    }
+    pub mod variables {
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Counts {
+            pub shape: Vec<usize>,
+            pub values: Vec<f32>,
+        }
+        impl Counts {
+            pub fn whole(&self) -> bool {}
+        }
+        pub enum Variables {
+            Hdf5(Hdf5),
+            Matlab5(Matlab5),
+        }
+        impl Variables {
+            pub fn open(path: &Path) -> Result<Variables> {}
+            pub fn names(&self) -> Vec<String> {}
+            pub fn have(&self, names: &[&str]) -> bool {}
+            pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {}
+            pub fn counts(&self, name: &str) -> Result<Counts> {}
+            pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {}
+            pub fn number(&self, name: &str) -> Result<Option<f64>> {}
+            pub fn point(&self, name: &str) -> Result<Option<DVec3>> {}
+            pub fn missing(&self, name: &str) -> Error {}
+        }
+    }
+    pub mod ytal {
+        pub fn read(source: &Variables) -> Result<Capture> {}
+        pub fn write(capture: &Capture, path: &Path) -> Result<()> {}
+    }
+    pub mod znlos {
+        pub fn read(
+            file: &Variables,
+            given: &Given,
+            notes: &mut Vec<String>,
+        ) -> Result<Capture> {}
+    }
+    pub use given::{Bounce, Given};
+    pub const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+    #[derive(Debug, Clone, PartialEq)]
+    #[non_exhaustive]
+    pub struct Opened {
+        pub capture: Capture,
+        pub dropped: usize,
+        pub notes: Vec<String>,
+    }
+    pub fn read(path: &Path) -> Result<Capture> {}
+    pub fn read_with_notes(path: &Path) -> Result<Opened> {}
+    pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {}
+    pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {}
+    pub type Prepare<'p> = dyn FnMut(&mut Capture, &mut Vec<String>) -> Result<()> + 'p;
+    pub fn read_prepared(
+        path: &Path,
+        given: &Given,
+        keep: &Keep,
+        prepare: &mut Prepare,
+    ) -> Result<Opened> {}
+    pub fn measured(
+        capture: Capture,
+        notes: &mut Vec<String>,
+    ) -> Result<(Capture, usize)> {}
+    pub fn keep_prepared(
+        (capture, dropped): (Capture, usize),
+        turn: Turn,
+        keep: &Keep,
+        prepare: &mut Prepare,
+        mut notes: Vec<String>,
+    ) -> Result<Opened> {}
+    pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {}
+    pub fn check_ending(path: &Path) -> Result<()> {}
+}
+pub mod gate {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Gate {
+        pub from: f64,
+        pub to: f64,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct AutoGate {
+        pub gate: Gate,
+        pub reason: String,
+    }
+    impl Gate {
+        pub fn parse(text: &str) -> Result<Gate> {}
+        pub fn holds(self, other: Gate) -> bool {}
+        pub fn within(self, other: Gate) -> Gate {}
+    }
+    impl std::fmt::Display for Gate {}
+    impl Capture {
+        pub fn gated(&self, gate: Gate) -> Result<Capture> {}
+        pub fn set_gate(&mut self, gate: Gate) -> Result<()> {}
+        pub fn edge(&self, bin: usize) -> f64 {}
+    }
+    pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {}
+    pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {}
+}
+#[cfg(feature = "formats")]
+mod keep {
+    #[derive(Debug, Clone, Copy, Default, PartialEq)]
+    #[non_exhaustive]
+    pub struct Keep {
+        pub stride: Option<usize>,
+        pub subset: Option<usize>,
+        pub subset_seed: u64,
+        pub gate: Option<Gate>,
+    }
+    impl Keep {
+        pub fn with_stride(self, n: impl Into<Option<usize>>) -> Keep {}
+        pub fn with_subset(self, count: impl Into<Option<usize>>, seed: u64) -> Keep {}
+        pub fn with_gate(self, gate: impl Into<Option<Gate>>) -> Keep {}
+    }
+}
+pub mod lattice {
+    #[private_fields]
+    pub struct Lattice {
+        pub range: [[f64; 2]; 2],
+        pub counts: [usize; 2],
+        pub spacing: [Option<f64>; 2],
+    }
+    impl Lattice {
+        pub fn of(points: &[DVec3]) -> Lattice {}
+        pub fn full(&self) -> Option<&[[usize; 2]]> {}
+        pub fn holed(&self) -> Option<&[[usize; 2]]> {}
+        pub fn cells(&self) -> Option<[f64; 4]> {}
+    }
+}
+pub mod median {
+    pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {}
+}
+pub mod nearest {
+    #[private_fields]
+    pub struct Tree<'a> {}
+    impl<'a> Tree<'a> {
+        pub fn new(points: &'a [DVec3]) -> Tree<'a> {}
+        pub fn nearest(&self, at: DVec3, count: usize) -> Vec<(f64, usize)> {}
+    }
+}
+pub mod negative {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Negatives {
+        pub count: usize,
+        pub variance: f64,
+    }
+    pub fn quiet_bins(mean: &[f64]) -> Option<(Range<usize>, f64)> {}
+    impl Capture {
+        pub fn negatives(&self) -> Option<Negatives> {}
+    }
+}
+mod normals {
+    impl Capture {
+        pub fn with_normals(&self) -> Result<(Capture, Option<String>)> {}
+        pub fn facing(&self) -> Option<DVec3> {}
+        pub fn set_normals(&mut self) -> Result<Option<String>> {}
+    }
+}
+pub mod pairs {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum PairKind {
+        Confocal,
+        OneLaser,
+        OneSensor,
+        Exhaustive { lasers: usize, sensors: usize },
+        Irregular,
+    }
+    impl std::fmt::Display for PairKind {}
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Product {
+        pub scanned: Vec<DVec3>,
+        pub other: Vec<DVec3>,
+        pub scanned_normal: Option<Vec<DVec3>>,
+        pub other_normal: Option<Vec<DVec3>>,
+        pub pair_of: Vec<usize>,
+        pub laser_scanned: bool,
+    }
+    impl Capture {
+        pub fn pair_kind(&self) -> PairKind {}
+        pub fn product(&self) -> Option<Product> {}
+    }
+}
+mod pile_up {
+    impl Capture {
+        pub fn take_pile_up_out(&mut self) -> Result<Option<String>> {}
+    }
+}
+pub mod pulse {
+    #[derive(Debug, Clone, PartialEq)]
+    #[non_exhaustive]
+    pub struct Pulse {
+        pub samples: Vec<f64>,
+        pub width: f64,
+        pub start: f64,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct PulseTaps {
+        pub before: usize,
+        pub weights: Vec<f64>,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Way {
+        Spread,
+        Back,
+        Squared,
+    }
+    impl Pulse {
+        pub fn new(samples: Vec<f64>, width: f64, start: f64) -> Pulse {}
+        pub fn gaussian(fwhm: f64) -> Result<Pulse> {}
+        pub fn with_tail(&self, decay: f64) -> Result<Pulse> {}
+        pub fn check(&self) -> Result<()> {}
+        pub fn end(&self) -> f64 {}
+        pub fn fwhm(&self) -> f64 {}
+        pub fn moments(&self) -> [f64; 2] {}
+        pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {}
+        pub fn taps_of_bins(&self, bin_width: f64) -> Result<PulseTaps> {}
+    }
+    impl PulseTaps {
+        pub fn deviation(&self) -> f64 {}
+        pub fn identity() -> PulseTaps {}
+        pub fn blurred(&self, sigma: f64, reach: f64) -> PulseTaps {}
+        pub fn words(&self) -> Vec<f32> {}
+        pub fn spread(&self, histograms: &mut [f32], bins: usize) {}
+        pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {}
+    }
+}
+mod recorded {
+    pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {}
+}
+mod reflectance {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Reflectance {
+        Cosine,
+        Lambertian,
+        Retroreflective,
+        Isotropic,
+    }
+    impl Reflectance {
+        pub const ALL: [Reflectance; 4] = [
+            Reflectance::Cosine,
+            Reflectance::Lambertian,
+            Reflectance::Retroreflective,
+            Reflectance::Isotropic,
+        ];
+        pub fn name(self) -> &'static str {}
+        pub fn has_normals(self) -> bool {}
+        pub fn number(self) -> u32 {}
+    }
+}
+pub mod scan {
+    pub fn unit_of(width: f64) -> f64 {}
+    pub fn decimals(usual: usize, width: f64) -> usize {}
+    impl Capture {
+        pub fn wall_extent(&self) -> [f64; 4] {}
+        pub fn unit(&self) -> f64 {}
+        pub fn spacing(&self) -> Option<f64> {}
+        pub fn resolution(&self) -> [usize; 2] {}
+        pub fn is_confocal(&self) -> bool {}
+        pub fn is_planar(&self) -> bool {}
+        pub fn set_wall(&mut self, size: f64) -> Result<()> {}
+        pub fn scanned_points(&self) -> &[DVec3] {}
+        pub fn laser_scans(&self) -> bool {}
+    }
+}
+mod seen {
+    impl Capture {
+        #[cfg(feature = "formats")]
+        pub fn has_whole_counts(&self) -> bool {}
+    }
+}
+pub mod sum {
+    impl Capture {
+        pub fn binned(&self, n: usize) -> Result<Capture> {}
+        pub fn take_sums(&mut self, narrow: &Capture) {}
+        pub fn summed(&self, n: usize) -> Result<Capture> {}
+    }
+    pub fn sum_rows(
+        to: &mut [f32],
+        bins: usize,
+        from: &[f32],
+        narrow_bins: usize,
+        n: usize,
+    ) {}
+}
+pub mod summary {
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[non_exhaustive]
+    pub struct Summary {
+        pub name: String,
+        pub scan: [usize; 2],
+        pub pairs: usize,
+        pub bins: usize,
+        pub bin_width_m: f64,
+        pub bin_width_ps: f64,
+        pub pulse_fwhm_m: Option<f64>,
+        pub spots_m: [Option<f64>; 2],
+        pub t_start_m: f64,
+        pub t_end_m: f64,
+        pub pair_kind: PairKind,
+        pub dropped_pairs: usize,
+        pub resolution: [usize; 2],
+        pub confocal: bool,
+        pub planar: bool,
+        pub wall_extent_m: [f64; 4],
+        pub wall_depth_m: [f64; 2],
+        pub signal_bins: Option<[usize; 2]>,
+        pub peak: f64,
+        pub peak_bin: usize,
+        pub peak_pair: usize,
+        pub total: f64,
+        pub pairs_with_signal: usize,
+        pub integer_counts: bool,
+        pub laser_normals: bool,
+        pub sensor_normals: bool,
+        pub normals_estimated: bool,
+    }
+    impl Summary {
+        pub fn of(capture: &Capture) -> Summary {}
+    }
+    impl Capture {
+        pub fn summary(&self) -> Summary {}
+    }
+    impl std::fmt::Display for Summary {}
+}
+mod turn {
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+    #[private_fields]
+    pub struct Turn {}
+    impl Turn {
+        pub fn parse(flip: Option<&str>, degrees: Option<u32>) -> Result<Turn> {}
+        pub fn note(&self) -> Option<String> {}
+    }
+    impl Capture {
+        pub fn turned(mut self, turn: Turn) -> Capture {}
+    }
+}
+pub use background::Background;
+#[cfg(feature = "formats")]
+pub use formats::{
+    Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write,
+};
+pub use gate::{AutoGate, Gate, auto_gate, published_gate};
+#[cfg(feature = "formats")]
+pub use keep::Keep;
+pub use pairs::{PairKind, Product};
+pub use pulse::{Pulse, PulseTaps, Way};
+pub use recorded::recorded_gate;
+pub use reflectance::Reflectance;
+pub use summary::Summary;
+pub use turn::Turn;
+pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Capture {
+    pub name: String,
+    pub scan: [usize; 2],
+    pub laser: Vec<DVec3>,
+    pub sensor: Vec<DVec3>,
+    pub laser_normal: Option<Vec<DVec3>>,
+    pub sensor_normal: Option<Vec<DVec3>>,
+    pub bins: usize,
+    pub bin_width: f64,
+    pub t_start: f64,
+    pub histograms: Vec<f32>,
+    pub integer_counts: bool,
+    pub pulse: Option<Pulse>,
+    pub laser_spot: Option<f64>,
+    pub sensor_spot: Option<f64>,
+    pub cycles: Option<f64>,
+    pub direct: Option<f64>,
+}
+impl Capture {
+    pub fn new(
+        scan: [usize; 2],
+        laser: Vec<DVec3>,
+        sensor: Vec<DVec3>,
+        bins: usize,
+        bin_width: f64,
+        histograms: Vec<f32>,
+    ) -> Capture {}
+    pub fn with(mut self, change: impl FnOnce(&mut Capture)) -> Capture {}
+    pub fn outline(&self) -> Capture {}
+}
+// crates/export/src/lib.rs
+
+pub mod benchmark {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Page {
+        pub version: String,
+        pub seconds: f64,
+        pub cases: Vec<Case>,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Case {
+        pub scene: String,
+        pub photons: Option<f64>,
+        pub folder: String,
+        pub was_there: bool,
+        pub failed: bool,
+        pub why: Option<String>,
+        pub remedy: Option<Advice>,
+        pub seconds: f64,
+        pub comparison: Option<Comparison>,
+    }
+    impl Case {
+        pub fn left_out(
+            scene: &str,
+            photons: Option<f64>,
+            folder: &str,
+            failed: bool,
+            why: &Error,
+        ) -> Case {}
+    }
+    impl Page {
+        pub fn summary(&self) -> String {}
+        pub fn markdown(&self) -> String {}
+        pub fn html(&self, root: &Path) -> Result<String> {}
+    }
+    pub fn write(folder: &Path, page: &Page) -> Result<Vec<PathBuf>> {}
+}
+pub mod calibration {
+    pub fn write(path: &Path, found: &Calibration) -> Result<()> {}
+}
+pub mod comparison {
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    pub struct Comparison {
+        pub version: String,
+        pub device: Device,
+        pub capture: Summary,
+        pub capture_file: PathBuf,
+        pub truth: Option<PathBuf>,
+        pub mask_fraction: Option<f64>,
+        pub oracle: bool,
+        pub repeats: usize,
+        pub methods: Vec<MethodReport>,
+        pub left_out: Vec<LeftOut>,
+    }
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    pub struct LeftOut {
+        pub name: String,
+        pub why: String,
+    }
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    pub struct MethodReport {
+        pub name: String,
+        pub method: String,
+        pub foreign: bool,
+        pub runs_on: String,
+        pub folder: String,
+        pub mask_fraction: Option<f64>,
+        pub settings: serde_json::Value,
+        pub trace_every: usize,
+        pub iterations: usize,
+        pub seconds: f64,
+        pub repeats_s: Vec<f64>,
+        pub preview_s: Option<f64>,
+        pub active: usize,
+        pub active_ratio: f64,
+        pub metrics: Metrics,
+        pub reach: Reached,
+        pub trace: Vec<TraceEntry>,
+    }
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Reached {
+        pub depth_mae: Reach,
+        pub normal_error_deg: Reach,
+        pub best_iou: Reach,
+        pub all: Reach,
+    }
+    impl MethodReport {
+        pub fn name_and_model(&self) -> String {}
+    }
+    impl Comparison {
+        pub fn table(&self) -> String {}
+        pub fn markdown(&self) -> String {}
+    }
+    pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {}
+    pub fn read_json(path: &Path) -> Result<Comparison> {}
+    pub fn write_markdown(path: &Path, comparison: &Comparison) -> Result<()> {}
+}
+pub mod confidence {
+    pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+}
+pub mod curves {
+    pub struct ErrorVsTime<'a>(pub &'a Comparison);
+    impl Figure for ErrorVsTime<'_> {}
+}
+pub mod depth_error {
+    pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {}
+}
+pub mod exr {
+    pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+}
+pub mod figure {
+    pub trait Canvas: DrawingBackend<ErrorType: 'static> {}
+    pub trait Figure {
+        fn size(&self) -> [u32; 2];
+        fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B>;
+    }
+    pub fn svg(figure: &impl Figure) -> Result<String> {}
+    pub fn picture(figure: &impl Figure) -> Result<Picture> {}
+}
+pub mod foreign {
+    pub fn read(path: &Path, extent: [f64; 4]) -> Result<Maps> {}
+}
+pub mod inspection {
+    pub fn write(path: &Path, capture: &Capture) -> Result<()> {}
+    pub fn write_with_direct(
+        path: &Path,
+        capture: &Capture,
+        direct: Option<&[f64]>,
+        shaped: bool,
+    ) -> Result<()> {}
+}
+pub mod mesh {
+    pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+}
+pub mod npz {
+    pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {}
+    pub fn read_maps(path: &Path) -> Result<Maps> {}
+    pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {}
+    pub fn read_truth(path: &Path) -> Result<Truth> {}
+}
+pub mod page {
+    #[derive(Debug, Clone, Serialize)]
+    #[private_fields]
+    pub struct Light {}
+    impl Light {
+        pub fn of(capture: &Capture) -> Light {}
+    }
+    pub fn write(
+        path: &Path,
+        title: &str,
+        maps: &Maps,
+        light: &Light,
+        report: &Report,
+    ) -> Result<()> {}
+}
+pub mod picture {
+    pub const BACKGROUND: [u8; 3] = [20, 20, 26];
+    pub const INK: [u8; 3] = [230, 230, 230];
+    pub const SIDE: usize = 512;
+    pub const CAPITAL: usize = 11;
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct Picture {
+        pub width: usize,
+        pub height: usize,
+        pub rgb: Vec<u8>,
+    }
+    pub fn rows(maps: &Maps) -> Vec<usize> {}
+    pub fn enlargement(maps: &Maps) -> usize {}
+    pub fn colour(share: f64) -> [u8; 3] {}
+    impl Picture {
+        pub fn new(width: usize, height: usize) -> Picture {}
+        pub fn of_maps(
+            maps: &Maps,
+            factor: usize,
+            colour: impl Fn(usize) -> [u8; 3],
+        ) -> Picture {}
+        pub fn fill(
+            &mut self,
+            x: usize,
+            y: usize,
+            width: usize,
+            height: usize,
+            colour: [u8; 3],
+        ) {}
+        pub fn paste(&mut self, other: &Picture, x: usize, y: usize) {}
+        pub fn blend(&mut self, [column, row]: [i32; 2], colour: [u8; 3], cover: f64) {}
+        pub fn shrunk(&self, factor: usize) -> Picture {}
+        pub fn write(&mut self, words: &str, at: [f32; 2], em: f32, colour: [u8; 3]) {}
+        pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {}
+        pub fn colour_bar(
+            &mut self,
+            x: usize,
+            [top,
+            bottom,
+            ]: [usize; 2],
+            first: f64,
+            labels: &[String],
+            ink: [u8; 3],
+        ) {}
+        pub fn bar_width(labels: &[String]) -> usize {}
+    }
+    pub fn text_width(words: &str) -> usize {}
+}
+pub mod plot {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Plot {
+        pub title: String,
+        pub x: String,
+        pub y: String,
+        pub logarithmic: [bool; 2],
+        pub curves: Vec<(String, Vec<[f64; 2]>)>,
+        pub mark: Option<(String, f64)>,
+    }
+    impl Figure for Plot {}
+}
+pub mod ply {
+    pub fn write(path: &Path, maps: &Maps) -> Result<()> {}
+}
+pub mod png {
+    pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {}
+    pub fn albedo_of(maps: &Maps) -> Picture {}
+    pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {}
+    pub fn write_preview(path: &Path, maps: &Maps) -> Result<()> {}
+    pub fn preview(maps: &Maps) -> Result<Vec<u8>> {}
+    pub fn depth_of(maps: &Maps) -> Picture {}
+    pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {}
+    pub fn normal_of(maps: &Maps) -> Picture {}
+    pub fn write(path: &Path, picture: &Picture) -> Result<()> {}
+    pub fn packed(picture: &Picture) -> Result<Vec<u8>> {}
+}
+pub mod report {
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    pub struct Report {
+        pub version: String,
+        pub device: Device,
+        pub settings: serde_json::Value,
+        pub capture: Summary,
+        pub plan: Plan,
+        pub trace: Vec<TraceEntry>,
+        pub totals: Totals,
+        pub metrics: Option<Metrics>,
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Device {
+        pub name: String,
+        pub driver: String,
+        pub kind: String,
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Plan {
+        pub variants: Vec<String>,
+        pub left_out: Vec<String>,
+        pub parts: [Vec<usize>; 2],
+        pub stored_bytes: u64,
+        pub buffers: BTreeMap<String, u64>,
+        pub full: bool,
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct TraceEntry {
+        pub iteration: usize,
+        pub seconds: f64,
+        pub gpu_seconds: Option<f64>,
+        pub lateral: usize,
+        pub pairs: usize,
+        pub active: usize,
+        pub active_ratio: f64,
+        pub loss: f64,
+        pub data_loss: Option<f64>,
+        pub residual: Option<f64>,
+        pub metrics: Option<Metrics>,
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Totals {
+        pub load_s: f64,
+        pub solve_s: f64,
+        pub export_s: f64,
+        pub preview_s: Option<f64>,
+        pub pairs: f64,
+        pub pairs_per_s: f64,
+        pub peak_device_bytes: u64,
+    }
+    pub fn write(path: &Path, report: &Report) -> Result<()> {}
+    pub fn read(path: &Path) -> Result<Report> {}
+}
+pub mod volume {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Volume {
+        pub size: [usize; 3],
+        pub extent: [f64; 6],
+        pub albedo: Vec<f32>,
+        pub normal: Option<Vec<[f32; 3]>>,
+    }
+    pub fn write(path: &Path, volume: &Volume) -> Result<()> {}
+    pub fn read(path: &Path) -> Result<Volume> {}
+}
+pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {}
+// crates/gpu/src/lib.rs
+
+mod budget {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    #[private_fields]
+    pub struct Memory {
+        pub storage_range: u64,
+        pub free: [u64; 2],
+        pub shared: bool,
+    }
+    impl Memory {
+        pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {}
+    }
+    impl Gpu {
+        pub fn memory(&self) -> Memory {}
+    }
+    pub fn check(
+        plan: &[BufferPlan],
+        memory: &Memory,
+        budget: Option<u64>,
+    ) -> Result<()> {}
+}
+pub mod caller {
+    mod buffer {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[private_fields]
+        pub struct Moment {}
+        impl Moment {
+            pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {}
+        }
+        #[derive(Clone)]
+        #[private_fields]
+        pub struct Lent {}
+        impl Lent {
+            pub unsafe fn new(
+                buffer: vk::Buffer,
+                offset: u64,
+                bytes: u64,
+            ) -> Result<Lent> {}
+            pub fn bytes(&self) -> u64 {}
+            pub fn is_on(&self, gpu: &Gpu) -> bool {}
+        }
+        #[derive(Clone)]
+        pub struct Imported(Arc<Memory>);
+        impl Imported {
+            pub unsafe fn by_fd(
+                gpu: &Gpu,
+                fd: i32,
+                [memory_bytes,
+                bytes,
+                ]: [u64; 2],
+                memory_type: Option<u32>,
+            ) -> Result<Imported> {}
+            pub fn buffer(&self) -> vk::Buffer {}
+            pub fn lend(&self) -> Result<Lent> {}
+        }
+        impl Drop for Memory {}
+        impl Gpu {
+            pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {}
+            pub fn signal(&self, moment: Moment) -> Result<()> {}
+        }
+        impl Executor {
+            pub fn take_lent(
+                &mut self,
+                from: &Lent,
+                to: Buffer,
+                [after,
+                taken,
+                ]: [Option<Moment>; 2],
+            ) -> Result<Ticket> {}
+            pub fn give_lent(
+                &mut self,
+                content: &[u8],
+                through: Buffer,
+                to: &Lent,
+                done: Option<Moment>,
+            ) -> Result<()> {}
+        }
+    }
+    mod requirements {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub struct Features {
+            pub timeline_semaphore: bool,
+            pub int64_atomics: bool,
+            pub float_atomics: bool,
+            pub memory_budget: bool,
+            pub portability_subset: bool,
+            pub external_memory_fd: bool,
+            pub debug_utils: bool,
+        }
+        impl Features {
+            pub fn extensions(&self) -> Vec<&'static CStr> {}
+        }
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub struct Requirements {
+            pub api_version: u32,
+            pub family: u32,
+            pub features: Features,
+        }
+        impl Requirements {
+            pub fn extensions(&self) -> Vec<&'static CStr> {}
+        }
+        pub unsafe fn requirements(
+            get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+            instance: vk::Instance,
+            api_version: u32,
+            physical_device: vk::PhysicalDevice,
+        ) -> Result<Requirements> {}
+    }
+    pub use buffer::{Imported, Lent, Moment};
+    pub use requirements::{Features, Requirements, requirements};
+    pub trait QueueLock: Send + Sync {
+        fn lock(&self);
+        fn unlock(&self);
+    }
+    #[derive(Debug, Clone, Copy)]
+    pub struct Block {
+        pub memory: vk::DeviceMemory,
+        pub offset: u64,
+        pub mapped: *mut std::ffi::c_void,
+    }
+    unsafe impl Send for Block {}
+    unsafe impl Sync for Block {}
+    pub unsafe trait BlockSource: Send + Sync {
+        fn allocate(
+            &self,
+            requirements: &vk::MemoryRequirements,
+            place: Place,
+        ) -> Option<Block>;
+        fn free(&self, block: Block);
+    }
+    #[derive(Clone)]
+    pub struct Vulkan {
+        pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+        pub instance: vk::Instance,
+        pub api_version: u32,
+        pub physical_device: vk::PhysicalDevice,
+        pub device: vk::Device,
+        pub queue: vk::Queue,
+        pub family: u32,
+        pub enabled: Features,
+        pub lock: Option<Arc<dyn QueueLock>>,
+        pub blocks: Option<Arc<dyn BlockSource>>,
+        pub pipeline_cache: vk::PipelineCache,
+    }
+    impl Gpu {
+        pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {}
+    }
+}
+mod device {
+    pub const MOST_STORAGE: u32 = 12;
+    #[derive(Debug, Clone, Default)]
+    pub struct GpuOptions {
+        pub device: Option<String>,
+        pub validation: bool,
+        pub instrumented: bool,
+        pub robust: bool,
+        pub timings: bool,
+        pub statistics: bool,
+        pub listings: bool,
+        pub work: Option<u64>,
+        pub binding: Option<u64>,
+        pub pipeline_cache: Option<PathBuf>,
+        pub faults: Faults,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Accumulations {
+        pub float: bool,
+        pub int64: bool,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Limits {
+        pub storage_range: u64,
+        pub texels: u64,
+        pub workgroup_invocations: u32,
+        pub shared_memory: u32,
+        pub groups: [u32; 3],
+        pub subgroup: u32,
+        pub work: u64,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Abilities {
+        pub kind: DeviceKind,
+        pub accumulations: Accumulations,
+        pub limits: Limits,
+    }
+    #[derive(Clone)]
+    pub struct Gpu(Arc<Opened>);
+    impl Deref for Gpu {
+        type Target = Opened;
+    }
+    #[private_fields]
+    pub struct Opened {
+        pub info: DeviceInfo,
+        pub accumulations: Accumulations,
+        pub limits: Limits,
+    }
+    impl Gpu {
+        pub fn open(options: &GpuOptions) -> Result<Gpu> {}
+        pub fn open_all(options: &GpuOptions) -> Result<Vec<Gpu>> {}
+        pub fn is(&self, other: &Gpu) -> bool {}
+        pub fn abilities(&self) -> Abilities {}
+        pub fn validation_messages(&self) -> Vec<String> {}
+    }
+}
+mod exchange {
+    pub const EXCHANGED: Buffer = Buffer::named("exchanged");
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Summed {
+        pub buffer: Buffer,
+        pub bytes: u64,
+        pub counted: Option<Counted>,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Counted {
+        pub buffer: Buffer,
+        pub word: u32,
+        pub bytes: u64,
+    }
+    pub fn room_for(sums: &[Summed]) -> u64 {}
+    #[derive(Debug, Clone, Copy, Default, PartialEq)]
+    pub struct Exchanged {
+        pub times: u64,
+        pub bytes: u64,
+        pub seconds: f64,
+    }
+    #[private_fields]
+    pub struct Exchange {}
+    impl Exchange {
+        pub fn among(count: usize) -> Vec<Exchange> {}
+        pub fn number(&self) -> usize {}
+        pub fn add_up(&self, counts: &[u32], values: &mut Vec<f32>) -> Result<()> {}
+    }
+    impl Drop for Exchange {}
+    pub fn is_left(error: &Error) -> bool {}
+    impl Executor {
+        pub fn join(&mut self, exchange: Exchange) {}
+        pub fn exchanged(&self) -> Exchanged {}
+    }
+}
+mod executables {
+    #[derive(Debug, Clone, Default, PartialEq)]
+    pub struct Compiled {
+        pub seconds: f64,
+        pub executables: Vec<Executable>,
+    }
+    #[derive(Debug, Clone, Default, PartialEq)]
+    pub struct Executable {
+        pub name: String,
+        pub subgroup: u32,
+        pub statistics: Vec<(String, f64)>,
+        pub listings: Vec<(String, String)>,
+    }
+    impl Gpu {
+        pub fn compile(
+            &self,
+            kernel: impl Into<Kernel>,
+            code: &KernelCode,
+            constants: &[(Constant, u32)],
+        ) -> Result<Compiled> {}
+        pub fn tells_of_kernels(&self) -> bool {}
+    }
+}
+mod execute {
+    #[derive(Debug, Clone, Copy, Default, PartialEq)]
+    pub struct KernelTime {
+        pub calls: u64,
+        pub seconds: f64,
+    }
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+    pub struct Ticket(pub(super) u64);
+    #[private_fields]
+    pub struct Executor {}
+    impl Executor {
+        pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {}
+        pub fn arena(&self) -> &Arena {}
+        pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {}
+        pub fn wait(&mut self, ticket: Ticket) -> Result<()> {}
+        pub fn settle(&mut self) -> Result<()> {}
+        pub fn run(&mut self, schedule: &Schedule) -> Result<()> {}
+        pub fn run_once(&mut self, write: impl FnOnce(&mut Schedule)) -> Result<()> {}
+        pub fn spare_schedule(&mut self) -> Schedule {}
+        pub fn keep_schedule(&mut self, mut schedule: Schedule) {}
+        pub fn gpu_seconds(&self) -> f64 {}
+        pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {}
+        pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {}
+    }
+    impl Drop for Executor {}
+}
+mod faults {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Point {
+        Allocation,
+        Object,
+        Submission,
+        Wait,
+    }
+    impl Point {
+        pub const ALL: [Point; 4] = [
+            Point::Allocation,
+            Point::Object,
+            Point::Submission,
+            Point::Wait,
+        ];
+    }
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+    pub struct Faults {
+        pub fail: Option<(Point, u64)>,
+        pub hang: Option<u64>,
+        pub poison: Option<u32>,
+        pub shuffle: Option<u64>,
+        pub guard: bool,
+    }
+    impl Gpu {
+        pub fn reached(&self, point: Point) -> u64 {}
+        pub fn allocated(&self) -> u64 {}
+        pub fn close(self) -> Vec<String> {}
+    }
+}
+mod few {
+    #[derive(Clone, Copy)]
+    #[private_fields]
+    pub struct Few<T, const N: usize> {}
+    impl<T, const N: usize> Deref for Few<T, N> {
+        type Target = [T];
+    }
+    impl<T: PartialEq, const N: usize> PartialEq for Few<T, N> {}
+    impl<T: Eq, const N: usize> Eq for Few<T, N> {}
+    impl<T: fmt::Debug, const N: usize> fmt::Debug for Few<T, N> {}
+}
+mod guard {
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct Overrun {
+        pub buffer: Buffer,
+        pub bytes: u64,
+        pub at: u64,
+    }
+    #[derive(Debug, Clone, Default, PartialEq, Eq)]
+    pub struct Guarded {
+        pub buffers: usize,
+        pub overruns: Vec<Overrun>,
+    }
+    impl Gpu {
+        pub fn take_guarded(&self) -> Guarded {}
+    }
+}
+mod host {
+    impl Executor {
+        pub fn read<T: bytemuck::Pod>(
+            &self,
+            buffer: Buffer,
+            items: impl RangeBounds<usize>,
+        ) -> Vec<T> {}
+        pub fn read_behind<T: bytemuck::Pod>(
+            &self,
+            done: Ticket,
+            buffer: Buffer,
+            items: impl RangeBounds<usize>,
+            into: &mut Vec<T>,
+        ) {}
+        pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {}
+        pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {}
+    }
+}
+mod instance {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    pub enum DeviceKind {
+        Discrete,
+        Virtual,
+        Integrated,
+        Cpu,
+        Other,
+    }
+    impl std::fmt::Display for DeviceKind {}
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    pub struct DeviceInfo {
+        pub index: usize,
+        pub name: String,
+        pub kind: DeviceKind,
+        pub driver: String,
+        pub api: String,
+        pub uuid: String,
+        pub memory: u64,
+    }
+    pub fn devices() -> Result<Vec<DeviceInfo>> {}
+}
+mod make {
+    #[derive(Debug, Clone)]
+    pub struct Wanted<'c> {
+        pub kernel: Kernel,
+        pub code: &'c KernelCode,
+        pub constants: Vec<(Constant, u32)>,
+    }
+    impl Executor {
+        pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {}
+        pub fn has_kernel(&self, kernel: Kernel) -> bool {}
+        pub fn add_kernel(
+            &mut self,
+            kernel: impl Into<Kernel>,
+            code: &KernelCode,
+            constants: &[(Constant, u32)],
+        ) -> Result<()> {}
+    }
+}
+mod memory {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Place {
+        Device,
+        Upload,
+        Readback,
+        Store,
+    }
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct BufferPlan {
+        pub buffer: Buffer,
+        pub bytes: u64,
+        pub place: Place,
+    }
+    impl BufferPlan {
+        pub const LEAST: u64 = 16;
+        pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {}
+    }
+    #[private_fields]
+    pub struct Arena {}
+    impl Arena {
+        pub fn new(
+            gpu: &Gpu,
+            plan: &[BufferPlan],
+            budget: Option<u64>,
+        ) -> Result<Arena> {}
+        pub fn bytes(&self) -> u64 {}
+        pub fn taken(&self) -> u64 {}
+        pub fn stored(&self) -> u64 {}
+        pub fn sizes(&self) -> BTreeMap<Buffer, u64> {}
+        pub fn size(&self, buffer: Buffer) -> u64 {}
+    }
+    impl Drop for Arena {}
+}
+mod names {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    #[private_fields]
+    pub struct Buffer {}
+    impl Buffer {
+        pub const fn named(name: &'static str) -> Buffer {}
+        pub const fn at(self, index: u16) -> Buffer {}
+        pub const fn family(self) -> Buffer {}
+    }
+    impl fmt::Display for Buffer {}
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub struct Kernel(&'static str);
+    impl Kernel {
+        pub const fn named(name: &'static str) -> Kernel {}
+        pub const fn name(self) -> &'static str {}
+    }
+    impl fmt::Display for Kernel {}
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub struct Constant(&'static str);
+    impl Constant {
+        pub const fn named(name: &'static str) -> Constant {}
+        pub const fn name(self) -> &'static str {}
+    }
+    impl fmt::Display for Constant {}
+}
+mod pace {
+    impl Gpu {
+        pub fn expected_rate(&self) -> f64 {}
+    }
+}
+mod record {
+    impl Executor {
+        pub fn reserve(&mut self, schedule: &Schedule) -> Result<()> {}
+    }
+}
+mod recording {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct HostSpan {
+        pub what: &'static str,
+        pub from: f64,
+        pub to: f64,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Ran {
+        pub kernel: &'static str,
+        pub stage: Option<usize>,
+        pub submission: u64,
+        pub from: f64,
+        pub to: f64,
+    }
+    #[derive(Debug, Clone)]
+    pub struct KernelMade {
+        pub code: KernelCode,
+        pub constants: Vec<(String, u32)>,
+        pub statistics: Vec<(String, f64)>,
+    }
+    #[derive(Debug, Clone, Default)]
+    pub struct Recording {
+        pub host: Vec<HostSpan>,
+        pub stages: Vec<Stage>,
+        pub device: Vec<Ran>,
+        pub kernels: BTreeMap<&'static str, KernelMade>,
+    }
+    impl Gpu {
+        pub fn span(&self, what: &'static str) -> OpenSpan<'_> {}
+        pub fn take_recording(&self) -> Recording {}
+        pub fn has_clock(&self) -> bool {}
+        pub fn now(&self) -> f64 {}
+    }
+}
+mod rounding {
+    impl Gpu {
+        pub fn promises_rounding(&self) -> bool {}
+    }
+    pub fn to_nearest(words: &[u32]) -> Vec<u32> {}
+}
+mod schedule {
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub enum Size {
+        Groups([u32; 3]),
+        Indirect(Buffer, u64),
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
+    impl Default for Binds {}
+    impl Binds {
+        pub fn buffer_of(&self, block: Buffer) -> Buffer {}
+    }
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub enum Command {
+        Dispatch {
+            kernel: Kernel,
+            size: Size,
+            bind: Binds,
+            push: [u32; PUSH_WORDS],
+            work: u64,
+            first: [u32; 3],
+        },
+        Copy { from: Buffer, from_offset: u64, to: Buffer, to_offset: u64, bytes: u64 },
+        Fill { buffer: Buffer, offset: u64, bytes: u64, value: u32 },
+        Exchange(Vec<Summed>),
+        Stage(Stage),
+    }
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Stage {
+        pub name: &'static str,
+        pub values: Few<(&'static str, u64), MOST_NUMBERS>,
+    }
+    impl Stage {
+        pub fn new(name: &'static str, values: &[(&'static str, u64)]) -> Stage {}
+        pub fn value(&self, name: &str) -> Option<u64> {}
+    }
+    impl fmt::Display for Stage {}
+    #[derive(Debug, Clone, Default, PartialEq, Eq)]
+    pub struct Schedule {
+        pub commands: Vec<Command>,
+    }
+    impl Schedule {
+        pub fn of(write: impl FnOnce(&mut Schedule)) -> Schedule {}
+        pub fn clear(&mut self) {}
+        pub fn dispatch(
+            &mut self,
+            kernel: impl Into<Kernel>,
+            groups: [u32; 3],
+            turns: u64,
+        ) -> &mut Command {}
+        pub fn indirect(
+            &mut self,
+            kernel: impl Into<Kernel>,
+            buffer: Buffer,
+            offset: u64,
+            turns: u64,
+        ) -> &mut Command {}
+        pub fn copy(&mut self, from: Buffer, to: Buffer, bytes: u64) {}
+        pub fn copy_from(&mut self, [from, to]: [Buffer; 2], offset: u64, bytes: u64) {}
+        pub fn fill(&mut self, buffer: Buffer, bytes: u64, value: u32) {}
+        pub fn set(&mut self, buffer: Buffer, index: u32, value: u32) {}
+        pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {}
+        pub fn exchange(&mut self, sums: &[Summed]) {}
+        pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {}
+        pub fn append(&mut self, other: &mut Schedule) {}
+    }
+    impl Command {
+        pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
+        pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
+        pub fn work(&self) -> u64 {}
+        pub fn name(&self) -> &'static str {}
+    }
+    impl fmt::Display for Schedule {}
+}
+pub mod spirv {
+    mod class {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+        pub struct Counts {
+            pub fma: u32,
+            pub special: u32,
+            pub other: u32,
+            pub conversions: u32,
+            pub loads: u32,
+            pub stores: u32,
+            pub broadcasts: u32,
+            pub shared: u32,
+            pub atomics: u32,
+            pub shared_atomics: u32,
+            pub bytes: u32,
+        }
+        impl Counts {
+            pub fn issued(&self) -> u32 {}
+        }
+    }
+    pub use class::Counts;
+    pub fn count_loop<N: AsRef<str>>(
+        code: &KernelCode,
+        constants: &[(N, u32)],
+    ) -> Option<[Counts; 2]> {}
+    pub fn extended<N: AsRef<str>>(
+        code: &KernelCode,
+        constants: &[(N, u32)],
+    ) -> Option<Vec<u32>> {}
+}
+mod state {
+    impl Executor {
+        pub fn download(&mut self, buffer: Buffer, through: Buffer) -> Result<Vec<u8>> {}
+        pub fn restore(
+            &mut self,
+            buffer: Buffer,
+            content: &[u8],
+            through: Buffer,
+        ) -> Result<()> {}
+    }
+}
+pub use budget::{Memory, check};
+pub use device::{
+    Abilities, Accumulations, Gpu, GpuOptions, Limits, MOST_STORAGE, Opened,
+};
+pub use exchange::{Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for};
+pub use executables::{Compiled, Executable};
+pub use execute::{Executor, KernelTime, Ticket};
+pub use faults::{Faults, Point};
+pub use few::Few;
+pub use guard::{Guarded, Overrun};
+pub use instance::{DeviceInfo, DeviceKind, devices};
+pub use make::Wanted;
+pub use memory::{Arena, BufferPlan, Place};
+pub use names::{Buffer, Constant, Kernel};
+pub use recording::{HostSpan, KernelMade, Ran, Recording};
+pub use rounding::to_nearest;
+pub use schedule::{Binds, Command, Schedule, Size, Stage};
+#[derive(Debug, Clone, Copy)]
+pub struct KernelCode {
+    pub name: &'static str,
+    pub spirv: &'static [u8],
+    pub bindings: &'static [Binding],
+    pub constants: &'static [(Constant, u32)],
+}
+impl From<&KernelCode> for Kernel {}
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum View {
+    Uniform,
+    Storage,
+    Texels { words: u32 },
+}
+#[derive(Debug, Clone, Copy)]
+pub struct Binding {
+    pub block: Buffer,
+    pub slot: u32,
+    pub view: View,
+    pub reads: bool,
+    pub writes: bool,
+}
+// crates/maps/src/lib.rs
+
+pub mod maps {
+    mod confidence {
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Conditions {
+            pub noise: f64,
+            pub width: f64,
+            pub aperture: f64,
+            pub voxel: [f64; 2],
+            pub two_cosines: bool,
+        }
+        impl Maps {
+            pub fn set_confidence(&mut self, known: &Conditions) {}
+        }
+    }
+    mod parts {
+        impl Maps {
+            pub fn leave_out_uncertain_parts(&mut self) -> bool {}
+        }
+    }
+    pub use confidence::Conditions;
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Maps {
+        pub nx: usize,
+        pub ny: usize,
+        pub extent: [f64; 4],
+        pub albedo: Vec<f32>,
+        pub depth: Vec<f32>,
+        pub normal: Vec<[f32; 3]>,
+        pub mask: Vec<bool>,
+        pub mask_fraction: Option<f64>,
+        pub confidence: Option<Vec<f32>>,
+        pub behind: Option<Layer>,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Layer {
+        pub albedo: Vec<f32>,
+        pub depth: Vec<f32>,
+        pub normal: Vec<[f32; 3]>,
+        pub mask: Vec<bool>,
+        pub confidence: Option<Vec<f32>>,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Truth {
+        pub nx: usize,
+        pub ny: usize,
+        pub extent: [f64; 4],
+        pub depth: Vec<f32>,
+        pub normal: Vec<[f32; 3]>,
+        pub mask: Vec<bool>,
+        pub behind: Option<Layer>,
+    }
+    impl Maps {
+        pub const MASK_FRACTION: f64 = 0.3;
+        pub fn empty([nx, ny]: [usize; 2], extent: [f64; 4]) -> Maps {}
+        pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {}
+        pub fn white(albedo: &[f32]) -> f32 {}
+        pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {}
+        pub fn layer(&self, layer: usize) -> Option<Maps> {}
+        pub fn check(&self) -> Result<()> {}
+        pub fn finer(&self, factor: usize) -> Maps {}
+        pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {}
+        pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
+    }
+    impl Truth {
+        pub fn check(&self) -> Result<()> {}
+        pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
+    }
+    pub fn percentile(values: &[f32], p: f64) -> Option<f32> {}
+}
+pub mod measure {
+    pub mod calibration {
+        pub const WITHIN: f64 = 0.68;
+        #[derive(Debug, Clone, Default, PartialEq)]
+        #[private_fields]
+        pub struct Calibration {}
+        impl Calibration {
+            pub fn add(&mut self, confidence: f64, error: f64) {}
+            pub fn within(&self) -> Option<f64> {}
+            pub fn quarters(&self) -> Vec<[f64; 2]> {}
+        }
+    }
+    pub mod metrics {
+        pub const SWEEP: [f64; 14] = [
+            0.01,
+            0.02,
+            0.03,
+            0.05,
+            0.075,
+            0.1,
+            0.15,
+            0.2,
+            0.25,
+            0.3,
+            0.4,
+            0.5,
+            0.6,
+            0.8,
+        ];
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Metrics {
+            pub fraction: Option<f64>,
+            pub predicted_pixels: usize,
+            pub true_pixels: usize,
+            pub hit_pixels: usize,
+            pub completeness: Option<f64>,
+            pub iou: Option<f64>,
+            pub depth_mae: Option<f64>,
+            pub depth_rmse: Option<f64>,
+            pub depth_mae_whole: Option<f64>,
+            pub depth_rmse_whole: Option<f64>,
+            pub normal_error_deg: Option<f64>,
+            pub normal_mae: Option<f64>,
+            pub paper: PaperMeasure,
+            pub best_iou: Option<f64>,
+            pub best_fraction: Option<f64>,
+            pub at_best: Option<AtBest>,
+            pub within_confidence: Option<f64>,
+            pub calibration: Vec<[f64; 2]>,
+            pub layers: Vec<LayerMetrics>,
+            pub sweep: Vec<[f64; 2]>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct AtBest {
+            pub hit_pixels: usize,
+            pub completeness: Option<f64>,
+            pub depth_mae: Option<f64>,
+            pub depth_rmse: Option<f64>,
+            pub normal_error_deg: Option<f64>,
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct LayerMetrics {
+            pub true_pixels: usize,
+            pub hit_pixels: usize,
+            pub completeness: Option<f64>,
+            pub iou: Option<f64>,
+            pub depth_mae: Option<f64>,
+            pub normal_error_deg: Option<f64>,
+        }
+        impl Metrics {
+            pub fn brief(mut self) -> Metrics {}
+        }
+        pub fn metrics(
+            maps: &Maps,
+            truth: &Truth,
+            fraction: impl Into<Option<f64>>,
+        ) -> Result<Metrics> {}
+    }
+    pub mod paper {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct PaperMeasure {
+            pub depth_mae: Option<f64>,
+            pub depth_rmse: Option<f64>,
+            pub normal_mae: Option<f64>,
+            pub normal_rmse: Option<f64>,
+        }
+    }
+    pub mod reach {
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Reach {
+            pub target: Option<f64>,
+            pub first_s: Option<f64>,
+            pub kept_s: Option<f64>,
+        }
+        pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {}
+        pub fn median(values: &[f64]) -> Option<f64> {}
+    }
+    pub use calibration::Calibration;
+    pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
+    pub use paper::PaperMeasure;
+    pub use reach::{Reach, median, reach};
+}
+// crates/simulate/src/lib.rs
+
+mod builtin {
+    impl Scene {
+        pub fn named(spec: &str) -> Result<Scene> {}
+        pub fn known() -> &'static [(&'static str, &'static str)] {}
+    }
+}
+mod figure {
+    pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {}
+}
+mod letters {
+    pub fn letter(name: char, centre: DVec3, height: f64) -> Result<Mesh> {}
+}
+mod mesh {
+    #[derive(Debug, Clone, PartialEq, Default)]
+    pub struct Mesh {
+        pub triangles: Vec<[DVec3; 3]>,
+        pub normals: Vec<[DVec3; 3]>,
+        pub self_occluding: bool,
+    }
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Placement {
+        pub fit: Option<f64>,
+        pub scale: f64,
+        pub rotate: [f64; 3],
+        pub translate: DVec3,
+    }
+    impl Default for Placement {}
+    impl Mesh {
+        pub fn geometric_normal(&self, i: usize) -> DVec3 {}
+        pub fn area(&self, i: usize) -> f64 {}
+        pub fn total_area(&self) -> f64 {}
+        pub fn bounds(&self) -> Option<(DVec3, DVec3)> {}
+        pub fn translated(mut self, offset: DVec3) -> Mesh {}
+        pub fn placed(mut self, placement: &Placement) -> Result<Mesh> {}
+        pub fn extend(&mut self, other: Mesh) {}
+    }
+}
+#[cfg(feature = "formats")]
+mod mesh_file {
+    pub fn load_mesh(path: &Path) -> Result<Mesh> {}
+}
+mod moving {
+    impl Scene {
+        pub fn moving(&self, frames: usize, step: f64) -> Result<Vec<Scene>> {}
+    }
+}
+mod noise {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum Dark {
+        Fraction(f64),
+        Counts(f64),
+    }
+    pub fn photon_noise(
+        capture: &Capture,
+        photons: f64,
+        dark: Dark,
+        pile_up: Option<f64>,
+        seed: u64,
+    ) -> Result<Capture> {}
+}
+mod pairs {
+    #[derive(Debug, Clone, Copy, PartialEq, Default)]
+    pub enum Layout {
+        Confocal,
+        OneLaser { point: DVec2 },
+        OneSensor { point: DVec2 },
+        Exhaustive { lasers: usize },
+        Irregular { seed: u64 },
+    }
+    impl Layout {
+        pub fn pair_count(self, scan: usize) -> f64 {}
+        pub fn point(self) -> Option<DVec2> {}
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Pairs {
+        pub scan: [usize; 2],
+        pub laser: Vec<DVec3>,
+        pub sensor: Vec<DVec3>,
+        pub laser_normal: Option<Vec<DVec3>>,
+        pub sensor_normal: Option<Vec<DVec3>>,
+    }
+    impl Pairs {
+        pub fn new(layout: Layout, n: usize, wall: f64, shape: WallShape) -> Pairs {}
+        pub fn confocal(n: usize, wall: f64) -> Pairs {}
+        pub fn one_sensor(n: usize, wall: f64, sensor: DVec3) -> Pairs {}
+        pub fn is_confocal(&self) -> bool {}
+        pub fn sensor_scans(&self) -> bool {}
+        pub fn check(&self) -> Result<()> {}
+    }
+}
+mod pile_up {
+    pub fn pile_up(capture: &mut Capture, mean: f64) -> Result<()> {}
+}
+mod render {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct RenderOptions {
+        pub noise: f64,
+        pub max_samples: usize,
+        pub seed: u64,
+    }
+    impl Default for RenderOptions {}
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Rendering {
+        pub capture: Capture,
+        pub noise: f64,
+        pub samples: usize,
+        pub converged: bool,
+    }
+    pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {}
+    pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {}
+    pub fn render_pairs(
+        scene: &Scene,
+        pairs: &Pairs,
+        options: &RenderOptions,
+    ) -> Result<Rendering> {}
+}
+mod scene {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Object {
+        pub mesh: Mesh,
+        pub albedo: f64,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Scene {
+        pub name: String,
+        pub objects: Vec<Object>,
+        pub wall: f64,
+        pub wall_shape: WallShape,
+        pub scan: usize,
+        pub layout: Layout,
+        pub occlusion: bool,
+        pub bin_width: f64,
+        pub bins: Option<usize>,
+        pub t_start: f64,
+        pub reflectance: Reflectance,
+        pub pulse: Option<Pulse>,
+        pub spots: [f64; 2],
+        pub pile_up: Option<f64>,
+        pub photons: Option<f64>,
+        pub dark: Dark,
+        pub seed: u64,
+    }
+    impl Scene {
+        pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {}
+        pub fn set_albedo(&mut self, albedo: f64) {}
+        pub fn bin_count(&self) -> usize {}
+        pub fn pairs(&self) -> Pairs {}
+        pub fn extent(&self) -> [f64; 4] {}
+        pub fn check(&self) -> Result<()> {}
+    }
+}
+mod shapes {
+    pub fn sphere(centre: DVec3, radius: f64) -> Mesh {}
+    pub fn ellipsoid(centre: DVec3, radii: DVec3) -> Mesh {}
+    pub fn capsule(from: DVec3, from_radius: f64, to: DVec3, to_radius: f64) -> Mesh {}
+    pub fn torus(centre: DVec3, axis: DVec3, ring: f64, tube: f64) -> Mesh {}
+    pub fn rectangle(centre: DVec3, half_u: DVec3, half_v: DVec3) -> Mesh {}
+}
+mod truth {
+    pub const DEFAULT_RESOLUTION: usize = 128;
+    pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {}
+}
+mod wall {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub enum WallShape {
+        Flat,
+        Bump,
+    }
+    impl WallShape {
+        pub fn point(self, x: f64, y: f64, side: f64) -> DVec3 {}
+        pub fn normal(self, x: f64, y: f64, side: f64) -> Option<DVec3> {}
+        pub fn front(self, side: f64) -> f64 {}
+    }
+}
+pub use capture::Reflectance;
+pub use figure::figure;
+pub use letters::letter;
+pub use mesh::{Mesh, Placement};
+#[cfg(feature = "formats")]
+pub use mesh_file::load_mesh;
+pub use noise::{Dark, photon_noise};
+pub use pairs::{Layout, Pairs};
+pub use pile_up::pile_up;
+pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
+pub use scene::{Object, Scene};
+pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
+pub use truth::{DEFAULT_RESOLUTION, truth};
+pub use wall::WallShape;
+// crates/tags/src/lib.rs
+
+mod afterpulsing {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    #[non_exhaustive]
+    pub struct Afterpulsing {
+        pub share: f64,
+        pub error: f64,
+        pub pulses: u32,
+    }
+    impl Afterpulsing {
+        pub fn text(&self, period: Option<f64>) -> String {}
+    }
+}
+mod arrange {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Scan {
+        pub laser: Vec<DVec3>,
+        pub sensor: Vec<DVec3>,
+        pub per_line: Option<usize>,
+    }
+    impl Scan {
+        pub fn grid(
+            [columns,
+            rows,
+            ]: [usize; 2],
+            wall: f64,
+            snake: bool,
+        ) -> Result<Scan> {}
+        pub fn read(path: &Path) -> Result<Scan> {}
+        pub fn read_galvo(path: &Path, galvo: &Galvo) -> Result<Scan> {}
+        pub fn points(&self) -> usize {}
+        pub fn is_confocal(&self) -> bool {}
+    }
+}
+mod curves {
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Curve {
+        pub tick: f64,
+        pub counts: Vec<u32>,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Curves {
+        pub curves: Vec<Curve>,
+    }
+    impl Curves {
+        pub fn is_one(path: &Path) -> bool {}
+        pub fn read(path: &Path) -> Result<Curves> {}
+    }
+}
+mod division {
+    #[derive(Debug, Clone, PartialEq)]
+    pub enum Division {
+        Pixels { marker: u32, frame: Option<u32> },
+        Lines { start: u32, stop: Option<u32>, frame: Option<u32> },
+        Pulses { each: u64, before: u64 },
+        Starts(Vec<(Start, Option<Start>)>),
+    }
+    impl Division {
+        pub fn of_image(image: &Image) -> Option<Division> {}
+    }
+}
+mod galvo {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Galvo {
+        pub origin: DVec3,
+        pub forward: DVec3,
+        pub up: DVec3,
+        pub scale: [f64; 2],
+        pub offset: [f64; 2],
+        pub between: f64,
+        pub wall: [DVec3; 2],
+    }
+    impl Galvo {
+        pub fn read(path: &Path) -> Result<Galvo> {}
+        pub fn point(&self, values: [f64; 2]) -> Option<DVec3> {}
+    }
+}
+mod growing {
+    pub fn passes(
+        path: &Path,
+        scan: &Scan,
+        asked: &Asked,
+        wait: &dyn Fn() -> ControlFlow<()>,
+        hear: &mut dyn FnMut(Capture) -> ControlFlow<()>,
+    ) -> Result<()> {}
+}
+mod histogram {
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+    pub enum PileUp {
+        Auto,
+        On,
+        Off,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Asked {
+        pub inputs: Inputs,
+        pub division: Option<Division>,
+        pub channel: Option<i32>,
+        pub bin_width: Option<f64>,
+        pub zero: Zero,
+        pub until: Option<f64>,
+        pub pile_up: PileUp,
+        pub turn: Turn,
+        pub seen_from: Option<[DVec3; 2]>,
+    }
+    impl Default for Asked {}
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Dark {
+        pub per_bin: f64,
+        pub per_second: Option<f64>,
+    }
+    #[derive(Debug, Clone, PartialEq)]
+    #[non_exhaustive]
+    pub struct Histograms {
+        pub capture: Capture,
+        pub instrument: String,
+        pub survey: Option<Survey>,
+        pub direct: Option<Vec<f64>>,
+        pub photons: u64,
+        pub left_out: u64,
+        pub pulses: Option<[u64; 2]>,
+        pub dark: Dark,
+        pub afterpulsing: Option<Afterpulsing>,
+        pub shaped: bool,
+        pub dropped: usize,
+        pub notes: Vec<String>,
+    }
+    pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {}
+}
+mod starts {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum Start {
+        Pulse(i64),
+        Seconds(f64),
+    }
+    pub fn starts(path: &Path) -> Result<Vec<(Start, Option<Start>)>> {}
+}
+mod survey {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    #[private_fields]
+    pub struct Channel {
+        pub channel: i32,
+        pub photons: u64,
+        pub longest: i64,
+        pub second: u64,
+    }
+    #[derive(Debug, Clone, Default, PartialEq)]
+    #[non_exhaustive]
+    pub struct Survey {
+        pub channels: Vec<Channel>,
+        pub markers: Vec<(i64, u16)>,
+        pub out_of_order: usize,
+        pub pulses: i64,
+        pub period: Option<f64>,
+        pub passed: Passed,
+    }
+    impl Survey {
+        pub fn of(tags: &Tags) -> Result<Survey> {}
+        pub fn channel(&self, wanted: Option<i32>) -> Result<Channel> {}
+    }
+}
+mod zero {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub enum Zero {
+        Direct,
+        At(f64),
+    }
+}
+pub use afterpulsing::Afterpulsing;
+pub use arrange::Scan;
+pub use curves::{Curve, Curves};
+pub use division::Division;
+pub use galvo::Galvo;
+pub use growing::passes;
+pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
+pub use starts::{Start, starts};
+pub use survey::{Channel, Survey};
+pub use zero::Zero;
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Record {
+    Sync { time: i64 },
+    Photon { channel: i32, time: i64, delay: u32 },
+    Marker { bits: u16, time: i64 },
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    Photon { channel: i32, sync: i64, delay: i64 },
+    Marker { bits: u16, sync: i64 },
+}
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Inputs {
+    pub sync: i32,
+    pub markers: Vec<i32>,
+}
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Image {
+    pub markers: [Option<u32>; 3],
+    pub size: [Option<usize>; 2],
+    pub both_ways: bool,
+}
+#[private_fields]
+pub struct Tags {
+    pub instrument: String,
+    pub tick: f64,
+    pub period: Option<f64>,
+    pub image: Image,
+}
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Passed {
+    pub records: u64,
+    pub unknown: u64,
+    pub without_sync: u64,
+    pub period: Option<f64>,
+    pub notes: Vec<String>,
+}
+pub fn is_picoquant(path: &Path) -> bool {}
+impl Tags {
+    pub fn open(path: &Path, inputs: &Inputs) -> Result<Tags> {}
+    pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {}
+    pub fn events(&self, hear: impl FnMut(Event)) -> Result<Passed> {}
+}

@@ -97,14 +97,9 @@ impl Input {
 
     /// The values that complete or correct those of the file.
     pub fn given(&self) -> capture::Given {
-        capture::Given {
-            wall: self.wall,
-            bin_width: self.bin_width,
-            depth_unit: self.depth_unit,
-            bounce: self.bounce,
-            time_of_flight: self.time_of_flight.clone(),
-            turn: self.turn,
-        }
+        let given = capture::Given::default().with_wall(self.wall).with_bin_width(self.bin_width);
+        let given = given.with_depth_unit(self.depth_unit).with_bounce(self.bounce);
+        given.with_time_of_flight(self.time_of_flight.clone()).with_turn(self.turn)
     }
 }
 
@@ -139,11 +134,9 @@ pub struct Loaded {
 impl Loaded {
     /// What the capture holds. Also counts the pairs that were left out, and says whether normals were estimated.
     pub fn summary(&self) -> Summary {
-        Summary {
-            dropped_pairs: self.dropped,
-            normals_estimated: self.normals_estimated,
-            ..self.capture.summary()
-        }
+        let mut summary = self.capture.summary();
+        (summary.dropped_pairs, summary.normals_estimated) = (self.dropped, self.normals_estimated);
+        summary
     }
 }
 
@@ -212,7 +205,7 @@ fn prepared(
         }
         Ok(())
     };
-    let capture::Opened { mut capture, dropped, mut notes } = read(&mut prepare)?;
+    let capture::Opened { mut capture, dropped, mut notes, .. } = read(&mut prepare)?;
     let mut gate = input.gate;
     if gate.is_none() && !input.no_auto_gate {
         let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;

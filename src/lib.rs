@@ -34,28 +34,23 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-pub mod advice;
-pub mod capture;
-pub mod error;
-#[cfg(feature = "formats")]
-pub mod export;
-#[cfg(feature = "formats")]
-pub mod files;
-pub mod gpu;
-#[cfg(feature = "formats")]
-pub mod host;
 #[cfg(feature = "formats")]
 pub mod job;
 #[cfg(feature = "formats")]
 pub mod live;
-pub mod maps;
-pub mod measure;
 pub mod session;
-pub mod simulate;
 pub mod solve;
-#[cfg(feature = "formats")]
-pub mod tags;
 pub mod transport;
 pub mod trials;
 
-pub use error::{Error, Kind, Result, panic_message};
+pub use thirdbounce_base::{Error, Kind, Result, advice, error, panic_message};
+#[cfg(feature = "formats")]
+pub use thirdbounce_base::{files, host};
+pub use thirdbounce_capture as capture;
+#[cfg(feature = "formats")]
+pub use thirdbounce_export as export;
+pub use thirdbounce_gpu as gpu;
+pub use thirdbounce_maps::{maps, measure};
+pub use thirdbounce_simulate as simulate;
+#[cfg(feature = "formats")]
+pub use thirdbounce_tags as tags;

@@ -1,4 +1,4 @@
-//! Holds the modules in layers: none may use one that, by whatever way, uses it.
+//! Holds the modules of each crate in layers; the compiler holds the crates: none may use one that, by whatever way, uses it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -24,8 +24,9 @@ fn sources(folder: &Path, into: &mut Vec<Source>, root: &Path) {
             sources(&path, into, root);
             continue;
         }
-        let inside = path.strip_prefix(root).expect("below the root").with_extension("");
-        let mut module: Module = inside.iter().map(|p| p.to_string_lossy().into_owned()).collect();
+        let file = path.strip_prefix(root).expect("below the root").with_extension("");
+        let parts = file.iter().map(|p| p.to_string_lossy().into_owned());
+        let mut module: Module = parts.skip_while(|p| p != "src").skip(1).collect();
         if ["mod", "lib", "main"].contains(&module.last().map_or("", String::as_str)) {
             module.pop();
         }
@@ -35,15 +36,23 @@ fn sources(folder: &Path, into: &mut Vec<Source>, root: &Path) {
         let text = fs::read_to_string(&path).expect("text");
         let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
         let code: Vec<&str> = text.lines().map(|l| l.split("//").next().unwrap_or_default()).collect();
-        into.push(Source { module, file: inside, text: code.join("\n") });
+        into.push(Source { module, file, text: code.join("\n") });
     }
 }
 
-fn all() -> Vec<Source> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut all = Vec::new();
-    sources(&root, &mut all, &root);
-    assert!(all.len() > 100, "the source was not found");
+/// The sources of each crate.
+fn all() -> Vec<Vec<Source>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let crates = fs::read_dir(root.join("crates")).expect("the crates are there");
+    let mut folders: Vec<_> = crates.map(|e| e.expect("an entry").path()).collect();
+    folders.extend([root.to_path_buf(), root.join("capi"), root.join("python")]);
+    let of_crate = |folder: PathBuf| {
+        let mut all = Vec::new();
+        sources(&folder.join("src"), &mut all, root);
+        all
+    };
+    let all: Vec<_> = folders.into_iter().map(of_crate).collect();
+    assert!(all.len() > 9 && all.iter().map(Vec::len).sum::<usize>() > 300, "the source was not found");
     all
 }
 
@@ -177,23 +186,47 @@ fn circles(uses: &Uses) -> Vec<String> {
 fn unsafe_code_stays_in_its_place() {
     let unsafe_code = |s: &Source| s.text.contains("unsafe ");
     let all = all();
-    let outside: Vec<_> = all.iter().filter(|s| unsafe_code(s) && s.module[0] != "gpu").collect();
+    let allowed = |s: &Source| ["crates/gpu", "capi"].iter().any(|folder| s.file.starts_with(folder));
+    let outside: Vec<_> = all.iter().flatten().filter(|s| unsafe_code(s) && !allowed(s)).collect();
     assert!(outside.is_empty(), "{:?}", outside.iter().map(|s| &s.file).collect::<Vec<_>>());
-    assert!(all.iter().any(unsafe_code), "it is seen where it is");
+    assert!(all.iter().flatten().any(unsafe_code), "it is seen where it is");
 }
+
+/// Folders whose files use each other. One that is in layers by now is to be taken off this list.
+const AS_ONE: [&str; 10] = [
+    "capi/src",
+    "crates/base/src/files",
+    "crates/capture/src/formats",
+    "crates/gpu/src",
+    "src/cli",
+    "src/solve/closed_form",
+    "src/solve/plan",
+    "src/solve/surface_alone",
+    "src/solve/vector",
+    "src/transport/spot",
+];
 
 #[test]
 fn no_module_uses_one_that_uses_it() {
-    let all = all();
-    let mut circular = vec![];
-    for parent in
-        [&[][..], &["solve"], &["capture"], &["export"], &["job"], &["simulate"], &["tags"], &["transport"]]
-    {
-        let parent: Module = parent.iter().map(|p| p.to_string()).collect();
-        let found = circles(&uses(&all, &parent));
-        circular.extend(found.into_iter().map(|f| format!("{}: {f}", parent.join("::"))));
+    let mut circular = BTreeMap::new();
+    for all in all() {
+        let file = all[0].file.to_string_lossy().into_owned();
+        let root = &file[..file.find("src").expect("below src") + 3];
+        let parents: BTreeSet<Module> =
+            all.iter().flat_map(|s| (0..s.module.len()).map(|n| s.module[..n].to_vec())).collect();
+        for parent in parents {
+            let found = circles(&uses(&all, &parent));
+            if !found.is_empty() {
+                let parts = [root].into_iter().chain(parent.iter().map(String::as_str));
+                circular.insert(parts.collect::<Vec<_>>().join("/"), found.join("\n"));
+            }
+        }
     }
-    assert!(circular.is_empty(), "modules that use each other:\n{}", circular.join("\n"));
+    let known: BTreeSet<String> = AS_ONE.iter().map(|f| f.to_string()).collect();
+    let solved: Vec<_> = known.iter().filter(|f| !circular.contains_key(*f)).collect();
+    assert!(solved.is_empty(), "in layers by now: {solved:?}");
+    circular.retain(|folder, _| !known.contains(folder));
+    assert!(circular.is_empty(), "modules that use each other: {circular:#?}");
 }
 
 #[test]

@@ -259,7 +259,7 @@ fn recipes_name_files_that_exist() {
     assert!(paths.len() > 15, "only {} paths were found", paths.len());
     let missing: Vec<_> = paths.iter().filter(|path| !root().join(path).exists()).collect();
     assert!(missing.is_empty(), "CONTRIBUTING.md names files that are not there: {missing:?}");
-    assert_eq!(path_of("src/capture/formats/NAME.rs"), Some("src/capture/formats".into()));
+    assert_eq!(path_of("crates/capture/src/formats/NAME.rs"), Some("crates/capture/src/formats".into()));
     assert_eq!(path_of("src/solve/SOLVER/passes.rs"), Some("src/solve/vector/passes.rs".into()));
     assert_eq!(path_of("make test"), None);
 }

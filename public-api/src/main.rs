@@ -11,8 +11,13 @@ use syn::visit::Visit;
 use syn::{Attribute, Fields, File, ImplItem, Item, ItemImpl, ItemMod, TraitItem, Type, UseTree, Visibility};
 
 fn main() {
-    let root = env::args().nth(1).expect("usage: public-api SRC/LIB.RS");
-    let root = Path::new(&root);
+    for root in env::args().skip(1) {
+        println!("// {root}\n");
+        list(Path::new(&root));
+    }
+}
+
+fn list(root: &Path) {
     let mut file = parse(root);
     load(&mut file.items, root.parent().expect("a folder"));
     let mut named = Named::default();

@@ -34,8 +34,8 @@ fn planned(request: &Request, capture: &Capture, with_pulse: bool) -> Result<Rea
         true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
         false => capture.pulse.clone(),
     };
-    let sum = request.sum(&Capture { pulse: pulse.clone(), ..capture.outline() });
+    let sum = request.sum(&capture.outline().with(|c| c.pulse = pulse.clone()));
     let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
     let grid = request.grid(&summed)?;
-    Ok(Ready { capture: Cow::Owned(Capture { pulse, ..summed.outline() }), grid, sum })
+    Ok(Ready { capture: Cow::Owned(summed.outline().with(|c| c.pulse = pulse)), grid, sum })
 }

@@ -142,7 +142,7 @@ impl Found {
             (options.high_pass, options.high_pass_floor) = (Some(found.length), found.floor);
         }
         let capture = match self.pulse.as_ref().map(FoundPulse::pulse).transpose()?.flatten() {
-            Some(pulse) => Cow::Owned(Capture { pulse: Some(pulse), ..capture.clone() }),
+            Some(pulse) => Cow::Owned(capture.clone().with(|c| c.pulse = Some(pulse))),
             None => Cow::Borrowed(capture),
         };
         Ok((solver, capture))

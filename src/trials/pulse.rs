@@ -97,7 +97,10 @@ impl Shape {
     /// shape, not where the path is.
     pub fn centred(&self) -> Result<Option<Pulse>> {
         let pulse = self.pulse()?;
-        Ok(pulse.map(|pulse| Pulse { start: pulse.start - self.tail, ..pulse }))
+        Ok(pulse.map(|mut pulse| {
+            pulse.start -= self.tail;
+            pulse
+        }))
     }
 }
 

@@ -119,9 +119,9 @@ pub fn check(gpu: &Gpu) -> Result<Vec<Checked>> {
     let scene = Scene { scan: 6, bin_width: 0.02, ..Scene::named("letter-Z")? };
     let capture = simulate(&scene, &RenderOptions { noise: 0.2, ..RenderOptions::default() })?.capture;
     // An asymmetric pulse, three and a half bins long.
-    let pulse = Pulse { samples: vec![1.0, 4.0, 3.0, 2.0, 1.0], width: 0.014, start: -0.02 };
-    let pulsed = Capture { pulse: Some(pulse), ..capture.clone() };
-    let spotted = Capture { laser_spot: Some(0.3), sensor_spot: Some(0.2), ..capture.clone() };
+    let pulse = Pulse::new(vec![1.0, 4.0, 3.0, 2.0, 1.0], 0.014, -0.02);
+    let pulsed = capture.clone().with(|c| c.pulse = Some(pulse));
+    let spotted = capture.clone().with(|c| (c.laser_spot, c.sensor_spot) = (Some(0.3), Some(0.2)));
     let mut all = vec![];
     use Accumulation::{Cas, Fixed, Fixed32, Float, Owned};
     for accumulation in [Float, Fixed, Fixed32, Cas, Owned] {

@@ -63,16 +63,12 @@ pub fn finer<'c>(capture: &'c Capture, scan: &RegularScan, image: &ImageOptions)
         Some(spot) if all.first() == all.last() && all.first() == Some(&spot) => vec![spot; points.len()],
         _ => points.clone(),
     };
-    Cow::Owned(Capture {
-        scan: fine.n,
-        laser: side(&capture.laser),
-        sensor: side(&capture.sensor),
-        laser_normal: None,
-        sensor_normal: None,
-        histograms,
-        integer_counts: false,
-        ..capture.outline()
-    })
+    Cow::Owned(capture.outline().with(|c| {
+        c.scan = fine.n;
+        (c.laser, c.sensor) = (side(&capture.laser), side(&capture.sensor));
+        (c.laser_normal, c.sensor_normal) = (None, None);
+        (c.histograms, c.integer_counts) = (histograms, false);
+    }))
 }
 
 fn with_gaps(capture: &Capture, scan: &RegularScan, fine: &RegularScan, factor: usize) -> Vec<f32> {

@@ -128,7 +128,7 @@ fn points_have_no_spot() {
     let points = lattice(4, 0.1);
     let of = |laser, sensor| {
         let capture = Capture::new([4, 4], points.clone(), points.clone(), 8, 0.01, vec![1.0; 128]);
-        let capture = Capture { laser_spot: laser, sensor_spot: sensor, ..capture };
+        let capture = capture.with(|c| (c.laser_spot, c.sensor_spot) = (laser, sensor));
         Spot::of(&capture, Geometry::Confocal, false)
     };
     assert_eq!(of(None, None), None);

@@ -1,0 +1,235 @@
+//! Advice on how to mend an error: text with typed settings in it. A front end shows the settings in its own words.
+//!
+//! [`std::fmt::Display`] shows a setting as the name of the library's field, in backticks. The command line shows its
+//! flag.
+
+use std::borrow::Cow;
+use std::ffi::CStr;
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// Declares the settings, each with the name of its field and its documentation.
+macro_rules! settings {
+    ($($setting:ident $name:literal $what:literal)*) => {
+        /// A setting that an advice may name.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[non_exhaustive]
+        pub enum Setting {
+            $(#[doc = $what] $setting,)*
+        }
+
+        impl Setting {
+            /// All settings.
+            pub const ALL: &[Setting] = &[$(Setting::$setting),*];
+
+            /// The name of the field that holds it.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Setting::$setting => $name,)*
+                }
+            }
+
+            /// The same for C.
+            pub const fn c_name(self) -> &'static CStr {
+                match self {
+                    $(Setting::$setting => match CStr::from_bytes_with_nul(concat!($name, "\0").as_bytes()) {
+                        Ok(name) => name,
+                        Err(_) => c"",
+                    },)*
+                }
+            }
+        }
+    };
+}
+
+settings! {
+    Accumulation "accumulation" "How rendered values are added up on the device."
+    DepthPitch "depth_pitch" "Depth of a voxel."
+    Device "device" "The device, by its index or a part of its name."
+    Gate "gate" "The interval of paths that is used."
+    HostMemory "host_memory" "Most memory of the host that the process may hold, in bytes."
+    InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
+    L1 "l1" "Weight of the L1 term."
+    Lateral "lateral" "Voxels along x and along y."
+    LearningRate "learning_rate" "Step size."
+    Memory "memory" "Budget of device memory in bytes."
+    MinDepth "min_depth" "Least distance of the reconstructed box from the wall."
+    NoiseFactor "noise_factor" "Weight of the sparse term in standard deviations of the noise."
+    NoiseSpan "noise_span" "Range of the learnt noise."
+    Peak "peak" "Value that the largest measurement is scaled to."
+    Resume "resume" "The checkpoint to resume from."
+    Roughness "roughness" "Weight of the roughness term."
+    StepShare "step_share" "Share of the bound that the first step is divided by."
+    Stride "stride" "Every Nth point of the scan is used."
+    Volume "volume" "The box that is reconstructed."
+    Wall "wall" "Side of the wall."
+}
+
+/// A setting to change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Remedy {
+    /// This setting; the text around it says how.
+    Set(Setting),
+    /// Any change that makes the job smaller.
+    SmallerJob {
+        /// Bytes that were asked for, if known.
+        asked: Option<u64>,
+        /// Bytes that are available, if known.
+        available: Option<u64>,
+    },
+}
+
+impl Remedy {
+    /// A smaller job, with both byte counts unknown.
+    pub const SMALLER_JOB: Remedy = Remedy::SmallerJob { asked: None, available: None };
+}
+
+/// Where to find more information.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// The list of devices: `gpu::devices`.
+    Devices,
+    /// A description of a capture: `job::inspect`.
+    Capture,
+}
+
+/// A part of an advice.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Part {
+    /// Plain text.
+    Text(Cow<'static, str>),
+    /// A change to make.
+    Change(Remedy),
+    /// A place to look.
+    Look(Look),
+}
+
+/// How to mend an error: parts in order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Advice(Vec<Part>);
+
+impl Advice {
+    /// Its parts in order.
+    pub fn parts(&self) -> &[Part] {
+        &self.0
+    }
+
+    /// The changes that it proposes.
+    pub fn remedies(&self) -> impl Iterator<Item = Remedy> {
+        self.0.iter().filter_map(|part| if let Part::Change(remedy) = part { Some(*remedy) } else { None })
+    }
+
+    /// Whether it proposes to change this setting.
+    pub fn names(&self, setting: Setting) -> bool {
+        self.remedies().any(|r| r == Remedy::Set(setting))
+    }
+
+    /// The advice as text. A front end words the changes with `changed` and the places to look with `found`.
+    pub fn say(&self, changed: impl Fn(Remedy) -> String, found: impl Fn(Look) -> String) -> String {
+        let said = |part: &Part| match part {
+            Part::Text(text) => text.to_string(),
+            Part::Change(remedy) => changed(*remedy),
+            Part::Look(look) => found(*look),
+        };
+        self.0.iter().map(said).collect()
+    }
+
+    /// The same advice with `more` at the end.
+    pub fn and(mut self, more: impl Into<Advice>) -> Advice {
+        self.0.extend(more.into().0);
+        self
+    }
+}
+
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let changed = |remedy| match remedy {
+            Remedy::Set(setting) => format!("`{}`", setting.name()),
+            Remedy::SmallerJob { .. } => "a smaller job".into(),
+        };
+        let found = |look| match look {
+            Look::Devices => "`gpu::devices`".into(),
+            Look::Capture => "`job::inspect`".into(),
+        };
+        f.pad(&self.say(changed, found))
+    }
+}
+
+/// Serialized as it is displayed.
+impl Serialize for Advice {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl From<&'static str> for Advice {
+    fn from(text: &'static str) -> Advice {
+        Advice(vec![Part::Text(text.into())])
+    }
+}
+
+impl From<String> for Advice {
+    fn from(text: String) -> Advice {
+        Advice(vec![Part::Text(text.into())])
+    }
+}
+
+impl<const N: usize> From<[Part; N]> for Advice {
+    fn from(parts: [Part; N]) -> Advice {
+        Advice(parts.into())
+    }
+}
+
+impl From<&[Part]> for Advice {
+    fn from(parts: &[Part]) -> Advice {
+        Advice(parts.into())
+    }
+}
+
+/// Makes the parts of an advice, in order. Text is a literal or `(expression)`, a setting is its name in [`Setting`], a
+/// [`Remedy`] is `{expression}`, a [`Look`] is `[Name]`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __advice {
+    ($($part:tt)*) => { [$($crate::__part!($part)),*] };
+}
+
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __part {
+    ($text:literal) => {
+        $crate::advice::Part::Text(std::borrow::Cow::Borrowed($text))
+    };
+    (($text:expr)) => {
+        $crate::advice::Part::Text(std::borrow::Cow::from($text))
+    };
+    ({$remedy:expr}) => {
+        $crate::advice::Part::Change($remedy)
+    };
+    ([$look:ident]) => {
+        $crate::advice::Part::Look($crate::advice::Look::$look)
+    };
+    ($setting:ident) => {
+        $crate::advice::Part::Change($crate::advice::Remedy::Set($crate::advice::Setting::$setting))
+    };
+}
+
+pub use __advice as advice;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_advice_is_said_in_the_words_of_its_front_end() {
+        let short = Remedy::SmallerJob { asked: Some(8), available: Some(4) };
+        let advice =
+            Advice::from(advice!["use another " Device " (" [Devices] ") or " {short} (format!(", {}", 1))]);
+        assert_eq!(advice.to_string(), "use another `device` (`gpu::devices`) or a smaller job, 1");
+        let said = advice.say(|remedy| format!("{remedy:?}").to_lowercase(), |look| format!("{look:?}"));
+        assert!(said.starts_with("use another set(device) (Devices) or smallerjob"), "{said}");
+        assert_eq!(advice.remedies().collect::<Vec<_>>(), [Remedy::Set(Setting::Device), short]);
+        assert!(advice.names(Setting::Device) && !advice.names(Setting::Lateral));
+    }
+}

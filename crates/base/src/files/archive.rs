@@ -1,0 +1,202 @@
+//! npz archives: named npy arrays in a zip file.
+
+use std::fs::File;
+use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use flate2::Crc;
+use flate2::read::DeflateDecoder;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+
+use super::array::{Array, Head};
+use crate::error::{Error, Result};
+use crate::host;
+
+/// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
+const MOST_DEFLATED: u64 = 1100;
+/// Largest array, bytes. Arrays of captures and maps are far smaller.
+const LARGEST: u64 = 32 << 30;
+/// Arrays that are large and packed more than so many times as tightly hold hardly anything.
+const HARDLY_ANYTHING: u64 = 500;
+
+/// An npz file opened for reading; arrays are decoded on request.
+pub struct Npz {
+    zip: ZipArchive<BufReader<File>>,
+    path: PathBuf,
+    bytes: u64,
+}
+
+impl Npz {
+    /// Opens an archive and reads its table of contents.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the file cannot be read or is not a zip archive. The error does not name the path (see
+    /// [`Error::at`]).
+    pub fn open(path: &Path) -> Result<Npz> {
+        let file =
+            File::open(path).map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path"))?;
+        let meta = file.metadata();
+        if meta.as_ref().is_ok_and(std::fs::Metadata::is_dir) {
+            return Err(Error::input("is a folder, not a file", "give the npz file inside it"));
+        }
+        let bytes = meta.map_or(0, |m| m.len());
+        let zip = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
+        Ok(Npz { zip, path: path.into(), bytes })
+    }
+
+    /// Names of the arrays, sorted.
+    pub fn names(&self) -> Vec<String> {
+        let names = self.zip.file_names().filter_map(|n| n.ok());
+        let mut names: Vec<String> =
+            names.filter_map(|n| n.strip_suffix(".npy").map(str::to_string)).collect();
+        names.sort();
+        names
+    }
+
+    /// Reads an array; `None` if there is no array of this name.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the entry is damaged, is not an array of numbers, or claims an absurd size.
+    pub fn get(&mut self, name: &str) -> Result<Option<Array>> {
+        let Some([size, packed]) = self.sizes(name) else { return Ok(None) };
+        if host::swells(size, packed, HARDLY_ANYTHING) {
+            return Err(Error::input(
+                format!("array {name} unpacks to {} MiB of hardly more than one value", size >> 20),
+                "the file is damaged or malicious: download or write it again",
+            ));
+        }
+        self.whole(name)
+    }
+
+    /// Bytes of an array, unpacked and as they are in the file; `None` if there is no array of this name.
+    pub fn sizes(&mut self, name: &str) -> Option<[u64; 2]> {
+        let index = self.zip.index_for_name(&format!("{name}.npy"))?;
+        let entry = self.zip.by_index_raw(index).ok()?;
+        Some([entry.size(), entry.compressed_size()])
+    }
+
+    /// Reads an array, however much it unpacks to; `None` if there is none of this name. The memory that its numbers take as
+    /// float64 is asked for, too.
+    ///
+    /// # Errors
+    /// As [`Npz::get`].
+    pub fn whole(&mut self, name: &str) -> Result<Option<Array>> {
+        let Some((head, mut elements)) = self.stream(name)? else { return Ok(None) };
+        let place = format!("array {name}");
+        let left = elements.left;
+        head.whole(&mut elements, left).map(Some).map_err(|e| e.at(place))
+    }
+
+    /// The header of an array, and its elements as they follow; `None` if there is no array of this name. Several may be read
+    /// at a time.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the entry is damaged, or is not an array of numbers.
+    pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {
+        let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
+        let entry = self.zip.by_index(index).map_err(damaged)?;
+        let (size, stored, method) = (entry.size(), entry.compressed_size(), entry.compression());
+        if size > LARGEST || size / MOST_DEFLATED > self.bytes {
+            return Err(Error::input(
+                format!("array {name} claims {size} bytes, but the file has {}", self.bytes),
+                "the file is damaged or malicious: download or write it again",
+            ));
+        }
+        let sum = entry.crc32();
+        let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no place")))?;
+        drop(entry);
+        let mut file = File::open(&self.path).map_err(damaged)?;
+        file.seek(SeekFrom::Start(start)).map_err(damaged)?;
+        let stored = BufReader::with_capacity(1 << 16, file.take(stored));
+        let bytes: Box<dyn Read> = match method {
+            CompressionMethod::Stored => Box::new(stored),
+            CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored)),
+            other => return Err(damaged(format!("array {name} is packed by {other}, not deflated"))),
+        };
+        let mut elements = Elements { bytes, left: size, sum, summed: Crc::new() };
+        let head = Head::read(&mut elements).map_err(|e| e.at(format!("array {name}")))?;
+        Ok(Some((head, elements)))
+    }
+
+    /// Reads a required array.
+    ///
+    /// # Errors
+    /// As [`Npz::get`]. If the array is missing, the error lists the arrays of the file and `wanted`.
+    pub fn require(&mut self, name: &str, wanted: &str) -> Result<Array> {
+        self.get(name)?.ok_or_else(|| self.missing(name, wanted))
+    }
+
+    /// The error of an array that is missing.
+    pub fn missing(&self, name: &str, wanted: &str) -> Error {
+        let there = self.names();
+        let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
+        Error::input(format!("there is no array {name} (it holds {there})"), format!("wanted: {wanted}"))
+    }
+
+    /// Reads a scalar: an array of exactly one number.
+    ///
+    /// # Errors
+    /// As [`Npz::get`], or if the array does not hold exactly one number.
+    pub fn scalar(&mut self, name: &str) -> Result<Option<f64>> {
+        let Some(array) = self.get(name)? else { return Ok(None) };
+        match array.to_f64()[..] {
+            [value] => Ok(Some(value)),
+            _ => Err(Error::input(
+                format!("{name} has shape {:?}, not a single number", array.shape),
+                format!("store {name} as a scalar"),
+            )),
+        }
+    }
+}
+
+/// The rest of an entry of an archive. The sum of all its bytes is compared with that in the archive when the last one is read.
+pub struct Elements {
+    bytes: Box<dyn Read>,
+    /// Bytes that are left.
+    left: u64,
+    /// The sum in the archive, and that of the bytes so far.
+    sum: u32,
+    summed: Crc,
+}
+
+impl Read for Elements {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let most = to.len().min(usize::try_from(self.left).unwrap_or(usize::MAX));
+        let count = self.bytes.read(&mut to[..most])?;
+        self.summed.update(&to[..count]);
+        self.left -= count as u64;
+        if count == 0 || self.left > 0 || self.summed.sum() == self.sum {
+            return Ok(count);
+        }
+        Err(io::Error::new(io::ErrorKind::InvalidData, "its bytes are not those that were written (CRC-32)"))
+    }
+}
+
+fn damaged(e: impl std::fmt::Display) -> Error {
+    Error::input(
+        format!("the zip archive cannot be read: {e}"),
+        "the file is damaged or cut short: copy or download it again",
+    )
+}
+
+/// The bytes of an npz file: deflated, in the given order, with fixed timestamps, so that equal arrays give equal
+/// bytes.
+///
+/// # Errors
+/// `Kind::Output` if there is not enough memory to pack an array.
+pub fn npz_bytes(arrays: &[(&str, Array)]) -> Result<Vec<u8>> {
+    let failed =
+        |e: String| Error::output(format!("the npz archive cannot be packed: {e}"), "free some memory");
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, array) in arrays {
+        let npy = array.to_npy();
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .last_modified_time(DateTime::default())
+            .large_file(npy.len() as u64 >= u64::from(u32::MAX) / 2);
+        zip.start_file(format!("{name}.npy"), options).map_err(|e| failed(e.to_string()))?;
+        zip.write_all(&npy).map_err(|e| failed(e.to_string()))?;
+    }
+    Ok(zip.finish().map_err(|e| failed(e.to_string()))?.into_inner())
+}

@@ -1,0 +1,232 @@
+//! From the frame of a file to ours: points of regular scans of a flat wall, the order of the pairs, walls that do not
+//! face +z.
+
+use glam::{DMat3, DVec3};
+
+use super::unread::Unread;
+use super::variables::Variables;
+use crate::Capture;
+use crate::choose::Order;
+use crate::error::{Error, Result};
+use crate::host;
+
+/// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
+const STRAIGHT: f64 = 1e-3;
+
+/// A wall that faces +z but for its shape, or for a tilt, has a larger z in the direction that it faces.
+const ROUGHLY: f64 = 0.9;
+
+/// Points `[ix * ny + iy]` of a regular scan, centred on the wall at z = 0. The outermost points are `wall` metres
+/// apart along the longer side.
+pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
+    let spacing = wall / (nx.max(ny).max(2) - 1) as f64;
+    let at = |i: usize, n: usize| (i as f64 - 0.5 * (n as f64 - 1.0)) * spacing;
+    (0..nx).flat_map(|ix| (0..ny).map(move |iy| DVec3::new(at(ix, nx), at(iy, ny), 0.0))).collect()
+}
+
+/// A direction over the wall, as our pictures show it: +x to the right, +y up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Run {
+    Right,
+    Left,
+    Up,
+    Down,
+}
+
+/// Directions of the two scan axes of an array that MATLAB stores as (d1, d2, t). One is along x, the other along y.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Axes {
+    pub d1: Run,
+    pub d2: Run,
+}
+
+impl Axes {
+    /// The scan shape (X, Y) of `n1` by `n2` stored points.
+    fn scan(self, [n1, n2]: [usize; 2]) -> [usize; 2] {
+        if self.d1_along_x() { [n1, n2] } else { [n2, n1] }
+    }
+
+    /// The pair (`ix * Y + iy`) of every stored point, d1 fastest, as HDF5 and MATLAB files have them.
+    pub fn pairs(self, [n1, n2]: [usize; 2]) -> Vec<usize> {
+        let along = |run, i, n| if matches!(run, Run::Right | Run::Up) { i } else { n - 1 - i };
+        let pair = |i1, i2| {
+            let (a, b) = (along(self.d1, i1, n1), along(self.d2, i2, n2));
+            if self.d1_along_x() { a * n2 + b } else { b * n1 + a }
+        };
+        (0..n2).flat_map(|i2| (0..n1).map(move |i1| (i1, i2))).map(|(i1, i2)| pair(i1, i2)).collect()
+    }
+
+    fn d1_along_x(self) -> bool {
+        matches!(self.d1, Run::Right | Run::Left)
+    }
+}
+
+/// A confocal scan of a flat wall whose counts are (d1, d2, t) in MATLAB, which is [T, d2, d1] in C order.
+///
+/// # Errors
+/// `Kind::Input` if the array is missing or does not have three axes.
+pub fn scanned<'f>(
+    file: &'f Variables,
+    name: &str,
+    axes: Axes,
+    wall: f64,
+    bin_width: f64,
+) -> Result<Unread<'f>> {
+    let shape = file.counts_shape(name)?;
+    let [bins, n2, n1] = shape[..] else {
+        return Err(Error::input(
+            format!("{name} has {} axes, not three (two of the scan, and the bins)", shape.len()),
+            format!("store {name} in MATLAB as an array with two scan axes, then the bins"),
+        ));
+    };
+    // The points of both sides, and their order.
+    host::ask("the wall points", host::bytes(n1 * n2, 2 * size_of::<DVec3>() + 4 * size_of::<usize>()))?;
+    let mut from = host::filled("the wall points", n1 * n2, 0)?;
+    axes.pairs([n1, n2]).into_iter().enumerate().for_each(|(place, pair)| from[pair] = place);
+    let scan = axes.scan([n1, n2]);
+    let points = lattice(scan, wall);
+    let outline = Capture::new(scan, points.clone(), points, bins, bin_width, vec![]);
+    Ok(Unread { from, ..Unread::in_order(outline, file, name) })
+}
+
+/// The points of an array that is (n, 3) in MATLAB, which is [3, n] in C order; `None` if its shape is another.
+pub(super) fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {
+    let &[3, n] = shape else { return None };
+    Some((0..n).map(|p| DVec3::new(v[p], v[n + p], v[2 * n + p])).collect())
+}
+
+/// Puts the pairs of a lattice scan in our order: ix along +x, iy along +y.
+pub fn in_order(capture: Capture) -> Capture {
+    match order_of(&capture) {
+        Some(Order { pairs, scan }) => capture.keep(&pairs, scan),
+        None => capture,
+    }
+}
+
+/// Puts the pairs of a lattice scan, whose counts are not read yet, in our order.
+pub fn unread_in_order(unread: Unread) -> Unread {
+    match order_of(&unread.outline) {
+        Some(Order { pairs, scan }) => Unread {
+            from: pairs.iter().map(|pair| unread.from[*pair]).collect(),
+            outline: unread.outline.keep(&pairs, scan),
+            ..unread
+        },
+        None => unread,
+    }
+}
+
+/// [rows, points of a row] of points that form a lattice row after row, all in one direction; `None` if they do not, or are a
+/// single row.
+pub fn rows(points: &[DVec3]) -> Option<[usize; 2]> {
+    let step = *points.get(1)? - *points.first()?;
+    let tolerance = STRAIGHT * step.length();
+    let other = |pair: &[DVec3]| (pair[1] - pair[0] - step).length() > tolerance;
+    let row = points.windows(2).position(other).map_or(points.len(), |p| p + 1);
+    if row < 2 || row == points.len() || !points.len().is_multiple_of(row) {
+        return None;
+    }
+    let down = points[row] - points[0];
+    let place = |p: usize| points[0] + step * (p % row) as f64 + down * (p / row) as f64;
+    let near = |(p, at): (usize, &DVec3)| at.distance(place(p)) <= tolerance;
+    points.iter().enumerate().all(near).then_some([points.len() / row, row])
+}
+
+/// The order in which [`in_order`] puts the pairs; `None` if they are in order or no lattice.
+pub fn order_of(capture: &Capture) -> Option<Order> {
+    let [a, b] = capture.scan;
+    let points = capture.scanned_points();
+    if a < 2 || b < 2 || points.len() != a * b {
+        return None;
+    }
+    let (along_a, along_b) = (points[b] - points[0], points[1] - points[0]);
+    let swapped = along_a.x.abs() + along_b.y.abs() < along_a.y.abs() + along_b.x.abs();
+    let (x_step, y_step) = if swapped { (along_b, along_a) } else { (along_a, along_b) };
+    let [nx, ny] = if swapped { [b, a] } else { [a, b] };
+    let from = |ix: usize, iy: usize| {
+        let ix = if x_step.x < 0.0 { nx - 1 - ix } else { ix };
+        let iy = if y_step.y < 0.0 { ny - 1 - iy } else { iy };
+        if swapped { iy * b + ix } else { ix * b + iy }
+    };
+    let pairs: Vec<usize> =
+        (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))).map(|(x, y)| from(x, y)).collect();
+    let moved = pairs.iter().enumerate().any(|(to, from)| to != *from);
+    moved.then_some(Order { pairs, scan: [nx, ny] })
+}
+
+/// Rotates and shifts the capture so that its wall lies near z = 0 and faces +z. `towards` is a point of the hidden
+/// scene, if the file holds one. A wall that already does so stays the same bit for bit. So does a wall without normals
+/// whose points lie on a line.
+pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<String>) -> Capture {
+    let all = || capture.laser.iter().chain(&capture.sensor).filter(|p| p.is_finite());
+    let count = all().count().max(1) as f64;
+    let centre = all().sum::<DVec3>() / count;
+    let known: DVec3 = capture.laser_normal.iter().chain(&capture.sensor_normal).flatten().sum();
+    let mut facing = match known.try_normalize() {
+        Some(normal) => normal,
+        None => match thinnest(all().map(|p| *p - centre)) {
+            Some(normal) => normal,
+            None => return capture,
+        },
+    };
+    let side = towards.map_or(0.0, |p| (p - centre).dot(facing));
+    if side < 0.0 || (side == 0.0 && known == DVec3::ZERO && facing.z < 0.0) {
+        facing = -facing;
+        if known != DVec3::ZERO {
+            notes.push("the wall's normals point away from the hidden scene: they are reversed".into());
+            for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {
+                *n = -*n;
+            }
+        }
+    }
+    if facing.distance(DVec3::Z) < STRAIGHT && centre.z.abs() < STRAIGHT {
+        return capture;
+    }
+    rotated(capture, [centre, facing], notes)
+}
+
+/// Rotates and shifts the capture as [`facing_z`] does if its wall clearly faces elsewhere, for captures whose walls may have any
+/// shape, tilt and place otherwise. The pairs of a lattice are put in our order then.
+pub fn roughly_facing_z(capture: Capture, notes: &mut Vec<String>) -> Capture {
+    let Some(facing) = capture.facing().filter(|facing| facing.z < ROUGHLY) else { return capture };
+    let points = capture.laser.iter().chain(&capture.sensor);
+    let centre = points.sum::<DVec3>() / (2 * capture.pair_count()) as f64;
+    let sided = capture.laser_normal.is_some() || capture.sensor_normal.is_some();
+    let turned = in_order(rotated(capture, [centre, facing], notes));
+    if !sided {
+        notes.push(
+            "nothing says on which side of this wall the scene is: if the pictures are mirrored, flip the capture in x, or \
+             store wall normals"
+                .into(),
+        );
+    }
+    turned
+}
+
+/// Rotates the capture so that what faces `facing` faces +z, and shifts `centre` to z = 0.
+fn rotated(mut capture: Capture, [centre, facing]: [DVec3; 2], notes: &mut Vec<String>) -> Capture {
+    // y stays up as far as possible. For a wall that is a floor or a ceiling, z becomes up.
+    let up = if facing.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
+    let across = up.cross(facing).normalize();
+    let turn = DMat3::from_cols(across, facing.cross(across), facing).transpose();
+    let shift = DVec3::Z * (turn * centre).z;
+    for p in capture.laser.iter_mut().chain(&mut capture.sensor) {
+        *p = turn * *p - shift;
+    }
+    for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {
+        *n = turn * *n;
+    }
+    notes.push(format!(
+        "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is rotated to face +z and moved to z = 0",
+        facing.x, facing.y, facing.z
+    ));
+    capture
+}
+
+/// The coordinate axis along which the points spread least; `None` if they spread along fewer than two axes, or if no
+/// axis is clearly the least.
+fn thinnest(points: impl Iterator<Item = DVec3>) -> Option<DVec3> {
+    let spread = points.fold(DVec3::ZERO, |s, p| s.max(p.abs()));
+    let mut axes = [(spread.x, DVec3::X), (spread.y, DVec3::Y), (spread.z, DVec3::Z)];
+    axes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    (axes[1].0 > 0.0 && axes[0].0 < 0.5 * axes[1].0).then_some(axes[0].1)
+}

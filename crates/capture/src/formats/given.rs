@@ -1,0 +1,123 @@
+//! Values that a capture file may not hold: the user gives them. If a usual value is taken instead, a note says so.
+
+use std::path::PathBuf;
+
+use crate::Turn;
+use crate::error::{Error, Result};
+
+/// The bounces of a rendered capture that are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bounce {
+    /// Bounce number n, from 2 on. 3 is wall, hidden scene, wall.
+    Nth(usize),
+    /// The sum of all bounces in the file.
+    All,
+}
+
+impl Bounce {
+    /// Reads `third`, `all` or a number from 2.
+    ///
+    /// # Errors
+    /// `Kind::Options` for anything else.
+    pub fn parse(text: &str) -> Result<Bounce> {
+        match (text, text.parse()) {
+            ("third", _) => Ok(Bounce::Nth(3)),
+            ("all", _) => Ok(Bounce::All),
+            (_, Ok(n)) if n >= 2 => Ok(Bounce::Nth(n)),
+            _ => Err(Error::options(
+                format!("the bounce {text:?} is not known"),
+                "give third (wall, hidden scene, wall), all, or a number from 2",
+            )),
+        }
+    }
+}
+
+/// Values that the user gives because the file does not hold them; none by default.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Given {
+    /// Distance in metres of the outermost scan points along the longer side.
+    pub wall: Option<f64>,
+    /// Bin width in metres of path.
+    pub bin_width: Option<f64>,
+    /// Metres of a step of the wall's depth, for CC-SOCR captures of walls that are not flat.
+    pub depth_unit: Option<f64>,
+    /// Bounces to use, for formats that keep them apart; the third by default.
+    pub bounce: Option<Bounce>,
+    /// The file with the times of flight to the wall, for formats that keep them in a second file.
+    pub time_of_flight: Option<PathBuf>,
+    /// How to mirror and rotate the scan, for files that do not say how it lies on the wall.
+    pub turn: Turn,
+}
+
+impl Given {
+    /// With the wall's size in metres, between the outermost scan points along the longer side.
+    pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {
+        Given { wall: size.into(), ..self }
+    }
+
+    /// With the bin width in metres of path.
+    pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {
+        Given { bin_width: width.into(), ..self }
+    }
+
+    /// With the metres of a step of the wall's depth.
+    pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> Given {
+        Given { depth_unit: unit.into(), ..self }
+    }
+
+    /// With the bounces to use.
+    pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {
+        Given { bounce: bounce.into(), ..self }
+    }
+
+    /// With the file that holds the times of flight to the wall.
+    pub fn with_time_of_flight(self, file: impl Into<Option<PathBuf>>) -> Given {
+        Given { time_of_flight: file.into(), ..self }
+    }
+
+    /// With a scan that is mirrored or rotated.
+    pub fn with_turn(self, turn: Turn) -> Given {
+        Given { turn, ..self }
+    }
+
+    /// The wall's size, which the file does not hold.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the user did not give it either, or if it is not a positive length.
+    pub(super) fn wall(&self, format: &str) -> Result<f64> {
+        let wall = self.wall.ok_or_else(|| {
+            Error::options(
+                format!("{format} does not hold the wall size"),
+                "give the wall size, the distance in metres between the outermost scan points",
+            )
+        })?;
+        if wall.is_finite() && wall > 0.0 { Ok(wall) } else { Err(bad_length("the wall size", wall)) }
+    }
+
+    /// The bin width in metres, which the file does not hold. If the user does not give it, the `usual` one of the
+    /// format's publication is taken, in picoseconds, and a note says so.
+    ///
+    /// # Errors
+    /// `Kind::Options` if there is neither, or if the given one is not a positive length.
+    pub(super) fn bin_width(&self, format: &str, usual: Option<f64>, notes: &mut Vec<String>) -> Result<f64> {
+        match (self.bin_width, usual) {
+            (Some(width), _) if width.is_finite() && width > 0.0 => Ok(width),
+            (Some(width), _) => Err(bad_length("the bin width", width)),
+            (None, Some(ps)) => {
+                notes.push(format!(
+                    "{format} does not hold the bin width: {ps} ps is taken, as in its publication"
+                ));
+                Ok(ps * crate::METRES_PER_PICOSECOND)
+            }
+            (None, None) => Err(Error::options(
+                format!("{format} does not hold the bin width"),
+                "give the bin width in metres of path (picoseconds times 0.000299792458)",
+            )),
+        }
+    }
+}
+
+fn bad_length(option: &str, value: f64) -> Error {
+    Error::options(format!("{option} is {value}"), "give a length in metres above zero")
+}

@@ -1,0 +1,63 @@
+//! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Every file appears whole or not at all, and equal
+//! results give equal bytes.
+
+#![deny(missing_docs)]
+#![warn(clippy::too_many_lines)]
+
+mod axis;
+pub mod benchmark;
+pub mod calibration;
+pub mod comparison;
+pub mod confidence;
+pub mod curves;
+pub mod depth_error;
+pub mod exr;
+pub mod figure;
+pub mod foreign;
+pub mod inspection;
+pub mod mesh;
+pub mod npz;
+pub mod page;
+pub mod picture;
+pub mod plot;
+pub mod ply;
+pub mod png;
+pub mod report;
+mod text;
+pub mod volume;
+
+use std::path::{Path, PathBuf};
+
+use thirdbounce_base::{advice, error, files};
+use thirdbounce_capture as capture;
+use thirdbounce_maps::{maps, measure};
+
+use crate::error::Result;
+use crate::maps::Maps;
+
+/// Writes the maps in every format into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
+/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `confidence.png` if the maps have it. Returns the paths.
+///
+/// # Errors
+/// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
+pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
+    type Writer = fn(&Path, &Maps) -> Result<()>;
+    let writers: [(&str, Writer); 8] = [
+        ("maps.npz", npz::write_maps),
+        ("maps.exr", exr::write),
+        ("albedo.png", png::write_albedo),
+        ("depth.png", png::write_depth),
+        ("normal.png", png::write_normal),
+        ("confidence.png", confidence::write),
+        ("points.ply", ply::write),
+        ("mesh.ply", mesh::write),
+    ];
+    let mut written = Vec::new();
+    let is_there = |name: &str| name != "confidence.png" || maps.confidence.is_some();
+    for (name, write) in writers.into_iter().filter(|w| is_there(w.0)) {
+        let path = folder.join(name);
+        write(&path, maps)?;
+        written.push(path);
+    }
+    Ok(written)
+}

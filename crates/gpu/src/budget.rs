@@ -1,0 +1,396 @@
+//! What a plan takes of a device's memory, before anything is allocated: blocks of each kind of memory, heap by heap.
+
+use ash::vk;
+
+use super::instance::Instance;
+use super::{BufferPlan, Gpu, Place};
+use crate::advice::{Advice, Remedy, advice};
+use crate::{Error, Result};
+
+/// Buffers share memory blocks whose size is a multiple of [`BLOCK`] and at most [`LARGEST_BLOCK`], the bounds of
+/// gpu-allocator.
+const BLOCK: u64 = 4 << 20;
+const LARGEST_BLOCK: u64 = 256 << 20;
+
+/// How buffers in one kind of memory lie in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Layout {
+    /// Buffers from this size on have memory of their own. If one block holds all buffers, they share it; else only
+    /// the small ones share a block.
+    pub own_from: u64,
+    pub block: u64,
+    /// Bytes in all.
+    taken: u64,
+}
+
+impl Layout {
+    fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> Layout {
+        // A little over the sum, for alignment: one block then holds them all.
+        let block = |below: u64| {
+            let small = buffers.clone().filter(|b| b.bytes < below);
+            small.map(|b| b.bytes.saturating_add(256)).fold(0, u64::saturating_add)
+        };
+        let rounded = |bytes: u64| bytes.checked_next_multiple_of(BLOCK).unwrap_or(u64::MAX);
+        let all = rounded(block(u64::MAX));
+        if all <= LARGEST_BLOCK {
+            return Layout { own_from: u64::MAX, block: all, taken: all };
+        }
+        let own = buffers.clone().filter(|b| b.bytes >= BLOCK).map(|b| b.bytes.saturating_add(1 << 16));
+        let small = rounded(block(BLOCK));
+        Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
+    }
+
+    /// Layouts of the device's buffers and of the host's: the same one where both lie in one kind of memory.
+    pub(super) fn both(plan: &[BufferPlan], kinds: &Kinds) -> [Layout; 2] {
+        // What is stored on the host has memory of its own, buffer by buffer.
+        let plan = || plan.iter().filter(|b| b.place != Place::Store);
+        if kinds.one {
+            return [Layout::of(plan()); 2];
+        }
+        let [mut device, mut host] =
+            [true, false].map(|device| Layout::of(plan().filter(|b| (b.place == Place::Device) == device)));
+        if kinds.device_is_mapped {
+            // The allocator has one size of blocks for all memory that the host sees.
+            let block = device.block.max(host.block);
+            for layout in [&mut device, &mut host].into_iter().filter(|l| l.block > 0) {
+                layout.taken = layout.taken.saturating_add(block - layout.block);
+                layout.block = block;
+            }
+        }
+        [device, host]
+    }
+}
+
+/// The kinds of memory that buffers lie in: on the device, and where the host sees them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Kinds {
+    /// Both are one kind, as on CPUs and some integrated GPUs.
+    one: bool,
+    /// The host sees the device's kind, too.
+    device_is_mapped: bool,
+    /// The heaps that they are parts of.
+    heaps: [usize; 2],
+}
+
+impl Kinds {
+    /// The kinds that the allocator takes for [`Place::Device`], and for the other places.
+    pub fn of(instance: &Instance, physical: vk::PhysicalDevice) -> Kinds {
+        // SAFETY: the handle comes from this instance.
+        let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
+        Kinds::among(memory.memory_types_as_slice())
+    }
+
+    fn among(types: &[vk::MemoryType]) -> Kinds {
+        type Flags = vk::MemoryPropertyFlags;
+        let first = |flags| types.iter().position(|t| t.property_flags.contains(flags));
+        let seen = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
+        let device = first(Flags::DEVICE_LOCAL).unwrap_or(0);
+        let host = first(seen | Flags::HOST_CACHED).or(first(seen)).unwrap_or(0);
+        let of = |at: usize| types.get(at).copied().unwrap_or_default();
+        Kinds {
+            one: device == host,
+            device_is_mapped: of(device).property_flags.contains(Flags::HOST_VISIBLE),
+            heaps: [device, host].map(|at| of(at).heap_index as usize),
+        }
+    }
+}
+
+/// The types of memory that the host sees without flushing it, as the bits of `VkMemoryRequirements::memoryTypeBits`.
+pub(super) fn coherent(types: &[vk::MemoryType]) -> u32 {
+    let seen = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+    (0..).zip(types).filter(|(_, t)| t.property_flags.contains(seen)).map(|(i, _)| 1u32 << i).sum()
+}
+
+/// What there is of a device's memory, for [`check`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory {
+    /// Largest binding of one buffer in bytes.
+    pub storage_range: u64,
+    /// Bytes that are free for buffers on the device, and for those that the host sees.
+    pub free: [u64; 2],
+    /// Both are the same bytes: a discrete card has heaps of its own, others share the host's.
+    pub shared: bool,
+    /// Bytes of one allocation at most.
+    allocation: u64,
+    kinds: Kinds,
+}
+
+impl Memory {
+    /// A discrete card that binds `storage_range` bytes, with so many bytes free on it and on the host.
+    pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {
+        let kinds = Kinds { one: false, device_is_mapped: false, heaps: [0, 1] };
+        Memory { storage_range, free, shared: false, allocation: u64::MAX, kinds }
+    }
+}
+
+impl Gpu {
+    /// The types of memory that the host sees without flushing it, as bits.
+    pub(super) fn coherent_types(&self) -> u32 {
+        // SAFETY: the physical device is the instance's.
+        let memory = unsafe { self.instance.raw.get_physical_device_memory_properties(self.physical) };
+        coherent(memory.memory_types_as_slice())
+    }
+
+    /// What is free for this process at the moment, as the driver reports.
+    pub fn memory(&self) -> Memory {
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
+        if self.has_budget {
+            memory = memory.push_next(&mut budget);
+        }
+        // SAFETY: the extension is enabled on this device if its struct is asked for.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        let heaps = memory.memory_properties.memory_heaps;
+        let free = |heap: usize| match self.has_budget {
+            true => budget.heap_budget[heap].saturating_sub(budget.heap_usage[heap]),
+            false => heaps[heap].size,
+        };
+        let [device, host] = self.kinds.heaps;
+        Memory {
+            storage_range: self.limits.storage_range,
+            free: [free(device), free(host)],
+            shared: device == host,
+            allocation: self.allocation,
+            kinds: self.kinds,
+        }
+    }
+}
+
+/// Checks a plan against a device's memory. `budget`: the bytes that a user allows for all buffers but those of
+/// [`Place::Store`]. Without one, each heap must have the bytes that lie on it. What is stored must fit on the host in any
+/// case. Allocates nothing.
+///
+/// # Errors
+/// A buffer is larger than the device can bind or allocate, or the plan is over budget (the error names the largest buffers).
+pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Result<()> {
+    let range = memory.storage_range;
+    if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > range) {
+        return Err(Error::memory(
+            format!(
+                "buffer `{}` needs {}, this device binds at most {}",
+                b.buffer,
+                size(b.bytes),
+                size(range)
+            ),
+            advice!["use " {smaller(b.bytes, range)}],
+        ));
+    }
+    let most = memory.allocation;
+    if let Some(b) = plan.iter().find(|b| b.bytes > most) {
+        return Err(Error::memory(
+            format!(
+                "buffer `{}` needs {}, this device allocates at most {} at once",
+                b.buffer,
+                size(b.bytes),
+                size(most)
+            ),
+            advice!["use " {smaller(b.bytes, most)}],
+        ));
+    }
+    let [device, host] = Layout::both(plan, &memory.kinds);
+    let total = if memory.kinds.one { device.taken } else { device.taken.saturating_add(host.taken) };
+    let [on_device, on_host] = memory.free;
+    let stored = plan.iter().filter(|b| b.place == Place::Store).map(|b| b.bytes.saturating_add(1 << 16));
+    let stored = stored.fold(0, u64::saturating_add);
+    if stored > on_host {
+        let stores = plan.iter().filter(|b| b.place == Place::Store);
+        return Err(over(stores, stored, on_host, Whose::Host));
+    }
+    if let Some(budget) = budget {
+        let counted = plan.iter().filter(|b| b.place != Place::Store);
+        return if total <= budget { Ok(()) } else { Err(over(counted, total, budget, Whose::Users)) };
+    }
+    if memory.shared {
+        let total = total.saturating_add(stored);
+        return if total <= on_device {
+            Ok(())
+        } else {
+            Err(over(plan.iter(), total, on_device, Whose::Device))
+        };
+    }
+    let host = Layout { taken: host.taken.saturating_add(stored), ..host };
+    let part = |of_device: bool| plan.iter().filter(move |b| (b.place == Place::Device) == of_device);
+    if device.taken > on_device {
+        return Err(over(part(true), device.taken, on_device, Whose::Device));
+    }
+    if host.taken > on_host {
+        return Err(over(part(false), host.taken, on_host, Whose::Host));
+    }
+    Ok(())
+}
+
+/// Whose bytes are too few.
+pub(super) enum Whose {
+    Users,
+    Device,
+    Host,
+}
+
+pub(super) fn over<'b>(
+    plan: impl Iterator<Item = &'b BufferPlan>,
+    total: u64,
+    budget: u64,
+    whose: Whose,
+) -> Error {
+    let mut largest: Vec<_> = plan.collect();
+    largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
+    let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.buffer, size(b.bytes))).collect();
+    let mend = Advice::from(advice!["use " {smaller(total, budget)}]);
+    let (whose, mend) = match whose {
+        Whose::Users => ("the memory budget is", mend.and(advice![", or allow more with " Memory])),
+        Whose::Device => ("the device has free", mend),
+        Whose::Host => ("the host has free for copies from and to the device", mend),
+    };
+    Error::memory(
+        format!(
+            "this job needs {} in whole blocks, {whose} {}; the largest buffers: {}",
+            size(total),
+            size(budget),
+            names.join(", ")
+        ),
+        mend,
+    )
+}
+
+fn smaller(asked: u64, available: u64) -> Remedy {
+    Remedy::SmallerJob { asked: Some(asked), available: Some(available) }
+}
+
+pub(super) fn size(bytes: u64) -> String {
+    if bytes < 1 << 20 {
+        format!("{} KiB", bytes.div_ceil(1 << 10))
+    } else {
+        format!("{} MiB", bytes.div_ceil(1 << 20))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Buffer;
+    use crate::advice::Setting;
+
+    #[test]
+    fn buffers_share_a_block_while_it_holds_them() {
+        let of = |bytes: &[u64]| {
+            Layout::of(
+                bytes
+                    .iter()
+                    .map(|b| BufferPlan::new(Buffer::named("b"), *b, Place::Device))
+                    .collect::<Vec<_>>()
+                    .iter(),
+            )
+        };
+        let mib = 1 << 20;
+        assert_eq!(of(&[]), Layout { own_from: u64::MAX, block: 0, taken: 0 });
+        assert_eq!(of(&[100, 5 * mib]), Layout { own_from: u64::MAX, block: 8 * mib, taken: 8 * mib });
+        let large = of(&[100, 300 * mib, 3 * mib]);
+        assert_eq!((large.own_from, large.block), (4 * mib, 4 * mib));
+        assert_eq!(large.taken, 304 * mib + (1 << 16));
+        assert_eq!(of(&[u64::MAX - 300, u64::MAX - 300]).taken, u64::MAX);
+    }
+
+    #[test]
+    fn a_plan_over_budget_names_its_largest_buffers() {
+        let plan = [("small", 100), ("raw", 5 << 20)]
+            .map(|(n, b)| BufferPlan::new(Buffer::named(n), b, Place::Device));
+        let card = |range, device| Memory::of_card(range, [device, 0]);
+        assert!(check(&plan, &card(1 << 30, 8 << 20), None).is_ok(), "two blocks of 4 MiB");
+        assert!(check(&plan, &card(1 << 30, 7 << 20), None).is_err());
+        let error = check(&plan, &card(1 << 30, 0), Some(1 << 20)).unwrap_err();
+        assert!(error.what.contains("`raw` 5 MiB") && error.mend.names(Setting::Memory), "{error}");
+        assert!(error.mend.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
+        let error = check(&plan, &card(1 << 20, 1 << 30), None).unwrap_err();
+        assert!(error.what.contains("binds at most 1 MiB"), "{error}");
+    }
+
+    #[test]
+    fn what_the_host_sees_lies_on_its_own_heap_and_counts_there() {
+        let plan = [
+            ("raw", 6 << 20, Place::Device),
+            ("upload", 5 << 20, Place::Upload),
+            ("back", 4 << 20, Place::Readback),
+        ]
+        .map(|(n, b, place)| BufferPlan::new(Buffer::named(n), b, place));
+        let free = |device, host| check(&plan, &Memory::of_card(1 << 30, [device, host]), None);
+        assert!(free(8 << 20, 12 << 20).is_ok(), "uploads and readbacks share a block");
+        let error = free(8 << 20, 11 << 20).unwrap_err();
+        assert!(error.what.contains("the host has free") && error.what.contains("`upload`"), "{error}");
+        assert!(!error.what.contains("`raw`"), "{error}");
+        let error = free(7 << 20, 1 << 30).unwrap_err();
+        assert!(error.what.contains("the device has free") && !error.what.contains("`upload`"), "{error}");
+        // A budget is for both together.
+        let all = Memory::of_card(1 << 30, [0, 0]);
+        assert!(check(&plan, &all, Some(20 << 20)).is_ok() && check(&plan, &all, Some(19 << 20)).is_err());
+    }
+
+    #[test]
+    fn what_is_stored_counts_on_the_host_and_in_no_budget() {
+        let plan = [("raw", 3 << 20, Place::Device), ("stored", 100 << 20, Place::Store)]
+            .map(|(n, b, place)| BufferPlan::new(Buffer::named(n), b, place));
+        let card = |host| Memory::of_card(1 << 26, [4 << 20, host]);
+        for budget in [None, Some(4 << 20)] {
+            // No kernel binds it, so it may be larger than a binding.
+            assert!(check(&plan, &card(101 << 20), budget).is_ok(), "{budget:?}");
+            let error = check(&plan, &card(99 << 20), budget).unwrap_err();
+            assert!(error.what.contains("the host has free") && error.what.contains("`stored`"), "{error}");
+        }
+        // Where host and device are one, both take of the same.
+        let one = |free| Memory { shared: true, ..Memory::of_card(1 << 26, [free; 2]) };
+        assert!(check(&plan, &one(105 << 20), None).is_ok() && check(&plan, &one(102 << 20), None).is_err());
+    }
+
+    #[test]
+    fn no_buffer_is_larger_than_an_allocation() {
+        let plan = |place| [BufferPlan::new(Buffer::named("large"), 3 << 20, place)];
+        for place in [Place::Device, Place::Upload, Place::Store] {
+            let card = |allocation| Memory { allocation, ..Memory::of_card(1 << 30, [1 << 40; 2]) };
+            assert!(check(&plan(place), &card(3 << 20), None).is_ok());
+            let error = check(&plan(place), &card(2 << 20), None).unwrap_err();
+            assert!(
+                error.what.contains("`large` needs 3 MiB, this device allocates at most 2 MiB"),
+                "{error}"
+            );
+            assert!(error.mend.remedies().any(|r| r == smaller(3 << 20, 2 << 20)), "{error:?}");
+        }
+    }
+
+    #[test]
+    fn a_callers_memory_that_the_host_sees_is_coherent() {
+        type Flags = vk::MemoryPropertyFlags;
+        let seen = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
+        // As on phones: the first kind that the host sees is cached, and not coherent.
+        let types = [
+            Flags::DEVICE_LOCAL,
+            Flags::HOST_VISIBLE | Flags::HOST_CACHED,
+            seen,
+            seen | Flags::HOST_CACHED | Flags::DEVICE_LOCAL,
+        ];
+        let types = types.map(|property_flags| vk::MemoryType { property_flags, heap_index: 0 });
+        assert_eq!(coherent(&types), 0b1100);
+        assert_eq!(coherent(&types[..2]), 0);
+    }
+
+    #[test]
+    fn the_kinds_of_memory_are_those_that_the_allocator_takes() {
+        type Flags = vk::MemoryPropertyFlags;
+        let seen = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
+        let kind = |property_flags, heap_index| vk::MemoryType { property_flags, heap_index };
+        let card = [
+            kind(Flags::DEVICE_LOCAL, 0),
+            kind(seen, 1),
+            kind(seen | Flags::HOST_CACHED, 1),
+            kind(seen | Flags::DEVICE_LOCAL, 2),
+        ];
+        assert_eq!(Kinds::among(&card), Kinds { one: false, device_is_mapped: false, heaps: [0, 1] });
+        let cpu = [kind(Flags::DEVICE_LOCAL | seen | Flags::HOST_CACHED, 0)];
+        assert_eq!(Kinds::among(&cpu), Kinds { one: true, device_is_mapped: true, heaps: [0, 0] });
+        // Both kinds of an integrated GPU take blocks of the same size.
+        let integrated = [kind(Flags::DEVICE_LOCAL | seen, 0), kind(seen | Flags::HOST_CACHED, 0)];
+        let kinds = Kinds::among(&integrated);
+        assert_eq!(kinds, Kinds { one: false, device_is_mapped: true, heaps: [0, 0] });
+        let plan = [(1, Place::Device), (9 << 20, Place::Readback)]
+            .map(|(b, place)| BufferPlan::new(Buffer::named("b"), b, place));
+        assert_eq!(Layout::both(&plan, &kinds).map(|l| (l.block, l.taken)), [(12 << 20, 12 << 20); 2]);
+    }
+}

@@ -1,0 +1,108 @@
+//! Canaries behind buffers, for tests. Memory behind every buffer holds a known word and is bound with the buffer, so
+//! that a kernel that writes past an end is found, and the buffer named.
+
+use std::sync::PoisonError;
+
+use ash::vk;
+
+use super::execute::Executor;
+use super::memory::Made;
+use super::{Buffer, Gpu, Place};
+use crate::Result;
+
+/// The buffer that canaries on the device are read through.
+pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
+
+/// Its size, bytes. Canaries are read in parts of this size.
+pub(super) const CANARY_PART: u64 = 1 << 20;
+
+/// The smallest canary, bytes.
+pub(super) const LEAST_CANARY: u64 = 64 << 10;
+
+const WORD: u32 = 0xca9a_41e5;
+
+/// A buffer that was written past its end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Overrun {
+    /// The buffer.
+    pub buffer: Buffer,
+    /// Its size in the plan, bytes.
+    pub bytes: u64,
+    /// Byte offset of the first overwritten word, from the beginning of the buffer.
+    pub at: u64,
+}
+
+/// Result of the checks of canaries, over all executors that were dropped.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Guarded {
+    /// Number of buffers whose canaries were checked.
+    pub buffers: usize,
+    /// Those that were written past their end.
+    pub overruns: Vec<Overrun>,
+}
+
+impl Gpu {
+    pub(super) fn guards(&self) -> bool {
+        self.struck.as_ref().is_some_and(|s| s.faults.guard)
+    }
+
+    /// Takes the results since the device was opened or since the last call; empty without [`super::Faults::guard`].
+    pub fn take_guarded(&self) -> Guarded {
+        let Some(struck) = &self.struck else { return Guarded::default() };
+        std::mem::take(&mut struck.guarded.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Executor {
+    /// Writes every canary.
+    pub(super) fn set_canaries(&mut self) -> Result<()> {
+        if !self.gpu.guards() {
+            return Ok(());
+        }
+        self.fill_all(WORD, |b| [b.bytes, b.canary])?;
+        self.guarded = true;
+        Ok(())
+    }
+
+    /// Checks every canary and keeps the results. If the device fails here, the rest is neither checked nor counted.
+    pub(super) fn look_at_canaries(&mut self) {
+        let gpu = self.gpu.clone();
+        let Some(struck) = gpu.struck.as_ref().filter(|_| self.guarded) else { return };
+        for (buffer, made) in self.arena.buffers() {
+            let Ok(found) = self.first_overrun(buffer, &made) else { return };
+            let mut guarded = struck.guarded.lock().unwrap_or_else(PoisonError::into_inner);
+            guarded.buffers += 1;
+            guarded.overruns.extend(found.map(|at| Overrun { buffer, bytes: made.bytes, at }));
+        }
+    }
+
+    /// Byte offset of the first changed word of a canary, from the beginning of the buffer.
+    fn first_overrun(&mut self, buffer: Buffer, made: &Made) -> Result<Option<u64>> {
+        if made.place != Place::Device {
+            // Waits for submissions in flight.
+            self.at_once([&[], &[]], |_, _| {})?;
+            return Ok(self.first_changed(buffer, [made.bytes, made.canary]).map(|at| made.bytes + at));
+        }
+        let (through, part) = (self.arena.get(CANARY_BACK).handle, self.arena.size(CANARY_BACK));
+        for offset in (0..made.canary).step_by(part as usize) {
+            let size = part.min(made.canary - offset);
+            let region = [vk::BufferCopy { src_offset: made.bytes + offset, dst_offset: 0, size }];
+            self.at_once([&[], &[CANARY_BACK]], |device, c| {
+                // SAFETY: both buffers live as long as the executor, and the region lies within them.
+                unsafe { device.cmd_copy_buffer(c, made.handle, through, &region) }
+            })?;
+            if let Some(at) = self.first_changed(CANARY_BACK, [0, size]) {
+                return Ok(Some(made.bytes + offset + at));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Byte offset, counted from `offset`, of the first word of a host-visible buffer that is not the canary's. No
+    /// submission may be in flight.
+    fn first_changed(&self, buffer: Buffer, [offset, bytes]: [u64; 2]) -> Option<u64> {
+        let mut words = vec![0u32; (bytes / 4) as usize];
+        self.copy_out(buffer, offset, bytemuck::cast_slice_mut(&mut words));
+        words.iter().position(|w| *w != WORD).map(|i| 4 * i as u64)
+    }
+}

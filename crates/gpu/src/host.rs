@@ -1,0 +1,171 @@
+//! Host access to host-visible buffers, which the device reads and writes too.
+//!
+//! No reference to that memory is ever made: bytes are copied out of it and into it, and only where no submission in
+//! flight may touch them.
+
+use std::ops::{Bound, RangeBounds};
+
+use super::execute::{Executor, Flight};
+use super::{Buffer, Place, Ticket};
+
+impl Executor {
+    /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
+    ///
+    /// # Panics
+    /// A submission that may write the buffer has not been waited for. There is no such buffer, or it is shorter.
+    pub fn read<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
+        let writer = self.flights.iter().find(|f| f.shared[1].contains(&buffer));
+        assert!(writer.is_none(), "`{buffer}` is read while the device may be writing it");
+        let mut read = vec![];
+        self.copy_items(buffer, items, &mut read);
+        read
+    }
+
+    /// Reads the items that the submission `done` and those before it left in a part of the buffer `into` a list, in the
+    /// place of what it holds. No later submission may write this part; later ones may be using the rest.
+    ///
+    /// # Panics
+    /// `done` has not been waited for. There is no such buffer, or it is shorter.
+    pub fn read_behind<T: bytemuck::Pod>(
+        &self,
+        done: Ticket,
+        buffer: Buffer,
+        items: impl RangeBounds<usize>,
+        into: &mut Vec<T>,
+    ) {
+        let over = self.flights.front().is_none_or(|f| f.ticket > done);
+        assert!(over, "`{buffer}` is read before the submission is done");
+        self.copy_items(buffer, items, into);
+    }
+
+    /// Writes the beginning of an upload or readback buffer.
+    ///
+    /// # Panics
+    /// As [`Executor::write_at`].
+    pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {
+        self.write_at(buffer, 0, bytes);
+    }
+
+    /// Writes an upload or readback buffer from byte `offset` on.
+    ///
+    /// # Panics
+    /// A submission that may read or write the buffer has not been waited for. There is no such buffer, or it is
+    /// shorter.
+    pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {
+        let user = self.flights.iter().find(|f| f.shared.iter().any(|all| all.contains(&buffer)));
+        assert!(user.is_none(), "`{buffer}` is written while the device may be using it");
+        let room = self.arena.size(buffer);
+        let end = offset.saturating_add(bytes.len() as u64);
+        assert!(end <= room, "bytes {offset} to {end} of `{buffer}` are written, which has {room}");
+        let to = self.arena.pointer(buffer);
+        // SAFETY: so many bytes are mapped there, and no submission under way touches the buffer. `bytes` is no part of
+        // it, as nobody has a reference to mapped memory.
+        unsafe {
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.add(offset as usize).as_ptr(), bytes.len());
+        }
+    }
+
+    /// Copies a part of a host-visible buffer, from byte `offset` on, canary included. The caller makes sure that no
+    /// submission in flight writes this part.
+    pub(super) fn copy_out(&self, buffer: Buffer, offset: u64, to: &mut [u8]) {
+        let made = self.arena.get(buffer);
+        assert!(offset + to.len() as u64 <= made.bytes + made.canary, "bytes beyond `{buffer}`");
+        let from = self.arena.pointer(buffer);
+        // SAFETY: so many bytes are mapped there, and the device writes none of them, see above. `to` is no part of
+        // them, as nobody has a reference to mapped memory.
+        unsafe {
+            std::ptr::copy_nonoverlapping(from.add(offset as usize).as_ptr(), to.as_mut_ptr(), to.len());
+        }
+    }
+
+    /// Fills `bytes` bytes of a host-visible buffer with `word`, from byte `offset` on, canary included. The caller
+    /// makes sure that no submission in flight uses the buffer.
+    pub(super) fn fill_shared(&mut self, buffer: Buffer, [offset, bytes]: [u64; 2], word: u32) {
+        let made = self.arena.get(buffer);
+        assert!(offset % 4 == 0 && bytes % 4 == 0, "whole words of `{buffer}`");
+        assert!(offset + bytes <= made.bytes + made.canary, "words beyond `{buffer}`");
+        let to = self.arena.pointer(buffer).cast::<u32>();
+        for i in offset / 4..(offset + bytes) / 4 {
+            // SAFETY: within what is mapped, see above; mapped memory begins at a multiple of its alignment.
+            unsafe { to.add(i as usize).write(word) };
+        }
+    }
+
+    fn copy_items<T: bytemuck::Pod>(
+        &self,
+        buffer: Buffer,
+        items: impl RangeBounds<usize>,
+        into: &mut Vec<T>,
+    ) {
+        let all = self.arena.size(buffer) as usize / size_of::<T>();
+        let from = match items.start_bound() {
+            Bound::Included(i) => *i,
+            Bound::Excluded(i) => i + 1,
+            Bound::Unbounded => 0,
+        };
+        let to = match items.end_bound() {
+            Bound::Included(i) => i + 1,
+            Bound::Excluded(i) => *i,
+            Bound::Unbounded => all,
+        };
+        assert!(from <= to && to <= all, "items {from} to {to} of `{buffer}`, which has {all}");
+        into.resize(to - from, T::zeroed());
+        self.copy_out(buffer, (from * size_of::<T>()) as u64, bytemuck::cast_slice_mut(into));
+    }
+
+    /// Records which host-visible buffers a submission uses.
+    pub(super) fn share(&self, flight: &mut Flight, reads: &[Buffer], writes: &[Buffer]) {
+        for (uses, kept) in [reads, writes].into_iter().zip(&mut flight.shared) {
+            kept.extend(uses.iter().filter(|buffer| self.arena.get(**buffer).place != Place::Device));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    use crate::{Arena, Buffer, BufferPlan, Executor, Gpu, GpuOptions, Place, Schedule};
+
+    const UP: Buffer = Buffer::named("up");
+    const STATE: Buffer = Buffer::named("state");
+    const DOWN: Buffer = Buffer::named("down");
+    const OTHER: Buffer = Buffer::named("other");
+
+    #[test]
+    fn what_is_under_way_is_neither_read_nor_written() {
+        let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
+        let plan = [
+            BufferPlan::new(UP, 64, Place::Upload),
+            BufferPlan::new(STATE, 64, Place::Device),
+            BufferPlan::new(DOWN, 64, Place::Readback),
+            BufferPlan::new(OTHER, 64, Place::Readback),
+        ];
+        let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
+        let refused = |work: &mut dyn FnMut()| catch_unwind(AssertUnwindSafe(work)).is_err();
+        executor.write(UP, &[7; 64]);
+        let mut first = Schedule::default();
+        first.copy(UP, STATE, 64);
+        first.copy(STATE, DOWN, 64);
+        let ticket = executor.submit(&first).unwrap();
+        assert!(refused(&mut || drop(executor.read::<u8>(DOWN, ..))), "the device may be writing it");
+        assert!(refused(&mut || executor.read_behind::<u8>(ticket, DOWN, .., &mut vec![])));
+        assert!(refused(&mut || executor.write(UP, &[0])), "the device may be reading it");
+        executor.write(OTHER, &[1, 2, 3]);
+        assert_eq!(executor.read::<u8>(OTHER, 1..3), [2, 3], "a buffer that nothing uses");
+        assert_eq!(executor.read::<[u8; 8]>(UP, 7..), [[7; 8]], "both may read");
+        executor.wait(ticket).unwrap();
+        let mut second = Schedule::default();
+        second.fill(DOWN, 8, 0x0101_0101);
+        let later = executor.submit(&second).unwrap();
+        let mut rest = vec![];
+        executor.read_behind::<u16>(ticket, DOWN, 4..=5, &mut rest);
+        assert_eq!(rest, [0x0707; 2], "the second leaves it alone");
+        assert!(refused(&mut || drop(executor.read::<u16>(DOWN, 4..))));
+        executor.wait(later).unwrap();
+        let down = executor.read::<u8>(DOWN, ..);
+        assert!(down[..8] == [1; 8] && down[8..] == [7; 56], "{down:?}");
+        assert!(refused(&mut || drop(executor.read::<u8>(DOWN, ..65))), "beyond its end");
+        assert!(refused(&mut || executor.write(UP, &[0; 65])), "beyond its end");
+    }
+}

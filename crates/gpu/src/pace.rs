@@ -1,0 +1,314 @@
+//! How much work a device gets at once, and how long it may take: drivers reset a device that does not come back within
+//! some seconds (2 s on Windows, 5 to 10 s elsewhere).
+//!
+//! Work is counted in turns of kernels' main loops, over all invocations: a voxel seen by a laser-sensor pair is one, and of
+//! shorter turns several are. Every dispatch says how many turns it takes at most ([`super::Schedule::dispatch`]).
+
+use std::borrow::Cow;
+use std::iter;
+use std::ops::Range;
+use std::time::Duration;
+
+use super::{Command, DeviceKind, Gpu, Size};
+
+/// Seconds of work in a submission.
+const SUBMISSION: f64 = 0.1;
+
+/// A dispatch cannot be divided once it is submitted, and an indirect one not at all, so each takes no more than this share of a second at the kind's rate: it
+/// ends in time on a device that is ten times slower, too. The rate of integrated ones is already that of the slowest, so
+/// theirs is longer: four times as many dispatches would cost all of them.
+const DISPATCH: f64 = 0.04;
+const DISPATCH_OF_INTEGRATED: f64 = 0.16;
+
+/// A submission that takes fewer seconds says more of its overhead than of the device.
+const MEASURABLE: f64 = 1e-3;
+
+/// Seconds after which a device hangs, if it has nothing to do that counts as work: kernels are compiled, too.
+const PATIENCE: f64 = 120.0;
+/// The same for a CPU, where other programs take their share and validation may be on.
+const PATIENCE_OF_CPU: f64 = 600.0;
+
+/// A device hangs if it takes so many times longer than its kind's rate lets expect.
+const SLOWER: f64 = 100.0;
+
+/// No device counts as more than so many times faster than its kind: where bounds of the work are far above it, the rate
+/// would grow without end, and the next level would be one long submission.
+const FASTER: f64 = 16.0;
+
+/// Turns a second that a device of this kind reaches, or may be expected to.
+pub(super) fn rate_of(kind: DeviceKind) -> f64 {
+    match kind {
+        DeviceKind::Discrete | DeviceKind::Virtual => 3e10,
+        DeviceKind::Integrated | DeviceKind::Other => 2e9,
+        DeviceKind::Cpu => 1e8,
+    }
+}
+
+/// Turns of a dispatch at most. A CPU has no time limit, and dividing its work costs time.
+pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
+    match kind {
+        DeviceKind::Cpu => u64::MAX,
+        DeviceKind::Integrated => (DISPATCH_OF_INTEGRATED * rate_of(kind)) as u64,
+        _ => (DISPATCH * rate_of(kind)) as u64,
+    }
+}
+
+/// These commands with every direct dispatch of more than `most` turns in parts that have no more, if its workgroups can be
+/// so few. Together the parts run the same workgroups.
+pub(super) fn divided(commands: &[Command], most: u64) -> Cow<'_, [Command]> {
+    let is_long =
+        |c: &Command| c.work() > most && matches!(c, Command::Dispatch { size: Size::Groups(_), .. });
+    if !commands.iter().any(is_long) {
+        return Cow::Borrowed(commands);
+    }
+    let mut all = Vec::with_capacity(2 * commands.len());
+    for command in commands {
+        match command {
+            Command::Dispatch { size: Size::Groups(groups), work, .. } if *work > most => {
+                for [from, count] in boxes(*groups, *work, most) {
+                    let mut part = command.clone();
+                    if let Command::Dispatch { size, first, work: of_part, .. } = &mut part {
+                        *size = Size::Groups(count);
+                        *first = from;
+                        *of_part = share([count, *groups], *work);
+                    }
+                    all.push(part);
+                }
+            }
+            other => all.push(other.clone()),
+        }
+    }
+    Cow::Owned(all)
+}
+
+fn product(counts: [u32; 3]) -> u128 {
+    counts.iter().map(|n| u128::from(*n)).product()
+}
+
+/// The work of some workgroups of all, rounded up.
+fn share([some, all]: [[u32; 3]; 2], work: u64) -> u64 {
+    let turns = (u128::from(work) * product(some)).div_ceil(product(all).max(1));
+    u64::try_from(turns).unwrap_or(u64::MAX)
+}
+
+/// Workgroups as boxes (first, counts) of at most `most` turns of `work`, as far as single workgroups have no more: rows
+/// along x, several or a part of one.
+fn boxes([x, y, z]: [u32; 3], work: u64, most: u64) -> Vec<[[u32; 3]; 2]> {
+    // Workgroups of a box, all those along z counted once.
+    let fit = u128::from(most) * product([x, y, 1]) / u128::from(work.max(1));
+    let fit = u64::try_from(fit).unwrap_or(u64::MAX);
+    let columns = fit.clamp(1, u64::from(x.max(1))) as u32;
+    let rows = (fit / u64::from(x.max(1))).clamp(1, u64::from(y.max(1))) as u32;
+    let cuts = |all: u32, by: u32| (0..all).step_by(by as usize).map(move |at| [at, by.min(all - at)]);
+    let of_rows =
+        |[at_y, of_y]: [u32; 2]| cuts(x, columns).map(move |[at_x, of_x]| [[at_x, at_y, 0], [of_x, of_y, z]]);
+    cuts(y, rows).flat_map(of_rows).collect()
+}
+
+impl Gpu {
+    /// Turns of kernels' main loops a second that a device of this kind may be expected to reach.
+    pub fn expected_rate(&self) -> f64 {
+        rate_of(self.info.kind)
+    }
+}
+
+/// The pace of a device: how fast it was so far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pace {
+    kind: DeviceKind,
+    /// Turns of a submission at most, if they are given.
+    given: Option<u64>,
+    /// Turns a second. Schedules tell upper bounds of their work, so this may be more than the device's own rate.
+    rate: f64,
+    /// Turns and seconds of submissions that were too short to be measured one by one.
+    short: (u64, f64),
+}
+
+impl Pace {
+    pub fn new(kind: DeviceKind, given: Option<u64>) -> Pace {
+        Pace { kind, given, rate: rate_of(kind), short: (0, 0.0) }
+    }
+
+    /// Turns of a submission at most.
+    fn submission(&self) -> u64 {
+        match (self.given, self.kind) {
+            (Some(given), _) => given,
+            (None, DeviceKind::Cpu) => u64::MAX,
+            _ => (SUBMISSION * self.rate) as u64,
+        }
+    }
+
+    /// Learns from a finished submission of at most `work` turns. The rate falls at once, and rises step by step: a new
+    /// level may have more to do than the bounds before let expect. Of short submissions it learns by their sum. That holds
+    /// all of their overhead, so it is a lower bound: the rate only rises by it.
+    pub fn learn(&mut self, work: u64, seconds: f64) {
+        if work == 0 || seconds <= 0.0 {
+            return;
+        }
+        let usual = rate_of(self.kind);
+        let most = (2.0 * self.rate).min(FASTER * usual);
+        if seconds > MEASURABLE {
+            self.rate = (work as f64 / seconds).clamp(1e-3 * usual, most);
+            return;
+        }
+        self.short = (self.short.0.saturating_add(work), self.short.1 + seconds);
+        let (work, seconds) = self.short;
+        if seconds > MEASURABLE {
+            self.short = (0, 0.0);
+            self.rate = (work as f64 / seconds).min(most).max(self.rate);
+        }
+    }
+
+    /// How long `work` turns may take before the device counts as hung.
+    pub fn patience(&self, work: u64) -> Duration {
+        let base = if self.kind == DeviceKind::Cpu { PATIENCE_OF_CPU } else { PATIENCE };
+        Duration::from_secs_f64(base + SLOWER * work as f64 / rate_of(self.kind))
+    }
+
+    /// The parts of a schedule that are submitted one by one: each has as much work as a submission may, or a single
+    /// dispatch that has more. One empty part for an empty schedule.
+    pub fn parts<'c>(&self, commands: &'c [Command]) -> impl Iterator<Item = Range<usize>> + use<'c> {
+        let (most, mut next) = (self.submission(), Some(0));
+        iter::from_fn(move || {
+            let from = next.take()?;
+            let mut sum = 0u64;
+            for (i, command) in commands.iter().enumerate().skip(from) {
+                let work = command.work();
+                if sum > 0 && work > 0 && sum.saturating_add(work) > most {
+                    next = Some(i);
+                    return Some(from..i);
+                }
+                sum = sum.saturating_add(work);
+            }
+            Some(from..commands.len())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Kernel, Schedule};
+
+    fn of(works: &[u64]) -> Vec<Command> {
+        let mut s = Schedule::default();
+        for work in works {
+            s.dispatch(Kernel::named("k"), [1, 1, 1], *work);
+        }
+        s.commands
+    }
+
+    #[test]
+    fn a_submission_holds_as_much_work_as_it_may() {
+        let pace = Pace::new(DeviceKind::Discrete, Some(10));
+        let parts = |pace: &Pace, works: &[u64]| pace.parts(&of(works)).collect::<Vec<_>>();
+        assert_eq!(parts(&pace, &[]), vec![Range { start: 0, end: 0 }]);
+        assert_eq!(parts(&pace, &[0, 4, 6, 0, 1, 0]), [0..4, 4..6]);
+        assert_eq!(parts(&pace, &[30, 0, 30]), [0..2, 2..3], "a dispatch is not divided here");
+        let whole = Pace::new(DeviceKind::Cpu, None);
+        assert_eq!(parts(&whole, &[u64::MAX, u64::MAX]), vec![Range { start: 0, end: 2 }]);
+    }
+
+    #[test]
+    fn a_long_dispatch_is_divided_and_every_workgroup_runs_once() {
+        let of = |groups, work| {
+            let mut s = Schedule::default();
+            s.dispatch(Kernel::named("k"), groups, work);
+            s.commands
+        };
+        for groups in [[1000, 1, 1], [32_768, 3, 1], [7, 5, 2], [1, 9, 1], [3, 1, 4], [0, 1, 1]] {
+            for work in [99, 1000, 123_457, u64::MAX] {
+                let whole = of(groups, work);
+                let parts = divided(&whole, 100);
+                let mut seen = vec![0u8; groups.iter().product::<u32>() as usize];
+                for part in parts.iter() {
+                    let Command::Dispatch { size: Size::Groups(count), first, .. } = part else { panic!() };
+                    let runs: u32 = count.iter().product();
+                    // Those along z stay together.
+                    assert!(part.work() <= 100 || runs == count[2], "{groups:?} {work}: {part:?}");
+                    for i in 0..runs {
+                        let at = [i % count[0], i / count[0] % count[1], i / (count[0] * count[1])];
+                        let [x, y, z] = [0, 1, 2].map(|axis| first[axis] + at[axis]);
+                        seen[((z * groups[1] + y) * groups[0] + x) as usize] += 1;
+                    }
+                }
+                assert!(seen.iter().all(|n| *n == 1), "{groups:?} {work}");
+                let sum = parts.iter().map(Command::work).fold(0u64, u64::saturating_add);
+                assert!(seen.is_empty() || sum >= work, "{groups:?} {work}: {sum}");
+            }
+        }
+        // Nothing is copied where nothing is long, and indirect dispatches stay whole.
+        assert!(matches!(divided(&of([1000, 1, 1], 100), 100), Cow::Borrowed(_)));
+        let mut s = Schedule::default();
+        s.indirect(Kernel::named("k"), crate::Buffer::named("b"), 0, 1000);
+        assert!(matches!(divided(&s.commands, 100), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn submissions_stay_well_below_half_a_second_on_a_device_that_is_slower_than_its_kind() {
+        let mut pace = Pace::new(DeviceKind::Discrete, None);
+        let slow = rate_of(DeviceKind::Discrete) / 10.0;
+        let all = of(&[dispatch_of(DeviceKind::Discrete); 100]);
+        let mut longest = 0.0f64;
+        let mut at = 0;
+        while at < all.len() {
+            let part = pace.parts(&all[at..]).next().expect("one at least");
+            let work: u64 = all[at..][part.clone()].iter().map(Command::work).sum();
+            let seconds = work as f64 / slow;
+            if at > 0 {
+                longest = longest.max(seconds);
+            }
+            pace.learn(work, seconds);
+            at += part.len();
+        }
+        // One dispatch of 0.4 s is what is left at a tenth of the kind's rate.
+        assert!(longest < 0.45, "{longest} s");
+        let mut fast = Pace::new(DeviceKind::Discrete, None);
+        fast.learn(1 << 40, 0.01);
+        assert_eq!(fast.rate, 2.0 * rate_of(DeviceKind::Discrete), "it rises step by step");
+        (0..20).for_each(|_| fast.learn(1 << 50, 0.01));
+        assert_eq!(fast.rate, FASTER * rate_of(DeviceKind::Discrete), "and not without end");
+    }
+
+    #[test]
+    fn a_fast_device_is_known_by_the_sum_of_its_short_submissions() {
+        let usual = rate_of(DeviceKind::Discrete);
+        let mut pace = Pace::new(DeviceKind::Discrete, None);
+        // An iteration in a tenth of a millisecond, at three times the usual rate.
+        let work = (3.0 * usual * 1e-4) as u64;
+        (0..9).for_each(|_| pace.learn(work, 1e-4));
+        assert_eq!(pace.rate, usual, "a millisecond is not over yet");
+        (0..2).for_each(|_| pace.learn(work, 1e-4));
+        assert_eq!(pace.rate, 2.0 * usual, "step by step");
+        (0..22).for_each(|_| pace.learn(work, 1e-4));
+        assert!((pace.rate / usual - 3.0).abs() < 1e-6, "{}", pace.rate / usual);
+        // Little work in much overhead says nothing of the device.
+        (0..100).for_each(|_| pace.learn(1000, 9e-4));
+        assert!((pace.rate / usual - 3.0).abs() < 1e-6, "{}", pace.rate / usual);
+        // A long submission does.
+        pace.learn((0.1 * usual) as u64, 0.2);
+        assert!((pace.rate / usual - 0.5).abs() < 1e-6, "{}", pace.rate / usual);
+        // What the device's clock does not see is not learnt from.
+        pace.learn(1 << 40, 0.0);
+        assert!((pace.rate / usual - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_dispatch_of_an_integrated_device_is_no_shorter_than_it_must_be() {
+        // 32 x 32 points and 300,000 voxels are one.
+        assert!(dispatch_of(DeviceKind::Integrated) >= 1024 * 300_000);
+        for kind in [DeviceKind::Discrete, DeviceKind::Virtual, DeviceKind::Integrated, DeviceKind::Other] {
+            let slow = rate_of(kind) / 10.0;
+            assert!(dispatch_of(kind) as f64 / slow < 2.0, "{kind}: a watchdog bites");
+        }
+    }
+
+    #[test]
+    fn patience_grows_with_the_work() {
+        let pace = Pace::new(DeviceKind::Discrete, None);
+        let of = |work: f64| pace.patience(work as u64).as_secs_f64();
+        assert_eq!(of(0.0), PATIENCE);
+        assert!((of(3e12) - PATIENCE - 1e4).abs() < 1.0);
+        assert!(Pace::new(DeviceKind::Cpu, None).patience(u64::MAX).as_secs_f64() > 1e9);
+    }
+}

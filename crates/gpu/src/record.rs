@@ -1,0 +1,348 @@
+//! Writes a schedule into a command buffer: barriers where hazards are, labels, time stamps.
+
+use ash::vk;
+
+use super::execute::{Executor, Flight};
+use super::pipeline::Pipeline;
+use super::recording::Mark;
+use super::state::pieces;
+use super::{Binds, Buffer, Command, Kernel, Schedule, Size, Stage};
+use crate::Result;
+
+/// A step of the recording of a schedule: a command, or a label that is opened or closed.
+#[derive(Debug, PartialEq)]
+enum Step<'s> {
+    /// Opens a label for the stage.
+    Enter(&'s Stage),
+    /// Opens a label.
+    Open(&'static str),
+    /// Closes the label that was opened last.
+    Close,
+    Run(&'s Command),
+}
+
+/// A label around every command, and one around the commands of every stage. `open`: the stage that goes on from an
+/// earlier submission.
+fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<Item = Step<'s>> {
+    let mut in_stage = open.is_some();
+    let last = in_stage || commands.iter().any(|c| matches!(c, Command::Stage(_)));
+    let of_command = move |command: &'s Command| match command {
+        Command::Stage(stage) => {
+            let before = std::mem::replace(&mut in_stage, true).then_some(Step::Close);
+            [before, Some(Step::Enter(stage)), None]
+        }
+        _ => [Step::Open(command.name()), Step::Run(command), Step::Close].map(Some),
+    };
+    let all = commands.iter().flat_map(of_command).flatten();
+    open.map(Step::Enter).into_iter().chain(all).chain(last.then_some(Step::Close))
+}
+
+/// The most time stamps that a submission of `commands` takes.
+pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
+    if timings { 2 * commands.len() as u32 + 2 } else { 2 }
+}
+
+impl Executor {
+    /// Records `commands`. `open`: the stage that goes on from an earlier submission.
+    pub(super) fn record(
+        &mut self,
+        commands: &[Command],
+        open: Option<&Stage>,
+        flight: &mut Flight,
+    ) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let device = gpu.raw();
+        let c = flight.commands;
+        let failed = |e| gpu.failed("recording", e);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let queries = flight.queries;
+        let timed = queries != vk::QueryPool::null();
+        let mut taken = 0;
+        let mut stamp = || {
+            if timed {
+                // SAFETY: `taken` is below the pool's size, see `stamps`. A stamp waits for what is before it and
+                // holds nothing up that is behind it.
+                unsafe {
+                    device.cmd_write_timestamp(c, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, taken)
+                };
+                taken += 1;
+            }
+            taken.saturating_sub(1)
+        };
+        // SAFETY: the command buffer is not in flight; every handle recorded lives as long as the executor.
+        unsafe {
+            device.begin_command_buffer(c, &begin).map_err(failed)?;
+            if timed {
+                device.cmd_reset_query_pool(c, queries, 0, stamps(commands, gpu.recorder.is_some()));
+            }
+            // Makes visible what earlier submissions wrote.
+            barrier(device, c);
+            // When this stamp is taken, everything that the next command may have to wait for is done.
+            let mut last = stamp();
+            let Scratch { mut now, mut pending, stamps } = std::mem::take(&mut self.scratch);
+            pending.clear();
+            let mut labels = 0;
+            for step in steps(commands, open) {
+                match step {
+                    Step::Enter(stage) => {
+                        labels += 1;
+                        gpu.open_label(c, &stage);
+                        if gpu.recorder.is_some() {
+                            flight.stages.push(*stage);
+                        }
+                    }
+                    Step::Open(name) => {
+                        labels += 1;
+                        gpu.open_label(c, &name);
+                    }
+                    Step::Close => {
+                        labels -= 1;
+                        gpu.close_label(c);
+                    }
+                    Step::Run(command) => {
+                        self.accesses(command, &mut now);
+                        self.share(flight, &now.reads, &now.writes);
+                        if pending.conflicts(&now) {
+                            barrier(device, c);
+                            pending.clear();
+                            if gpu.recorder.is_some() {
+                                last = stamp();
+                            }
+                        }
+                        pending.add(&now);
+                        self.record_one(c, command)?;
+                        if gpu.recorder.is_some() {
+                            let from = last;
+                            last = stamp();
+                            let stage = flight.stages.len().checked_sub(1);
+                            flight.marks.push(Mark { kernel: command.name(), stage, from, to: last });
+                        }
+                    }
+                }
+            }
+            debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
+            self.scratch = Scratch { now, pending, stamps };
+            // Makes results visible to the host.
+            barrier(device, c);
+            stamp();
+            flight.stamps = taken;
+            device.end_command_buffer(c).map_err(failed)
+        }
+    }
+
+    /// Puts the buffers that a command reads and writes into `into`.
+    fn accesses(&self, command: &Command, into: &mut Accesses) {
+        into.clear();
+        match command {
+            Command::Dispatch { size, bind, kernel, .. } => {
+                let bindings = self.pipeline(*kernel).bindings;
+                let named = |b: &super::Binding| bind.buffer_of(b.block);
+                into.reads.extend(bindings.iter().filter(|b| b.reads).map(named));
+                if let Size::Indirect(buffer, _) = size {
+                    into.reads.push(*buffer);
+                }
+                into.writes.extend(bindings.iter().filter(|b| b.writes).map(named));
+            }
+            Command::Copy { from, to, .. } => {
+                into.reads.push(*from);
+                into.writes.push(*to);
+            }
+            Command::Fill { buffer, .. } => into.writes.push(*buffer),
+            Command::Exchange(_) | Command::Stage(_) => {}
+        }
+    }
+
+    fn pipeline(&self, kernel: Kernel) -> &Pipeline {
+        self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"))
+    }
+
+    /// Makes what submitting `schedule` takes beside kernels and buffers: the sets that bind them.
+    ///
+    /// # Errors
+    /// The device fails.
+    ///
+    /// # Panics
+    /// A kernel was not added, or a buffer is not in the arena.
+    pub fn reserve(&mut self, schedule: &Schedule) -> Result<()> {
+        for command in &schedule.commands {
+            if let Command::Dispatch { kernel, bind, .. } = command {
+                self.set_of(*kernel, bind)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The set that binds a kernel's buffers.
+    fn set_of(&mut self, kernel: Kernel, bind: &Binds) -> Result<vk::DescriptorSet> {
+        let pipeline =
+            self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
+        self.sets.get(&self.gpu, &self.arena, pipeline, bind)
+    }
+
+    unsafe fn record_one(&mut self, c: vk::CommandBuffer, command: &Command) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let device = gpu.raw();
+        // SAFETY: see `record`, the only caller; sizes are asserted against the buffers.
+        unsafe {
+            match command {
+                Command::Dispatch { kernel, size, bind, push, first, .. } => {
+                    let set = self.set_of(*kernel, bind)?;
+                    let pipeline = self.pipeline(*kernel);
+                    let point = vk::PipelineBindPoint::COMPUTE;
+                    device.cmd_bind_pipeline(c, point, pipeline.handle);
+                    device.cmd_bind_descriptor_sets(c, point, pipeline.layout, 0, &[set], &[]);
+                    let stage = vk::ShaderStageFlags::COMPUTE;
+                    device.cmd_push_constants(c, pipeline.layout, stage, 0, bytemuck::cast_slice(push));
+                    match size {
+                        Size::Groups(g) => {
+                            let most = self.gpu.limits.groups;
+                            assert!(
+                                (0..3).all(|i| first[i] + g[i] <= most[i]),
+                                "`{kernel}`: {g:?} workgroups from {first:?} on, at most {most:?}"
+                            );
+                            let from_base = |at: [u32; 3], n: [u32; 3]| {
+                                let [x, y, z] = [0, 1, 2].map(|i| first[i] + at[i]);
+                                device.cmd_dispatch_base(c, x, y, z, n[0], n[1], n[2]);
+                            };
+                            match self.gpu.shuffle() {
+                                None if *first == [0; 3] => device.cmd_dispatch(c, g[0], g[1], g[2]),
+                                None => from_base([0; 3], *g),
+                                Some(seed) => {
+                                    pieces(*g, seed).into_iter().for_each(|[at, n]| from_base(at, n));
+                                }
+                            }
+                        }
+                        Size::Indirect(buffer, offset) => {
+                            let b = self.arena.get(*buffer);
+                            assert!(offset + 12 <= b.bytes, "`{kernel}`: arguments beyond `{buffer}`");
+                            device.cmd_dispatch_indirect(c, b.handle, *offset);
+                        }
+                    }
+                }
+                Command::Copy { from, from_offset, to, to_offset, bytes } => {
+                    let (a, b) = (self.arena.get(*from), self.arena.get(*to));
+                    assert!(
+                        from_offset + bytes <= a.bytes && to_offset + bytes <= b.bytes,
+                        "copy {from} -> {to}"
+                    );
+                    let region =
+                        vk::BufferCopy { src_offset: *from_offset, dst_offset: *to_offset, size: *bytes };
+                    device.cmd_copy_buffer(c, a.handle, b.handle, &[region]);
+                }
+                Command::Fill { buffer, offset, bytes, value } => {
+                    let b = self.arena.get(*buffer);
+                    assert!(offset + bytes <= b.bytes, "fill beyond `{buffer}`");
+                    device.cmd_fill_buffer(c, b.handle, *offset, *bytes, *value);
+                }
+                Command::Exchange(_) | Command::Stage(_) => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What recording works with; kept from one submission to the next, so that nothing is allocated.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Those of the command that is recorded.
+    now: Accesses,
+    /// Those since the last barrier.
+    pending: Accesses,
+    /// Time stamps that were read last.
+    pub stamps: Vec<u64>,
+}
+
+/// Buffers that are read and written.
+#[derive(Default)]
+struct Accesses {
+    reads: Vec<Buffer>,
+    writes: Vec<Buffer>,
+}
+
+impl Accesses {
+    /// Whether a barrier must stand between these and the `next` ones.
+    fn conflicts(&self, next: &Accesses) -> bool {
+        next.reads.iter().any(|r| self.writes.contains(r))
+            || next.writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
+    }
+
+    fn add(&mut self, more: &Accesses) {
+        self.reads.extend_from_slice(&more.reads);
+        self.writes.extend_from_slice(&more.writes);
+    }
+
+    fn clear(&mut self) {
+        self.reads.clear();
+        self.writes.clear();
+    }
+}
+
+/// Waits for everything before and makes it visible to everything after, indirect arguments and the host included.
+unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
+    let before = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+    let after = before | vk::PipelineStageFlags::DRAW_INDIRECT | vk::PipelineStageFlags::HOST;
+    let memory = [vk::MemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+        .dst_access_mask(
+            vk::AccessFlags::SHADER_READ
+                | vk::AccessFlags::SHADER_WRITE
+                | vk::AccessFlags::UNIFORM_READ
+                | vk::AccessFlags::TRANSFER_READ
+                | vk::AccessFlags::TRANSFER_WRITE
+                | vk::AccessFlags::INDIRECT_COMMAND_READ
+                | vk::AccessFlags::HOST_READ,
+        )];
+    // SAFETY: the caller is recording into `c`.
+    unsafe { device.cmd_pipeline_barrier(c, before, after, vk::DependencyFlags::empty(), &memory, &[], &[]) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
+        let mut p = Accesses::default();
+        let of =
+            |reads: &[Buffer], writes: &[Buffer]| Accesses { reads: reads.into(), writes: writes.into() };
+        let [a, b, c, d] = ["a", "b", "c", "d"].map(Buffer::named);
+        assert!(!p.conflicts(&of(&[a], &[b])));
+        p.add(&of(&[a], &[b]));
+        assert!(!p.conflicts(&of(&[a, c], &[d])), "read after read, and other buffers");
+        assert!(p.conflicts(&of(&[b], &[])), "read after write");
+        assert!(p.conflicts(&of(&[], &[a])), "write after read");
+        assert!(p.conflicts(&of(&[], &[b])), "write after write");
+        assert!(!p.conflicts(&of(&[b.at(0)], &[a.at(0)])), "one of several is another buffer");
+        p.clear();
+        assert!(!p.conflicts(&of(&[b], &[a, b])));
+    }
+
+    #[test]
+    fn every_command_has_a_label_inside_its_stage_and_all_are_closed() {
+        let mut s = Schedule::default();
+        s.dispatch(Kernel::named("before"), [1, 1, 1], 1);
+        s.stage("iteration", &[("iteration", 4), ("lateral", 32)]);
+        s.dispatch(Kernel::named("forward"), [1, 1, 1], 1);
+        s.fill(Buffer::named("counts"), 4, 0);
+        s.stage("domain", &[]);
+        s.dispatch(Kernel::named("threshold"), [1, 1, 1], 1);
+        let (mut open, mut seen) = (vec![], vec![]);
+        for step in steps(&s.commands, None) {
+            match step {
+                Step::Enter(stage) => open.push(stage.to_string()),
+                Step::Open(name) => open.push(name.to_string()),
+                Step::Close => assert!(open.pop().is_some(), "closed before it was opened"),
+                Step::Run(_) => seen.push(open.join(" / ")),
+            }
+        }
+        assert!(open.is_empty(), "left open: {open:?}");
+        let iteration = "iteration iteration=4 lateral=32";
+        let want = [
+            "before",
+            &format!("{iteration} / forward"),
+            &format!("{iteration} / fill"),
+            "domain / threshold",
+        ];
+        assert_eq!(seen, want);
+    }
+}

@@ -1,0 +1,436 @@
+//! A capture from time tags and a scan.
+
+use std::path::Path;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::collect::Cells;
+use super::{Afterpulsing, Curves, Division, Inputs, Scan, Survey, Tags, Zero, of_file, shape, stored, zero};
+use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
+use crate::error::{Error, Result};
+use crate::host;
+
+/// Metres of path in a second.
+const LIGHT: f64 = METRES_PER_PICOSECOND * 1e12;
+/// Bins are at least this wide, metres, if nothing else is asked for: 8 ps, a fraction of any detector's jitter.
+const USUAL_BIN: f64 = 8.0 * METRES_PER_PICOSECOND;
+/// Cells in a bin, so that each point's path 0 falls within a small part of a bin of an edge.
+const FINE: i64 = 8;
+/// Longest delay of path 0, seconds.
+const LONGEST: f64 = 1.0;
+/// Laser pulses of two points may differ by this share before pile-up is not taken out.
+const EVEN: f64 = 0.05;
+
+/// Whether the capture shall hold the number of laser pulses of a point: pile-up is then taken out when it is read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum PileUp {
+    /// If the file shows that the detector records at most one photon of a laser pulse.
+    #[default]
+    Auto,
+    /// Yes.
+    On,
+    /// No.
+    Off,
+}
+
+/// How time tags become histograms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    /// The channels of dumps and text.
+    pub inputs: Inputs,
+    /// Which photons belong to which point; `None` takes the lines of an image, if the header has any.
+    pub division: Option<Division>,
+    /// The detector; `None` takes the only one.
+    pub channel: Option<i32>,
+    /// Bin width in metres of path; `None` takes the instrument's ticks, or as many as 8 ps need.
+    pub bin_width: Option<f64>,
+    /// What delay is path 0.
+    pub zero: Zero,
+    /// Photons later than this after their laser pulse are left out, seconds.
+    pub until: Option<f64>,
+    /// Whether the capture shall hold the number of laser pulses.
+    pub pile_up: PileUp,
+    /// How to mirror and rotate the scan.
+    pub turn: Turn,
+    /// Where laser and sensor stand, metres, in the coordinates of the scan: wall points then move along the laser's beam to where
+    /// their own returns come from. `None` leaves them where they are given.
+    pub seen_from: Option<[DVec3; 2]>,
+}
+
+impl Default for Asked {
+    fn default() -> Asked {
+        Asked {
+            inputs: Inputs::default(),
+            division: None,
+            channel: None,
+            bin_width: None,
+            zero: Zero::Direct,
+            until: None,
+            pile_up: PileUp::Auto,
+            turn: Turn::default(),
+            seen_from: None,
+        }
+    }
+}
+
+/// Counts without light from the scene: dark counts and stray light, from the quietest eighth of all delays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dark {
+    /// Counts in a bin of a point.
+    pub per_bin: f64,
+    /// Counts in a second of the detector's time, if the number of laser pulses is known.
+    pub per_second: Option<f64>,
+}
+
+/// A capture from time tags, and how it came about.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Histograms {
+    /// The capture; its name is the file's stem.
+    pub capture: Capture,
+    /// What wrote the file.
+    pub instrument: String,
+    /// What the file holds; `None` for histograms of the instrument.
+    pub survey: Option<Survey>,
+    /// The direct peak of each pair of the capture as a path from the laser's trigger on, metres.
+    pub direct: Option<Vec<f64>>,
+    /// Photons in the capture.
+    pub photons: u64,
+    /// Photons of the detector that are not in the capture.
+    pub left_out: u64,
+    /// Laser pulses of the point with the fewest and of that with the most.
+    pub pulses: Option<[u64; 2]>,
+    /// Counts without light.
+    pub dark: Dark,
+    /// Afterpulses of the detector; `None` if there are too few photons, or too few laser pulses of a point, to tell.
+    pub afterpulsing: Option<Afterpulsing>,
+    /// Whether wall points are where their own returns come from.
+    pub shaped: bool,
+    /// Pairs without a direct peak, which were left out.
+    pub dropped: usize,
+    /// Sentences that say what was done and what is odd.
+    pub notes: Vec<String>,
+}
+
+/// Makes a capture of a file of time tags or of the instrument's own histograms, and the points of its scan. Time tags are
+/// read twice.
+///
+/// # Errors
+/// `Kind::Input`, beginning with the path: a file that cannot be read, or has no photons for the points; no direct peak.
+/// `Kind::Options` for options that do not fit the file. `Kind::Memory` if the histograms do not fit.
+pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
+    made(path, scan, asked).map_err(|e| of_file(e, path))
+}
+
+fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
+    check(scan, asked)?;
+    let mut notes = vec![];
+    let curves = match Curves::is_one(path) {
+        true => Some((Curves::read(path)?, "histograms of a PicoQuant instrument")),
+        false => stored::curves(path, scan.points(), asked.bin_width)?.map(|c| (c, "histograms in an array")),
+    };
+    let (cells, ticks, instrument, survey, share) = if let Some((curves, instrument)) = curves {
+        let (fine, ticks) = widths(asked.bin_width, curves.curves[0].tick, &mut notes)?;
+        if asked.division.is_some() {
+            return Err(Error::options(
+                "the file holds histograms: the instrument has divided the photons",
+                "leave out which photons belong to which point",
+            ));
+        }
+        let cells = Cells::of_curves(&curves, scan.points(), fine as usize, asked.until)?;
+        (cells, [fine, ticks], instrument.to_string(), None, 1.0)
+    } else {
+        let tags = Tags::open(path, &asked.inputs)?;
+        let (fine, ticks) = widths(asked.bin_width, tags.tick, &mut notes)?;
+        let survey = Survey::of(&tags)?;
+        notes.extend(survey.passed.notes.iter().cloned());
+        let cells = of_tags(&tags, &survey, scan, asked, fine, &mut notes)?;
+        let share = second_share(&survey, asked.channel)?;
+        (cells, [fine, ticks], tags.instrument, Some(survey), share)
+    };
+    let per_bin = (ticks[1] / ticks[0]) as usize;
+    let total = cells.total();
+    if total == 0 {
+        return Err(Error::input(
+            "no photon belongs to any point",
+            "check the channel, and which photons belong to which point",
+        ));
+    }
+    let (zeros, direct) = zeros(&cells, scan, asked, &mut notes)?;
+    let (outline, pair_of) = outline(scan, asked, &zeros, cells.width, &mut notes)?;
+    notes.extend(asked.turn.note());
+    let mut capture = bins(&cells, per_bin, &zeros, &pair_of, outline)?;
+    capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let pulses = cells.pulses.as_ref().and_then(|all| Some([*all.iter().min()?, *all.iter().max()?]));
+    capture.direct = direct.then_some(0.0);
+    capture.cycles = cycles(&cells, asked.pile_up, share, &mut notes)?;
+    let dark = dark(&cells, per_bin)?;
+    let afterpulsing = match (&survey, pulses) {
+        (Some(survey), Some([least, _])) => survey.channel(asked.channel)?.pairs.afterpulsing(least),
+        _ => None,
+    };
+    let shaped = asked.seen_from.is_some();
+    let in_pairs = |zeros: &[f64]| {
+        let mut all = vec![0.0; zeros.len()]; // bounded: the points of the scan
+        pair_of.iter().zip(zeros).for_each(|(pair, zero)| all[*pair] = zero * cells.width * LIGHT);
+        all
+    };
+    let mut direct = direct.then(|| in_pairs(&zeros));
+    let measured: Vec<bool> = capture.histograms.chunks_exact(capture.bins).map(|h| !h[0].is_nan()).collect();
+    let (capture, dropped) = formats::measured(capture, &mut notes)?;
+    if let Some(all) = direct.as_mut().filter(|all| all.len() != capture.pair_count()) {
+        let mut kept = measured.iter();
+        all.retain(|_| *kept.next().unwrap_or(&false));
+    }
+    let photons = capture.histograms.iter().map(|n| f64::from(*n)).sum::<f64>() as u64;
+    let left_out = total - photons.min(total) + cells.outside + cells.late;
+    Ok(Histograms {
+        capture,
+        instrument,
+        survey,
+        direct,
+        photons,
+        left_out,
+        pulses,
+        dark,
+        afterpulsing,
+        shaped,
+        dropped,
+        notes,
+    })
+}
+
+/// The pairs of a capture without counts, and the pair of each point: where the scan says, or where their own returns come from.
+pub(super) fn outline(
+    scan: &Scan,
+    asked: &Asked,
+    zeros: &[f64],
+    width: f64,
+    notes: &mut Vec<String>,
+) -> Result<(Capture, Vec<usize>)> {
+    let Some(places) = asked.seen_from else { return Ok(scan.pairs(asked.turn, None)) };
+    let path: Vec<f64> = zeros.iter().map(|zero| zero * width * LIGHT).collect();
+    let shape = shape::of(scan, places, &path)?;
+    let [least, most, rms] = shape.moved.map(|moved| 1e3 * moved);
+    notes.push(format!(
+        "wall points are where their own returns come from: {least:.1} to {most:.1} mm farther along the beam than given, {rms:.1} mm \
+         RMS"
+    ));
+    Ok(scan.pairs(asked.turn, Some(&shape.points)))
+}
+
+pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
+    let positive = |what: &str, value: Option<f64>| match value {
+        Some(value) if !(value.is_finite() && value > 0.0) => {
+            Err(Error::options(format!("{what} is {value}"), "give one above 0"))
+        }
+        _ => Ok(()),
+    };
+    positive("the bin width", asked.bin_width)?;
+    positive("the last delay", asked.until)?;
+    if let Some(place) = asked.seen_from.iter().flatten().find(|place| !place.is_finite()) {
+        return Err(Error::options(
+            format!("laser or sensor stand at {place}"),
+            "give three numbers in metres, or six for laser and sensor",
+        ));
+    }
+    match asked.zero {
+        Zero::At(delay) if delay.is_nan() || delay.abs() > LONGEST => Err(Error::options(
+            format!("the delay of path 0 is {delay} s"),
+            "give the seconds from a laser pulse on",
+        )),
+        Zero::At(_) if asked.seen_from.is_some() => Err(Error::options(
+            "the shape of the wall comes from the direct peaks, but one delay was given for all points",
+            "take the direct peak as path 0, or leave out where laser and sensor stand",
+        )),
+        Zero::Direct if !scan.is_confocal() => Err(Error::options(
+            "there is no direct peak: laser and sensor see different points of the wall",
+            "give the delay of path 0 in place of the direct peak",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Ticks of a cell, and of a bin: the whole number nearest to the asked width.
+pub(super) fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
+    let tick_path = tick * LIGHT;
+    let ticks = match asked {
+        Some(width) => (width / tick_path).round().max(1.0),
+        None => (USUAL_BIN / tick_path - 1e-6).ceil().max(1.0),
+    };
+    if ticks > 1e9 {
+        return Err(Error::options(
+            format!("a bin would be {ticks} ticks of {:.3} ps", tick * 1e12),
+            "give a narrower bin width",
+        ));
+    }
+    if let Some(width) = asked.filter(|width| (width / tick_path - ticks).abs() > 1e-3 * ticks) {
+        notes.push(format!(
+            "bins are {:.3} ps, whole ticks of {:.3} ps, in place of {:.3} ps",
+            ticks * tick * 1e12,
+            tick * 1e12,
+            width / METRES_PER_PICOSECOND
+        ));
+    }
+    let ticks = ticks as i64;
+    let parts = (FINE.min(ticks)..=ticks.min(64 * FINE)).find(|parts| ticks % parts == 0).unwrap_or(1);
+    Ok((ticks / parts, ticks))
+}
+
+fn of_tags(
+    tags: &Tags,
+    survey: &Survey,
+    scan: &Scan,
+    asked: &Asked,
+    fine: i64,
+    notes: &mut Vec<String>,
+) -> Result<Cells> {
+    let detector = survey.channel(asked.channel)?;
+    let of_image = Division::of_image(&tags.image);
+    let division = asked.division.clone().or(of_image).ok_or_else(|| {
+        Error::options(
+            "it is not known which photons belong to which point",
+            format!(
+                "name the marker of points or lines, the laser pulses of a point, or a file of begins: the file has {}",
+                survey.marker_counts()
+            ),
+        )
+    })?;
+    let per_line = scan.per_line.or(tags.image.size[0]);
+    let spans = division.spans(survey, scan.points(), per_line, notes)?;
+    let longest = asked.until.map_or(i64::MAX, |until| (until / tags.tick).ceil() as i64 - 1);
+    let cells = (detector.longest.min(longest).max(0) / fine + 1) as usize;
+    if survey.out_of_order > 0 {
+        notes.push(format!("{} markers were out of order and are put in order", survey.out_of_order));
+    }
+    Cells::of_tags(tags, detector.channel, &spans, scan.points(), fine, cells)
+}
+
+/// Second photons of a laser pulse, as a share of those that chance would give. Above a few per cent the detector records
+/// them. 1 where there are too few to tell.
+fn second_share(survey: &Survey, channel: Option<i32>) -> Result<f64> {
+    let seen = survey.channel(channel)?;
+    let photons = seen.photons as f64;
+    let expected = photons * photons / survey.pulses.max(1) as f64 / 2.0;
+    Ok(if expected < 20.0 { 1.0 } else { seen.second as f64 / expected })
+}
+
+/// The delay of path 0 in cells for each point, and whether it is that of direct light. NaN without a direct peak.
+pub(super) fn zeros(
+    cells: &Cells,
+    scan: &Scan,
+    asked: &Asked,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<f64>, bool)> {
+    let delay = match asked.zero {
+        Zero::At(delay) => return Ok((vec![delay / cells.width; cells.points()], false)),
+        Zero::Direct => zero::direct(cells, (2.0 * scan.reach() + 0.1) / (cells.width * LIGHT))?,
+    };
+    let missing = delay.iter().filter(|d| d.is_none()).count();
+    if missing > 0 {
+        notes.push(format!("{missing} points have no clear peak of direct light"));
+    }
+    Ok((delay.into_iter().map(|d| d.unwrap_or(f64::NAN)).collect(), true))
+}
+
+/// Cells as bins whose paths begin at each point's zero.
+pub(super) fn bins(
+    cells: &Cells,
+    per_bin: usize,
+    zeros: &[f64],
+    pair_of: &[usize],
+    outline: Capture,
+) -> Result<Capture> {
+    let n = per_bin as f64;
+    let known = || zeros.iter().copied().filter(|z| z.is_finite());
+    let (early, late) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)));
+    // Which bin the middle of a cell is in, path 0 at the edge of bin 0.
+    let bin = |cell: usize, zero: f64| ((cell as f64 + 0.5 - zero) / n).floor();
+    let first = bin(0, late);
+    // Bins that all points have whole. A scan of points far from each other may leave none.
+    let end = ((cells.cells as f64 - late) / n).ceil();
+    if !(end - first >= 1.0 && end > 0.0 && end - first < 1e9) {
+        return Err(Error::options(
+            format!(
+                "no path is left: path 0 is at delays of {:.3} to {:.3} ns, and the last photon at {:.3} ns",
+                1e9 * early * cells.width,
+                1e9 * late * cells.width,
+                1e9 * cells.cells as f64 * cells.width
+            ),
+            "check the delay of path 0 and the last delay",
+        ));
+    }
+    let count = (end - first) as usize;
+    let mut histograms = host::filled("the counts", cells.points().saturating_mul(count), 0.0f32)?;
+    let mut point_of = vec![0; pair_of.len()]; // bounded: the points of the scan
+    pair_of.iter().enumerate().for_each(|(point, pair)| point_of[*pair] = point);
+    histograms.par_chunks_mut(count).zip(&point_of).for_each(|(histogram, point)| {
+        let zero = zeros[*point];
+        if zero.is_nan() {
+            return histogram.fill(f32::NAN);
+        }
+        for (cell, counted) in cells.of(*point).iter().enumerate().filter(|(_, n)| **n > 0) {
+            let at = bin(cell, zero) - first;
+            if at < count as f64 {
+                histogram[at as usize] += *counted as f32;
+            }
+        }
+    });
+    let width = cells.width * LIGHT * n;
+    Ok(outline.with(|c| {
+        (c.bins, c.bin_width, c.t_start) = (count, width, first * width);
+        (c.histograms, c.integer_counts) = (histograms, true);
+    }))
+}
+
+/// The laser pulses of a pair, if pile-up can be taken out.
+fn cycles(cells: &Cells, asked: PileUp, share: f64, notes: &mut Vec<String>) -> Result<Option<f64>> {
+    let fails = |why: String| match asked {
+        PileUp::On => Err(Error::options(why, "do not ask for pile-up to be taken out")),
+        _ => Ok(None),
+    };
+    let Some(pulses) = cells.pulses.as_ref().filter(|_| asked != PileUp::Off) else {
+        return if asked == PileUp::Off {
+            Ok(None)
+        } else {
+            fails("the number of laser pulses is not known".into())
+        };
+    };
+    let (least, most) = pulses.iter().fold((u64::MAX, 0), |(a, b), n| (a.min(*n), b.max(*n)));
+    if (most - least) as f64 > EVEN * most as f64 {
+        return fails(format!("points have {least} to {most} laser pulses, which are too different"));
+    }
+    if asked == PileUp::Auto && share > EVEN {
+        return Ok(None);
+    }
+    let counted = |point: usize| cells.of(point).iter().map(|n| u64::from(*n)).sum::<u64>();
+    if let Some(point) = (0..cells.points()).find(|p| counted(*p) >= pulses[*p]) {
+        return fails(format!("point {point} has more photons than laser pulses"));
+    }
+    let mean = pulses.iter().sum::<u64>() as f64 / pulses.len() as f64;
+    if asked == PileUp::Auto {
+        notes.push(format!(
+            "no laser pulse gave two photons, where chance would give many: the capture holds its {mean:.0} laser pulses \
+             of a point, so that pile-up can be taken out"
+        ));
+    }
+    Ok(Some(mean))
+}
+
+/// Counts without light: those of the quietest eighth of all delays.
+fn dark(cells: &Cells, per_bin: usize) -> Result<Dark> {
+    let mut sums = host::filled("the sums of the counts", cells.cells + 1, 0u64)?;
+    for row in cells.counts.chunks_exact(cells.cells) {
+        row.iter().zip(&mut sums[1..]).for_each(|(n, sum)| *sum += u64::from(*n));
+    }
+    for c in 0..cells.cells {
+        sums[c + 1] += sums[c];
+    }
+    let width = (cells.cells / 8).max(1);
+    let least = (width..=cells.cells).map(|end| sums[end] - sums[end - width]).min().unwrap_or(0) as f64;
+    let per_bin = least / (width * cells.points()) as f64 * per_bin as f64;
+    let pulses = cells.pulses.as_ref().map(|all| all.iter().sum::<u64>() as f64);
+    let seconds = pulses.map(|pulses| pulses * width as f64 * cells.width);
+    Ok(Dark { per_bin, per_second: seconds.filter(|s| *s > 0.0).map(|s| least / s) })
+}

@@ -1,0 +1,8 @@
+//! The compiled kernels, and the structs and numbers that they share with the host (`glsl/shared.rs`).
+
+use crate::gpu::{Binding, Buffer, Constant, KernelCode, View};
+
+include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+
+#[cfg(test)]
+mod tests;
