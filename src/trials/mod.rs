@@ -54,8 +54,9 @@ const FAR: f64 = 3.0;
 /// surface, whatever light does with the angle. So it refutes nothing.
 const HIDES: f64 = 0.125;
 
-/// A model that leaves so many times as much as the best one with sharp paths is not tried with a pulse.
-const HOPELESS: f64 = 2.0;
+/// A model that leaves so many times as much as the best one, each with the pulse that its surface with sharp paths asks for, is
+/// not tried with a pulse.
+const HOPELESS: f64 = 1.3;
 
 /// Whether the width of the instrument's pulse is found first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -477,18 +478,18 @@ impl<'t> Trials<'t> {
         Ok(if is_worth(&least, &sharp) { Shape::of(length, share) } else { Shape::SHARP })
     }
 
-    /// What each model's surface left with sharp paths, of those that found one.
-    fn sharp(&self) -> impl Iterator<Item = (Reflectance, f64)> {
-        let alike = self.tried.iter().filter(|t| t.pulse == Shape::SHARP && t.begun == Begun::Alike);
-        alike.filter_map(|t| Some((t.reflectance, t.left.as_ref()?.share())))
+    /// What each model's surface with sharp paths leaves with the pulse that it asks for, of those that found one.
+    fn asking(&self) -> impl Iterator<Item = (Reflectance, f64)> {
+        let alike = self.tried.iter().filter(|t| t.begun == Begun::Alike);
+        alike.filter_map(|t| Some((t.reflectance, t.spread.as_ref()?.1.share())))
     }
 
     /// The model that is right, with this pulse.
     fn best_model(&mut self, pulse: Shape) -> Result<Reflectance> {
         let mut all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
         if pulse != Shape::SHARP {
-            let most = HOPELESS * self.sharp().map(|of| of.1).fold(f64::INFINITY, f64::min);
-            all.retain(|model| !self.sharp().any(|(of, left)| of == *model && left > most));
+            let most = HOPELESS * self.asking().map(|of| of.1).fold(f64::INFINITY, f64::min);
+            all.retain(|model| !self.asking().any(|(of, left)| of == *model && left > most));
         }
         let mut left = vec![];
         for reflectance in all {
