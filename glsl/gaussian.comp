@@ -6,6 +6,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
+#include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
 layout(constant_id = 11) const uint FIRST = 1u; // source: 0 a volume, 1 raw albedo, 2 length of vectors
@@ -19,8 +20,6 @@ layout(std430, set = 0, binding = 7) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 6) buffer Counts { uint counts[]; };
 
 #include "slots.glsl"
-
-shared float peaks[WORKGROUP];
 
 float value_at(uvec3 c) {
     uint index = voxel_index(c);
@@ -48,12 +47,6 @@ void main() {
         smoothed[index] = sum;
     }
     if (LAST == 0u) return;
-    uint lane = gl_LocalInvocationID.x;
-    peaks[lane] = max(sum, 0.0);
-    barrier();
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
-        barrier();
-    }
-    if (lane == 0u) atomicMax(counts[COUNT_PEAK_SMOOTH], floatBitsToUint(peaks[0]));
+    uint peak = largest_of_group(vec2(max(sum, 0.0), 0.0)).x;
+    if (gl_LocalInvocationID.x == 0u) atomicMax(counts[COUNT_PEAK_SMOOTH], peak);
 }
