@@ -29,6 +29,7 @@ mod rounding;
 mod schedule;
 pub mod spirv;
 mod state;
+mod told;
 
 pub use budget::{Memory, check};
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
