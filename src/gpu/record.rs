@@ -138,7 +138,7 @@ impl Executor {
                 let bindings = self.pipeline(*kernel).bindings;
                 let named = |b: &super::Binding| bind.buffer_of(b.block);
                 into.reads.extend(bindings.iter().filter(|b| b.reads).map(named));
-                if let Size::Indirect(buffer, _) = size {
+                if let Size::Indirect(buffer, ..) = size {
                     into.reads.push(*buffer);
                 }
                 into.writes.extend(bindings.iter().filter(|b| b.writes).map(named));
@@ -212,7 +212,7 @@ impl Executor {
                                 }
                             }
                         }
-                        Size::Indirect(buffer, offset) => {
+                        Size::Indirect(buffer, offset, _) => {
                             let b = self.arena.get(*buffer);
                             assert!(offset + 12 <= b.bytes, "`{kernel}`: arguments beyond `{buffer}`");
                             device.cmd_dispatch_indirect(c, b.handle, *offset);

@@ -206,7 +206,7 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
             let size = match size {
                 Size::Groups([x, 1, 1]) => format!("{x} groups"),
                 Size::Groups([x, y, z]) => format!("{x} x {y} x {z} groups"),
-                Size::Indirect(from, offset) => {
+                Size::Indirect(from, offset, _) => {
                     reads.push(*from);
                     format!("{from} {}", offset / 12)
                 }

@@ -257,7 +257,7 @@ impl Tuning {
     }
 
     /// Workgroups of a gather at most, for up to `samples` samples.
-    pub(super) fn most_groups(&self, samples: usize) -> usize {
+    pub(in crate::solve) fn most_groups(&self, samples: usize) -> usize {
         // Where not all lanes share a sample, those of the samples are fewer than twice as many as fill the device.
         let whole = samples.div_ceil(self.voxels as usize);
         let lanes = (self.voxels * self.slices) as usize;
@@ -265,7 +265,7 @@ impl Tuning {
     }
 
     /// Tiles of pairs, along x, of a dispatch that renders so many pairs of so many scanned and other points.
-    pub(super) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
+    pub(in crate::solve) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
         let tiles = match geometry {
             Geometry::Product => {
                 scanned.div_ceil(self.lanes as usize) * others.div_ceil(self.others_forward as usize)
