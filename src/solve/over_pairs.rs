@@ -61,10 +61,11 @@ pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairP
     let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
     let rendered = &part.rendered;
     let tiles = plan.tuning.tiles(plan.geometry, [rendered.count, rendered.scanned, rendered.others]);
+    let most = plan.tuning.most_chunks(plan.voxels_at(level), tiles).min(chunks.into());
     for set in 0..plan.sets_of(level, part.rendered.count) {
         let turns = of_set * part.rendered.count as u64;
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set), turns)
-            .at_most([tiles as u32, chunks, 1])
+            .at_most([tiles as u32, most as u32, 1])
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
             .with(Push { first: set * chunks, flags, ..Default::default() });
