@@ -1,6 +1,7 @@
 // One axis of the separable Gaussian over the volume. One invocation owns one voxel and reads its 2 RADIUS + 1
 // neighbours along AXIS, zero beyond the grid. The first pass reads active voxels from the solver's state, the last one
-// keeps the maximum, so smoothing costs three passes and no copies. Like the published code, it smooths the raw albedo
+// keeps the maximum, so smoothing costs three passes and no copies. The first along x also resets what the later ones and
+// levels.comp add up: the maximum begins with word push.first of the counts, or with zero if that is 0. Like the published code, it smooths the raw albedo
 // before ELU: empty voxels around a surface are far below zero there, and take the haze beside it along.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -18,6 +19,7 @@ layout(std430, set = 0, binding = 4) readonly buffer Source { float source[]; };
 layout(std430, set = 0, binding = 5) writeonly buffer Target { float smoothed[]; };
 layout(std430, set = 0, binding = 7) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 6) buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 8) writeonly buffer Levels { uint levels[]; };
 
 #include "slots.glsl"
 
@@ -31,6 +33,13 @@ float value_at(uvec3 c) {
 
 void main() {
     uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (AXIS == 0u) {
+        if (index < LEVELS) levels[index] = 0u;
+        if (index == 0u) {
+            counts[COUNT_PEAK_SMOOTH] = push.first == 0u ? 0u : counts[push.first];
+            counts[COUNT_LEAST_SMOOTH] = 0u;
+        }
+    }
     float sum = 0.0;
     if (index < brick_count() * 512u) {
         uvec3 c = voxel_at(index);

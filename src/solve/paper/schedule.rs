@@ -59,7 +59,7 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
 /// Before ELU, all of it may be below zero: then the domain stays as it is.
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
     domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity, Dark::Stays);
-    domain::compact(s, plan, level);
+    domain::list(s, plan, level);
     for state in [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         carry(s, plan, level, &CARRY, state);
     }

@@ -78,7 +78,7 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     project(s, plan, level);
     s.copy_word(buffer::COUNTS, COUNT_PEAK_SMOOTH, COUNT_PEAK_PROJECTED);
-    domain::keep(s, plan, level, options.domain.start_above, plan.capacity, Dark::Goes);
+    domain::keep(s, plan, level, options.domain.start_above, plan.capacity, None);
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     settle(s, plan, level, &SETTLE);
@@ -131,6 +131,7 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
         let room = plan.capacity / (wide * wide * deep);
         domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room, Dark::Goes);
         domain::double_mask(s, here, fine);
+        domain::count(s, fine);
         settle(s, plan, fine, &SETTLE_DOUBLED);
         bounds(s, plan, fine, expected(&EXPECT_DOUBLED));
         *level += 1;
@@ -148,19 +149,13 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
     }
 }
 
-/// Follows a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. The pass `how` moves
-/// them.
+/// Follows a new mask whose bricks are counted: lists, vectors and bounds in their new slots, points, momentum at rest. The
+/// pass `how` moves them.
 pub(super) fn settle(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass) {
-    domain::compact(s, plan, level);
+    domain::list(s, plan, level);
     // Doubling interpolates between eight.
     over_active(s, plan, level, how, 8);
-    let slots = plan.capacity as u64;
-    s.copy(buffer::BEFORE, buffer::RAW, slots * 16);
-    s.copy(buffer::GRADIENT, buffer::BOUNDS, slots * 8);
-    for (index, value) in [(MOMENTUM_T, 1.0f32), (MOMENTUM_BETA, 0.0), (MOMENTUM_OBJECTIVE, f32::INFINITY)] {
-        s.set(buffer::MOMENTUM, index, value.to_bits());
-    }
-    over_active(s, plan, level, &POINTS, 1);
+    over_active(s, plan, level, &POINTS, 1).with(Push { flags: 1, ..Default::default() });
 }
 
 /// D and lambda of the active voxels. `expected` is the pass that estimates brightness, and the power of it that
