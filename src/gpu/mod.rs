@@ -3,6 +3,7 @@
 //! A [`Schedule`] is plain data over named kernels and named buffers; an [`Executor`] records it with the
 //! barriers that its hazards need and submits it. All `unsafe` of the crate is in this folder.
 
+mod access;
 mod budget;
 pub mod caller;
 mod device;
@@ -31,6 +32,7 @@ pub mod spirv;
 mod state;
 mod told;
 
+pub use access::{Accesses, barriers};
 pub use budget::{Memory, check};
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
 pub use exchange::{Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for};
