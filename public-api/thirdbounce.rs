@@ -990,6 +990,12 @@ pub mod files {
     }
 }
 pub mod gpu {
+    mod access {
+        pub fn barriers(
+            commands: &[Command],
+            bound: impl Fn(Kernel) -> &'static [Binding],
+        ) -> usize {}
+    }
     mod budget {
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[private_fields]
@@ -1289,6 +1295,7 @@ pub mod gpu {
         pub struct Faults {
             pub fail: Option<(Point, u64)>,
             pub hang: Option<u64>,
+            pub told: Option<u64>,
             pub poison: Option<u32>,
             pub shuffle: Option<u64>,
             pub guard: bool,
@@ -1507,7 +1514,7 @@ pub mod gpu {
         #[derive(Debug, Clone, PartialEq, Eq)]
         pub enum Size {
             Groups([u32; 3]),
-            Indirect(Buffer, u64),
+            Indirect(Buffer, u64, Option<[u32; 3]>),
         }
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
@@ -1584,6 +1591,7 @@ pub mod gpu {
         }
         impl Command {
             pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
+            pub fn at_most(&mut self, groups: [u32; 3]) -> &mut Command {}
             pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
             pub fn work(&self) -> u64 {}
             pub fn name(&self) -> &'static str {}
@@ -1631,6 +1639,7 @@ pub mod gpu {
             ) -> Result<()> {}
         }
     }
+    pub use access::barriers;
     pub use budget::{Memory, check};
     pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
     pub use exchange::{
@@ -3441,6 +3450,7 @@ pub mod solve {
             pub lateral: usize,
             pub pairs: usize,
             pub in_parts: usize,
+            pub barriers: usize,
             pub steps: Vec<Step>,
         }
         #[derive(Debug, Clone, PartialEq, Eq)]
@@ -4075,7 +4085,8 @@ pub mod solve {
                 [i,
                 at,
                 skipped,
-                ]: [usize; 3],
+                all,
+                ]: [usize; 4],
                 through: Option<u32>,
             ) {}
             pub fn divide(s: &mut Schedule, plan: &Plan) {}

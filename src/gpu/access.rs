@@ -4,7 +4,7 @@ use super::{Binding, Buffer, Command, Kernel, Size};
 
 /// Buffers that commands read and write.
 #[derive(Debug, Default)]
-pub struct Accesses {
+pub(super) struct Accesses {
     pub(super) reads: Vec<Buffer>,
     pub(super) writes: Vec<Buffer>,
     /// Buffers that the device reads the sizes of dispatches from.

@@ -32,7 +32,7 @@ pub mod spirv;
 mod state;
 mod told;
 
-pub use access::{Accesses, barriers};
+pub use access::barriers;
 pub use budget::{Memory, check};
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, Opened};
 pub use exchange::{Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for};
