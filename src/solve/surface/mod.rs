@@ -208,7 +208,14 @@ fn steps(
         start: Box::new(|_, _| ()),
         iteration: Box::new(move |s, plan, level, i| {
             let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
-            iteration(s, plan, level, count, [i, i - begin, skipped], blur.map(|word| word as u32));
+            iteration(
+                s,
+                plan,
+                level,
+                count,
+                [i, i - begin, skipped, skipped + iterations],
+                blur.map(|word| word as u32),
+            );
         }),
         due: Box::new(move |s, _, _, done| {
             if (done - begin).is_multiple_of(RENEW) {
