@@ -7,8 +7,6 @@ use super::{Binding, Buffer, Command, Kernel, Size};
 pub(super) struct Accesses {
     pub(super) reads: Vec<Buffer>,
     pub(super) writes: Vec<Buffer>,
-    /// Buffers that the device reads the sizes of dispatches from.
-    sizes: Vec<Buffer>,
 }
 
 impl Accesses {
@@ -22,7 +20,6 @@ impl Accesses {
                 self.reads.extend(bindings.iter().filter(|b| b.reads).map(named));
                 if let Size::Indirect(buffer, ..) = size {
                     self.reads.push(*buffer);
-                    self.sizes.push(*buffer);
                 }
                 self.writes.extend(bindings.iter().filter(|b| b.writes).map(named));
             }
@@ -49,7 +46,8 @@ impl Accesses {
 
     /// Takes all out.
     pub fn clear(&mut self) {
-        [&mut self.reads, &mut self.writes, &mut self.sizes].into_iter().for_each(Vec::clear);
+        self.reads.clear();
+        self.writes.clear();
     }
 
     /// Whether one of `buffers` is written.
@@ -93,11 +91,8 @@ mod tests {
     #[test]
     fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
         let mut p = Accesses::default();
-        let of = |reads: &[Buffer], writes: &[Buffer]| Accesses {
-            reads: reads.into(),
-            writes: writes.into(),
-            ..Accesses::default()
-        };
+        let of =
+            |reads: &[Buffer], writes: &[Buffer]| Accesses { reads: reads.into(), writes: writes.into() };
         let [a, b, c, d] = ["a", "b", "c", "d"].map(Buffer::named);
         assert!(!p.conflicts(&of(&[a], &[b])));
         p.add(&of(&[a], &[b]));
