@@ -93,6 +93,17 @@ pub mod job {
         ) -> Result<Tally> {}
     }
     pub mod benchmark {
+        mod agreement {
+            pub const CLOSED_FORMS: [&str; 4] = ["lct", "fk", "phasor", "fbp"];
+            #[derive(Debug, Clone)]
+            #[private_fields]
+            pub struct Consensus {}
+            impl Consensus {
+                pub fn of(all: &[&Maps]) -> Option<Consensus> {}
+                pub fn agreement(&self, other: &Maps) -> f64 {}
+                pub fn beside(&self, other: &Maps) -> f64 {}
+            }
+        }
         mod captures {
             pub enum Ready {
                 Files { capture: PathBuf, truth: PathBuf },
@@ -100,6 +111,26 @@ pub mod job {
             }
             pub fn found_in(folder: &Path) -> Result<Found> {}
         }
+        pub mod family {
+            #[derive(Debug, Clone)]
+            pub struct Case {
+                pub scene: Scene,
+                pub parts: usize,
+                pub back: Option<f64>,
+                pub ambient: f64,
+                pub hide_pulse: bool,
+                pub hide_cycles: bool,
+                pub words: String,
+            }
+            impl Case {
+                pub fn of(seed: u64) -> Case {}
+                pub fn small(mut self, scan: usize, bins: usize) -> Case {}
+                pub fn capture(&self) -> Result<Capture> {}
+                pub fn truth(&self) -> Result<Truth> {}
+                pub fn without_back(&self, maps: &mut Maps) {}
+            }
+        }
+        pub use agreement::{CLOSED_FORMS, Consensus};
         pub use captures::found_in;
         #[derive(Debug, Clone, PartialEq)]
         pub struct Benchmark {
@@ -116,7 +147,8 @@ pub mod job {
         }
         #[derive(Debug, Clone, PartialEq)]
         pub enum Source {
-            Capture { file: PathBuf, truth: PathBuf },
+            Capture { file: PathBuf, truth: Option<PathBuf> },
+            Family { file: PathBuf, seed: u64 },
             Simulation { file: PathBuf, what: Box<Simulation> },
         }
         pub trait Caller {
@@ -3933,6 +3965,7 @@ pub mod benchmark {
         pub folder: String,
         pub was_there: bool,
         pub failed: bool,
+        pub agreed: bool,
         pub why: Option<String>,
         pub remedy: Option<Advice>,
         pub seconds: f64,
