@@ -124,6 +124,23 @@ impl Maps {
         }
     }
 
+    /// Checks a mask fraction, if there is one.
+    ///
+    /// # Errors
+    /// `Kind::Options`.
+    pub fn check_mask_fraction(fraction: Option<f64>) -> Result<()> {
+        match fraction.filter(|f| !(0.0..1.0).contains(f)) {
+            None => Ok(()),
+            Some(fraction) => Err(Error::options(
+                format!("the mask fraction is {fraction}"),
+                format!(
+                    "give a share of the brightest albedo from 0 to below 1, usually {}",
+                    Maps::MASK_FRACTION
+                ),
+            )),
+        }
+    }
+
     /// Sets `mask` from the albedo: pixels above `fraction` of [`Maps::white`], or without a fraction those within the
     /// albedo's edges.
     pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {
